@@ -1,7 +1,7 @@
 //! Time of a step of the arm: `cargo bench --bench arm`.
 //!
-//! Times differ between machines and with their load, so each is also given as a multiple of a matrix product that is
-//! measured in turns with it.
+//! Times differ between machines and with their load, so each is also given as a multiple of a
+//! matrix product that is measured in turns with it.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -45,8 +45,10 @@ fn median(mut times: Vec<f64>) -> f64 {
 
 fn main() {
     let (rows, width) = PRODUCT;
-    let numbers = |length: usize| (0..length).map(|i| (i % 17) as f32 * 0.1 - 0.8).collect::<Vec<f32>>();
-    let (x, bias, mut y, mut w) = (numbers(rows * width), numbers(width), numbers(rows * width), Panels::default());
+    let numbers =
+        |length: usize| (0..length).map(|i| (i % 17) as f32 * 0.1 - 0.8).collect::<Vec<f32>>();
+    let (x, bias, mut y, mut w) =
+        (numbers(rows * width), numbers(width), numbers(rows * width), Panels::default());
     w.pack(&numbers(width * width), width, width);
     for (name, wall, pull) in [
         ("random pulls", None, Pull::Random),
@@ -67,7 +69,9 @@ fn main() {
                 };
                 world.step(black_box(&action), &mut rng);
             }));
-            of_product.push(time_us(PRODUCTS, || w.relu_layer(Lhs::Rows(black_box(&x)), rows, &bias, &mut y)));
+            of_product.push(time_us(PRODUCTS, || {
+                w.relu_layer(Lhs::Rows(black_box(&x)), rows, &bias, &mut y);
+            }));
         }
         let (step, product) = (median(of_step), median(of_product));
         println!(

@@ -18,7 +18,8 @@ fn numbers(length: usize) -> Vec<f32> {
 /// A hidden layer forward: rows x width times width x width, bias and ReLU.
 #[divan::bench(args = SHAPES)]
 fn forward(bencher: Bencher, (rows, width): (usize, usize)) {
-    let (x, bias, mut y, mut w) = (numbers(rows * width), numbers(width), numbers(rows * width), Panels::default());
+    let (x, bias, mut y, mut w) =
+        (numbers(rows * width), numbers(width), numbers(rows * width), Panels::default());
     w.pack(&numbers(width * width), width, width);
     bencher.bench_local(|| w.relu_layer(Lhs::Rows(black_box(&x)), rows, &bias, &mut y));
 }
@@ -60,7 +61,8 @@ fn thin_output(bencher: Bencher, (rows, width): (usize, usize)) {
 #[divan::bench(args = [64, 128, 256])]
 fn adam(bencher: Bencher, width: usize) {
     let length = width * (width + 8);
-    let (mut w, mut m, mut v, g) = (numbers(length), vec![0.0; length], vec![0.0; length], numbers(length));
+    let (mut w, mut m, mut v, g) =
+        (numbers(length), vec![0.0; length], vec![0.0; length], numbers(length));
     let rate = AdamRate { rate: 1e-3, epsilon: 1e-8 };
     bencher.bench_local(|| kernel::adam(black_box(&mut w), &mut m, &mut v, &g, rate));
 }

@@ -8,7 +8,8 @@ use gdg::map::{Diameter, Grid, RandomMapKind, random};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-const KINDS: [RandomMapKind; 3] = [RandomMapKind::City, RandomMapKind::Maze, RandomMapKind::Perfect];
+const KINDS: [RandomMapKind; 3] =
+    [RandomMapKind::City, RandomMapKind::Maze, RandomMapKind::Perfect];
 
 /// Side of the maps, in cells.
 const SIDE: usize = 1024;
@@ -43,5 +44,7 @@ fn tasks(bencher: Bencher, kind: RandomMapKind) {
 #[divan::bench(args = KINDS, sample_count = 3)]
 fn pairs(bencher: Bencher, kind: RandomMapKind) {
     let world = PointMaze::new(Arc::new(map(kind)), 0);
-    bencher.bench_local(|| world.ground_truth().map(|mut truth| truth.pairs(&mut ChaCha8Rng::seed_from_u64(1))));
+    bencher.bench_local(|| {
+        world.ground_truth().map(|mut truth| truth.pairs(&mut ChaCha8Rng::seed_from_u64(1)))
+    });
 }

@@ -1,8 +1,8 @@
 //! Measures how local an edit of the map stays, and how fast the learner adapts to it.
 //!
-//! Trains on one map, switches to an edited one, and evaluates both at intervals. *Away* is the error of D over pairs
-//! whose distance the edit does not change and whose ends are more than 10 steps from every changed cell; *grown* the one
-//! over pairs whose distance grows.
+//! Trains on one map, switches to an edited one, and evaluates both at intervals. *Away* is the
+//! error of D over pairs whose distance the edit does not change and whose ends are more than 10
+//! steps from every changed cell; *grown* the one over pairs whose distance grows.
 //!
 //! ```sh
 //! cargo run --release --example edits -- fourrooms closed.map --seeds 3
@@ -57,11 +57,17 @@ fn main() -> Result<()> {
         None => load_map(Path::new(name)).into_diagnostic(),
     };
     let (before, after) = (Arc::new(map(&args.before)?), Arc::new(map(&args.after)?));
-    let settings = settings_from(Preset::Default, &Overrides { set: &args.set, ..Overrides::default() });
+    let settings =
+        settings_from(Preset::Default, &Overrides { set: &args.set, ..Overrides::default() });
     let settings = settings.map_err(|error| miette!("{error}"))?;
     println!("| seed | updates | greedy | planned | D away | D grown |\n|---|---|---|---|---|---|");
     for seed in 1..=args.seeds {
-        let run = Run { method: Method::default(), preset: Preset::Default, seed, settings: settings.clone() };
+        let run = Run {
+            method: Method::default(),
+            preset: Preset::Default,
+            seed,
+            settings: settings.clone(),
+        };
         let world = PointMaze::new(before.clone(), 0);
         let mut trainer = Trainer::new(run, &world, &Registry::builtin(), 1).into_diagnostic()?;
         train_to(&mut trainer, args.updates)?;
@@ -79,7 +85,14 @@ fn main() -> Result<()> {
             change(&mut trainer, &before)?;
             for updates in AFTER {
                 train_to(&mut trainer, args.updates + undo + updates)?;
-                report(&trainer, seed, &format!("undone +{updates}"), &before, &after, args.eval_tasks)?;
+                report(
+                    &trainer,
+                    seed,
+                    &format!("undone +{updates}"),
+                    &before,
+                    &after,
+                    args.eval_tasks,
+                )?;
             }
         }
     }
@@ -94,14 +107,23 @@ fn train_to(trainer: &mut Trainer, updates: u64) -> Result<()> {
 }
 
 fn change(trainer: &mut Trainer, map: &Arc<Grid>) -> Result<()> {
-    let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| miette!("the world is no maze"))?;
+    let maze =
+        PointMaze::downcast_ref(trainer.world()).ok_or_else(|| miette!("the world is no maze"))?;
     let world = maze.with_map(map.clone());
     trainer.change_world(&world).into_diagnostic()?;
     Ok(())
 }
 
-/// Prints a row of the table: success on `map`, and the errors of D by how distances differ from those on `other`.
-fn report(trainer: &Trainer, seed: u64, when: &str, map: &Arc<Grid>, other: &Arc<Grid>, tasks: usize) -> Result<()> {
+/// Prints a row of the table: success on `map`, and the errors of D by how distances differ from
+/// those on `other`.
+fn report(
+    trainer: &Trainer,
+    seed: u64,
+    when: &str,
+    map: &Arc<Grid>,
+    other: &Arc<Grid>,
+    tasks: usize,
+) -> Result<()> {
     let tasks = trainer.tasks(tasks);
     let evaluation = trainer.evaluate(&tasks).into_diagnostic()?;
     let rate = |score: Option<f64>| score.map_or("-".to_owned(), |rate| format!("{rate:.3}"));
@@ -112,9 +134,13 @@ fn report(trainer: &Trainer, seed: u64, when: &str, map: &Arc<Grid>, other: &Arc
     Ok(())
 }
 
-/// Returns the mean relative error of D over the pairs away from the edit and over those whose distance is longer on
-/// `map` than on `other`.
-fn errors(trainer: &Trainer, map: &Arc<Grid>, other: &Arc<Grid>) -> Result<(Option<f64>, Option<f64>)> {
+/// Returns the mean relative error of D over the pairs away from the edit and over those whose
+/// distance is longer on `map` than on `other`.
+fn errors(
+    trainer: &Trainer,
+    map: &Arc<Grid>,
+    other: &Arc<Grid>,
+) -> Result<(Option<f64>, Option<f64>)> {
     let worlds = [map, other].map(|map| PointMaze::new(map.clone(), 0));
     let [here, there] = &worlds;
     let no_truth = || miette!("the world has no true distances");
@@ -126,7 +152,9 @@ fn errors(trainer: &Trainer, map: &Arc<Grid>, other: &Arc<Grid>) -> Result<(Opti
         .flat_map(Cell::centre)
         .collect();
     let near_edit = |at: &[f32]| {
-        changed.chunks_exact(2).any(|c| (c[0] - at[0]).abs().max((c[1] - at[1]).abs()) <= NEAR_STEPS as f32)
+        changed
+            .chunks_exact(2)
+            .any(|c| (c[0] - at[0]).abs().max((c[1] - at[1]).abs()) <= NEAR_STEPS as f32)
     };
     let policy = trainer.policy().into_diagnostic()?;
     let (mut scratch, mut away, mut grown) = (Scratch::default(), Mean::default(), Mean::default());
@@ -135,9 +163,13 @@ fn errors(trainer: &Trainer, map: &Arc<Grid>, other: &Arc<Grid>) -> Result<(Opti
             if near || !map.is_free_at(state[0], state[1]) || !map.is_free_at(goal[0], goal[1]) {
                 continue;
             }
-            let mut exact = |from: &[f32]| truth_there.steps(from, &goal, u32::MAX).and_then(|steps| steps[0]);
-            let (own, elsewhere) = (truth.steps(state, &goal, u32::MAX).and_then(|steps| steps[0]), exact(state));
-            let error = f64::from((policy.distance(state, &goal, &mut scratch) - steps as f32).abs() / steps as f32);
+            let mut exact =
+                |from: &[f32]| truth_there.steps(from, &goal, u32::MAX).and_then(|steps| steps[0]);
+            let (own, elsewhere) =
+                (truth.steps(state, &goal, u32::MAX).and_then(|steps| steps[0]), exact(state));
+            let error = f64::from(
+                (policy.distance(state, &goal, &mut scratch) - steps as f32).abs() / steps as f32,
+            );
             if own == elsewhere && !near_edit(state) && !near_edit(&goal) {
                 away.add(error);
             } else if own > elsewhere {

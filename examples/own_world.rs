@@ -1,7 +1,8 @@
 //! A custom world and learner: a bead on a wire, and a Q-table.
 //!
-//! Neither is part of the library. The bead has a speed that is hidden from the learner; the table learns D by Q-learning
-//! on intervals of the wire. The library `gdg` does everything else: exploration, bridges, evaluation, checkpoints.
+//! Neither is part of the library. The bead has a speed that is hidden from the learner; the table
+//! learns D by Q-learning on intervals of the wire. The library `gdg` does everything else:
+//! exploration, bridges, evaluation, checkpoints.
 //!
 //! ```sh
 //! cargo run --release --example own_world
@@ -11,7 +12,9 @@ use std::error::Error;
 use std::sync::Arc;
 
 use gdg::env::{Environment, Spec, WorldKind};
-use gdg::learn::{LearnError, Learner, LearnerKind, Losses, Moment, Policy, Profile, Scratch, TrainingData};
+use gdg::learn::{
+    LearnError, Learner, LearnerKind, Losses, Moment, Policy, Profile, Scratch, TrainingData,
+};
 use gdg::store::{Store, StoreError};
 use gdg::train::{Overrides, Preset, Registry, Run, Tick, Trainer, settings_from};
 use rand::RngExt;
@@ -42,7 +45,8 @@ pub fn registry() -> Arc<Registry> {
 
 /// Beads pushed along a wire, with some momentum.
 ///
-/// The wire has no start of its own and no noise: both settings of [`Environment::configure`] are ignored.
+/// The wire has no start of its own and no noise: both settings of [`Environment::configure`] are
+/// ignored.
 struct Bead {
     spec: Spec,
     positions: Vec<f32>,
@@ -91,7 +95,8 @@ impl Environment for Bead {
     }
 
     fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
-        // The numbers may come from a file: keep the bead on the wire, and its speed within what actions can reach.
+        // The numbers may come from a file: keep the bead on the wire, and its speed within what
+        // actions can reach.
         self.positions[agent] = (full_state[0] as f32).clamp(0.0, LENGTH);
         self.speeds[agent] = (full_state[1] as f32).clamp(-1.0, 1.0);
     }
@@ -105,7 +110,9 @@ impl Environment for Bead {
     }
 
     fn step(&mut self, actions: &[f32], _: &mut ChaCha8Rng) {
-        for ((position, speed), action) in self.positions.iter_mut().zip(&mut self.speeds).zip(actions) {
+        for ((position, speed), action) in
+            self.positions.iter_mut().zip(&mut self.speeds).zip(actions)
+        {
             *speed = 0.5 * (*speed + action.clamp(-1.0, 1.0));
             *position = (*position + *speed).clamp(0.0, LENGTH);
         }
@@ -136,9 +143,11 @@ struct Table {
 impl Table {
     /// Creates a table for a wire.
     fn new(spec: &Spec) -> Result<Self, LearnError> {
-        let on_wire = spec.state_centre == [LENGTH / 2.0] && spec.state_half_range == [LENGTH / 2.0];
+        let on_wire =
+            spec.state_centre == [LENGTH / 2.0] && spec.state_half_range == [LENGTH / 2.0];
         if !on_wire || spec.achieved != [0] || spec.action_dim != 1 {
-            let problem = format!("the learner table requires positions from 0 to {LENGTH} and one action");
+            let problem =
+                format!("the learner table requires positions from 0 to {LENGTH} and one action");
             return Err(LearnError::Other(problem.into()));
         }
         Ok(Self { spec: spec.clone(), steps: vec![0.0; BINS * ACTIONS.len() * BINS] })
@@ -154,7 +163,10 @@ impl Table {
 
     /// Returns the best action and D = min Q.
     fn best(&self, position: f32, goal: usize) -> (f32, f32) {
-        let all = ACTIONS.iter().enumerate().map(|(i, action)| (*action, self.steps[Self::at(position, i, goal)]));
+        let all = ACTIONS
+            .iter()
+            .enumerate()
+            .map(|(i, action)| (*action, self.steps[Self::at(position, i, goal)]));
         all.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, 0.0))
     }
 }
@@ -187,7 +199,11 @@ impl Learner for Table {
             let action = (data.replay.action(now)[0].round() + 1.0) as usize;
             for goal in 0..BINS {
                 let middle = (goal as f32 + 0.5) * LENGTH / BINS as f32;
-                let ahead = if self.spec.reached(&[next], &[middle]) { 0.0 } else { self.best(next, goal).1 };
+                let ahead = if self.spec.reached(&[next], &[middle]) {
+                    0.0
+                } else {
+                    self.best(next, goal).1
+                };
                 let steps = &mut self.steps[Self::at(data.replay.state(now)[0], action, goal)];
                 let error = 1.0 + ahead - *steps;
                 *steps += RATE * error;
@@ -201,7 +217,11 @@ impl Learner for Table {
         Ok(Arc::new(self.clone()))
     }
 
-    fn with_policy(&self, _: bool, use_policy: &mut dyn FnMut(&dyn Policy)) -> Result<(), LearnError> {
+    fn with_policy(
+        &self,
+        _: bool,
+        use_policy: &mut dyn FnMut(&dyn Policy),
+    ) -> Result<(), LearnError> {
         use_policy(self);
         Ok(())
     }
@@ -234,7 +254,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         if trainer.tick()? == Tick::Update && trainer.counters().updates.is_multiple_of(1_000) {
             let found = trainer.evaluate(&trainer.tasks(20))?;
             let planned = found.planned.and_then(|planned| planned.success);
-            println!("{} updates: {:.2} reach their goals", trainer.counters().updates, planned.unwrap_or_default());
+            println!(
+                "{} updates: {:.2} reach their goals",
+                trainer.counters().updates,
+                planned.unwrap_or_default()
+            );
         }
     }
     Ok(())

@@ -110,8 +110,8 @@ pub enum Command {
         /// Print a random map of this kind as plain ASCII
         #[arg(long, value_name = "KIND", value_enum)]
         random: Option<MapKindArg>,
-        /// Cells along each side of the random map [default: 44 for maze, 101 for city, 33 for perfect]. Perfect mazes
-        /// of an even size end at the edge of the map instead of a wall
+        /// Cells along each side of the random map [default: 44 for maze, 101 for city, 33 for
+        /// perfect]. Perfect mazes of an even size end at the edge of the map instead of a wall
         #[arg(long, value_name = "N", requires = "random", value_parser = sides())]
         size: Option<u16>,
         /// Seed of the random map: same seed, same map
@@ -283,12 +283,13 @@ pub struct TrainArgs {
     #[arg(long)]
     pub print_config: bool,
 
-    /// Stop after N updates, counted from the start of training; with the method random, which makes none, after the steps
-    /// of N updates (env_steps_per_update each)
+    /// Stop after N updates, counted from the start of training; with the method random, which
+    /// makes none, after the steps of N updates (env_steps_per_update each)
     #[arg(long, value_name = "N", value_parser = counts::<u64>(0..=u64::MAX))]
     pub max_updates: Option<u64>,
 
-    /// Stop after S seconds of training, not counting evaluation; counted from where a resumed run goes on
+    /// Stop after S seconds of training, not counting evaluation; counted from where a resumed run
+    /// goes on
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub max_seconds: Option<f64>,
 
@@ -300,7 +301,8 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=u64::MAX))]
     pub eval_every_updates: Option<u64>,
 
-    /// Switch to another map of the same size at this update, 0 for the start (repeatable; requires --no-ui)
+    /// Switch to another map of the same size at this update, 0 for the start (repeatable; requires
+    /// --no-ui)
     #[arg(long, value_name = "UPDATES:FILE", value_parser = edits(), requires = "no_ui")]
     pub edit_at: Vec<EditAt>,
 
@@ -316,11 +318,13 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
     pub threads: Option<u16>,
 
-    /// Save checkpoints to this file during training and at the end, or beside it if it belongs to another run
+    /// Save checkpoints to this file during training and at the end, or beside it if it belongs to
+    /// another run
     #[arg(long, value_name = "FILE", value_parser = output())]
     pub save: Option<PathBuf>,
 
-    /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface: see autosave_minutes]
+    /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface:
+    /// see autosave_minutes]
     #[arg(long, value_name = "MINUTES", value_parser = parse_minutes, requires = "no_ui")]
     pub save_every: Option<f64>,
 
@@ -328,7 +332,8 @@ pub struct TrainArgs {
     #[arg(long)]
     pub overwrite: bool,
 
-    /// Also write the metrics of progress and evaluations to this file as CSV; a resumed run goes on in its own table
+    /// Also write the metrics of progress and evaluations to this file as CSV; a resumed run goes
+    /// on in its own table
     #[arg(long, value_name = "FILE", requires = "no_ui", value_parser = output())]
     pub csv: Option<PathBuf>,
 
@@ -336,8 +341,8 @@ pub struct TrainArgs {
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
     pub log_level: LogLevel,
 
-    /// Resume from a checkpoint, which contains its map and settings: from FILE; else from the newest in saves/, of the map
-    /// if one is named, before or after (city --resume, --resume city)
+    /// Resume from a checkpoint, which contains its map and settings: from FILE; else from the
+    /// newest in saves/, of the map if one is named, before or after (city --resume, --resume city)
     #[arg(long, value_name = "FILE|MAP", num_args = 0..=1, conflicts_with_all = ["method", "preset", "seed", "config", "set"])]
     pub resume: Option<Option<PathBuf>>,
 
@@ -346,7 +351,8 @@ pub struct TrainArgs {
     #[command(flatten)]
     pub interface: InterfaceArgs,
 
-    /// Print a template of the configuration file for theme, keys etc. with its default path, and exit
+    /// Print a template of the configuration file for theme, keys etc. with its default path, and
+    /// exit
     #[cfg(feature = "tui")]
     #[arg(long)]
     pub print_config_template: bool,
@@ -368,7 +374,8 @@ pub struct InterfaceArgs {
     #[arg(long, value_name = "FILE")]
     pub ui_config: Option<PathBuf>,
 
-    /// What the map is drawn with [default: auto: pixels where the terminal shows pictures, else half blocks or quadrants]
+    /// What the map is drawn with [default: auto: pixels where the terminal shows pictures, else
+    /// half blocks or quadrants]
     #[arg(long, value_name = "MARKER", value_enum)]
     pub marker: Option<Marker>,
 }
@@ -472,12 +479,18 @@ struct MethodParser;
 impl TypedValueParser for MethodParser {
     type Value = Method;
 
-    fn parse_ref(&self, command: &clap::Command, arg: Option<&Arg>, value: &OsStr) -> Result<Method, clap::Error> {
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&Arg>,
+        value: &OsStr,
+    ) -> Result<Method, clap::Error> {
         if let Some(method) = value.to_str().and_then(|text| text.parse().ok()) {
             return Ok(method);
         }
         // Gives an error that suggests the nearest name.
-        let named = PossibleValuesParser::new(METHODS.map(|named| named.name)).parse_ref(command, arg, value);
+        let named = PossibleValuesParser::new(METHODS.map(|named| named.name))
+            .parse_ref(command, arg, value);
         let name = named.map_err(|mut error| {
             let list = |names: Vec<&str>| names.join(", ");
             let tip = format!(
@@ -485,7 +498,9 @@ impl TypedValueParser for MethodParser {
                 list(LEARNERS.iter().map(|kind| kind.name).collect()),
                 list(Planner::ALL.iter().map(|planner| planner.name()).collect())
             );
-            if let Some(known) = value.to_str().and_then(|typed| nearest(typed, METHODS.map(|named| named.name))) {
+            if let Some(known) =
+                value.to_str().and_then(|typed| nearest(typed, METHODS.map(|named| named.name)))
+            {
                 error.insert(ContextKind::SuggestedValue, ContextValue::String(known.to_owned()));
             }
             error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));

@@ -17,10 +17,15 @@ use gdg::train::{self, Registry, policy_file};
 pub fn run(args: &ExportPolicyArgs) -> Result<String, Report> {
     let path = args.out.clone().unwrap_or_else(|| default_path(args));
     refuse_existing(&path, args.overwrite)?;
-    let loaded = train::load(&args.checkpoint, &Registry::builtin(), 1).map_err(from_checkpoint_error)?;
+    let loaded =
+        train::load(&args.checkpoint, &Registry::builtin(), 1).map_err(from_checkpoint_error)?;
     let bytes = policy_file(&loaded.trainer).into_diagnostic()?;
     files::write_atomically(&path, &bytes).map_err(|error| {
-        miette!(help = "give --out a file in a writable folder", "{}: cannot be written: {error}", path.display())
+        miette!(
+            help = "give --out a file in a writable folder",
+            "{}: cannot be written: {error}",
+            path.display()
+        )
     })?;
     Ok(format!("{}\n", path.display()))
 }

@@ -19,7 +19,8 @@ use gdg::viewer::{FilmError, animate};
 pub fn run(args: &FilmArgs) -> Result<String, Report> {
     let path = args.out.clone().unwrap_or_else(|| default_path(args));
     refuse_existing(&path, args.overwrite)?;
-    let loaded = train::load(&args.checkpoint, &Registry::builtin(), 1).map_err(from_checkpoint_error)?;
+    let loaded =
+        train::load(&args.checkpoint, &Registry::builtin(), 1).map_err(from_checkpoint_error)?;
     let run = Snapshot::capture(&loaded.trainer).into_diagnostic()?;
     let bytes = animate(&run).map_err(|error| {
         let help = match error {
@@ -30,7 +31,11 @@ pub fn run(args: &FilmArgs) -> Result<String, Report> {
         miette!(help = help, "{}: {error}", args.checkpoint.display())
     })?;
     files::write_atomically(&path, &bytes).map_err(|error| {
-        miette!(help = "give --out a file in a writable folder", "{}: cannot be written: {error}", path.display())
+        miette!(
+            help = "give --out a file in a writable folder",
+            "{}: cannot be written: {error}",
+            path.display()
+        )
     })?;
     Ok(format!("{}\n", path.display()))
 }

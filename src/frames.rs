@@ -18,8 +18,8 @@ use crate::setup::refuse_existing;
 use crate::tui::{LARGEST_SCREEN, PageColours, png_of};
 use gdg::files::{self, Format, Mismatch, Wanted, write_atomically};
 
-/// Maximum length of a line in a recording, in bytes: a frame on the largest screen with two distinct colours in every
-/// cell takes half of that.
+/// Maximum length of a line in a recording, in bytes: a frame on the largest screen with two
+/// distinct colours in every cell takes half of that.
 const MAX_LINE_BYTES: u64 = 64 << 20;
 
 /// What is read as a recording.
@@ -60,8 +60,8 @@ struct Cast {
 /// Renders the moments that `args` ask for; returns the paths written, one per line.
 ///
 /// # Errors
-/// Fails if a file cannot be read or written, or is not a recording (naming the line). Fails without writing anything
-/// if a moment is outside the recording or a picture already exists.
+/// Fails if a file cannot be read or written, or is not a recording (naming the line). Fails
+/// without writing anything if a moment is outside the recording or a picture already exists.
 pub fn run(args: &FramesArgs) -> Result<String, Report> {
     if let Some(out) = &args.animate {
         return animation::write(args, out);
@@ -83,7 +83,8 @@ pub fn run(args: &FramesArgs) -> Result<String, Report> {
     Ok(written.iter().map(|path| format!("{}\n", path.display())).collect())
 }
 
-/// Plays a recording and calls `show` with the contents of its screen at each of `moments`, which must be sorted.
+/// Plays a recording and calls `show` with the contents of its screen at each of `moments`, which
+/// must be sorted.
 ///
 /// # Errors
 /// Fails if the file cannot be read or is not a recording (naming the line), or if `show` fails.
@@ -113,12 +114,19 @@ pub fn play(
 }
 
 /// Checks that all of `moments` are within a recording that lasts `seconds`.
-fn check_within<'a>(name: &str, mut moments: impl Iterator<Item = &'a f64>, seconds: f64) -> Result<(), Report> {
+fn check_within<'a>(
+    name: &str,
+    mut moments: impl Iterator<Item = &'a f64>,
+    seconds: f64,
+) -> Result<(), Report> {
     match moments.find(|at| !(0.0..=seconds).contains(*at)) {
         None => Ok(()),
         Some(at) => {
             let help = format!("give times from 0 to {seconds}");
-            Err(miette!(help = help, "{name}: no frame at {at} s: the recording is {seconds} s long"))
+            Err(miette!(
+                help = help,
+                "{name}: no frame at {at} s: the recording is {seconds} s long"
+            ))
         }
     }
 }
@@ -136,15 +144,18 @@ fn duration(path: &Path) -> Result<f64, Report> {
 impl Cast {
     /// Opens a recording, and creates a screen of its size.
     fn open(path: &Path) -> Result<(Self, vt100::Parser), Report> {
-        let instead = |found: Mismatch| miette!(help = found.help, "{}: {}", path.to_string_lossy(), found.problem);
+        let instead = |found: Mismatch| {
+            miette!(help = found.help, "{}: {}", path.to_string_lossy(), found.problem)
+        };
         Self::begin(path).map_err(|error| RECORDING.mismatch(path).map_or(error, instead))
     }
 
     fn begin(path: &Path) -> Result<(Self, vt100::Parser), Report> {
         let name = path.to_string_lossy().into_owned();
         // The recording is read twice, which is impossible with a pipe.
-        let file = files::open(path)
-            .map_err(|error| miette!(help = "give a recording file", "{name}: cannot be read: {error}"))?;
+        let file = files::open(path).map_err(|error| {
+            miette!(help = "give a recording file", "{name}: cannot be read: {error}")
+        })?;
         let mut cast = Self { name, file: BufReader::new(file), line: Vec::new(), number: 0 };
         if !cast.next_line()? {
             return Err(miette!(help = "--record makes recordings", "{}: is empty", cast.name));
@@ -165,7 +176,9 @@ impl Cast {
         let (seconds, kind, data): (f64, String, String) = match self.parse() {
             Ok(event) => event,
             // The recording program was killed while writing this line, or is still writing it.
-            Err(_) if self.line.starts_with(b"[") && !self.line.ends_with(b"\n") => return Ok(None),
+            Err(_) if self.line.starts_with(b"[") && !self.line.ends_with(b"\n") => {
+                return Ok(None);
+            }
             Err(error) => return Err(error),
         };
         let change = match kind.as_str() {
@@ -186,7 +199,8 @@ impl Cast {
         self.line.clear();
         self.number += 1;
         let read = (&mut self.file).take(MAX_LINE_BYTES + 1).read_until(b'\n', &mut self.line);
-        let read = read.into_diagnostic().wrap_err_with(|| format!("{}: cannot be read", self.name))?;
+        let read =
+            read.into_diagnostic().wrap_err_with(|| format!("{}: cannot be read", self.name))?;
         if read as u64 > MAX_LINE_BYTES {
             return Err(miette!("{}: is longer than {MAX_LINE_BYTES} bytes", self.location()));
         }
@@ -201,7 +215,9 @@ impl Cast {
     fn size(&self, columns: u64, rows: u64) -> Result<(u16, u16), Report> {
         let (most_columns, most_rows) = LARGEST_SCREEN;
         match (u16::try_from(columns), u16::try_from(rows)) {
-            (Ok(columns), Ok(rows)) if columns <= most_columns && rows <= most_rows => Ok((columns, rows)),
+            (Ok(columns), Ok(rows)) if columns <= most_columns && rows <= most_rows => {
+                Ok((columns, rows))
+            }
             _ => Err(miette!(
                 help = format!("a screen can have up to {most_columns} x {most_rows} characters"),
                 "{}: a screen of {columns} x {rows} characters is too large",
@@ -252,9 +268,11 @@ fn buffer_of(screen: &vt100::Screen) -> Buffer {
         for column in 0..columns.get() {
             let Some(cell) = screen.cell(row, column) else { continue };
             let mut style = Style::new().fg(colour(cell.fgcolor())).bg(colour(cell.bgcolor()));
-            for (set, modifier) in
-                [(cell.bold(), Modifier::BOLD), (cell.dim(), Modifier::DIM), (cell.inverse(), Modifier::REVERSED)]
-            {
+            for (set, modifier) in [
+                (cell.bold(), Modifier::BOLD),
+                (cell.dim(), Modifier::DIM),
+                (cell.inverse(), Modifier::REVERSED),
+            ] {
                 style = if set { style.add_modifier(modifier) } else { style };
             }
             let text = if cell.contents().is_empty() { " " } else { cell.contents() };
@@ -299,7 +317,8 @@ mod tests {
 
     #[test]
     fn a_frame_shows_all_output_up_to_its_time() {
-        let events = [HEADER, r#"[1.0,"o","\u001b[31mab"]"#, r#"[2.0,"r","6x2"]"#, r#"[2.5,"o","cd"]"#];
+        let events =
+            [HEADER, r#"[1.0,"o","\u001b[31mab"]"#, r#"[2.0,"r","6x2"]"#, r#"[2.5,"o","cd"]"#];
         let (_folder, args) = recording(&events.join("\n"), &[1.5, 0.5, 2.5, 1.5]);
         assert_eq!(run(&args).expect("pictures").lines().count(), 3);
         let size = |at: &str| {
@@ -326,8 +345,11 @@ mod tests {
 
     #[test]
     fn oversized_screens_are_refused() {
-        let head = |columns: u32, rows: u32| format!("{{\"version\":2,\"width\":{columns},\"height\":{rows}}}\n");
-        let resize = |columns: u32, rows: u32| format!("{HEADER}\n[0,\"r\",\"{columns}x{rows}\"]\n");
+        let head = |columns: u32, rows: u32| {
+            format!("{{\"version\":2,\"width\":{columns},\"height\":{rows}}}\n")
+        };
+        let resize =
+            |columns: u32, rows: u32| format!("{HEADER}\n[0,\"r\",\"{columns}x{rows}\"]\n");
         for (lines, location, found) in [
             (head(65535, 65535), "short.cast:1:", "65535 x 65535"),
             (head(1_000_000, 1), "short.cast:1:", "1000000 x 1"),
@@ -360,7 +382,10 @@ mod tests {
         std::fs::write(&two, b"mine").expect("a file");
         let error = run(&args).expect_err("one is there");
         assert!(error.to_string().contains("short-2.png"), "{error}");
-        assert!(!one.exists() && std::fs::read(&two).expect("kept") == b"mine", "nothing is written");
+        assert!(
+            !one.exists() && std::fs::read(&two).expect("kept") == b"mine",
+            "nothing is written"
+        );
         args.overwrite = true;
         assert_eq!(run(&args).expect("pictures").lines().count(), 2);
         assert!(one.exists() && std::fs::read(&two).expect("replaced") != b"mine");

@@ -25,8 +25,8 @@ use records::Record;
 pub use saver::Saver;
 use table::Table;
 
-/// Updates between progress records, about a second's worth. Counted in updates so that the same run prints the same
-/// records.
+/// Updates between progress records, about a second's worth. Counted in updates so that the same
+/// run prints the same records.
 const PROGRESS_EVERY_UPDATES: u64 = 1_000;
 
 /// Runs training to its end and returns the exit status.
@@ -38,7 +38,8 @@ pub fn run(mut setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     setup.trainer.set_pulse(termination.pulse().clone());
     setup.warnings.iter().for_each(|warning| eprint_line(warning));
     let saver = setup.save.clone().map(|to| Saver::new(to, args.save_every));
-    let table = args.csv.as_deref().map(|path| Table::open(path, args.overwrite, &setup)).transpose();
+    let table =
+        args.csv.as_deref().map(|path| Table::open(path, args.overwrite, &setup)).transpose();
     let table = match table {
         Ok(table) => table,
         Err(error) => {
@@ -108,7 +109,8 @@ struct Session<'a> {
 }
 
 impl Session<'_> {
-    /// Trains, saves and runs the final evaluation. A panic becomes an error so that saving is still attempted.
+    /// Trains, saves and runs the final evaluation. A panic becomes an error so that saving is
+    /// still attempted.
     fn run(&mut self) -> Result<(EndReason, Option<Evaluation>), Report> {
         let run = |session: &mut Self| {
             let Some(facts) = session.facts()? else { return Ok((EndReason::Interrupted, None)) };
@@ -126,12 +128,17 @@ impl Session<'_> {
         };
         catch_unwind(AssertUnwindSafe(|| run(self))).unwrap_or_else(|_| {
             let mended = self.setup.trainer.repair_after_panic().is_ok();
-            let state = if mended { "the run is saved if --save is given" } else { "saving may fail" };
-            Err(miette::miette!(help = crate::logging::hint(), "an internal error ended training; {state}"))
+            let state =
+                if mended { "the run is saved if --save is given" } else { "saving may fail" };
+            Err(miette::miette!(
+                help = crate::logging::hint(),
+                "an internal error ended training; {state}"
+            ))
         })
     }
 
-    /// Returns facts about the world, some of which are slow to compute; `None` if a signal arrives first.
+    /// Returns facts about the world, some of which are slow to compute; `None` if a signal arrives
+    /// first.
     fn facts(&self) -> Result<Option<Map<String, Value>>, Report> {
         let world = self.setup.trainer.world().fork(0);
         run_interruptibly("world", &self.termination, move || world.facts())
@@ -164,7 +171,10 @@ impl Session<'_> {
                 self.progress.show(&self.setup.trainer);
             }
             self.apply_due_edits()?;
-            if self.is_evaluation_due() && self.limit_reached().is_none() && self.evaluate()?.is_none() {
+            if self.is_evaluation_due()
+                && self.limit_reached().is_none()
+                && self.evaluate()?.is_none()
+            {
                 return Ok(EndReason::Interrupted);
             }
             if let Some(saver) = &self.saver
@@ -179,11 +189,17 @@ impl Session<'_> {
     fn report_reached_limit(&self) {
         let counters = self.setup.trainer.counters();
         let (done, option) = match self.limit_reached() {
-            Some(EndReason::MaxUpdates) => (grouped(counters.updates) + " updates", "--max-updates"),
-            Some(EndReason::MaxEpisodes) => (grouped(counters.episodes) + " episodes", "--max-episodes"),
+            Some(EndReason::MaxUpdates) => {
+                (grouped(counters.updates) + " updates", "--max-updates")
+            }
+            Some(EndReason::MaxEpisodes) => {
+                (grouped(counters.episodes) + " episodes", "--max-episodes")
+            }
             _ => return,
         };
-        eprint_line(&format!("nothing to train: the run has {done} already, and {option} counts all"));
+        eprint_line(&format!(
+            "nothing to train: the run has {done} already, and {option} counts all"
+        ));
     }
 
     /// Whether the run is evaluated after the current number of updates.
@@ -204,13 +220,17 @@ impl Session<'_> {
     fn save_periodically(&mut self) {
         if let Err(error) = self.save() {
             tracing::warn!("{error}");
-            crate::report::print_error(error.wrap_err("training continues; saving will be tried again"));
+            crate::report::print_error(
+                error.wrap_err("training continues; saving will be tried again"),
+            );
         }
     }
 
     /// Saves to the path given by `--save`, if any.
     fn save(&mut self) -> Result<(), Report> {
-        let (Some(saver), trainer) = (&mut self.saver, &mut self.setup.trainer) else { return Ok(()) };
+        let (Some(saver), trainer) = (&mut self.saver, &mut self.setup.trainer) else {
+            return Ok(());
+        };
         let saved = saver.save(trainer);
         self.report_recovery()?;
         match saved? {
@@ -226,7 +246,8 @@ impl Session<'_> {
         print(&Record::Recovery(recovery))
     }
 
-    /// Saves at the end. If saving to the path given by `--save` fails, saves elsewhere and still returns an error.
+    /// Saves at the end. If saving to the path given by `--save` fails, saves elsewhere and still
+    /// returns an error.
     fn save_at_end(&mut self) -> Result<(), Report> {
         self.save().map_err(|error| {
             let trainer = &self.setup.trainer;
@@ -241,12 +262,16 @@ impl Session<'_> {
         })
     }
 
-    /// Says what is lost, as there is no `--save`, unless that was meant: a new run that trained for a limited time.
+    /// Says what is lost, as there is no `--save`, unless that was meant: a new run that trained
+    /// for a limited time.
     fn report_unsaved(&self, updates_before: u64, reason: Option<EndReason>) {
         let is_complete = reason.is_some_and(|reason| reason != EndReason::Interrupted);
         let unsaved = self.setup.trainer.counters().updates.saturating_sub(updates_before);
         if self.saver.is_none() && unsaved > 0 && !(is_complete && self.setup.resumed.is_none()) {
-            eprint_line(&format!("not saved: {}; give --save FILE to keep them", counted(unsaved, "update")));
+            eprint_line(&format!(
+                "not saved: {}; give --save FILE to keep them",
+                counted(unsaved, "update")
+            ));
         }
     }
 
@@ -268,7 +293,9 @@ impl Session<'_> {
     /// Evaluates and prints the result; returns `None` if a signal arrives.
     fn evaluate(&mut self) -> Result<Option<Evaluation>, Report> {
         let trainer = &mut self.setup.trainer;
-        let Some(evaluation) = evaluate(trainer, self.args.eval_tasks as usize, None, &self.termination)? else {
+        let Some(evaluation) =
+            evaluate(trainer, self.args.eval_tasks as usize, None, &self.termination)?
+        else {
             return Ok(None);
         };
         if evaluation.success_rate().is_none() {
@@ -280,8 +307,9 @@ impl Session<'_> {
     }
 }
 
-/// Evaluates `trainer` on `per_group` tasks at each distance, each within its own budget or `max_steps`, and adds a finite
-/// result to its history. Runs on another thread so that signals are handled at once; returns `None` if one arrives.
+/// Evaluates `trainer` on `per_group` tasks at each distance, each within its own budget or
+/// `max_steps`, and adds a finite result to its history. Runs on another thread so that signals are
+/// handled at once; returns `None` if one arrives.
 ///
 /// # Errors
 /// The learner or the evaluation fails.
@@ -302,5 +330,9 @@ pub fn evaluate(
 
 /// Returns the mean rate of updates over the whole training.
 fn updates_per_second(trainer: &Trainer) -> f64 {
-    if trainer.seconds() > 0.0 { trainer.counters().updates as f64 / trainer.seconds() } else { 0.0 }
+    if trainer.seconds() > 0.0 {
+        trainer.counters().updates as f64 / trainer.seconds()
+    } else {
+        0.0
+    }
 }

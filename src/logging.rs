@@ -47,24 +47,36 @@ pub fn start(level: LogLevel) {
     if std::fs::create_dir_all(&folder).is_err() || !holds_only_files(&folder) {
         return;
     }
-    let file = RollingFileAppender::builder().rotation(Rotation::DAILY).filename_prefix(PREFIX).filename_suffix(SUFFIX);
+    let file = RollingFileAppender::builder()
+        .rotation(Rotation::DAILY)
+        .filename_prefix(PREFIX)
+        .filename_suffix(SUFFIX);
     let Ok(file) = file.max_log_files(KEPT_DAYS).build(&folder) else { return };
-    let log = tracing_subscriber::fmt().with_max_level(level).with_ansi(false).log_internal_errors(false);
+    let log =
+        tracing_subscriber::fmt().with_max_level(level).with_ansi(false).log_internal_errors(false);
     if log.with_writer(std::sync::Mutex::new(file)).try_init().is_ok() {
         let _ = FOLDER.set(folder);
-        tracing::info!("gdg-tui {} started, process {}", env!("CARGO_PKG_VERSION"), std::process::id());
+        tracing::info!(
+            "gdg-tui {} started, process {}",
+            env!("CARGO_PKG_VERSION"),
+            std::process::id()
+        );
     }
 }
 
-/// Returns whether all that has the name of a log file is a file: opening a FIFO would wait for someone to read it.
+/// Returns whether all that has the name of a log file is a file: opening a FIFO would wait for
+/// someone to read it.
 fn holds_only_files(folder: &Path) -> bool {
     let has_name = |path: &Path| {
         path.extension().is_some_and(|end| end == SUFFIX)
             && path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(PREFIX))
     };
-    let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut entries =
+        std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     // A link that leads nowhere is no obstacle.
-    entries.all(|path| !has_name(&path) || path.metadata().is_ok_and(|file| file.is_file()) || !path.exists())
+    entries.all(|path| {
+        !has_name(&path) || path.metadata().is_ok_and(|file| file.is_file()) || !path.exists()
+    })
 }
 
 /// Returns the folder of the log files, if logging is active.

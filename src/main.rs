@@ -15,7 +15,9 @@ use gdg::printing::eprint_line;
 use gdg::text::{sanitized_lines, terminal_obeys_escapes};
 use gdg::train::{Registry, print_settings, reference_page};
 use gdg::{faults, printing};
-use gdg_tui::cli::{Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, ReproduceArgs, SuiteArgs, completions};
+use gdg_tui::cli::{
+    Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, ReproduceArgs, SuiteArgs, completions,
+};
 #[cfg(feature = "tui")]
 use gdg_tui::cli::{CompareArgs, ScreenArgs, TourArgs};
 use gdg_tui::experiment::{ablate, reproduce, suite};
@@ -60,7 +62,9 @@ fn run(cli: &Cli) -> u8 {
         Some(Command::Compare(args)) => run_comparison(args),
         Some(Command::Suite(args)) => run_suite(args),
         Some(Command::Reproduce(args)) => run_reproduce(args),
-        Some(Command::Ablate(args)) => ablate::run(args).unwrap_or_else(|error| fail(error, EXIT_BAD_INPUT)),
+        Some(Command::Ablate(args)) => {
+            ablate::run(args).unwrap_or_else(|error| fail(error, EXIT_BAD_INPUT))
+        }
         #[cfg(feature = "tui")]
         Some(Command::Frames(args)) => printed(frames::run(args), EXIT_BAD_INPUT),
         Some(Command::Completions { shell }) => print(&completions(*shell)),
@@ -71,7 +75,9 @@ fn run(cli: &Cli) -> u8 {
                 Err(error) => fail(Report::msg(error), EXIT_FAILURE),
             }
         }
-        Some(Command::Check { file, map }) => printed(facts::check(file, map.as_deref()), EXIT_BAD_INPUT),
+        Some(Command::Check { file, map }) => {
+            printed(facts::check(file, map.as_deref()), EXIT_BAD_INPUT)
+        }
         Some(Command::ExportPolicy(args)) => printed(export_policy::run(args), EXIT_BAD_INPUT),
         Some(Command::Film(args)) => printed(film::run(args), EXIT_BAD_INPUT),
         None => train(cli),
@@ -80,8 +86,14 @@ fn run(cli: &Cli) -> u8 {
 
 #[cfg(feature = "tui")]
 fn run_tour(args: &TourArgs) -> u8 {
-    let needs_terminal = ("a tour is something to watch: it needs a terminal", "gdg-tui --no-ui trains without one");
-    watch(&args.screen, needs_terminal, |registry| tui::prepare_tour(args, registry), tui::take_tour)
+    let needs_terminal =
+        ("a tour is something to watch: it needs a terminal", "gdg-tui --no-ui trains without one");
+    watch(
+        &args.screen,
+        needs_terminal,
+        |registry| tui::prepare_tour(args, registry),
+        tui::take_tour,
+    )
 }
 
 #[cfg(feature = "tui")]
@@ -90,11 +102,16 @@ fn run_comparison(args: &CompareArgs) -> u8 {
         "a comparison is something to watch: it needs a terminal",
         "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one",
     );
-    watch(&args.screen, needs_terminal, |registry| tui::prepare_comparison(args, registry), tui::compare)
+    watch(
+        &args.screen,
+        needs_terminal,
+        |registry| tui::prepare_comparison(args, registry),
+        tui::compare,
+    )
 }
 
-/// Prepares and shows something that makes no sense without a terminal; without one, reports `needs_terminal`, an error and
-/// its help.
+/// Prepares and shows something that makes no sense without a terminal; without one, reports
+/// `needs_terminal`, an error and its help.
 #[cfg(feature = "tui")]
 fn watch<T>(
     args: &ScreenArgs,
@@ -110,7 +127,9 @@ fn watch<T>(
         Ok((prepared, tui::prepare(&args.interface, args.overwrite)?))
     });
     match prepared {
-        Ok((prepared, interface)) => show(prepared, interface).unwrap_or_else(|error| fail(error, EXIT_FAILURE)),
+        Ok((prepared, interface)) => {
+            show(prepared, interface).unwrap_or_else(|error| fail(error, EXIT_FAILURE))
+        }
         Err(error) => fail(error, EXIT_BAD_INPUT),
     }
 }
@@ -168,7 +187,9 @@ fn train(cli: &Cli) -> u8 {
             let error = miette::miette!(help = help, "--record: there is no screen, as {obstacle}");
             return fail(error, EXIT_BAD_INPUT);
         }
-        eprint_line(&format!("trains without the interface, as {obstacle} (--no-ui says that this is meant)"));
+        eprint_line(&format!(
+            "trains without the interface, as {obstacle} (--no-ui says that this is meant)"
+        ));
     }
     let setup = match setup::prepare(args, &Registry::builtin()) {
         Ok(setup) => setup,
@@ -178,10 +199,15 @@ fn train(cli: &Cli) -> u8 {
     if with_ui {
         if matches!(setup.trainer.world().scene(), Scene::Nothing) {
             let help = "train it with --no-ui";
-            return fail(miette::miette!(help = help, "the interface cannot draw this world"), EXIT_BAD_INPUT);
+            return fail(
+                miette::miette!(help = help, "the interface cannot draw this world"),
+                EXIT_BAD_INPUT,
+            );
         }
         return match tui::prepare(&args.interface, args.overwrite) {
-            Ok(prepared) => tui::run(setup, prepared, args).unwrap_or_else(|error| fail(error, EXIT_FAILURE)),
+            Ok(prepared) => {
+                tui::run(setup, prepared, args).unwrap_or_else(|error| fail(error, EXIT_FAILURE))
+            }
             Err(error) => fail(error, EXIT_BAD_INPUT),
         };
     }
@@ -199,7 +225,8 @@ fn usage(error: &clap::Error) -> u8 {
             return fail(Report::msg(problem).wrap_err("standard output"), EXIT_FAILURE);
         }
     } else if error.use_stderr() {
-        // It quotes an argument that contains terminal control characters, or colours mean nothing here.
+        // It quotes an argument that contains terminal control characters, or colours mean nothing
+        // here.
         eprint_line(sanitized_lines(&text).trim_end());
     } else {
         print(&text);

@@ -7,7 +7,8 @@ use gdg::printing;
 use gdg::text::terminal_obeys_escapes;
 use indicatif::ProgressDrawTarget;
 
-/// Returns where progress bars are drawn: on standard error, if that is a terminal that can move its cursor.
+/// Returns where progress bars are drawn: on standard error, if that is a terminal that can move
+/// its cursor.
 #[cfg(unix)]
 pub fn target() -> ProgressDrawTarget {
     if !terminal_obeys_escapes() {

@@ -3,7 +3,10 @@
 use std::error::Error;
 use std::fmt;
 
-use miette::{Diagnostic, LabeledSpan, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan, SpanContents};
+use miette::{
+    Diagnostic, LabeledSpan, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan,
+    SpanContents,
+};
 
 use gdg::map::MapError;
 use gdg::printing::eprint_line;
@@ -75,7 +78,10 @@ impl Diagnostic for ExplainedError {
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
         let QuotedExcerpt(excerpt) = self.excerpt.as_ref()?;
-        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(Some("here".to_owned()), excerpt.span))))
+        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(
+            Some("here".to_owned()),
+            excerpt.span,
+        ))))
     }
 }
 
@@ -92,7 +98,14 @@ impl SourceCode for QuotedExcerpt {
         let from = if alone { span.offset().min(text.len()) } else { 0 };
         let column = first_column + text[..from].chars().count();
         let data = &text.as_bytes()[from..];
-        Ok(Box::new(MietteSpanContents::new_named(file.clone(), data, (from, data.len()).into(), *line, column, 1)))
+        Ok(Box::new(MietteSpanContents::new_named(
+            file.clone(),
+            data,
+            (from, data.len()).into(),
+            *line,
+            column,
+            1,
+        )))
     }
 }
 
@@ -113,13 +126,19 @@ struct Cause {
 }
 
 fn sanitized_message(text: &str) -> String {
-    if text.chars().count() > MAX_MESSAGE_CHARS { truncated(text, MAX_MESSAGE_CHARS) } else { sanitized_lines(text) }
+    if text.chars().count() > MAX_MESSAGE_CHARS {
+        truncated(text, MAX_MESSAGE_CHARS)
+    } else {
+        sanitized_lines(text)
+    }
 }
 
 impl From<Report> for SanitizedError {
     fn from(error: Report) -> Self {
-        let causes: Vec<String> = error.chain().skip(1).map(|cause| sanitized_message(&cause.to_string())).collect();
-        let chained = |cause: Option<Cause>, message| Some(Cause { message, cause: cause.map(Box::new) });
+        let causes: Vec<String> =
+            error.chain().skip(1).map(|cause| sanitized_message(&cause.to_string())).collect();
+        let chained =
+            |cause: Option<Cause>, message| Some(Cause { message, cause: cause.map(Box::new) });
         Self {
             message: sanitized_message(&error.to_string()),
             help: error.help().map(|help| sanitized_message(&help.to_string())),
@@ -179,10 +198,16 @@ mod tests {
         let error = cause.into_diagnostic().wrap_err("outer\u{9b}31m").expect_err("an error");
         let shown = SanitizedError::from(error.wrap_err("file\x1b[2J\nname"));
         let text = format!("{:?}", Report::new(shown));
-        assert!(["file?[2J", "outer¿31m", "cause?]0;x?"].iter().all(|part| text.contains(part)), "{text}");
+        assert!(
+            ["file?[2J", "outer¿31m", "cause?]0;x?"].iter().all(|part| text.contains(part)),
+            "{text}"
+        );
         let help = SanitizedError::from(miette::miette!(help = "do\x07 that", "what"));
         assert_eq!(help.help.as_deref(), Some("do? that"));
-        assert!(SanitizedError::from(Report::msg("x".repeat(50_000_000))).message.len() <= MAX_MESSAGE_CHARS);
+        assert!(
+            SanitizedError::from(Report::msg("x".repeat(50_000_000))).message.len()
+                <= MAX_MESSAGE_CHARS
+        );
     }
 
     #[test]

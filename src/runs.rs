@@ -1,4 +1,5 @@
-//! Saved runs: a folder's checkpoints as a table, the newest of them, and the command that continues one.
+//! Saved runs: a folder's checkpoints as a table, the newest of them, and the command that
+//! continues one.
 
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -14,11 +15,13 @@ use gdg::train::{CheckpointError, Description, Registry, describe, examine};
 /// Default folder for checkpoints.
 pub const SAVES: &str = "saves";
 
-/// Ends of the names of files that have a checkpoint's extension, and of exported policies, which are none.
+/// Ends of the names of files that have a checkpoint's extension, and of exported policies, which
+/// are none.
 const EXTENSION: &str = ".safetensors";
 const POLICY_EXTENSION: &str = ".policy.safetensors";
 
-/// Returns the files in `folder` that are named like checkpoints, in capitals or not, sorted by name.
+/// Returns the files in `folder` that are named like checkpoints, in capitals or not, sorted by
+/// name.
 ///
 /// # Errors
 /// The folder cannot be read.
@@ -27,7 +30,11 @@ pub fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-        if name.ends_with(EXTENSION) && !name.ends_with(POLICY_EXTENSION) && !is_hidden(&path) && !path.is_dir() {
+        if name.ends_with(EXTENSION)
+            && !name.ends_with(POLICY_EXTENSION)
+            && !is_hidden(&path)
+            && !path.is_dir()
+        {
             files.push(path);
         }
     }
@@ -35,24 +42,28 @@ pub fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Returns the checkpoint in `folder` that was written last, of the world with this title if one is given. Damaged files
-/// are passed over; a folder that cannot be read has none.
+/// Returns the checkpoint in `folder` that was written last, of the world with this title if one is
+/// given. Damaged files are passed over; a folder that cannot be read has none.
 pub fn newest(folder: &Path, title: Option<&str>) -> Option<Description> {
     let title = title.map(safe_file_name);
     let written = |path: PathBuf| Some((std::fs::metadata(&path).ok()?.modified().ok()?, path));
-    let mut files: Vec<_> = files_in(folder).unwrap_or_default().into_iter().filter_map(written).collect();
+    let mut files: Vec<_> =
+        files_in(folder).unwrap_or_default().into_iter().filter_map(written).collect();
     files.sort();
     let found = files.iter().rev().filter_map(|(_, path)| describe(path).ok());
     found.into_iter().find(|found| title.as_ref().is_none_or(|title| *title == found.title))
 }
 
-/// Returns the table of the checkpoints in `folder`, the newest first, and at the end those that cannot be loaded.
+/// Returns the table of the checkpoints in `folder`, the newest first, and at the end those that
+/// cannot be loaded.
 ///
 /// # Errors
 /// The folder cannot be read.
 pub fn list(folder: &Path) -> Result<String, Report> {
     if !folder.exists() && folder == Path::new(SAVES) {
-        return Ok("no saved runs yet: train with --save FILE, or press s in the interface\n".to_owned());
+        return Ok(
+            "no saved runs yet: train with --save FILE, or press s in the interface\n".to_owned()
+        );
     }
     let files = files_in(folder).map_err(|error| {
         let help = "give the folder of the checkpoints, or train with --save FILE first";
@@ -63,7 +74,9 @@ pub fn list(folder: &Path) -> Result<String, Report> {
     }
     let registry = Registry::builtin();
     let mut found: Vec<_> = files.iter().map(|path| examine(path, &registry)).collect();
-    found.sort_by_key(|found| std::cmp::Reverse(found.as_ref().ok().and_then(|found| found.written)));
+    found.sort_by_key(|found| {
+        std::cmp::Reverse(found.as_ref().ok().and_then(|found| found.written))
+    });
     let head = ["file", "updates", "planned", "greedy", "written", "MB", "map", "method", "seed"];
     let head = head.map(str::to_owned).to_vec();
     Ok(aligned(&std::iter::once(head).chain(found.iter().map(row)).collect::<Vec<_>>()))
@@ -78,14 +91,19 @@ fn row(found: &Result<Description, CheckpointError>) -> Vec<String> {
             grouped(found.updates),
             rate(found.success.as_ref().and_then(|success| success.planned)),
             rate(found.success.as_ref().and_then(|success| success.greedy)),
-            found.written.and_then(local).map_or(String::new(), |at| at.strftime("%F %R").to_string()),
+            found
+                .written
+                .and_then(local)
+                .map_or(String::new(), |at| at.strftime("%F %R").to_string()),
             format!("{:.1}", found.bytes as f64 / 1e6),
             found.title.clone(),
             found.run.method.name(),
             found.run.seed.to_string(),
         ],
         // In one cell, as a long reason would widen a column.
-        Err(error) => vec![format!("{}  cannot be loaded: {}", name(&error.file), sanitized(&error.problem))],
+        Err(error) => {
+            vec![format!("{}  cannot be loaded: {}", name(&error.file), sanitized(&error.problem))]
+        }
     }
 }
 
@@ -101,7 +119,10 @@ fn name(file: &Path) -> String {
 
 /// Describes a saved run in a few words: `57,000 updates, seed 1, saved yesterday`.
 pub fn summary(found: &Description) -> String {
-    let age = found.written.and_then(local).map_or(String::new(), |at| format!(", saved {}", age(&at, &Zoned::now())));
+    let age = found
+        .written
+        .and_then(local)
+        .map_or(String::new(), |at| format!(", saved {}", age(&at, &Zoned::now())));
     format!("{} updates, seed {}{age}", grouped(found.updates), found.run.seed)
 }
 
@@ -152,7 +173,10 @@ mod tests {
 
     #[test]
     fn the_command_survives_a_shell() {
-        assert_eq!(resume_command(Path::new("saves/rooms.safetensors")), "gdg-tui --resume saves/rooms.safetensors");
+        assert_eq!(
+            resume_command(Path::new("saves/rooms.safetensors")),
+            "gdg-tui --resume saves/rooms.safetensors"
+        );
         let odd = resume_command(Path::new("my runs/it's.safetensors"));
         assert_eq!(shlex::split(&odd).expect("words")[2], "my runs/it's.safetensors", "{odd}");
     }
@@ -160,11 +184,15 @@ mod tests {
     #[test]
     fn a_folder_without_checkpoints_has_no_newest() {
         let folder = tempfile::tempdir().expect("a folder");
-        std::fs::write(folder.path().join("a.policy.safetensors"), "no checkpoint").expect("a file");
+        std::fs::write(folder.path().join("a.policy.safetensors"), "no checkpoint")
+            .expect("a file");
         std::fs::write(folder.path().join("b.safetensors"), "damaged").expect("a file");
         assert!(newest(folder.path(), None).is_none());
         assert!(newest(&folder.path().join("none"), None).is_none());
         let table = list(folder.path()).expect("a table");
-        assert!(table.contains("b.safetensors  cannot be loaded:") && !table.contains("policy"), "{table}");
+        assert!(
+            table.contains("b.safetensors  cannot be loaded:") && !table.contains("policy"),
+            "{table}"
+        );
     }
 }

@@ -42,30 +42,37 @@ pub struct Setup {
     pub warnings: Vec<String>,
 }
 
-/// Returns the settings given by `args` for a run in the world that `world` opens: a map or a world of `registry`.
+/// Returns the settings given by `args` for a run in the world that `world` opens: a map or a world
+/// of `registry`.
 ///
 /// # Errors
 /// See [`train::settings_from`].
 pub fn settings(args: &RunArgs, world: &Path, registry: &Registry) -> Result<Settings, Report> {
-    let defaults = registry.world_opened_by(known_name(world)).map_or(&[][..], |kind| kind.defaults);
+    let defaults =
+        registry.world_opened_by(known_name(world)).map_or(&[][..], |kind| kind.defaults);
     let overrides = Overrides { defaults, config: args.config.as_deref(), set: &args.set };
     train::settings_from(args.preset(), &overrides).map_err(from_config_error)
 }
 
-/// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or those given by `args`.
+/// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or
+/// those given by `args`.
 ///
 /// # Errors
 /// See [`settings`] and [`train::load`].
 pub fn settings_to_print(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Settings, Report> {
     match resumed_file(args, registry)? {
-        Some(path) => {
-            Ok(train::load(&path, registry, 1).map_err(from_checkpoint_error)?.trainer.run().settings.clone())
-        }
+        Some(path) => Ok(train::load(&path, registry, 1)
+            .map_err(from_checkpoint_error)?
+            .trainer
+            .run()
+            .settings
+            .clone()),
         None => settings(&args.run, args.map(), registry),
     }
 }
 
-/// Splits `PREFIX:NAME=VALUE`, a setting of one of several runs; the prefix is `None` if there is none.
+/// Splits `PREFIX:NAME=VALUE`, a setting of one of several runs; the prefix is `None` if there is
+/// none.
 pub fn split_prefix(setting: &str) -> (Option<&str>, &str) {
     match setting.split_once(':') {
         Some((prefix, setting)) if !prefix.contains('=') => (Some(prefix), setting),
@@ -76,7 +83,10 @@ pub fn split_prefix(setting: &str) -> (Option<&str>, &str) {
 /// Returns the settings in `set` that apply to the run called `name`, without their prefixes.
 pub fn settings_of(name: &str, set: &[String]) -> Vec<String> {
     let split = set.iter().map(|setting| split_prefix(setting));
-    split.filter(|(prefix, _)| prefix.is_none_or(|prefix| prefix == name)).map(|(_, own)| own.to_owned()).collect()
+    split
+        .filter(|(prefix, _)| prefix.is_none_or(|prefix| prefix == name))
+        .map(|(_, own)| own.to_owned())
+        .collect()
 }
 
 /// Returns the run given by `args` and `seed` in the world that `world` opens.
@@ -88,7 +98,8 @@ pub fn run(args: &RunArgs, world: &Path, registry: &Registry, seed: u64) -> Resu
     Ok(Run { method: args.method.clone(), preset: args.preset(), seed, settings })
 }
 
-/// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from `registry`.
+/// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from
+/// `registry`.
 ///
 /// # Errors
 /// A file or setting is invalid; the report is meant for the user.
@@ -96,7 +107,11 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     let threads = threads(args.threads);
     // Checked before training: otherwise, what was learned might be impossible to save.
     let resumed = resumed_file(args, registry)?;
-    let save = args.save.as_deref().map(|path| save_to(path, resumed.as_deref(), args.overwrite)).transpose()?;
+    let save = args
+        .save
+        .as_deref()
+        .map(|path| save_to(path, resumed.as_deref(), args.overwrite))
+        .transpose()?;
     if let Some(path) = &args.csv {
         // A resumed run goes on in its own table.
         refuse_existing(path, args.overwrite || resumed.is_some())?;
@@ -119,7 +134,8 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     };
     let mut warnings = Vec::from_iter(warning);
     if let Some(path) = &args.scen {
-        let maze = PointMaze::downcast_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
+        let maze =
+            PointMaze::downcast_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
         warnings.extend(load_scenario(path, maze, resumed.is_some())?);
     }
     let edits = load_edits(args, &trainer)?;
@@ -129,9 +145,13 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     Ok(Setup { trainer, edits, threads, save, resumed, warnings })
 }
 
-/// Gives `maze` the tasks of a scenario; returns a warning if that names another map. The map of a resumed run may have been
-/// edited, which may make paths longer.
-fn load_scenario(path: &Path, maze: &mut PointMaze, resumed: bool) -> Result<Option<String>, Report> {
+/// Gives `maze` the tasks of a scenario; returns a warning if that names another map. The map of a
+/// resumed run may have been edited, which may make paths longer.
+fn load_scenario(
+    path: &Path,
+    maze: &mut PointMaze,
+    resumed: bool,
+) -> Result<Option<String>, Report> {
     let scenario = map::read_scenario(path).map_err(from_map_error)?;
     let tasks = scenario.tasks(maze.map()).map_err(from_map_error)?;
     if !resumed {
@@ -142,20 +162,27 @@ fn load_scenario(path: &Path, maze: &mut PointMaze, resumed: bool) -> Result<Opt
     Ok(other.map(|problem| format!("warning: {}: {problem}", sanitized(&path.to_string_lossy()))))
 }
 
-/// Returns the checkpoint that `--resume` asks for: the given file, or the newest, of a map if one is named.
+/// Returns the checkpoint that `--resume` asks for: the given file, or the newest, of a map if one
+/// is named.
 fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>, Report> {
     let Some(given) = &args.resume else { return Ok(None) };
     let name = match (given, &args.map) {
         (Some(_), Some(map)) => {
             let map = map.display();
-            let help = format!("give --resume FILE alone, or {map} --resume for the newest checkpoint of {map}");
-            return Err(miette!(help = help, "a map and --resume FILE: a checkpoint contains its map"));
+            let help = format!(
+                "give --resume FILE alone, or {map} --resume for the newest checkpoint of {map}"
+            );
+            return Err(miette!(
+                help = help,
+                "a map and --resume FILE: a checkpoint contains its map"
+            ));
         }
         (Some(file), None) => {
             let name = known_name(file);
             let is_name = map::builtin(name).is_some()
                 || registry.worlds().iter().any(|kind| kind.create.is_some() && kind.name == name);
-            let is_map = || ["map", "txt"].iter().any(|extension| files::has_extension(file, extension));
+            let is_map =
+                || ["map", "txt"].iter().any(|extension| files::has_extension(file, extension));
             if train::is_checkpoint(file) || !is_name && !is_map() {
                 return Ok(Some(file.clone()));
             }
@@ -184,10 +211,18 @@ fn title_of(name: &Path, registry: &Registry) -> Result<String, Report> {
 /// Begins `run` in `world`, if it fits into memory.
 ///
 /// # Errors
-/// The run needs more memory than is available, or its learner is not registered or cannot be created.
-pub fn begin(run: Run, world: &dyn Environment, registry: &Arc<Registry>, threads: usize) -> Result<Trainer, Report> {
+/// The run needs more memory than is available, or its learner is not registered or cannot be
+/// created.
+pub fn begin(
+    run: Run,
+    world: &dyn Environment,
+    registry: &Arc<Registry>,
+    threads: usize,
+) -> Result<Trainer, Report> {
     train::memory::check(&run, world, registry).map_err(|error| match error {
-        TrainError::Memory { .. } | TrainError::AddressSpace { .. } => Report::msg(error).wrap_err("not enough memory"),
+        TrainError::Memory { .. } | TrainError::AddressSpace { .. } => {
+            Report::msg(error).wrap_err("not enough memory")
+        }
         other => Report::msg(other),
     })?;
     Trainer::new(run, world, registry, threads).into_diagnostic()
@@ -223,7 +258,8 @@ fn not_a_maze(option: &str) -> Report {
     miette!(help = "give a map", "{option} applies only to maps")
 }
 
-/// Returns how to save to the path of `--save`: neither another run's file nor one that is not a checkpoint is replaced.
+/// Returns how to save to the path of `--save`: neither another run's file nor one that is not a
+/// checkpoint is replaced.
 fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveTo, Report> {
     files::check_writable(path).map_err(|error| {
         let help = "give --save a file in a writable folder";
@@ -232,16 +268,27 @@ fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveT
     let own = resumed.is_some_and(|resumed| is_same_file(resumed, path));
     if overwrite && !own && path.exists() && !train::is_checkpoint(path) {
         let help = "give --save another name: --overwrite replaces only checkpoints of gdg-tui";
-        return Err(miette!(help = help, "{}: is not a checkpoint of gdg-tui and is not replaced", path.display()));
+        return Err(miette!(
+            help = help,
+            "{}: is not a checkpoint of gdg-tui and is not replaced",
+            path.display()
+        ));
     }
-    Ok(if own || overwrite { SaveTo::Replace(path.to_owned()) } else { SaveTo::CreateNew(path.to_owned()) })
+    Ok(if own || overwrite {
+        SaveTo::Replace(path.to_owned())
+    } else {
+        SaveTo::CreateNew(path.to_owned())
+    })
 }
 
 /// Returns the files that a run reads.
 fn inputs<'a>(args: &'a TrainArgs, resumed: Option<&'a Path>) -> impl Iterator<Item = &'a Path> {
     let map = args.map.as_deref();
     let edits = args.edit_at.iter().map(|edit| edit.file.as_path());
-    [map, args.scen.as_deref(), args.run.config.as_deref(), resumed].into_iter().flatten().chain(edits)
+    [map, args.scen.as_deref(), args.run.config.as_deref(), resumed]
+        .into_iter()
+        .flatten()
+        .chain(edits)
 }
 
 /// Checks that the file of an `option` which writes one is not among those that the command reads.
@@ -254,7 +301,11 @@ pub fn refuse_input<'a>(
 ) -> Result<(), Report> {
     if inputs.any(|input| is_same_file(input, path)) {
         let help = format!("give {option} another name");
-        return Err(miette!(help = help, "{}: is read by this run and is not replaced", path.display()));
+        return Err(miette!(
+            help = help,
+            "{}: is read by this run and is not replaced",
+            path.display()
+        ));
     }
     Ok(())
 }
@@ -267,11 +318,12 @@ fn is_same_file(a: &Path, b: &Path) -> bool {
 
 /// Returns the requested number of threads, else the number of cores.
 pub fn threads(requested: Option<u16>) -> usize {
-    requested.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
+    requested
+        .map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
 }
 
-/// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their updates. Leaves out
-/// those that the run had applied before it was saved, right after them.
+/// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their
+/// updates. Leaves out those that the run had applied before it was saved, right after them.
 fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> {
     if args.edit_at.is_empty() {
         return Ok(Vec::new());
@@ -279,24 +331,40 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| not_a_maze("--edit-at"))?;
     let (map, begun) = (maze.map(), trainer.counters().updates);
     let load = |edit: &EditAt| {
-        let never = |why: String| miette!("--edit-at {}:{}: {why}", edit.updates, edit.file.display());
+        let never =
+            |why: String| miette!("--edit-at {}:{}: {why}", edit.updates, edit.file.display());
         if edit.updates < begun {
-            return Err(never(format!("the run starts at update {begun}: give that or a later one")));
+            return Err(never(format!(
+                "the run starts at update {begun}: give that or a later one"
+            )));
         }
         if let Some(most) = args.max_updates.filter(|most| edit.updates > *most) {
-            return Err(never(format!("the run ends at update {most}: give that or an earlier one")));
+            return Err(never(format!(
+                "the run ends at update {most}: give that or an earlier one"
+            )));
         }
         let new = map::load_map(&edit.file).map_err(from_map_error)?;
         if (new.width(), new.height()) != (map.width(), map.height()) {
             let problem = format!("is {} x {} cells", new.width(), new.height());
-            let help = format!("give a map of {} x {}, the size of the run's map", map.width(), map.height());
-            return Err(from_map_error(MapError::whole_file(&edit.file.to_string_lossy(), problem, help)));
+            let help = format!(
+                "give a map of {} x {}, the size of the run's map",
+                map.width(),
+                map.height()
+            );
+            return Err(from_map_error(MapError::whole_file(
+                &edit.file.to_string_lossy(),
+                problem,
+                help,
+            )));
         }
         let new: Box<dyn Environment> = Box::new(maze.with_map(Arc::new(new)));
         Ok(Edit { updates: edit.updates, world: new })
     };
     let mut edits = args.edit_at.iter().map(load).collect::<Result<Vec<Edit>, Report>>()?;
-    let last = edits.iter().rfind(|edit| edit.updates == begun).and_then(|edit| PointMaze::downcast_ref(&*edit.world));
+    let last = edits
+        .iter()
+        .rfind(|edit| edit.updates == begun)
+        .and_then(|edit| PointMaze::downcast_ref(&*edit.world));
     // Checkpoints have names without what could lead out of a folder.
     let as_saved = |map: &Grid| map.clone().named(&safe_file_name(map.name()));
     if args.resume.is_some() && last.is_some_and(|edited| as_saved(edited.map()) == **map) {
@@ -305,8 +373,8 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     Ok(edits)
 }
 
-/// Rejects the path of an existing file unless it may be replaced. What is not a checkpoint never replaces one, and
-/// nothing replaces what is not a file.
+/// Rejects the path of an existing file unless it may be replaced. What is not a checkpoint never
+/// replaces one, and nothing replaces what is not a file.
 ///
 /// # Errors
 /// The file exists.
@@ -315,25 +383,35 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
         return Ok(());
     }
     if train::is_checkpoint(path) {
-        return Err(miette!(help = "give another name", "{}: is a checkpoint and is not replaced", path.display()));
+        return Err(miette!(
+            help = "give another name",
+            "{}: is a checkpoint and is not replaced",
+            path.display()
+        ));
     }
     if let Ok(found) = path.metadata()
         && !found.is_file()
     {
         let kind = if found.is_dir() { "a folder" } else { "not a regular file" };
-        return Err(miette!(help = "give the name of a file", "{}: cannot be written: it is {kind}", path.display()));
+        return Err(miette!(
+            help = "give the name of a file",
+            "{}: cannot be written: it is {kind}",
+            path.display()
+        ));
     }
     if overwrite { Ok(()) } else { Err(already_exists(path)) }
 }
 
-/// Creates a file and the folders that it is in, or truncates an existing one if it may be replaced.
+/// Creates a file and the folders that it is in, or truncates an existing one if it may be
+/// replaced.
 ///
 /// # Errors
 /// The file exists, or cannot be created.
 pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
     refuse_existing(path, overwrite)?;
     let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-    let file = folder.and_then(|()| if overwrite { File::create(path) } else { File::create_new(path) });
+    let file =
+        folder.and_then(|()| if overwrite { File::create(path) } else { File::create_new(path) });
     file.map_err(|error| match error.kind() {
         ErrorKind::AlreadyExists => already_exists(path),
         _ => miette!("{}: cannot be written: {error}", path.display()),
@@ -341,20 +419,33 @@ pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
 }
 
 fn already_exists(path: &Path) -> Report {
-    miette!(help = "give another name, or --overwrite", "{}: the file already exists", path.display())
+    miette!(
+        help = "give another name, or --overwrite",
+        "{}: the file already exists",
+        path.display()
+    )
 }
 
-/// Returns where a file that cannot be saved to `path` goes instead: in `saves/`, or in the user's state folder.
+/// Returns where a file that cannot be saved to `path` goes instead: in `saves/`, or in the user's
+/// state folder.
 pub fn elsewhere(path: &Path) -> Vec<PathBuf> {
     let state = ProjectDirs::from("", "", "gdg-tui");
-    let state = state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));
+    let state =
+        state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));
     let name = path.file_name().unwrap_or_default();
-    [Some(PathBuf::from(SAVES)), state].into_iter().flatten().map(|folder| folder.join(name)).collect()
+    [Some(PathBuf::from(SAVES)), state]
+        .into_iter()
+        .flatten()
+        .map(|folder| folder.join(name))
+        .collect()
 }
 
-/// Saves a run that cannot be saved to `path` [`elsewhere`], if need be under a name that every file system takes.
+/// Saves a run that cannot be saved to `path` [`elsewhere`], if need be under a name that every
+/// file system takes.
 pub fn save_elsewhere(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
     let places = elsewhere(path).into_iter().chain(elsewhere(Path::new("recovered.safetensors")));
-    let to = |place: PathBuf| if train::is_own(&place) { SaveTo::Replace(place) } else { SaveTo::CreateNew(place) };
+    let to = |place: PathBuf| {
+        if train::is_own(&place) { SaveTo::Replace(place) } else { SaveTo::CreateNew(place) }
+    };
     places.map(to).find_map(|to| train::save(trainer, &to).ok())
 }

@@ -1,4 +1,5 @@
-//! Termination signals: the first one ends a run gracefully; the same one again, later, ends it at once.
+//! Termination signals: the first one ends a run gracefully; the same one again, later, ends it at
+//! once.
 
 use std::collections::BTreeMap;
 use std::process::{Command, Stdio};
@@ -8,15 +9,17 @@ use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, Report};
-use signal_hook::consts::{SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ};
+use signal_hook::consts::{
+    SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ,
+};
 use signal_hook::iterator::Signals;
 
 use crate::waiting::{TWICE, Waiting};
 use gdg::printing;
 use gdg::pulse::Pulse;
 
-/// Makes writing beyond the limit on the size of files (`ulimit -f`) an error like a full disk, which would otherwise end
-/// the program.
+/// Makes writing beyond the limit on the size of files (`ulimit -f`) an error like a full disk,
+/// which would otherwise end the program.
 ///
 /// # Errors
 /// Returns the system's error.
@@ -24,19 +27,23 @@ pub fn survive_file_size_limit() -> std::io::Result<()> {
     signal_hook::flag::register(SIGXFSZ, Arc::default()).map(drop)
 }
 
-/// A signal that arrives again so soon is the same one: `timeout` sends its own to the program and to its group.
+/// A signal that arrives again so soon is the same one: `timeout` sends its own to the program and
+/// to its group.
 const SAME_SIGNAL: Duration = Duration::from_millis(200);
 
-/// How long the terminal may take to be restored when the program is to end at once: it may not read.
+/// How long the terminal may take to be restored when the program is to end at once: it may not
+/// read.
 const LONGEST_RESTORE: Duration = Duration::from_millis(500);
 
-/// Signals that end the program on every system: of terminals and users, of batch systems (SIGUSR1, SIGUSR2 and SIGXCPU
-/// warn of a limit), of timers that a program has inherited. They would all end it with nothing saved. Signals for faults,
-/// and SIGQUIT, which asks for a core dump, keep their effect.
-const ENDING: [i32; 9] = [SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2, SIGXCPU, SIGALRM, SIGVTALRM, SIGPROF];
+/// Signals that end the program on every system: of terminals and users, of batch systems (SIGUSR1,
+/// SIGUSR2 and SIGXCPU warn of a limit), of timers that a program has inherited. They would all end
+/// it with nothing saved. Signals for faults, and SIGQUIT, which asks for a core dump, keep their
+/// effect.
+const ENDING: [i32; 9] =
+    [SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2, SIGXCPU, SIGALRM, SIGVTALRM, SIGPROF];
 
-/// Those that come more than once without anybody's wish to end at once: whoever closes a terminal passes the hang-up on,
-/// as the system does itself, and clocks go on.
+/// Those that come more than once without anybody's wish to end at once: whoever closes a terminal
+/// passes the hang-up on, as the system does itself, and clocks go on.
 const REPEATING: [i32; 5] = [SIGHUP, SIGXCPU, SIGALRM, SIGVTALRM, SIGPROF];
 
 /// The termination signal received so far, if any.
@@ -47,8 +54,8 @@ pub struct TerminationSignal {
 }
 
 impl TerminationSignal {
-    /// Registers the signals that end the program, except those that were ignored at startup (as under nohup). While the
-    /// program takes long to end, says on standard error what it waits for.
+    /// Registers the signals that end the program, except those that were ignored at startup (as
+    /// under nohup). While the program takes long to end, says on standard error what it waits for.
     ///
     /// # Errors
     /// Returns the system's error.
@@ -56,8 +63,9 @@ impl TerminationSignal {
         Self::listen_with(None)
     }
 
-    /// Like [`Self::listen`], for an interface, which says itself what it waits for, and whose terminal is to be restored
-    /// before the program ends at once. Called before the threads of the interface start.
+    /// Like [`Self::listen`], for an interface, which says itself what it waits for, and whose
+    /// terminal is to be restored before the program ends at once. Called before the threads of the
+    /// interface start.
     ///
     /// # Errors
     /// Returns the system's error.
@@ -71,7 +79,8 @@ impl TerminationSignal {
         let termination = Self::default();
         let ignored = ignored_signals();
         let is_ignored = |number: &i32| ignored.contains(number);
-        let mut signals = Signals::new(ENDING.iter().filter(|number| !is_ignored(number))).into_diagnostic()?;
+        let mut signals =
+            Signals::new(ENDING.iter().filter(|number| !is_ignored(number))).into_diagnostic()?;
         for number in ending_here().filter(|number| !is_ignored(number)) {
             // The C library keeps some real-time signals to itself.
             let _ = signals.add_signal(number);
@@ -84,11 +93,17 @@ impl TerminationSignal {
                 if arrivals.is_another_wish(number, Instant::now()) {
                     end_at_once(restore_terminal, own.number().unwrap_or(number));
                 }
-                if own.number.compare_exchange(0, number, Ordering::Relaxed, Ordering::Relaxed).is_ok() {
+                if own
+                    .number
+                    .compare_exchange(0, number, Ordering::Relaxed, Ordering::Relaxed)
+                    .is_ok()
+                {
                     printing::hurry();
                     own.pulse.stop();
                     let ends_at_once = if number == SIGINT { "Ctrl-C" } else { TWICE };
-                    waiting = restore_terminal.is_none().then(|| Waiting::begin(&own.pulse, ends_at_once, || {}));
+                    waiting = restore_terminal
+                        .is_none()
+                        .then(|| Waiting::begin(&own.pulse, ends_at_once, || {}));
                 }
             }
             drop(waiting);
@@ -113,8 +128,8 @@ impl TerminationSignal {
     }
 }
 
-/// Lets the calling thread, and those that it starts, use the terminal from the background without being stopped for it.
-/// The system would stop the whole program, which could then not even end.
+/// Lets the calling thread, and those that it starts, use the terminal from the background without
+/// being stopped for it. The system would stop the whole program, which could then not even end.
 fn survive_in_background() {
     use nix::sys::signal::{SigSet, Signal};
 
@@ -128,17 +143,19 @@ fn survive_in_background() {
 struct Arrivals(BTreeMap<i32, Instant>);
 
 impl Arrivals {
-    /// Notes a signal; returns whether somebody wishes once more that the program ends. Signals that come together are one
-    /// wish: the end of a login session sends SIGTERM, SIGCONT and SIGHUP. So are those by which a batch system insists, as
-    /// it sends another one each time.
+    /// Notes a signal; returns whether somebody wishes once more that the program ends. Signals
+    /// that come together are one wish: the end of a login session sends SIGTERM, SIGCONT and
+    /// SIGHUP. So are those by which a batch system insists, as it sends another one each time.
     fn is_another_wish(&mut self, number: i32, now: Instant) -> bool {
         let before = self.0.insert(number, now);
-        let again = before.is_some_and(|before| now.saturating_duration_since(before) >= SAME_SIGNAL);
+        let again =
+            before.is_some_and(|before| now.saturating_duration_since(before) >= SAME_SIGNAL);
         again && !REPEATING.contains(&number)
     }
 }
 
-/// Has a limit of CPU time warn by SIGXCPU before it kills the program: `ulimit -t` and batch systems often set both at once.
+/// Has a limit of CPU time warn by SIGXCPU before it kills the program: `ulimit -t` and batch
+/// systems often set both at once.
 fn warn_of_cpu_limit() {
     use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit, setrlimit};
 
@@ -150,8 +167,8 @@ fn warn_of_cpu_limit() {
     }
 }
 
-/// Returns the seconds of CPU time after which to warn of a limit: all cores may go on for a few seconds until the run is
-/// saved.
+/// Returns the seconds of CPU time after which to warn of a limit: all cores may go on for a few
+/// seconds until the run is saved.
 fn warning_before(limit: u64, cores: u64) -> u64 {
     limit - (limit / 2).min(5 + 3 * cores)
 }
@@ -174,8 +191,8 @@ fn end_at_once(restore_terminal: Option<fn()>, number: i32) -> ! {
 #[cfg(target_os = "linux")]
 const REAL_TIME: std::ops::RangeInclusive<i32> = 34..=64;
 
-/// Returns further signals that would end the program on this system: SIGPWR, when power fails or a container is to stop,
-/// SIGIO, SIGSTKFLT and the real-time signals.
+/// Returns further signals that would end the program on this system: SIGPWR, when power fails or a
+/// container is to stop, SIGIO, SIGSTKFLT and the real-time signals.
 #[cfg(target_os = "linux")]
 fn ending_here() -> impl Iterator<Item = i32> {
     use nix::sys::signal::Signal;
@@ -192,8 +209,8 @@ fn ending_here() -> impl Iterator<Item = i32> {
     std::iter::empty()
 }
 
-/// Returns the ending signals that this process ignores. Only Linux tells, where it has /proc; elsewhere, children show which
-/// signals end them, as they ignore the same.
+/// Returns the ending signals that this process ignores. Only Linux tells, where it has /proc;
+/// elsewhere, children show which signals end them, as they ignore the same.
 fn ignored_signals() -> Vec<i32> {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -230,7 +247,9 @@ mod tests {
         let began = Instant::now();
         let wishes = |signals: &[(i32, u64)]| {
             let mut arrivals = Arrivals::default();
-            let at = |(number, ms): &(i32, u64)| arrivals.is_another_wish(*number, began + Duration::from_millis(*ms));
+            let at = |(number, ms): &(i32, u64)| {
+                arrivals.is_another_wish(*number, began + Duration::from_millis(*ms))
+            };
             signals.iter().map(at).collect::<Vec<_>>().contains(&true)
         };
         assert!(wishes(&[(SIGINT, 0), (SIGINT, 300)]), "Ctrl-C again");

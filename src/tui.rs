@@ -1,21 +1,21 @@
 //! The terminal trainer: draws what the engine publishes and forwards user input.
 //!
-//! Three threads: the engine trains, the viewer ([`gdg::viewer`]) computes distance fields and walks the test agent,
-//! and this one draws.
-//! No thread waits for another: each reads the latest state that the others have published.
+//! Three threads: the engine trains, the viewer ([`gdg::viewer`]) computes distance fields and
+//! walks the test agent, and this one draws. No thread waits for another: each reads the latest
+//! state that the others have published.
 //!
 //! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration.
 //! * `screen`: the state a frame is drawn from; `dialog` and `log` are parts of it.
 //! * `app`: the controller, which applies events to the screen, the trainer and the viewer.
 //! * `event_loop`: forwards events and draws frames, for the trainer and for comparisons.
 //! * `compare`: two runs side by side, each with its own `app`.
-//! * `scene`: what is drawn in the place of the map and how it reacts, a folder for each kind of world; `raster`, `canvas`,
-//!   `glyphs`, `layers` and `theme` turn it into characters.
+//! * `scene`: what is drawn in the place of the map and how it reacts, a folder for each kind of
+//!   world; `raster`, `canvas`, `glyphs`, `layers` and `theme` turn it into characters.
 //! * `graphics`: pictures in the terminal, where it shows them; `sheet` draws them.
 //! * `render`: the panes and everything else around it.
 //! * `tour`: the guided tour.
-//! * `export`: writes what is shown to files; `terminal`: the terminal itself; `input`: what comes from it; `record`:
-//!   recordings of it.
+//! * `export`: writes what is shown to files; `terminal`: the terminal itself; `input`: what comes
+//!   from it; `record`: recordings of it.
 
 mod action;
 mod app;
@@ -60,7 +60,9 @@ use crate::setup::{self, Setup};
 use crate::signals::TerminationSignal;
 use app::{App, Files};
 pub use compare::{prepare as prepare_comparison, run as compare};
-pub use config::{UiConfig, load as load_config, parse as parse_config, template as config_template};
+pub use config::{
+    UiConfig, load as load_config, parse as parse_config, template as config_template,
+};
 pub use export::{PageColours, picture_of, png_of};
 use gdg::engine::Engine;
 use gdg::map;
@@ -78,30 +80,36 @@ pub struct PreparedInterface {
     recorder: Option<Recorder>,
 }
 
-/// Open files that the interface needs besides those that are open: for terminal, signals, its guard and checkpoints.
+/// Open files that the interface needs besides those that are open: for terminal, signals, its
+/// guard and checkpoints.
 #[cfg(unix)]
 const MIN_OPEN_FILES: usize = 24;
 
-/// Reads the configuration and starts the recording. Called before anything else, since both can fail.
+/// Reads the configuration and starts the recording. Called before anything else, since both can
+/// fail.
 ///
 /// # Errors
-/// The configuration is invalid, the recording exists already or cannot be written, or too few files can be open at once.
+/// The configuration is invalid, the recording exists already or cannot be written, or too few
+/// files can be open at once.
 pub fn prepare(args: &InterfaceArgs, overwrite: bool) -> Result<PreparedInterface, Report> {
     #[cfg(unix)]
     check_open_files()?;
     let mut config = config::load(args.ui_config.as_deref())
         .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
     config.0.marker = args.marker.unwrap_or(config.0.marker);
-    let recorder = args.record.as_deref().map(|path| Recorder::start(path, overwrite)).transpose()?;
+    let recorder =
+        args.record.as_deref().map(|path| Recorder::start(path, overwrite)).transpose()?;
     Ok(PreparedInterface { config, recorder })
 }
 
-/// Checks that as many files can be open as the interface needs: the libraries that it uses panic otherwise.
+/// Checks that as many files can be open as the interface needs: the libraries that it uses panic
+/// otherwise.
 #[cfg(unix)]
 fn check_open_files() -> Result<(), Report> {
     use std::os::fd::AsFd;
     let stdin = std::io::stdin();
-    let opened: std::io::Result<Vec<_>> = (0..MIN_OPEN_FILES).map(|_| stdin.as_fd().try_clone_to_owned()).collect();
+    let opened: std::io::Result<Vec<_>> =
+        (0..MIN_OPEN_FILES).map(|_| stdin.as_fd().try_clone_to_owned()).collect();
     opened.map(drop).map_err(|error| {
         let help = "raise the limit, e.g. ulimit -n 256, or train with --no-ui";
         miette!(help = help, "the interface needs {MIN_OPEN_FILES} more open files: {error}")
@@ -120,16 +128,21 @@ pub fn run(
     let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
     let Setup { trainer, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
-    let search = resumed.is_none().then(|| app::search(trainer.world().title().to_owned()).ok()).flatten();
+    let search =
+        resumed.is_none().then(|| app::search(trainer.world().title().to_owned()).ok()).flatten();
     // What is to be saved elsewhere is not saved yet.
     let limits = args.limits(trainer.seconds());
-    let engine = Engine::resume(trainer, limits, resumed.filter(|_| save.is_none())).into_diagnostic()?;
+    let engine =
+        Engine::resume(trainer, limits, resumed.filter(|_| save.is_none())).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let marker = config.0.marker;
     let mut app = App::new(engine, viewer, config, Files { save });
     app.search = search;
     app.screen.first_run = is_first_run();
-    let file = args.map.as_deref().filter(|file| file.to_str().is_none_or(|name| map::builtin(name).is_none()));
+    let file = args
+        .map
+        .as_deref()
+        .filter(|file| file.to_str().is_none_or(|name| map::builtin(name).is_none()));
     let file = file.filter(|file| file.is_file()).map(Path::to_owned);
     // Writing to the disk must not delay the first frame.
     let remember = |file: PathBuf| {
@@ -162,7 +175,10 @@ pub fn prepare_tour(args: &TourArgs, registry: &Arc<Registry>) -> Result<Trainer
 ///
 /// # Errors
 /// Errors of the terminal, of training or of saving.
-pub fn take_tour(trainer: Trainer, PreparedInterface { config, recorder }: PreparedInterface) -> Result<u8, Report> {
+pub fn take_tour(
+    trainer: Trainer,
+    PreparedInterface { config, recorder }: PreparedInterface,
+) -> Result<u8, Report> {
     let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
     let engine = Engine::start(trainer, Limits::default()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;

@@ -24,7 +24,8 @@ pub struct Waiting {
 }
 
 impl Waiting {
-    /// Begins to wait for what `pulse` is doing, unless the user does what `ends_at_once`. `before` runs before anything is said, which may have to leave a screen.
+    /// Begins to wait for what `pulse` is doing, unless the user does what `ends_at_once`. `before`
+    /// runs before anything is said, which may have to leave a screen.
     pub fn begin(pulse: &Pulse, ends_at_once: &'static str, before: fn()) -> Self {
         let ((ended, end), pulse) = (channel(), pulse.clone());
         let say = move || {
@@ -33,13 +34,16 @@ impl Waiting {
             while end.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
                 pause = POLL_INTERVAL;
                 let activity = pulse.activity();
-                if said.is_some_and(|(same, at): (_, Instant)| same == activity && at.elapsed() < REPEAT_AFTER) {
+                if said.is_some_and(|(same, at): (_, Instant)| {
+                    same == activity && at.elapsed() < REPEAT_AFTER
+                }) {
                     continue;
                 }
                 if said.is_none() {
                     before();
                 }
-                let mut line = format!("waiting for {activity} ({} s so far)", began.elapsed().as_secs());
+                let mut line =
+                    format!("waiting for {activity} ({} s so far)", began.elapsed().as_secs());
                 if said.is_none() {
                     line += &format!("; {ends_at_once} ends at once, without what is not saved");
                 }

@@ -1,5 +1,5 @@
-//! Stress tests that attack the program and count their attempts. The short form runs with the other tests, the long
-//! one with `ATTACK=long cargo test --release --test attack -- --nocapture`.
+//! Stress tests that attack the program and count their attempts. The short form runs with the
+//! other tests, the long one with `ATTACK=long cargo test --release --test attack -- --nocapture`.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
@@ -16,7 +16,10 @@ use gdg::train::Registry;
 use gdg::{map, train};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use support::{Session, checkpoints, headless, isolated_command, non_zero, outcome, size, with_updated_checksum};
+use support::{
+    Session, checkpoints, headless, isolated_command, non_zero, outcome, size,
+    with_updated_checksum,
+};
 
 /// Returns the number of attempts: `short`, or `long` in the long form.
 fn times(short: usize, long: usize) -> usize {
@@ -46,7 +49,11 @@ fn kills_while_saving_never_corrupt_a_checkpoint() {
     let mut args = vec!["trap", "--save", "kept.safetensors", "--save-every", "0.0001"];
     let mut updates = 0;
     for _ in 0..kills {
-        let mut child = headless(folder.path(), &args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let mut child = headless(folder.path(), &args)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
         let began = Instant::now();
         while !path.exists() {
             assert!(began.elapsed() < Duration::from_mins(1), "nothing is saved");
@@ -58,19 +65,29 @@ fn kills_while_saving_never_corrupt_a_checkpoint() {
         let now = load(&path).trainer.counters().updates;
         assert!(now >= updates, "update {updates} was saved, and {now} is left");
         updates = now;
-        args = vec!["--resume", "kept.safetensors", "--save", "kept.safetensors", "--save-every", "0.0001"];
+        args = vec![
+            "--resume",
+            "kept.safetensors",
+            "--save",
+            "kept.safetensors",
+            "--save-every",
+            "0.0001",
+        ];
     }
-    // The next save removes what the killed programs left behind, once it is old enough to count as stale.
+    // The next save removes what the killed programs left behind, once it is old enough to count as
+    // stale.
     std::thread::sleep(Duration::from_secs(6));
     let stop = (updates + 1).to_string();
     args.extend(["--max-updates", &stop, "--eval-tasks", "1"]);
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
-    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    let left: Vec<_> =
+        std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert!(left.iter().all(|name| name == "kept.safetensors" || name == "home"), "{left:?}");
     println!("{kills} kills, {updates} updates, no checkpoint broken, nothing left behind");
 }
 
-/// Trains a small run to the last of `stops`, saving and resuming at each one; returns its checkpoint.
+/// Trains a small run to the last of `stops`, saving and resuming at each one; returns its
+/// checkpoint.
 fn trained(folder: &Path, name: &str, stops: &[u64]) -> PathBuf {
     let file = format!("{name}.safetensors");
     for (i, stop) in stops.iter().enumerate() {
@@ -100,19 +117,27 @@ fn runs_resumed_at_random_updates_continue_bitwise() {
     let (rounds, folder, mut rng) = (times(3, 50), folder(), rng(2));
     let straight = contents(&trained(folder.path(), "straight", &[900]));
     for round in 0..rounds {
-        let mut stops: Vec<u64> = (0..rng.random_range(1..4)).map(|_| rng.random_range(1..900)).collect();
+        let mut stops: Vec<u64> =
+            (0..rng.random_range(1..4)).map(|_| rng.random_range(1..900)).collect();
         stops.push(900);
         stops.sort_unstable();
         stops.dedup();
         let found = contents(&trained(folder.path(), &format!("round-{round}"), &stops));
-        let differ: Vec<_> =
-            straight.iter().filter(|(name, bytes)| found.get(*name) != Some(*bytes)).map(|d| d.0).collect();
-        assert!(differ.is_empty() && found.len() == straight.len(), "stopped at {stops:?}: {differ:?} differ");
+        let differ: Vec<_> = straight
+            .iter()
+            .filter(|(name, bytes)| found.get(*name) != Some(*bytes))
+            .map(|d| d.0)
+            .collect();
+        assert!(
+            differ.is_empty() && found.len() == straight.len(),
+            "stopped at {stops:?}: {differ:?} differ"
+        );
     }
     println!("{rounds} runs stopped and resumed, all the same");
 }
 
-/// Applies random mutations: changes bytes, inserts numbers, and removes, repeats or cuts off parts.
+/// Applies random mutations: changes bytes, inserts numbers, and removes, repeats or cuts off
+/// parts.
 fn mutated(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..rng.random_range(1..6) {
@@ -144,21 +169,27 @@ fn mutated(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
 fn mutated_maps_scenarios_and_settings_are_read_or_refused() {
     let (count, folder, mut rng) = (times(150, 1000), folder(), rng(3));
     let grid = map::builtin("trap").unwrap();
-    let scenario: String = (0..9).map(|i| format!("0\ttrap\t53\t41\t0\t0\t{i}\t0\t{i}\n")).collect();
+    let scenario: String =
+        (0..9).map(|i| format!("0\ttrap\t53\t41\t0\t0\t{i}\t0\t{i}\n")).collect();
     let config = serde_json::to_string_pretty(&train::Preset::Default.settings()).unwrap();
     let (ascii, movingai) = (map::print_ascii(&grid), map::print_movingai(&grid));
     let path = folder.path().join("file");
     let mut taken = [0; 4];
     for _ in 0..count {
-        for (i, text) in [&ascii, &movingai, &format!("version 1\n{scenario}"), &config].into_iter().enumerate() {
+        for (i, text) in
+            [&ascii, &movingai, &format!("version 1\n{scenario}"), &config].into_iter().enumerate()
+        {
             let bytes = mutated(text.as_bytes(), &mut rng);
             std::fs::write(&path, &bytes).unwrap();
             let fine = match i {
                 0 | 1 => map::load_map(&path).map(drop).map_err(|e| e.to_string()),
                 2 => map::load_scenario(&path, &grid).map(drop).map_err(|e| e.to_string()),
                 _ => {
-                    let overrides = train::Overrides { config: Some(&path), ..train::Overrides::default() };
-                    train::settings_from(train::Preset::Default, &overrides).map(drop).map_err(|e| e.to_string())
+                    let overrides =
+                        train::Overrides { config: Some(&path), ..train::Overrides::default() };
+                    train::settings_from(train::Preset::Default, &overrides)
+                        .map(drop)
+                        .map_err(|e| e.to_string())
                 }
             };
             match fine {
@@ -167,7 +198,9 @@ fn mutated_maps_scenarios_and_settings_are_read_or_refused() {
             }
         }
     }
-    println!("{count} each of maps, Moving AI maps, scenarios and settings: {taken:?} were still valid");
+    println!(
+        "{count} each of maps, Moving AI maps, scenarios and settings: {taken:?} were still valid"
+    );
 }
 
 #[test]
@@ -188,7 +221,8 @@ fn mutated_checkpoints_are_refused_or_can_be_trained() {
                     *bytes = mutated(bytes, &mut rng);
                     bytes.truncate(bytes.len() / width * width);
                 } else {
-                    let name = ["run", "trainer", "history", "map", "learner_updates"][rng.random_range(0..5)];
+                    let name = ["run", "trainer", "history", "map", "learner_updates"]
+                        [rng.random_range(0..5)];
                     let changed = mutated(texts[name].as_bytes(), &mut rng);
                     texts.insert(name.to_owned(), String::from_utf8_lossy(&changed).into_owned());
                 }
@@ -201,7 +235,10 @@ fn mutated_checkpoints_are_refused_or_can_be_trained() {
                 // Training may fail, but must neither hang nor panic.
                 let began = Instant::now();
                 while trainer.counters().updates < more && trainer.tick().is_ok() {
-                    assert!(began.elapsed() < Duration::from_mins(1), "checkpoint {i} trains forever");
+                    assert!(
+                        began.elapsed() < Duration::from_mins(1),
+                        "checkpoint {i} trains forever"
+                    );
                 }
             }
             Err(error) => assert!(!error.to_string().is_empty()),
@@ -218,9 +255,19 @@ fn mutated_recordings_are_drawn_or_refused() {
         std::fs::write(folder.path().join("a.cast"), mutated(cast.as_bytes(), &mut rng)).unwrap();
         let began = Instant::now();
         let mut command = isolated_command(folder.path());
-        let (status, _, errors) =
-            outcome(command.args(["frames", "a.cast", "--at", "0.3", "--out", "out", "--overwrite"]));
-        assert!(matches!(status, 0 | 2) && began.elapsed() < Duration::from_secs(10), "{status}: {errors}");
+        let (status, _, errors) = outcome(command.args([
+            "frames",
+            "a.cast",
+            "--at",
+            "0.3",
+            "--out",
+            "out",
+            "--overwrite",
+        ]));
+        assert!(
+            matches!(status, 0 | 2) && began.elapsed() < Duration::from_secs(10),
+            "{status}: {errors}"
+        );
     }
     println!("{count} recordings");
 }
@@ -248,14 +295,17 @@ fn random_keys_and_clicks_break_nothing_and_touch_no_other_files() {
     let before = std::fs::read(outside.path().join("mine.txt")).unwrap();
     let mut session = Session::start(&inside, &["trap"]);
     session.wait_for("training");
-    let special =
-        ["\r", "\x1b", "\t", " ", "\x7f", "\x1b[A", "\x1b[B", "\x1b[C", "\x1b[D", "\x1b[5~", "\x1b[6~", "\x15"];
+    let special = [
+        "\r", "\x1b", "\t", " ", "\x7f", "\x1b[A", "\x1b[B", "\x1b[C", "\x1b[D", "\x1b[5~",
+        "\x1b[6~", "\x15",
+    ];
     for i in 0..events {
         let keys = match rng.random_range(0..10) {
             0..5 => char::from(rng.random_range(b' '..=b'~')).to_string(),
             5..8 => special[rng.random_range(0..special.len())].to_owned(),
             _ => {
-                let (button, x, y) = (rng.random_range(0..70), rng.random_range(1..90), rng.random_range(1..30));
+                let (button, x, y) =
+                    (rng.random_range(0..70), rng.random_range(1..90), rng.random_range(1..30));
                 format!("\x1b[<{button};{x};{y}M\x1b[<{button};{x};{y}m")
             }
         };
@@ -265,7 +315,11 @@ fn random_keys_and_clicks_break_nothing_and_touch_no_other_files() {
         }
         if let Some(status) = session.child.try_wait().unwrap() {
             // Random keys can quit the program, as a user does.
-            assert!(status.exit_code() == 0, "{status:?} after {i} events:\n{}", session.screen_text());
+            assert!(
+                status.exit_code() == 0,
+                "{status:?} after {i} events:\n{}",
+                session.screen_text()
+            );
             session = Session::start(&inside, &["trap"]);
             session.wait_for("training");
         }
@@ -314,7 +368,15 @@ fn concurrent_programs_never_save_to_the_same_file() {
     std::thread::scope(|scope| {
         for _ in 0..programs {
             scope.spawn(|| {
-                let args = ["trap", "--max-updates", "20", "--eval-tasks", "1", "--save", "same.safetensors"];
+                let args = [
+                    "trap",
+                    "--max-updates",
+                    "20",
+                    "--eval-tasks",
+                    "1",
+                    "--save",
+                    "same.safetensors",
+                ];
                 assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
                 done.fetch_add(1, Ordering::Relaxed);
             });
@@ -334,15 +396,18 @@ fn measured(session: &Session) -> Option<(f64, usize, f64)> {
     let pages: f64 = pages.split(' ').nth(1)?.parse().ok()?;
     let handles = std::fs::read_dir(format!("{process}/fd")).ok()?.count();
     let shown = session.screen_text();
-    let updates = shown.split("\u{2502} updates").nth(1)?.split_whitespace().next()?.replace(',', "");
+    let updates =
+        shown.split("\u{2502} updates").nth(1)?.split_whitespace().next()?.replace(',', "");
     let units = [('k', 1e3), ('M', 1e6)];
-    let unit = units.iter().find(|(sign, _)| updates.ends_with(*sign)).map_or(1.0, |(_, unit)| *unit);
+    let unit =
+        units.iter().find(|(sign, _)| updates.ends_with(*sign)).map_or(1.0, |(_, unit)| *unit);
     let updates = unit * updates.trim_end_matches(char::is_alphabetic).parse::<f64>().ok()?;
     Some((pages * 4096.0 / 1e6, handles, updates))
 }
 
-/// Trains with the interface open while the map is edited, autosaved and evaluated repeatedly: memory and open handles
-/// stay constant once the replay is full. Takes 20 minutes in the long form.
+/// Trains with the interface open while the map is edited, autosaved and evaluated repeatedly:
+/// memory and open handles stay constant once the replay is full. Takes 20 minutes in the long
+/// form.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_run_leaks_no_handles_and_a_long_one_no_memory() {
@@ -368,20 +433,26 @@ fn a_run_leaks_no_handles_and_a_long_one_no_memory() {
     for (memory, handles, updates) in all.iter().step_by((all.len() / 20).max(1)) {
         println!("{memory:.0} MB, {handles} handles, {updates:.0} updates");
     }
-    // After a fifth of the time the replay is full and all buffers have their final size. Writing a checkpoint takes
-    // more memory temporarily, so compare the minima.
+    // After a fifth of the time the replay is full and all buffers have their final size. Writing a
+    // checkpoint takes more memory temporarily, so compare the minima.
     let fifth = all.len() / 5;
     let (first, last) = (&all[fifth], &all[all.len() - 1]);
     if rounds > 1_000 {
-        let least = |part: &[(f64, usize, f64)]| part.iter().map(|m| m.0).fold(f64::INFINITY, f64::min);
+        let least =
+            |part: &[(f64, usize, f64)]| part.iter().map(|m| m.0).fold(f64::INFINITY, f64::min);
         let most = all[fifth..].iter().map(|m| m.0).fold(0.0, f64::max);
         let (early, late) = (least(&all[fifth..2 * fifth]), least(&all[4 * fifth..]));
         assert!(
             late < 1.05 * early && most < 1.5 * early,
             "{early:.0} MB early, {late:.0} MB late, at most {most:.0} MB"
         );
-        let rate = |part: &[(f64, usize, f64)]| (part[part.len() - 1].2 - part[0].2) / part.len() as f64;
-        println!("{:.0} updates a round early, {:.0} late", rate(&all[fifth..2 * fifth]), rate(&all[4 * fifth..]));
+        let rate =
+            |part: &[(f64, usize, f64)]| (part[part.len() - 1].2 - part[0].2) / part.len() as f64;
+        println!(
+            "{:.0} updates a round early, {:.0} late",
+            rate(&all[fifth..2 * fifth]),
+            rate(&all[4 * fifth..])
+        );
     }
     assert!(last.1 <= first.1 + 4, "{} handles, {} at first", last.1, first.1);
     assert!(checkpoints(folder.path()).len() <= 4, "of autosaves three are kept");
@@ -403,7 +474,10 @@ fn fuzzing_seeds_are_read_or_refused() {
                 drop(gdg_tui::tui::parse_config("kept", &text));
             }
             "checkpoint" => {
-                for bytes in [Some(bytes.clone()), train::with_updated_checksum(&bytes)].into_iter().flatten() {
+                for bytes in [Some(bytes.clone()), train::with_updated_checksum(&bytes)]
+                    .into_iter()
+                    .flatten()
+                {
                     if let Ok(mut trainer) = train::from_bytes(&bytes, &Registry::builtin(), 1) {
                         (0..4).for_each(|_| drop(trainer.tick()));
                     }

@@ -16,8 +16,16 @@ fn gdg() -> Assert {
 }
 
 /// Arguments that keep a run small.
-const SMALL: [&str; 8] =
-    ["--set", "hidden=16", "--set", "buffer_size=20000", "--set", "candidates=50", "--set", "learning_starts=500"];
+const SMALL: [&str; 8] = [
+    "--set",
+    "hidden=16",
+    "--set",
+    "buffer_size=20000",
+    "--set",
+    "candidates=50",
+    "--set",
+    "learning_starts=500",
+];
 
 fn records(output: &[u8]) -> Vec<Value> {
     let text = std::str::from_utf8(output).unwrap();
@@ -32,13 +40,26 @@ fn run(args: &[&str]) -> Vec<Value> {
 }
 
 fn file(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/gdg/tests/maps").join(name).to_string_lossy().into_owned()
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("crates/gdg/tests/maps")
+        .join(name)
+        .to_string_lossy()
+        .into_owned()
 }
 
 #[test]
 fn records_have_the_documented_format() {
-    let all =
-        run(&["trap", "--seed", "5", "--max-updates", "1000", "--eval-tasks", "2", "--eval-every-updates", "500"]);
+    let all = run(&[
+        "trap",
+        "--seed",
+        "5",
+        "--max-updates",
+        "1000",
+        "--eval-tasks",
+        "2",
+        "--eval-every-updates",
+        "500",
+    ]);
     let of = |event: &str| all.iter().filter(|r| r["event"] == event).collect::<Vec<_>>();
     let start = of("start")[0];
     assert_eq!(start["map"]["name"], "trap");
@@ -63,7 +84,11 @@ fn records_have_the_documented_format() {
         assert!((0.0..=1.0).contains(&score["success"].as_f64().unwrap()));
         let groups = score["by_distance"].as_array().unwrap();
         assert_eq!(groups.len(), 6);
-        assert!(groups.iter().all(|g| g["tasks"] == 2 && g["spl"].is_number() && g["distance_steps"].is_number()));
+        assert!(
+            groups.iter().all(|g| g["tasks"] == 2
+                && g["spl"].is_number()
+                && g["distance_steps"].is_number())
+        );
     }
     for field in ["mape", "near_mape", "bias", "spearman"] {
         assert!(last["distance_error"][field].is_number(), "{field}");
@@ -72,7 +97,10 @@ fn records_have_the_documented_format() {
         assert!(last["bridges"][field].is_number(), "{field}");
     }
     let end = all.last().unwrap();
-    assert_eq!((&end["event"], &end["reason"], &end["updates"]), (&"end".into(), &"max-updates".into(), &1000.into()));
+    assert_eq!(
+        (&end["event"], &end["reason"], &end["updates"]),
+        (&"end".into(), &"max-updates".into(), &1000.into())
+    );
 }
 
 #[test]
@@ -80,12 +108,24 @@ fn metrics_are_also_written_as_a_table() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.csv");
     let path = path.to_str().unwrap();
-    let args = ["trap", "--seed", "5", "--max-updates", "1000", "--eval-tasks", "2", "--eval-every-updates", "500"];
+    let args = [
+        "trap",
+        "--seed",
+        "5",
+        "--max-updates",
+        "1000",
+        "--eval-tasks",
+        "2",
+        "--eval-every-updates",
+        "500",
+    ];
     let all = run(&[&args[..], &["--csv", path]].concat());
     let mut table = csv::Reader::from_path(path).unwrap();
     let head: Vec<String> = table.headers().unwrap().iter().map(str::to_owned).collect();
     let lines: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
-    let of = |line: &csv::StringRecord, name: &str| line[head.iter().position(|h| h == name).unwrap()].to_owned();
+    let of = |line: &csv::StringRecord, name: &str| {
+        line[head.iter().position(|h| h == name).unwrap()].to_owned()
+    };
     let records = all.iter().filter(|r| r["event"] == "progress" || r["event"] == "evaluation");
     assert_eq!(lines.len(), 3, "{lines:?}");
     for (line, record) in lines.iter().zip(records) {
@@ -94,18 +134,29 @@ fn metrics_are_also_written_as_a_table() {
             assert_eq!(of(line, name), record[name].to_string(), "{name}");
         }
         if record["event"] == "evaluation" {
-            assert_eq!(of(line, "greedy_success").parse::<f64>().unwrap(), record["greedy"]["success"]);
+            assert_eq!(
+                of(line, "greedy_success").parse::<f64>().unwrap(),
+                record["greedy"]["success"]
+            );
             assert_eq!(
                 of(line, "planned_success_6").parse::<f64>().unwrap(),
                 record["planned"]["by_distance"][5]["success"]
             );
             let left = &record["marked"]["planned"]["left_straight"];
-            assert!((of(line, "goal_distance_left").parse::<f64>().unwrap() - left.as_f64().unwrap()).abs() < 1e-5);
+            assert!(
+                (of(line, "goal_distance_left").parse::<f64>().unwrap() - left.as_f64().unwrap())
+                    .abs()
+                    < 1e-5
+            );
         } else {
-            assert_eq!((of(line, "greedy_success"), of(line, "critic_loss").is_empty()), (String::new(), false));
+            assert_eq!(
+                (of(line, "greedy_success"), of(line, "critic_loss").is_empty()),
+                (String::new(), false)
+            );
         }
     }
-    let again = gdg().args(["--no-ui", "trap", "--max-updates", "1", "--csv", path]).output().unwrap();
+    let again =
+        gdg().args(["--no-ui", "trap", "--max-updates", "1", "--csv", path]).output().unwrap();
     assert_eq!(again.status.code(), Some(2), "an existing file is not replaced");
     assert!(String::from_utf8_lossy(&again.stderr).contains("already exists"));
 }
@@ -154,7 +205,10 @@ fn other_methods_and_the_paper_preset_run() {
         assert_eq!(evaluation["distance_error"]["graph"].is_null(), !plans, "{args:?}");
         // The trap marks a start and a goal, so this task is evaluated too.
         let journey = &evaluation["marked"]["greedy"];
-        assert!(journey["left_steps"].as_u64().unwrap() <= 200 && journey["reached"].is_boolean(), "{journey}");
+        assert!(
+            journey["left_steps"].as_u64().unwrap() <= 200 && journey["reached"].is_boolean(),
+            "{journey}"
+        );
         assert_eq!(evaluation["marked"]["planned"].is_null(), !plans, "{args:?}");
     }
 }
@@ -166,10 +220,17 @@ fn episodes_can_be_restricted_to_the_start_cell() {
         let all = run(&[&args[..], more].concat());
         all.iter().find(|r| r["event"] == "evaluation").unwrap()["coverage"].as_f64().unwrap()
     };
-    let (anywhere, start) = (coverage(&["--set", "restart=anywhere"]), coverage(&["--set", "restart=start-cell"]));
-    assert!(start > 0.0 && start < 0.7 * anywhere, "{start} of the cells from the start, {anywhere} from anywhere");
+    let (anywhere, start) =
+        (coverage(&["--set", "restart=anywhere"]), coverage(&["--set", "restart=start-cell"]));
+    assert!(
+        start > 0.0 && start < 0.7 * anywhere,
+        "{start} of the cells from the start, {anywhere} from anywhere"
+    );
     assert_eq!(coverage(&[]), start, "a map's start is the default");
-    let no_start = gdg().args(["--no-ui", &file("valid/plain.txt"), "--set", "restart=start-cell"]).output().unwrap();
+    let no_start = gdg()
+        .args(["--no-ui", &file("valid/plain.txt"), "--set", "restart=start-cell"])
+        .output()
+        .unwrap();
     assert_eq!(no_start.status.code(), Some(2));
     let error = String::from_utf8_lossy(&no_start.stderr).into_owned();
     assert!(error.contains("plain.txt") && error.contains("no start S"), "{error}");
@@ -181,16 +242,24 @@ fn ablate_prints_a_table_and_writes_json() {
     let json = folder.path().join("all.json");
     let mut command = gdg();
     command.current_dir(&folder);
-    command.args(["ablate", "trap", "--updates", "30", "--seeds", "1", "--eval-tasks", "1", "--json"]).arg(&json);
+    command
+        .args(["ablate", "trap", "--updates", "30", "--seeds", "1", "--eval-tasks", "1", "--json"])
+        .arg(&json);
     let output = command.output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let table = String::from_utf8_lossy(&output.stdout).into_owned();
-    for row in ["| default |", "| no distillation |", "| method sorb |", "| method gdg (no bridges) | - |"] {
+    for row in
+        ["| default |", "| no distillation |", "| method sorb |", "| method gdg (no bridges) | - |"]
+    {
         assert!(table.contains(row), "{table}");
     }
     let all: Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
     let all = all.as_array().unwrap();
-    assert_eq!(all.len(), table.lines().filter(|l| l.starts_with("| ")).count() - 1, "a row for each, below the head");
+    assert_eq!(
+        all.len(),
+        table.lines().filter(|l| l.starts_with("| ")).count() - 1,
+        "a row for each, below the head"
+    );
     assert!(all.iter().all(|o| o["evaluation"]["greedy"]["success"].is_number()));
     let again = command.arg("--overwrite").output().unwrap();
     assert!(again.status.success() && String::from_utf8_lossy(&again.stdout) == table);
@@ -216,9 +285,15 @@ fn ablate_checks_its_json_path_before_training() {
         let began = Instant::now();
         let mut command = gdg();
         // Training would take hours.
-        command.current_dir(&folder).args(["ablate", "map.txt", "--updates", "10000000", "--json", json]).args(more);
+        command
+            .current_dir(&folder)
+            .args(["ablate", "map.txt", "--updates", "10000000", "--json", json])
+            .args(more);
         let output = command.timeout(Duration::from_mins(1)).output().unwrap();
-        let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        let error = String::from_utf8_lossy(&output.stderr)
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ");
         assert_eq!(output.status.code(), Some(2), "{json}: {error}");
         assert!(error.contains(expected) && began.elapsed() < Duration::from_secs(30), "{error}");
     }
@@ -229,7 +304,8 @@ fn ablate_checks_its_json_path_before_training() {
 
 #[test]
 fn maps_prints_random_maps() {
-    let print = |kind: &str| gdg().args(["maps", "--random", kind, "--seed", "3"]).output().unwrap();
+    let print =
+        |kind: &str| gdg().args(["maps", "--random", kind, "--seed", "3"]).output().unwrap();
     let (maze, city) = (print("maze"), print("city"));
     assert!(maze.status.success() && city.status.success());
     assert_eq!(maze.stdout.split(|b| *b == b'\n').filter(|l| l.len() == 44).count(), 44);
@@ -239,11 +315,22 @@ fn maps_prints_random_maps() {
 #[test]
 fn limits_of_a_resumed_run_count_from_the_start_of_training() {
     let folder = tempfile::tempdir().unwrap();
-    let (half, whole) = (folder.path().join("half.safetensors"), folder.path().join("whole.safetensors"));
+    let (half, whole) =
+        (folder.path().join("half.safetensors"), folder.path().join("whole.safetensors"));
     let (half, whole) = (half.to_str().unwrap(), whole.to_str().unwrap());
     run(&["trap", "--seed", "2", "--max-updates", "300", "--eval-tasks", "1", "--save", half]);
     let output = gdg()
-        .args(["--no-ui", "--resume", half, "--max-updates", "500", "--eval-tasks", "1", "--save", whole])
+        .args([
+            "--no-ui",
+            "--resume",
+            half,
+            "--max-updates",
+            "500",
+            "--eval-tasks",
+            "1",
+            "--save",
+            whole,
+        ])
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -251,7 +338,9 @@ fn limits_of_a_resumed_run_count_from_the_start_of_training() {
     assert_eq!(resumed[0]["updates"], 300);
     assert_eq!(resumed.last().unwrap()["updates"], 500);
     let straight = run(&["trap", "--seed", "2", "--max-updates", "500", "--eval-tasks", "1"]);
-    let evaluation = |all: &[Value]| without_times(all.to_vec()).into_iter().find(|r| r["event"] == "evaluation");
+    let evaluation = |all: &[Value]| {
+        without_times(all.to_vec()).into_iter().find(|r| r["event"] == "evaluation")
+    };
     assert_eq!(evaluation(&straight), evaluation(&resumed));
     let conflict = gdg().args(["--resume", half, "--seed", "3"]).output().unwrap();
     assert_eq!(conflict.status.code(), Some(2));
@@ -269,21 +358,44 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     assert_eq!(none.status.code(), Some(2));
     assert!(err(&none).contains("there is no checkpoint in saves/"), "{}", err(&none));
     let nothing_yet = in_folder(&["runs"]);
-    assert!(nothing_yet.status.success() && String::from_utf8_lossy(&nothing_yet.stdout).contains("no saved runs yet"));
+    assert!(
+        nothing_yet.status.success()
+            && String::from_utf8_lossy(&nothing_yet.stdout).contains("no saved runs yet")
+    );
     let no_folder = in_folder(&["runs", "elsewhere"]);
-    assert_eq!((no_folder.status.code(), err(&no_folder).contains("elsewhere: cannot be read")), (Some(2), true));
+    assert_eq!(
+        (no_folder.status.code(), err(&no_folder).contains("elsewhere: cannot be read")),
+        (Some(2), true)
+    );
     let checked = in_folder(&["check", "city"]);
-    assert!(checked.status.success() && String::from_utf8_lossy(&checked.stdout).contains("farthest"));
+    assert!(
+        checked.status.success() && String::from_utf8_lossy(&checked.stdout).contains("farthest")
+    );
     assert!(err(&in_folder(&["rusn"])).contains("did you mean runs?"));
     let misspelt = in_folder(&["check", "citty"]);
     assert_eq!(misspelt.status.code(), Some(2));
     assert!(err(&misspelt).contains("did you mean city?"), "{}", err(&misspelt));
     let no_scenario = in_folder(&["check", "city", "--map", "city.map"]);
     assert_eq!(no_scenario.status.code(), Some(2));
-    assert!(err(&no_scenario).contains("is not a scenario: --map goes with a .scen file"), "{}", err(&no_scenario));
+    assert!(
+        err(&no_scenario).contains("is not a scenario: --map goes with a .scen file"),
+        "{}",
+        err(&no_scenario)
+    );
     for (map, seed, updates) in [("trap", "4", "20"), ("fourrooms", "5", "30")] {
         let file = format!("saves/{map}.safetensors");
-        let args = ["--no-ui", map, "--seed", seed, "--max-updates", updates, "--eval-tasks", "1", "--save", &file];
+        let args = [
+            "--no-ui",
+            map,
+            "--seed",
+            seed,
+            "--max-updates",
+            updates,
+            "--eval-tasks",
+            "1",
+            "--save",
+            &file,
+        ];
         assert!(in_folder(&args).status.success());
     }
     let whole = std::fs::read(folder.path().join("saves/trap.safetensors")).unwrap();
@@ -295,7 +407,10 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     let lines: Vec<&str> = table.lines().collect();
     assert_eq!(lines.len(), 5, "{table}");
     let columns: Vec<&str> = lines[0].split_whitespace().collect();
-    assert_eq!(columns, ["file", "updates", "planned", "greedy", "written", "MB", "map", "method", "seed"]);
+    assert_eq!(
+        columns,
+        ["file", "updates", "planned", "greedy", "written", "MB", "map", "method", "seed"]
+    );
     assert!(lines[1].starts_with("fourrooms.safetensors"), "newest first: {table}");
     assert!(lines[2].ends_with(" 4"), "the seed: {table}");
     for part in ["trap", "gdg-bridge", " 20 ", " 0."] {
@@ -309,7 +424,8 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
         (&["--resume", "trap"], "trap", 20),
         (&["--resume", "saves/trap.safetensors"], "trap", 20),
     ] {
-        let output = in_folder(&[&["--no-ui", "--max-updates", "0", "--eval-tasks", "1"], args].concat());
+        let output =
+            in_folder(&[&["--no-ui", "--max-updates", "0", "--eval-tasks", "1"], args].concat());
         assert!(output.status.success(), "{args:?}: {}", err(&output));
         let start = &records(&output.stdout)[0];
         assert_eq!(
@@ -341,10 +457,17 @@ fn without_a_terminal_it_says_that_it_trains_without_the_interface() {
     let (status, said) = error(&args);
     let line = "trains without the interface, as the output is not a terminal (--no-ui says that this is meant)\n";
     assert_eq!((status, said.as_str()), (Some(0), line));
-    assert_eq!(error(&[&args[..], &["--no-ui"]].concat()), (Some(0), String::new()), "it was asked for");
+    assert_eq!(
+        error(&[&args[..], &["--no-ui"]].concat()),
+        (Some(0), String::new()),
+        "it was asked for"
+    );
     let (status, said) = error(&[&args[..], &["--record", "run.cast"]].concat());
     assert_eq!(status, Some(2));
-    assert!(said.contains("--record: there is no screen") && !folder.path().join("run.cast").exists(), "{said}");
+    assert!(
+        said.contains("--record: there is no screen") && !folder.path().join("run.cast").exists(),
+        "{said}"
+    );
 }
 
 #[test]
@@ -358,7 +481,8 @@ fn episode_and_time_limits_end_a_run() {
 
 #[test]
 fn missing_the_required_success_is_status_3() {
-    let args = ["--no-ui", "trap", "--max-updates", "10", "--eval-tasks", "2", "--method", "random"];
+    let args =
+        ["--no-ui", "trap", "--max-updates", "10", "--eval-tasks", "2", "--method", "random"];
     gdg().args(args).args(SMALL).args(["--require-success", "1"]).assert().code(3);
     gdg().args(args).args(SMALL).args(["--require-success", "0"]).assert().code(0);
 }
@@ -368,7 +492,16 @@ fn a_start_without_a_path_to_the_goal_is_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("apart.txt");
     std::fs::write(&path, "S..#..G\n...#...\n...#...\n").unwrap();
-    let args = ["--no-ui", path.to_str().unwrap(), "--max-updates", "1", "--eval-tasks", "1", "--set", "hidden=16"];
+    let args = [
+        "--no-ui",
+        path.to_str().unwrap(),
+        "--max-updates",
+        "1",
+        "--eval-tasks",
+        "1",
+        "--set",
+        "hidden=16",
+    ];
     let output = gdg().args(args).output().unwrap();
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(0), "{error}");
@@ -380,7 +513,9 @@ fn a_start_without_a_path_to_the_goal_is_a_warning() {
 fn a_start_that_is_cut_off_is_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pocket.txt");
-    for (text, warns) in [("S.#...\n###...\n", true), ("..#..S\n###...\n", false), ("S.#..S\n###...\n", false)] {
+    for (text, warns) in
+        [("S.#...\n###...\n", true), ("..#..S\n###...\n", false), ("S.#..S\n###...\n", false)]
+    {
         std::fs::write(&path, text).unwrap();
         let output = gdg().arg("check").arg(&path).output().unwrap();
         let facts = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -402,7 +537,10 @@ fn an_evaluation_without_tasks_reports_no_numbers() {
     let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
     for score in [&evaluation["greedy"], &evaluation["planned"]] {
         for number in ["success", "spl", "steps_ratio"] {
-            assert!(score[number].is_null() && score.as_object().unwrap().contains_key(number), "{number}: {score}");
+            assert!(
+                score[number].is_null() && score.as_object().unwrap().contains_key(number),
+                "{number}: {score}"
+            );
         }
     }
     assert!(evaluation["distance_error"].is_null(), "{evaluation}");
@@ -414,7 +552,8 @@ fn a_scenario_is_evaluated_in_six_ranges() {
     let path = folder.path().join("tasks.scen");
     let tasks: String = (0..12).map(|i| format!("0\ttrap\t53\t41\t0\t0\t{i}\t0\t{i}\n")).collect();
     std::fs::write(&path, format!("version 1\n{tasks}")).unwrap();
-    let args = ["trap", "--max-updates", "10", "--eval-tasks", "2", "--scen", path.to_str().unwrap()];
+    let args =
+        ["trap", "--max-updates", "10", "--eval-tasks", "2", "--scen", path.to_str().unwrap()];
     let all = run(&args);
     let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
     let means: Vec<f64> = evaluation["greedy"]["by_distance"]
@@ -439,7 +578,8 @@ fn signals_end_a_run_gracefully() {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        // The first record means that the signal handlers are installed; then the run trains indefinitely.
+        // The first record means that the signal handlers are installed; then the run trains
+        // indefinitely.
         let mut out = std::io::BufReader::new(child.stdout.take().unwrap());
         let mut text = String::new();
         std::io::BufRead::read_line(&mut out, &mut text).unwrap();
@@ -460,22 +600,43 @@ fn signals_end_a_run_gracefully() {
 fn bad_usage_and_input_are_status_2_with_a_hint() {
     let scenario = file("valid/plain.scen");
     let bad: &[(&[&str], &[&str])] = &[
-        (&["--no-ui", "fourroms"], &["neither a built-in map nor a file", "did you mean fourrooms"]),
-        (&["--no-ui", "no/such.map"], &["no/such.map", "cannot be read", "or a name from 'gdg-tui maps'"]),
-        (&["--no-ui", "trap", "--scen", "no-such.scen"], &["cannot be read", "give a scenario file"]),
-        (&["--no-ui", "trap", "--edit-at", "5:no-such.txt"], &["cannot be read", "give a map file"]),
+        (
+            &["--no-ui", "fourroms"],
+            &["neither a built-in map nor a file", "did you mean fourrooms"],
+        ),
+        (
+            &["--no-ui", "no/such.map"],
+            &["no/such.map", "cannot be read", "or a name from 'gdg-tui maps'"],
+        ),
+        (
+            &["--no-ui", "trap", "--scen", "no-such.scen"],
+            &["cannot be read", "give a scenario file"],
+        ),
+        (
+            &["--no-ui", "trap", "--edit-at", "5:no-such.txt"],
+            &["cannot be read", "give a map file"],
+        ),
         (&["check", "no-such.txt"], &["cannot be read", "or a name from 'gdg-tui maps'"]),
         (&["check", "no-such.scen"], &["cannot be read", "give a scenario file"]),
         (&["check", &scenario, "--map", &scenario], &["this is a scenario file", "--scen"]),
         (&["--no-ui", &scenario], &["plain.scen:1:1", "this is a scenario file", "--scen"]),
         (&["--no-ui", "--set", "expectil=0.9"], &["expectil", "did you mean expectile"]),
         (&["--no-ui", "--set", "expectile=2"], &["expectile cannot be 2", "above 0 and below 1"]),
-        (&["--no-ui", "--method", "my-own+none"], &["unknown learner \"my-own\"", "gdg, gdg-distance, ddpg, her"]),
+        (
+            &["--no-ui", "--method", "my-own+none"],
+            &["unknown learner \"my-own\"", "gdg, gdg-distance, ddpg, her"],
+        ),
         (&["--no-ui", "--set", "batch=many"], &["batch cannot be \"many\"", "integer from 1"]),
-        (&["--no-ui", "--set", "loss=cubic"], &["loss cannot be \"cubic\"", "squared, sqrt or log"]),
+        (
+            &["--no-ui", "--set", "loss=cubic"],
+            &["loss cannot be \"cubic\"", "squared, sqrt or log"],
+        ),
         (&["--no-ui", "--set", "tau"], &["no value", "name=value"]),
         (&["--no-ui", "--config", "no-such.json"], &["no-such.json", "cannot be read"]),
-        (&["--no-ui", "--resume", "no-such.safetensors"], &["no-such.safetensors", "cannot be read"]),
+        (
+            &["--no-ui", "--resume", "no-such.safetensors"],
+            &["no-such.safetensors", "cannot be read"],
+        ),
         (
             &["--no-ui", "--set", "episode_steps=60000"],
             &["episode_steps=60000", "buffer_size must be at least 1920032"],
@@ -496,7 +657,8 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
         let output = gdg().args(*args).output().unwrap();
         // Without the line breaks of long messages.
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        let message = message.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");
+        let message =
+            message.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");
         assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
         assert!(output.stdout.is_empty());
         for part in *expected {
@@ -514,19 +676,28 @@ fn errors_in_a_settings_file_are_reported_with_their_location() {
     let error = |text: &str| {
         std::fs::write(&path, text).unwrap();
         let mut command = gdg();
-        let output =
-            command.current_dir(&folder).args(["--print-config", "--config", "settings.json"]).output().unwrap();
+        let output = command
+            .current_dir(&folder)
+            .args(["--print-config", "--config", "settings.json"])
+            .output()
+            .unwrap();
         assert_eq!(output.status.code(), Some(2));
         String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ")
     };
-    assert!(error("{\n  \"tau\": 0.1,\n  \"hiden\": 3\n}").contains("settings.json:3:4: unknown setting \"hiden\""));
+    assert!(
+        error("{\n  \"tau\": 0.1,\n  \"hiden\": 3\n}")
+            .contains("settings.json:3:4: unknown setting \"hiden\"")
+    );
     assert!(error("{\n  \"tau\": \"x\"\n}").contains("settings.json:2:10: tau cannot be \"x\""));
     assert!(error("{\n  \"tau\": 0.1\n  \"batch\": 3\n}").contains("settings.json:3:3: expected"));
     assert!(error("[]").contains("settings.json:1:"));
     let twice = error("{\n  \"tau\": 0.1,\n  \"tau\": 0.2\n}");
     assert!(twice.contains("settings.json:3:4: tau is given twice"), "{twice}");
     let both = error("{\n  \"batch_size\": 64,\n  \"batch\": 32\n}");
-    assert!(both.contains("settings.json:3:4: batch_size and batch are names of the same setting"), "{both}");
+    assert!(
+        both.contains("settings.json:3:4: batch_size and batch are names of the same setting"),
+        "{both}"
+    );
     let tab = error("{\n\t\"hiden\": 3\n}");
     assert!(tab.contains("settings.json:2:3") && !tab.contains("?\"hiden"), "{tab}");
 }
@@ -535,13 +706,18 @@ fn errors_in_a_settings_file_are_reported_with_their_location() {
 fn printed_settings_can_be_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("settings.json");
-    let printed = gdg().args(["--print-config", "--preset", "paper", "--set", "tau=0.25"]).output().unwrap();
+    let printed =
+        gdg().args(["--print-config", "--preset", "paper", "--set", "tau=0.25"]).output().unwrap();
     assert!(printed.status.success());
     // Some editors begin a file with a byte-order mark.
     for mark in ["", "\u{feff}"] {
         std::fs::write(&path, [mark.as_bytes(), &printed.stdout].concat()).unwrap();
-        let again = gdg().args(["--print-config", "--config", path.to_str().unwrap()]).output().unwrap();
-        assert_eq!(String::from_utf8_lossy(&printed.stdout), String::from_utf8_lossy(&again.stdout));
+        let again =
+            gdg().args(["--print-config", "--config", path.to_str().unwrap()]).output().unwrap();
+        assert_eq!(
+            String::from_utf8_lossy(&printed.stdout),
+            String::from_utf8_lossy(&again.stdout)
+        );
         assert!(String::from_utf8_lossy(&again.stdout).contains("\"tau\": 0.25"));
     }
 }
@@ -557,7 +733,9 @@ fn a_world_has_default_settings_which_given_ones_override() {
         serde_json::from_slice(&output.stdout).unwrap()
     };
     let all = ["agents", "learning_starts", "env_steps_per_update", "frontier_epsilon"];
-    let some = |args: &[&str]| serde_json::to_string(&all.map(|name| printed(args)[name].clone())).unwrap();
+    let some = |args: &[&str]| {
+        serde_json::to_string(&all.map(|name| printed(args)[name].clone())).unwrap()
+    };
     assert_eq!(some(&["fourrooms"]), r#"[32,4000,16,"auto"]"#);
     assert_eq!(some(&["fetch-reach"]), r#"[8,200,1,"auto"]"#);
     assert_eq!(some(&["fetch-reach-wall"]), "[8,500,1,0.0]");
@@ -566,7 +744,11 @@ fn a_world_has_default_settings_which_given_ones_override() {
     assert_eq!(some(&given), "[3,300,1,0.0]");
     // Presets that others have published stay as they are.
     for preset in ["paper", "sb3"] {
-        assert_eq!(printed(&["fetch-reach", "--preset", preset]), printed(&["--preset", preset]), "{preset}");
+        assert_eq!(
+            printed(&["fetch-reach", "--preset", preset]),
+            printed(&["--preset", preset]),
+            "{preset}"
+        );
     }
 }
 
@@ -575,8 +757,17 @@ fn a_resumed_run_keeps_its_worlds_settings_and_records_show_them() {
     let folder = tempfile::tempdir().unwrap();
     let saved = folder.path().join("arm.safetensors");
     let saved = saved.to_str().unwrap();
-    let begun =
-        run(&["fetch-reach-wall", "--set", "agents=4", "--max-updates", "20", "--eval-tasks", "1", "--save", saved]);
+    let begun = run(&[
+        "fetch-reach-wall",
+        "--set",
+        "agents=4",
+        "--max-updates",
+        "20",
+        "--eval-tasks",
+        "1",
+        "--save",
+        saved,
+    ]);
     let settings = serde_json::json!({
         "hidden": 16, "buffer_size": 20000, "candidates": 50,
         "agents": 4, "learning_starts": 500, "env_steps_per_update": 1, "frontier_epsilon": 0.0,
@@ -594,14 +785,21 @@ fn a_resumed_run_keeps_its_worlds_settings_and_records_show_them() {
 fn maps_lists_maps_and_check_validates_them() {
     let maps = gdg().arg("maps").output().unwrap();
     let text = String::from_utf8_lossy(&maps.stdout).into_owned();
-    for (name, size, farthest) in [("fourrooms", "88x88", "120"), ("city", "101x101", "240"), ("trap", "53x41", "95")] {
+    for (name, size, farthest) in
+        [("fourrooms", "88x88", "120"), ("city", "101x101", "240"), ("trap", "53x41", "95")]
+    {
         let line = text.lines().find(|l| l.starts_with(name)).unwrap();
         assert!(line.contains(size) && line.ends_with(farthest), "{line}");
     }
     let good = gdg().args(["check", &file("valid/starts-and-goals.txt")]).output().unwrap();
     assert!(good.status.success());
     let text = String::from_utf8_lossy(&good.stdout).into_owned();
-    assert!(text.contains("3 x 3") && text.contains("components: 1") && text.contains("2 starts, 2 goals"), "{text}");
+    assert!(
+        text.contains("3 x 3")
+            && text.contains("components: 1")
+            && text.contains("2 starts, 2 goals"),
+        "{text}"
+    );
     let scenario = gdg().args(["check", &file("valid/plain.scen")]).output().unwrap();
     assert!(String::from_utf8_lossy(&scenario.stdout).contains("1 task,"));
     let folder = tempfile::tempdir().unwrap();
@@ -611,10 +809,16 @@ fn maps_lists_maps_and_check_validates_them() {
         let output = gdg().arg("check").arg(&path).output().unwrap();
         let facts = String::from_utf8_lossy(&output.stdout).into_owned();
         assert!(output.status.success() && facts.contains("1 start, "), "{facts}");
-        assert_eq!(facts.contains("warning:") && facts.contains("different components"), warns, "{text}: {facts}");
+        assert_eq!(
+            facts.contains("warning:") && facts.contains("different components"),
+            warns,
+            "{text}: {facts}"
+        );
     }
-    let lost =
-        gdg().args(["check", &file("invalid/off-the-map.scen"), "--map", &file("valid/plain.txt")]).output().unwrap();
+    let lost = gdg()
+        .args(["check", &file("invalid/off-the-map.scen"), "--map", &file("valid/plain.txt")])
+        .output()
+        .unwrap();
     assert_eq!(lost.status.code(), Some(2));
     let bad = gdg().args(["check", &file("invalid/short-row.txt")]).output().unwrap();
     assert_eq!(bad.status.code(), Some(2));
@@ -631,7 +835,10 @@ fn check_of_the_largest_map_takes_seconds() {
     let output = gdg().arg("check").arg(&map).output().unwrap();
     assert!(began.elapsed() < Duration::from_secs(20), "it took {:?}", began.elapsed());
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(text.contains("farthest:   at least 4095 steps") && text.contains("components: 1,"), "{text}");
+    assert!(
+        text.contains("farthest:   at least 4095 steps") && text.contains("components: 1,"),
+        "{text}"
+    );
     assert!(output.stderr.is_empty(), "no spinner unless standard error is a terminal");
 }
 
@@ -649,8 +856,12 @@ fn frames_writes_nothing_on_errors_and_replaces_files_only_with_overwrite() {
     let folder = tempfile::tempdir().unwrap();
     let frames = |cast: &str, more: &[&str]| {
         std::fs::write(folder.path().join("run.cast"), cast).unwrap();
-        let output = gdg().current_dir(&folder).args(["frames", "run.cast"]).args(more).output().unwrap();
-        let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        let output =
+            gdg().current_dir(&folder).args(["frames", "run.cast"]).args(more).output().unwrap();
+        let error = String::from_utf8_lossy(&output.stderr)
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ");
         (output.status.code(), error)
     };
     let cast = "{\"version\":2,\"width\":4,\"height\":1}\n[3.5,\"o\",\"ab\"]\n";
@@ -670,7 +881,10 @@ fn frames_writes_nothing_on_errors_and_replaces_files_only_with_overwrite() {
     assert_eq!(frames(cast, &["--at", "1,3.5"]).0, Some(0));
     let (status, error) = frames(cast, &["--at", "0,1"]);
     assert_eq!(status, Some(2));
-    assert!(error.contains("run-1.png: the file already exists") && error.contains("--overwrite"), "{error}");
+    assert!(
+        error.contains("run-1.png: the file already exists") && error.contains("--overwrite"),
+        "{error}"
+    );
     assert!(!folder.path().join("run-0.png").exists());
     assert_eq!(frames(cast, &["--at", "0,1", "--overwrite"]).0, Some(0));
 }
@@ -679,14 +893,21 @@ fn frames_writes_nothing_on_errors_and_replaces_files_only_with_overwrite() {
 fn a_map_can_be_edited_at_a_given_update() {
     let folder = tempfile::tempdir().unwrap();
     let edited = folder.path().join("wider.txt");
-    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt")).unwrap();
+    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt"))
+        .unwrap();
     // Turns all walls into free cells.
     std::fs::write(&edited, trap.replace('#', ".")).unwrap();
     let at = format!("100:{}", edited.display());
     let all = run(&["trap", "--max-updates", "200", "--eval-tasks", "1", "--edit-at", &at]);
     let edit = all.iter().find(|r| r["event"] == "edit").unwrap();
-    assert_eq!((&edit["updates"], &edit["map"], &edit["walled"]), (&100.into(), &"wider".into(), &0.into()));
-    assert!(edit["opened"].as_u64().unwrap() > 100 && edit["transitions_removed"].is_number(), "{edit}");
+    assert_eq!(
+        (&edit["updates"], &edit["map"], &edit["walled"]),
+        (&100.into(), &"wider".into(), &0.into())
+    );
+    assert!(
+        edit["opened"].as_u64().unwrap() > 100 && edit["transitions_removed"].is_number(),
+        "{edit}"
+    );
     let wrong = format!("100:{}", file("valid/plain.txt"));
     let output = gdg().args(["--no-ui", "trap", "--edit-at", &wrong]).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
@@ -697,7 +918,8 @@ fn a_map_can_be_edited_at_a_given_update() {
 #[test]
 fn edits_at_the_first_update_are_applied_before_the_first_step() {
     let folder = tempfile::tempdir().unwrap();
-    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt")).unwrap();
+    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt"))
+        .unwrap();
     let at = |updates: u64, name: &str| {
         let path = folder.path().join(name).with_extension("txt");
         std::fs::write(&path, trap.replace('#', ".")).unwrap();
@@ -705,7 +927,9 @@ fn edits_at_the_first_update_are_applied_before_the_first_step() {
     };
     let edits = |all: &[Value]| -> Vec<(u64, String)> {
         let edits = all.iter().filter(|r| r["event"] == "edit");
-        edits.map(|r| (r["updates"].as_u64().unwrap(), r["map"].as_str().unwrap().to_owned())).collect()
+        edits
+            .map(|r| (r["updates"].as_u64().unwrap(), r["map"].as_str().unwrap().to_owned()))
+            .collect()
     };
     let saved = folder.path().join("saved.safetensors");
     let saved = saved.to_str().unwrap();
@@ -716,19 +940,41 @@ fn edits_at_the_first_update_are_applied_before_the_first_step() {
     ]
     .concat());
     // Edits at the same update are applied in the order in which they are given.
-    assert_eq!(edits(&all), [(0, "second".to_owned()), (0, "first".to_owned()), (40, "third".to_owned())]);
+    assert_eq!(
+        edits(&all),
+        [(0, "second".to_owned()), (0, "first".to_owned()), (40, "third".to_owned())]
+    );
     let order: Vec<&str> = all.iter().map(|r| r["event"].as_str().unwrap()).collect();
     assert_eq!(order, ["start", "edit", "edit", "edit", "saved", "evaluation", "saved", "end"]);
     assert_eq!(all[1]["transitions_removed"], 0, "there are none yet");
 
     let resume = |at: &str, most: &str| {
-        let args = ["--no-ui", "--resume", saved, "--eval-tasks", "1", "--edit-at", at, "--max-updates", most];
+        let args = [
+            "--no-ui",
+            "--resume",
+            saved,
+            "--eval-tasks",
+            "1",
+            "--edit-at",
+            at,
+            "--max-updates",
+            most,
+        ];
         let output = gdg().args(args).output().unwrap();
-        let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        let error = String::from_utf8_lossy(&output.stderr)
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ");
         (output.status.code(), error, edits(&records(&output.stdout)))
     };
-    assert_eq!(resume(&at(40, "again"), "60"), (Some(0), String::new(), vec![(40, "again".to_owned())]));
-    assert_eq!(resume(&at(60, "again"), "60"), (Some(0), String::new(), vec![(60, "again".to_owned())]));
+    assert_eq!(
+        resume(&at(40, "again"), "60"),
+        (Some(0), String::new(), vec![(40, "again".to_owned())])
+    );
+    assert_eq!(
+        resume(&at(60, "again"), "60"),
+        (Some(0), String::new(), vec![(60, "again".to_owned())])
+    );
     // The run had applied this one before it was saved.
     assert_eq!(resume(&third, "60"), (Some(0), String::new(), vec![]));
     for (at, expected) in [
@@ -747,7 +993,8 @@ fn a_checkpoints_film_is_written_once() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
     run(&["trap", "--max-updates", "260", "--eval-tasks", "1", "--save", &path("a.safetensors")]);
-    let film = |file: &str, more: &[&str]| gdg().args(["film", &path(file)]).args(more).output().unwrap();
+    let film =
+        |file: &str, more: &[&str]| gdg().args(["film", &path(file)]).args(more).output().unwrap();
     let output = film("a.safetensors", &[]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(String::from_utf8(output.stdout).unwrap().trim(), path("a.film.png"));
@@ -758,7 +1005,17 @@ fn a_checkpoints_film_is_written_once() {
     assert_eq!(again.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&again.stderr).contains("--overwrite"));
     assert!(film("a.safetensors", &["--overwrite"]).status.success());
-    run(&["trap", "--method", "random", "--max-updates", "20", "--eval-tasks", "1", "--save", &path("b.safetensors")]);
+    run(&[
+        "trap",
+        "--method",
+        "random",
+        "--max-updates",
+        "20",
+        "--eval-tasks",
+        "1",
+        "--save",
+        &path("b.safetensors"),
+    ]);
     let none = film("b.safetensors", &["--out", &path("b.png")]);
     assert_eq!(none.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&none.stderr).contains("there is no film"));

@@ -35,7 +35,10 @@ fn two_methods_train_side_by_side_and_the_terminal_is_restored() {
     let screen = session.screen.clone();
     assert_eq!(session.end(), 0);
     let left = screen.lock().unwrap().screen().contents();
-    assert!(left.contains("A: gdg-bridge on trap, seed 4") && left.contains("B: her on trap, seed 4"), "{left}");
+    assert!(
+        left.contains("A: gdg-bridge on trap, seed 4") && left.contains("B: her on trap, seed 4"),
+        "{left}"
+    );
     assert!(!folder.path().join("saves").exists(), "nothing is saved");
 }
 
@@ -66,7 +69,8 @@ fn mistakes_are_reported_before_anything_trains() {
         (&["gdg", "her", "--set", "A:hiden=8"], &["unknown setting \"hiden\""]),
     ] {
         let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
-        let command = command.arg("compare").args(args).env("XDG_STATE_HOME", env!("CARGO_TARGET_TMPDIR"));
+        let command =
+            command.arg("compare").args(args).env("XDG_STATE_HOME", env!("CARGO_TARGET_TMPDIR"));
         let output = command.env("NO_COLOR", "1").output().unwrap();
         assert_eq!(output.status.code(), Some(2), "{args:?}");
         let errors = String::from_utf8_lossy(&output.stderr);

@@ -1,7 +1,7 @@
 //! Exported actors act the same in numpy, and reach goals in the real FetchReach-v4.
 //!
-//! These tests need Python with packages, and are skipped without: set GDG_PYTHON to an interpreter that has numpy,
-//! gymnasium-robotics 1.4.2 and mujoco 3.3.7.
+//! These tests need Python with packages, and are skipped without: set GDG_PYTHON to an interpreter
+//! that has numpy, gymnasium-robotics 1.4.2 and mujoco 3.3.7.
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
@@ -24,7 +24,11 @@ fn python(imports: &str) -> Option<String> {
     match output {
         Ok(output) if output.status.success() => Some(python),
         Ok(output) => {
-            let reason = String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default().to_owned();
+            let reason = String::from_utf8_lossy(&output.stderr)
+                .lines()
+                .last()
+                .unwrap_or_default()
+                .to_owned();
             println!("skipped: {python}: {reason} (GDG_PYTHON names another interpreter)");
             None
         }
@@ -65,10 +69,16 @@ fn numpy_computes_the_same_actions() {
         let spec = world.spec();
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         // Also beyond the usual range.
-        let mut near =
-            |i: usize| spec.state_centre[i] + rng.random_range(-1.3..1.3) * spec.state_half_range[i].max(0.1);
+        let mut near = |i: usize| {
+            spec.state_centre[i] + rng.random_range(-1.3..1.3) * spec.state_half_range[i].max(0.1)
+        };
         let pairs: Vec<(Vec<f32>, Vec<f32>)> = (0..40)
-            .map(|_| ((0..spec.state_dim()).map(&mut near).collect(), spec.achieved.iter().map(|i| near(*i)).collect()))
+            .map(|_| {
+                (
+                    (0..spec.state_dim()).map(&mut near).collect(),
+                    spec.achieved.iter().map(|i| near(*i)).collect(),
+                )
+            })
             .collect();
         let mut child = Command::new(&python)
             .arg(script("policy.py"))
@@ -77,13 +87,18 @@ fn numpy_computes_the_same_actions() {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let lines: String =
-            pairs.iter().map(|(state, goal)| json!({ "state": state, "goal": goal }).to_string() + "\n").collect();
+        let lines: String = pairs
+            .iter()
+            .map(|(state, goal)| json!({ "state": state, "goal": goal }).to_string() + "\n")
+            .collect();
         child.stdin.take().unwrap().write_all(lines.as_bytes()).unwrap();
         let output = child.wait_with_output().unwrap();
         assert!(output.status.success());
-        let found: Vec<Vec<f32>> =
-            String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let found: Vec<Vec<f32>> = String::from_utf8(output.stdout)
+            .unwrap()
+            .lines()
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect();
         assert_eq!(found.len(), pairs.len());
         let (policy, mut scratch) = (run.policy().unwrap(), Scratch::default());
         let mut spread = 0.0_f32;
@@ -105,14 +120,20 @@ fn an_exported_actor_solves_the_real_fetch_reach() {
     let Some(python) = python(versions) else { return };
     let folder = tempfile::tempdir().unwrap();
     let (checkpoint, policy) = (folder.path().join("run"), folder.path().join("policy"));
-    save(&trained(&FetchReach::new(None, 0), 1_000), &SaveTo::CreateNew(checkpoint.clone())).unwrap();
+    save(&trained(&FetchReach::new(None, 0), 1_000), &SaveTo::CreateNew(checkpoint.clone()))
+        .unwrap();
     assert_cmd::Command::cargo_bin("gdg-tui")
         .unwrap()
         .arg("export-policy")
         .args([&checkpoint, Path::new("--out"), &policy])
         .assert()
         .success();
-    let output = Command::new(&python).arg(script("fetch_reach_v4.py")).arg(&policy).arg("100").output().unwrap();
+    let output = Command::new(&python)
+        .arg(script("fetch_reach_v4.py"))
+        .arg(&policy)
+        .arg("100")
+        .output()
+        .unwrap();
     let text = String::from_utf8_lossy(&output.stdout);
     let result: Value = serde_json::from_str(text.lines().last().unwrap_or_default())
         .unwrap_or_else(|e| panic!("{e}: {text}{}", String::from_utf8_lossy(&output.stderr)));
@@ -126,7 +147,12 @@ fn export_refuses_what_it_cannot_read_or_must_not_replace() {
     let path = folder.path().join("run.safetensors");
     save(&trained(&FetchReach::new(None, 0), 1), &SaveTo::CreateNew(path.clone())).unwrap();
     let export = |more: &[&str]| {
-        assert_cmd::Command::cargo_bin("gdg-tui").unwrap().arg("export-policy").args(more).output().unwrap()
+        assert_cmd::Command::cargo_bin("gdg-tui")
+            .unwrap()
+            .arg("export-policy")
+            .args(more)
+            .output()
+            .unwrap()
     };
     let own = path.to_str().unwrap();
     assert!(export(&[own]).status.success());

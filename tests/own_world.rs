@@ -33,19 +33,28 @@ fn a_custom_learner_learns_a_custom_world() {
     let mut run = trainer("table+bridges");
     train_to(&mut run, 3_000);
     let found = run.evaluate(&run.tasks(40)).unwrap();
-    let (planned, greedy) = (found.planned.unwrap().success.unwrap(), found.greedy.success.unwrap());
+    let (planned, greedy) =
+        (found.planned.unwrap().success.unwrap(), found.greedy.success.unwrap());
     assert!(planned >= 0.9 && greedy >= 0.9, "planned {planned}, greedy {greedy}");
     let bridges = found.bridges.unwrap();
     assert!(bridges.candidates > 5 && bridges.edges > bridges.candidates, "{bridges:?}");
     // Metrics that the world does not provide are absent.
-    assert!(found.distance_error.is_none() && found.coverage.is_none() && found.greedy.spl.is_none());
-    assert!(found.greedy.by_distance.iter().all(|group| group.distance_steps.is_none() && group.success.is_some()));
+    assert!(
+        found.distance_error.is_none() && found.coverage.is_none() && found.greedy.spl.is_none()
+    );
+    assert!(
+        found
+            .greedy
+            .by_distance
+            .iter()
+            .all(|group| group.distance_steps.is_none() && group.success.is_some())
+    );
 }
 
 #[test]
 fn random_actions_take_far_longer_ways_in_a_custom_world() {
-    // In 500 steps a randomly pushed bead gets everywhere, so compare SPL instead of success. At full speed, the bead moves
-    // by one unit a step.
+    // In 500 steps a randomly pushed bead gets everywhere, so compare SPL instead of success. At
+    // full speed, the bead moves by one unit a step.
     let spl = |method: &str| {
         let mut run = trainer(method);
         train_to(&mut run, 3_000);
@@ -109,16 +118,25 @@ fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
         let args = Cli::try_parse_from(common.iter().chain(more)).unwrap().train;
         headless::run(setup::prepare(&args, &registry()).unwrap(), &args).unwrap()
     };
-    assert_eq!(run(&["bead", "--method", "table+bridges", "--max-updates", "2000", "--save", path]), 0);
+    assert_eq!(
+        run(&["bead", "--method", "table+bridges", "--max-updates", "2000", "--save", path]),
+        0
+    );
     assert_eq!(run(&["--resume", path, "--max-updates", "2500"]), 0);
     for (world, method, expected) in [
-        ("bead", "tabel+none", &["\"tabel\"", "table, gdg, gdg-distance, ddpg, her", "LEARNER+PLANNER"][..]),
+        (
+            "bead",
+            "tabel+none",
+            &["\"tabel\"", "table, gdg, gdg-distance, ddpg, her", "LEARNER+PLANNER"][..],
+        ),
         ("baed", "gdg", &["did you mean bead", "worlds: bead"]),
         ("trap", "table+none", &["requires positions"]),
     ] {
-        let args = Cli::try_parse_from(["own_world", world, "--no-ui", "--method", method]).unwrap().train;
+        let args =
+            Cli::try_parse_from(["own_world", world, "--no-ui", "--method", method]).unwrap().train;
         let error = format!("{:?}", setup::prepare(&args, &registry()).err().unwrap());
-        let error = error.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");
+        let error =
+            error.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");
         assert!(expected.iter().all(|part| error.contains(part)), "{error}");
     }
 }

@@ -53,7 +53,10 @@ impl Place {
     }
 
     fn isolated(&self, mut command: Command) -> Command {
-        command.current_dir(self.0.path()).env("NO_COLOR", "1").env("XDG_STATE_HOME", self.0.path());
+        command
+            .current_dir(self.0.path())
+            .env("NO_COLOR", "1")
+            .env("XDG_STATE_HOME", self.0.path());
         command
     }
 
@@ -69,15 +72,16 @@ impl Place {
         paths.map(|path| (name(&path), std::fs::read(&path).unwrap())).collect()
     }
 
-    /// Returns everything that must not depend on how the jobs were run: report, data, figures, and results without their
-    /// times.
+    /// Returns everything that must not depend on how the jobs were run: report, data, figures, and
+    /// results without their times.
     fn outcome(&self, out: &str) -> BTreeMap<String, Vec<u8>> {
         let mut all = self.files(out);
         for folder in ["data", "figures"] {
             all.extend(self.files(&format!("{out}/{folder}")));
         }
         for (name, bytes) in self.files(&format!("{out}/jobs")) {
-            let mut result: Value = serde_json::from_slice(&bytes).unwrap_or_else(|_| panic!("{name}"));
+            let mut result: Value =
+                serde_json::from_slice(&bytes).unwrap_or_else(|_| panic!("{name}"));
             result.as_object_mut().unwrap().remove("seconds").unwrap();
             result.as_object_mut().unwrap().remove("checksum").unwrap();
             all.insert(name, result.to_string().into_bytes());
@@ -101,13 +105,32 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
     let whole = place.run(&args);
     assert_eq!(whole.status, Some(0), "{}", whole.err);
     let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
-    has_parts(&report, &["gdg-tui reproduce all --budget quick --updates 30 --seeds 1 --eval-tasks 1 --set hidden=16"]);
-    has_parts(&report, &["| GDG, bridges | about 0.8 | 0.", "| GDG | reaches the goal |", "default (ours): D(s, .)"]);
-    has_parts(&whole.out, &["fig3: City: success over training", "success rate", "default (ours): 180 steps"]);
+    has_parts(
+        &report,
+        &[
+            "gdg-tui reproduce all --budget quick --updates 30 --seeds 1 --eval-tasks 1 --set hidden=16",
+        ],
+    );
+    has_parts(
+        &report,
+        &[
+            "| GDG, bridges | about 0.8 | 0.",
+            "| GDG | reaches the goal |",
+            "default (ours): D(s, .)",
+        ],
+    );
+    has_parts(
+        &whole.out,
+        &["fig3: City: success over training", "success rate", "default (ours): 180 steps"],
+    );
 
     has_parts(
         &report,
-        &["1.00 from (updates) |", "| GDG, distance | converges like DDPG | ", "[CSV](data/fig1-wall-paths.csv)"],
+        &[
+            "1.00 from (updates) |",
+            "| GDG, distance | converges like DDPG | ",
+            "[CSV](data/fig1-wall-paths.csv)",
+        ],
     );
 
     let (data, figures) = (place.files("out/data"), place.files("out/figures"));
@@ -130,16 +153,22 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
     let paths: Value = serde_json::from_slice(&data["fig5.json"]).unwrap();
     for method in paths["data"]["methods"].as_array().unwrap() {
         let walks = method["measured"]["walks"].as_array().unwrap();
-        let distances: Vec<u64> = walks.iter().map(|walk| walk["distance"].as_u64().unwrap()).collect();
+        let distances: Vec<u64> =
+            walks.iter().map(|walk| walk["distance"].as_u64().unwrap()).collect();
         assert_eq!(distances, [90, 120, 150, 180]);
         for walk in walks {
-            let (shortest, path) = (walk["shortest"].as_u64().unwrap(), walk["path"].as_array().unwrap());
-            assert!(shortest.abs_diff(walk["distance"].as_u64().unwrap()) <= 1 && path.len() <= 501, "{shortest}");
+            let (shortest, path) =
+                (walk["shortest"].as_u64().unwrap(), walk["path"].as_array().unwrap());
+            assert!(
+                shortest.abs_diff(walk["distance"].as_u64().unwrap()) <= 1 && path.len() <= 501,
+                "{shortest}"
+            );
         }
     }
     let bridge: Value = serde_json::from_slice(&data["fig2.json"]).unwrap();
     let bridge = &bridge["data"]["methods"][0]["measured"]["bridge"];
-    let walls = bridge["from_start"].as_array().unwrap().iter().filter(|value| value.is_null()).count();
+    let walls =
+        bridge["from_start"].as_array().unwrap().iter().filter(|value| value.is_null()).count();
     assert_eq!((bridge["to_goal"].as_array().unwrap().len(), walls), (88 * 88, 88 * 88 - 6656));
     if let Some(found) = bridge["found"].as_object() {
         let sum = found["from_start"].as_f64().unwrap() + found["to_goal"].as_f64().unwrap();
@@ -148,16 +177,23 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
 
     // The grip's path in space, for each of two methods, from the same start.
     let mut paths = csv::Reader::from_reader(&data["fig1-wall-paths.csv"][..]);
-    let paths: Vec<(String, u64, bool, usize, f32, f32, f32)> = paths.deserialize().map(Result::unwrap).collect();
-    let starts: Vec<_> =
-        paths.iter().filter(|line| line.3 == 0).map(|line| (&*line.0, line.4, line.5, line.6)).collect();
+    let paths: Vec<(String, u64, bool, usize, f32, f32, f32)> =
+        paths.deserialize().map(Result::unwrap).collect();
+    let starts: Vec<_> = paths
+        .iter()
+        .filter(|line| line.3 == 0)
+        .map(|line| (&*line.0, line.4, line.5, line.6))
+        .collect();
     let [("gdg", x, y, z), ("gdg-bridge", ..)] = starts[..] else { panic!("{starts:?}") };
     assert!(starts[1] == ("gdg-bridge", x, y, z) && paths.len() <= 2 * 51, "{starts:?}");
     let wall: Value = serde_json::from_slice(&data["fig1-wall.json"]).unwrap();
     assert_eq!(wall["world"], "fetch-reach-wall");
     let walk = &wall["data"]["methods"][1]["measured"]["long_walk"];
     let goal = walk["goal"].as_array().unwrap()[1].as_f64().unwrap();
-    assert!((f64::from(y) - 0.749) * (goal - 0.749) < 0.0, "the goal is on the other side of the wall");
+    assert!(
+        (f64::from(y) - 0.749) * (goal - 0.749) < 0.0,
+        "the goal is on the other side of the wall"
+    );
 
     // Nothing runs again, and nothing changes.
     let before = place.outcome("out");
@@ -170,9 +206,14 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
 fn figures_share_jobs_and_a_changed_setting_runs_only_what_depends_on_it() {
     let place = Place::new();
     let list = |args: &[&str]| {
-        let listed = place.run(&[args, &["--updates", "20", "--out", "out", "--list-jobs"]].concat());
+        let listed =
+            place.run(&[args, &["--updates", "20", "--out", "out", "--list-jobs"]].concat());
         assert_eq!(listed.status, Some(0), "{}", listed.err);
-        listed.out.lines().map(|line| line.split(" --job ").nth(1).unwrap().to_owned()).collect::<Vec<String>>()
+        listed
+            .out
+            .lines()
+            .map(|line| line.split(" --job ").nth(1).unwrap().to_owned())
+            .collect::<Vec<String>>()
     };
     let city = list(&["fig3"]);
     assert_eq!((list(&["fig4"]), list(&["fig3", "fig4", "fig5"])), (city.clone(), city));
@@ -180,7 +221,8 @@ fn figures_share_jobs_and_a_changed_setting_runs_only_what_depends_on_it() {
     let new: Vec<&String> = changed.iter().filter(|name| !plain.contains(name)).collect();
     assert!(new.len() == 1 && new[0].starts_with("trap-gdg-1-"), "{new:?}");
 
-    let run = |more: &[&str]| place.run(&[&["fig6", "--updates", "20", "--out", "out"], more].concat());
+    let run =
+        |more: &[&str]| place.run(&[&["fig6", "--updates", "20", "--out", "out"], more].concat());
     assert_eq!(run(&[]).status, Some(0));
     let rerun = run(&["--set", "gdg:expectile=0.7"]);
     has_parts(&rerun.err, &[&format!("{} jobs done, 1 to run", plain.len() - 1), "trap-gdg-1-"]);
@@ -193,7 +235,9 @@ fn figures_share_jobs_and_a_changed_setting_runs_only_what_depends_on_it() {
 #[test]
 fn the_arm_trains_for_steps_with_its_worlds_settings_and_goes_on_where_it_was() {
     let place = Place::new();
-    let args = |out: &'static str| ["fig1", "--steps", "600", "--jobs", "1", "--set", "agents=4", "--out", out];
+    let args = |out: &'static str| {
+        ["fig1", "--steps", "600", "--jobs", "1", "--set", "agents=4", "--out", out]
+    };
     let whole = place.run(&args("whole"));
     assert_eq!(whole.status, Some(0), "{}", whole.err);
     let data: Value = serde_json::from_slice(&place.files("whole/data")["fig1.json"]).unwrap();
@@ -201,25 +245,39 @@ fn the_arm_trains_for_steps_with_its_worlds_settings_and_goes_on_where_it_was() 
     let names: Vec<&str> = methods.iter().map(|method| method["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["gdg-distance", "ddpg-distance", "gdg", "her"]);
     for method in methods {
-        let settings: Vec<&str> = method["settings"].as_array().unwrap().iter().map(|s| s.as_str().unwrap()).collect();
+        let settings: Vec<&str> =
+            method["settings"].as_array().unwrap().iter().map(|s| s.as_str().unwrap()).collect();
         // The world's own, and what is given instead.
-        assert!(settings.contains(&"env_steps_per_update=1") && settings.contains(&"agents=4"), "{settings:?}");
-        assert_eq!(settings.contains(&"discount=0.0"), method["name"] == "ddpg-distance", "{settings:?}");
+        assert!(
+            settings.contains(&"env_steps_per_update=1") && settings.contains(&"agents=4"),
+            "{settings:?}"
+        );
+        assert_eq!(
+            settings.contains(&"discount=0.0"),
+            method["name"] == "ddpg-distance",
+            "{settings:?}"
+        );
     }
     let table = String::from_utf8(place.files("whole/data").remove("fig1.csv").unwrap()).unwrap();
     assert!(table.starts_with("measure,method,seed,environment steps,value\n"), "{table}");
     let of_gdg = table.lines().filter(|line| line.starts_with("success,gdg,1,"));
-    let marks: Vec<u64> = of_gdg.map(|line| line.split(',').nth(3).unwrap().parse().unwrap()).collect();
+    let marks: Vec<u64> =
+        of_gdg.map(|line| line.split(',').nth(3).unwrap().parse().unwrap()).collect();
     assert_eq!(marks, (1..=75).map(|i| 8 * i).collect::<Vec<u64>>());
     for (name, bytes) in place.files("whole/jobs") {
         let result: Value = serde_json::from_slice(&bytes).unwrap();
-        assert_eq!((&result["map"], &result["measured"]["env_steps"]), (&"fetch-reach".into(), &600.into()), "{name}");
+        assert_eq!(
+            (&result["map"], &result["measured"]["env_steps"]),
+            (&"fetch-reach".into(), &600.into()),
+            "{name}"
+        );
         assert!(result.get("free_cells").is_none(), "{name}");
         // All updates due are done: one per step after the first 200.
         assert_eq!(result["updates"], 400, "{name}");
     }
 
-    let mut child = place.command(&args("parts")).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child =
+        place.command(&args("parts")).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
     lines.find(|line| line.contains("304 of 600 environment steps")).unwrap();
     Command::new("kill").args(["-INT".to_owned(), child.id().to_string()]).status().unwrap();
@@ -240,7 +298,8 @@ fn stopped_figures_go_on_where_they_were_and_give_the_same_bytes() {
     let args = |out: &'static str| ["fig6", "--updates", "600", "--jobs", "1", "--out", out];
     assert_eq!(place.run(&args("whole")).status, Some(0));
 
-    let mut child = place.command(&args("parts")).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child =
+        place.command(&args("parts")).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
     lines.find(|line| line.contains("120 of 600 updates")).unwrap();
     Command::new("kill").args(["-INT".to_owned(), child.id().to_string()]).status().unwrap();
@@ -272,7 +331,11 @@ fn jobs_in_processes_of_their_own_give_the_same_bytes_as_one_process() {
     let commands: Vec<&str> = listed.lines().collect();
     assert!(commands.len() >= 3 && commands.iter().all(|line| line.contains("'/")), "{listed}");
     let kept = more(&["--list-jobs", "--keep"]).out;
-    assert_eq!(kept.lines().filter(|line| line.contains(" --keep ")).count(), commands.len(), "{kept}");
+    assert_eq!(
+        kept.lines().filter(|line| line.contains(" --keep ")).count(),
+        commands.len(),
+        "{kept}"
+    );
     // The first by its number, the others as a cluster runs them: all at once, from another folder.
     let first = more(&["--job", "1", "--job", "1"]);
     assert_eq!((first.status, first.out.as_str()), (Some(0), ""), "{}", first.err);
@@ -300,12 +363,23 @@ fn jobs_in_processes_of_their_own_give_the_same_bytes_as_one_process() {
 #[test]
 fn budgets_of_episodes_evaluate_as_often_as_updates_do() {
     let place = Place::new();
-    let args = ["fig6", "--episodes", "40", "--set", "episode_steps=20", "--set", "agents=4", "--out", "out"];
+    let args = [
+        "fig6",
+        "--episodes",
+        "40",
+        "--set",
+        "episode_steps=20",
+        "--set",
+        "agents=4",
+        "--out",
+        "out",
+    ];
     let ran = place.run(&args);
     assert_eq!(ran.status, Some(0), "{}", ran.err);
     let table = String::from_utf8(place.files("out/data").remove("fig6.csv").unwrap()).unwrap();
     let marks = |method: &str| {
-        let lines = table.lines().filter(|line| line.starts_with(&format!("steps_left,{method},1,")));
+        let lines =
+            table.lines().filter(|line| line.starts_with(&format!("steps_left,{method},1,")));
         lines.map(|line| line.split(',').nth(3).unwrap().parse().unwrap()).collect::<Vec<u64>>()
     };
     assert!(table.starts_with("measure,method,seed,episodes,value\n"), "{table}");
@@ -321,7 +395,10 @@ fn bad_arguments_are_named_before_anything_runs() {
         (&["fig7"][..], "fig6"),
         (&["fig6", "--set", "gd:hidden=3"], "methods of fig6: default, default-gdg, gdg-bridge"),
         (&["fig6", "--set", "her:hidden=3"], "no figure given has a method called \"her\""),
-        (&["fig1", "--set", "default:hidden=3"], "methods of fig1: gdg-distance, ddpg-distance, gdg, her"),
+        (
+            &["fig1", "--set", "default:hidden=3"],
+            "methods of fig1: gdg-distance, ddpg-distance, gdg, her",
+        ),
         (&["fig6", "--collect"], "out: there is no such folder"),
         (&["fig1", "--steps", "10", "--episodes", "10"], "--episodes"),
         (&["fig6", "--set", "gdg:hiden=3"], "did you mean hidden"),

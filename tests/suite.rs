@@ -37,7 +37,10 @@ impl Place {
     fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
         place.map("two-parts", TWO_PARTS);
-        place.map("open", "type octile\nheight 6\nwidth 6\nmap\n......\n......\n......\n......\n......\n......\n");
+        place.map(
+            "open",
+            "type octile\nheight 6\nwidth 6\nmap\n......\n......\n......\n......\n......\n......\n",
+        );
         std::fs::write(place.path("maps/ignored.txt"), "no map").unwrap();
         place
     }
@@ -53,7 +56,10 @@ impl Place {
 
     fn command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
-        command.current_dir(self.0.path()).env("NO_COLOR", "1").env("XDG_STATE_HOME", self.0.path());
+        command
+            .current_dir(self.0.path())
+            .env("NO_COLOR", "1")
+            .env("XDG_STATE_HOME", self.0.path());
         command.arg("suite").args(args).args(SMALL);
         command
     }
@@ -71,8 +77,9 @@ impl Place {
     /// Returns the names of the files in a folder, sorted.
     fn files(&self, folder: &str) -> Vec<String> {
         let entries = std::fs::read_dir(self.path(folder)).unwrap();
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+            .collect();
         names.sort();
         names
     }
@@ -80,7 +87,8 @@ impl Place {
     /// Returns all results in a folder, sorted by name, as bytes.
     fn results(&self, out: &str) -> Vec<Vec<u8>> {
         let jobs = self.path(out).join("jobs");
-        let names = self.files(&format!("{out}/jobs")).into_iter().filter(|name| is_a(name, "json"));
+        let names =
+            self.files(&format!("{out}/jobs")).into_iter().filter(|name| is_a(name, "json"));
         names.map(|name| std::fs::read(jobs.join(name)).unwrap()).collect()
     }
 }
@@ -109,26 +117,55 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
     assert_eq!(first.status, Some(0), "{}", first.err);
     let results = place.results("out");
     assert_eq!((results.len(), place.files("out/pictures").len()), (6, 6));
-    assert!(place.files("out/jobs").iter().all(|name| is_a(name, "json")), "no checkpoint or lock is left");
+    assert!(
+        place.files("out/jobs").iter().all(|name| is_a(name, "json")),
+        "no checkpoint or lock is left"
+    );
 
-    let read: Vec<Value> = results.iter().map(|bytes| serde_json::from_slice(bytes).unwrap()).collect();
+    let read: Vec<Value> =
+        results.iter().map(|bytes| serde_json::from_slice(bytes).unwrap()).collect();
     for result in &read {
         let evaluations = result["evaluations"].as_array().unwrap();
-        let updates: Vec<u64> = evaluations.iter().map(|e| e["updates"].as_u64().unwrap()).collect();
+        let updates: Vec<u64> =
+            evaluations.iter().map(|e| e["updates"].as_u64().unwrap()).collect();
         assert_eq!(updates, (1..=10).map(|i| 6 * i).collect::<Vec<u64>>());
-        assert!(evaluations.iter().all(|e| e["coverage"].is_number() && e["planned"]["success"].is_number()));
+        assert!(
+            evaluations
+                .iter()
+                .all(|e| e["coverage"].is_number() && e["planned"]["success"].is_number())
+        );
         assert!(result["settings"].as_array().unwrap().contains(&"hidden=16".into()), "{result}");
         let trap = result["map"] == "trap";
-        assert_eq!((result["start_drawn"] == true, result["starts"].as_array().unwrap().len()), (!trap, 1));
+        assert_eq!(
+            (result["start_drawn"] == true, result["starts"].as_array().unwrap().len()),
+            (!trap, 1)
+        );
         if result["map"] == "two-parts" {
-            assert!(result["starts"][0][0].as_u64().unwrap() > 2, "the start is in the larger part: {result}");
+            assert!(
+                result["starts"][0][0].as_u64().unwrap() > 2,
+                "the start is in the larger part: {result}"
+            );
         }
     }
     let table: Vec<&str> = first.out.lines().collect();
     assert_eq!(table.len(), 2 + 3 + 2, "{}", first.out);
-    assert!(table[2].starts_with("| open | 36 | 60 | ") && table[2].contains(" ("), "mean and worst: {}", table[2]);
+    assert!(
+        table[2].starts_with("| open | 36 | 60 | ") && table[2].contains(" ("),
+        "mean and worst: {}",
+        table[2]
+    );
     let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
-    has_parts(&report, &[&first.out, "hidden=16", "(drawn)", "](pictures/trap-2-", "coverage `", "at the map's `S`"]);
+    has_parts(
+        &report,
+        &[
+            &first.out,
+            "hidden=16",
+            "(drawn)",
+            "](pictures/trap-2-",
+            "coverage `",
+            "at the map's `S`",
+        ],
+    );
 
     let second = place.run(&args);
     assert_eq!((second.status, &second.out), (Some(0), &first.out));
@@ -151,10 +188,17 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
 #[test]
 fn interrupted_jobs_resume_bit_for_bit_for_any_number_of_parallel_jobs() {
     let place = Place::new();
-    let args = |out: &'static str, jobs: &'static str| ["maps", "--budget", "900", "--out", out, "--jobs", jobs];
+    let args = |out: &'static str, jobs: &'static str| {
+        ["maps", "--budget", "900", "--out", out, "--jobs", jobs]
+    };
     assert_eq!(place.run(&args("whole", "2")).status, Some(0));
 
-    let mut child = place.command(&args("parts", "1")).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = place
+        .command(&args("parts", "1"))
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
     lines.find(|line| line.contains("180 of 900 updates")).unwrap();
     Command::new("kill").args(["-INT".to_owned(), child.id().to_string()]).status().unwrap();
@@ -170,7 +214,8 @@ fn interrupted_jobs_resume_bit_for_bit_for_any_number_of_parallel_jobs() {
     assert_eq!(without_times(place.results("parts")), without_times(place.results("whole")));
     assert_eq!(place.files("parts/pictures"), place.files("whole/pictures"));
     for name in place.files("parts/pictures") {
-        let picture = |out: &str| std::fs::read(place.path(out).join("pictures").join(&name)).unwrap();
+        let picture =
+            |out: &str| std::fs::read(place.path(out).join("pictures").join(&name)).unwrap();
         assert!(picture("parts") == picture("whole"), "{name}");
     }
 }
@@ -204,9 +249,13 @@ fn jobs_are_listed_and_run_by_name() {
     let list = || place.run(&[&args[..], &["--list"]].concat());
     let listed = list();
     assert_eq!(listed.status, Some(0), "{}", listed.err);
-    let lines: Vec<Vec<&str>> = listed.out.lines().map(|line| line.split_whitespace().collect()).collect();
+    let lines: Vec<Vec<&str>> =
+        listed.out.lines().map(|line| line.split_whitespace().collect()).collect();
     assert_eq!(lines.len(), 2, "the same map counts once: {}", listed.out);
-    assert_eq!(lines[1][1..], ["two-parts", "24", "cells", "seed", "1", "30", "updates", "not", "begun"]);
+    assert_eq!(
+        lines[1][1..],
+        ["two-parts", "24", "cells", "seed", "1", "30", "updates", "not", "begun"]
+    );
     assert!(!place.path("out").exists(), "nothing runs");
     let (open, parts) = (lines[0][0], lines[1][0]);
     assert!(open.starts_with("open-1-") && parts.starts_with("two-parts-1-"), "{open} {parts}");
@@ -225,7 +274,9 @@ fn jobs_are_listed_and_run_by_name() {
 
     let checkpoint = place.path("out/jobs").join(parts).with_extension("safetensors");
     let mut resume = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
-    resume.args(["--no-ui", "--max-updates", "40", "--eval-tasks", "1", "--resume"]).arg(checkpoint);
+    resume
+        .args(["--no-ui", "--max-updates", "40", "--eval-tasks", "1", "--resume"])
+        .arg(checkpoint);
     assert!(resume.env("XDG_STATE_HOME", place.0.path()).output().unwrap().status.success());
 }
 
@@ -243,7 +294,10 @@ fn damaged_results_are_named_and_made_again() {
     has_parts(&done(&written), &["1 job done, 0 to run"]);
     let digit = written.replacen("\"updates\": 30", "\"updates\": 20", 1);
     assert_ne!(digit, written);
-    has_parts(&done(&digit), &["open-1-", ".json: is damaged: its checksum is wrong; it runs again", "1 to run"]);
+    has_parts(
+        &done(&digit),
+        &["open-1-", ".json: is damaged: its checksum is wrong; it runs again", "1 to run"],
+    );
     has_parts(&done(&written[..written.len() / 2]), &["is damaged: EOF while parsing", "1 to run"]);
     // As written before there were checksums.
     let older: Vec<&str> = written.lines().filter(|line| !line.contains("\"checksum\"")).collect();
@@ -275,11 +329,16 @@ fn a_job_that_fails_does_not_end_the_others() {
 fn two_processes_share_the_jobs_of_a_folder() {
     let place = Place::new();
     let args = ["maps", "--budget", "300", "--seeds", "3", "--out", "out", "--jobs", "1"];
-    let start = || place.command(&args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let start =
+        || place.command(&args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let both = [start(), start()].map(|child| child.wait_with_output().unwrap());
     let said = both.each_ref().map(|output| String::from_utf8_lossy(&output.stderr).into_owned());
     assert!(both.iter().all(|output| output.status.success()), "{said:?}");
-    assert_eq!(said.iter().map(|text| text.matches(": begins").count()).sum::<usize>(), 6, "each job once: {said:?}");
+    assert_eq!(
+        said.iter().map(|text| text.matches(": begins").count()).sum::<usize>(),
+        6,
+        "each job once: {said:?}"
+    );
     assert_eq!(place.files("out/jobs").len(), 6);
     let whole = place.run(&args);
     has_parts(&whole.err, &["6 jobs done, 0 to run"]);
@@ -326,7 +385,10 @@ fn files_of_others_are_not_replaced() {
     std::fs::write(place.path("out/pictures/mine.png"), "mine").unwrap();
     let ran = place.run(&["maps/open.map", "--seeds", "1", "--out", "out"]);
     assert_eq!(ran.status, Some(2), "{}", ran.err);
-    has_parts(&ran.err, &["pictures: was not written by gdg-tui and is not replaced", "a folder of its own"]);
+    has_parts(
+        &ran.err,
+        &["pictures: was not written by gdg-tui and is not replaced", "a folder of its own"],
+    );
 }
 
 #[cfg(target_os = "linux")]
@@ -337,7 +399,13 @@ fn a_map_file_in_a_folder_may_have_any_name() {
     let name = std::ffi::OsStr::from_bytes(b"caf\xe9.map");
     std::fs::write(place.path("maps").join(name), TWO_PARTS).unwrap();
     let listed = place.run(&["maps", "--budget", "30", "--out", "out", "--list"]);
-    assert_eq!((listed.status, listed.out.lines().count()), (Some(0), 3), "{}{}", listed.out, listed.err);
+    assert_eq!(
+        (listed.status, listed.out.lines().count()),
+        (Some(0), 3),
+        "{}{}",
+        listed.out,
+        listed.err
+    );
 }
 
 #[test]
@@ -346,6 +414,12 @@ fn a_folder_without_map_files_may_have_maps_in_text_files() {
     std::fs::create_dir(place.path("texts")).unwrap();
     std::fs::write(place.path("texts/small.txt"), "S...\n....\n").unwrap();
     let listed = place.run(&["texts", "--budget", "30", "--out", "out", "--list"]);
-    assert_eq!((listed.status, listed.out.lines().count()), (Some(0), 1), "{}{}", listed.out, listed.err);
+    assert_eq!(
+        (listed.status, listed.out.lines().count()),
+        (Some(0), 1),
+        "{}{}",
+        listed.out,
+        listed.err
+    );
     has_parts(&listed.out, &["small"]);
 }

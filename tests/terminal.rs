@@ -1,4 +1,5 @@
-//! The real program in a pseudo-terminal: what a user sees and presses, and what remains on the terminal.
+//! The real program in a pseudo-terminal: what a user sees and presses, and what remains on the
+//! terminal.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
@@ -80,7 +81,8 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     session.wait_for_end_or("quit without saving");
     session.press("\x1b[B\r");
     assert_eq!(session.end(), 0);
-    let mut again = Session::start(folder.path(), &["--resume", "saves/rooms-gdg-bridge-seed3.safetensors"]);
+    let mut again =
+        Session::start(folder.path(), &["--resume", "saves/rooms-gdg-bridge-seed3.safetensors"]);
     again.wait_for("rooms gdg-bridge default (3 changed) seed 3");
     again.wait_for("training");
     // The checkpoint list shows it too.
@@ -105,10 +107,12 @@ fn a_run_has_one_file_however_impatiently_it_is_quit_and_is_saved_at_its_limit()
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("rooms.txt"), ROOMS).unwrap();
     let checkpoints = || {
-        let entries = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+        let entries =
+            std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
         entries.filter(|name| name.to_string_lossy().ends_with(".safetensors")).collect::<Vec<_>>()
     };
-    let mut session = Session::start(folder.path(), &["rooms.txt", "--seed", "3", "--save", "own.safetensors"]);
+    let mut session =
+        Session::start(folder.path(), &["rooms.txt", "--seed", "3", "--save", "own.safetensors"]);
     session.wait_for("training");
     session.press("e");
     session.wait_for("EDIT");
@@ -130,7 +134,8 @@ fn suspending_restores_the_terminal_and_resuming_reopens_the_interface() {
     let mut session = Session::start_shell(folder.path());
     session.press("sh -c 'echo $$ > id; exec \"$PROGRAM\" trap --set hidden=16'\r");
     session.wait_for("quit");
-    let id: u32 = std::fs::read_to_string(folder.path().join("id")).unwrap().trim().parse().unwrap();
+    let id: u32 =
+        std::fs::read_to_string(folder.path().join("id")).unwrap().trim().parse().unwrap();
     let (opened, closed) = (b"\x1b[?1049h", b"\x1b[?1049l");
     for (round, by_key) in [(1, false), (2, true)] {
         if by_key {
@@ -150,8 +155,13 @@ fn suspending_restores_the_terminal_and_resuming_reopens_the_interface() {
     // Stopped so that it could not restore the terminal, and by key.
     let before = session.count(opened);
     kill(id, "STOP");
-    let state =
-        || std::process::Command::new("ps").args(["-o", "stat=", "-p", &id.to_string()]).output().unwrap().stdout;
+    let state = || {
+        std::process::Command::new("ps")
+            .args(["-o", "stat=", "-p", &id.to_string()])
+            .output()
+            .unwrap()
+            .stdout
+    };
     session.wait(|_| state().starts_with(b"T"));
     // The terminal is still in raw mode.
     session.press("fg\n");
@@ -160,7 +170,9 @@ fn suspending_restores_the_terminal_and_resuming_reopens_the_interface() {
     session.press("\x0c");
     session.wait(|session| session.count(opened) > before);
     session.press("q");
-    session.wait(|session| session.screen_text().contains("quit without saving") || session.count(closed) > 2);
+    session.wait(|session| {
+        session.screen_text().contains("quit without saving") || session.count(closed) > 2
+    });
     session.press("\x03");
     session.wait(|session| session.count(closed) > 2);
     session.assert_terminal_restored();
@@ -211,7 +223,10 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
     let mut again = Session::start(folder.path(), &["trap", "--record", "run.cast"]);
     again.wait_for("run.cast: the file already exists");
     assert_eq!(again.child.wait().unwrap().exit_code(), 2);
-    assert!(!again.raw.lock().unwrap().windows(8).any(|w| w == b"\x1b[?1049h"), "the terminal is left alone");
+    assert!(
+        !again.raw.lock().unwrap().windows(8).any(|w| w == b"\x1b[?1049h"),
+        "the terminal is left alone"
+    );
     assert_eq!(std::fs::read_to_string(folder.path().join("run.cast")).unwrap(), cast);
     let mut again = Session::start(folder.path(), &["trap", "--record", "run.cast", "--overwrite"]);
     again.wait_for("updates");
@@ -229,7 +244,8 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
 #[test]
 fn a_configuration_sets_keys_and_theme_and_its_errors_are_reported() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("own.toml"), "theme = \"light\"\n[keys]\npause = [\"f5\"]\n").unwrap();
+    std::fs::write(folder.path().join("own.toml"), "theme = \"light\"\n[keys]\npause = [\"f5\"]\n")
+        .unwrap();
     let mut session = Session::start(folder.path(), &["trap", "--ui-config", "own.toml"]);
     session.wait_for("F5 pause");
     session.press("\x1b[15~");
@@ -258,7 +274,11 @@ fn the_interface_survives_resizes_clicks_and_huge_pastes() {
     session.press("\x1b[201~");
     // Mouse: press, drag and release all over the map, and beyond the screen.
     for i in 1..200 {
-        session.press(&format!("\x1b[<0;{i};{}M\x1b[<32;{i};{}M\x1b[<0;{i};{i}m", i % 30 + 1, i % 24 + 1));
+        session.press(&format!(
+            "\x1b[<0;{i};{}M\x1b[<32;{i};{}M\x1b[<0;{i};{i}m",
+            i % 30 + 1,
+            i % 24 + 1
+        ));
     }
     session.wait_for("updates");
     // A paste into a text field is cut to the maximum length of the field.
@@ -281,7 +301,10 @@ fn a_signal_restores_the_terminal_and_saves_the_checkpoint() {
         let session = Session::start(folder.path(), &["trap", "--save", "kept.safetensors"]);
         session.wait_for("quit");
         let id = session.child.process_id().unwrap();
-        std::process::Command::new("kill").args([format!("-{signal}"), id.to_string()]).status().unwrap();
+        std::process::Command::new("kill")
+            .args([format!("-{signal}"), id.to_string()])
+            .status()
+            .unwrap();
         assert_eq!(session.end(), status);
         assert!(folder.path().join("kept.safetensors").is_file());
         std::fs::remove_file(folder.path().join("kept.safetensors")).unwrap();
@@ -291,7 +314,8 @@ fn a_signal_restores_the_terminal_and_saves_the_checkpoint() {
 #[test]
 fn check_shows_a_spinner_on_a_terminal() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("large.txt"), format!("{}\n", ".".repeat(1024)).repeat(1024)).unwrap();
+    std::fs::write(folder.path().join("large.txt"), format!("{}\n", ".".repeat(1024)).repeat(1024))
+        .unwrap();
     let pty = native_pty_system().openpty(size(80, 24)).unwrap();
     let mut command = CommandBuilder::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
     command.args(["check", "large.txt"]);

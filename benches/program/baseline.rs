@@ -21,7 +21,8 @@ impl Network {
             linear(hidden, hidden, builder.pp("1"))?,
             linear(hidden, outputs, builder.pp("2"))?,
         ];
-        let parameters = ParamsAdamW { lr: learning_rate, weight_decay: 0.0, ..ParamsAdamW::default() };
+        let parameters =
+            ParamsAdamW { lr: learning_rate, weight_decay: 0.0, ..ParamsAdamW::default() };
         Ok(Self { layers, optimiser: AdamW::new(vars.all_vars(), parameters)?, vars })
     }
 
@@ -33,7 +34,8 @@ impl Network {
     /// Returns the variables sorted by name, so that those of two networks correspond.
     fn sorted_vars(&self) -> Vec<Var> {
         let names = self.vars.data().lock().map(|data| {
-            let mut named: Vec<_> = data.iter().map(|(name, var)| (name.clone(), var.clone())).collect();
+            let mut named: Vec<_> =
+                data.iter().map(|(name, var)| (name.clone(), var.clone())).collect();
             named.sort_by(|a, b| a.0.cmp(&b.0));
             named.into_iter().map(|(_, var)| var).collect()
         });
@@ -56,7 +58,13 @@ impl Baseline {
         let rate = f64::from(settings.learning_rate);
         let network = |outputs| Network::new(4, settings.hidden, outputs, rate);
         let tau = f64::from(settings.tau);
-        Ok(Self { critic: network(1)?, target: network(1)?, model: network(2)?, actor: network(2)?, tau })
+        Ok(Self {
+            critic: network(1)?,
+            target: network(1)?,
+            model: network(2)?,
+            actor: network(2)?,
+            tau,
+        })
     }
 
     fn distance(network: &Network, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
@@ -67,14 +75,19 @@ impl Baseline {
 
     /// Performs one update.
     pub fn update(&mut self, batch: &Batch) -> Result<()> {
-        let tensor = |numbers: &[f32]| Tensor::from_slice(numbers, (numbers.len() / 2, 2), &Device::Cpu);
+        let tensor =
+            |numbers: &[f32]| Tensor::from_slice(numbers, (numbers.len() / 2, 2), &Device::Cpu);
         let column = |numbers: &[f32]| Tensor::from_slice(numbers, numbers.len(), &Device::Cpu);
-        let (states, goals, ahead) = (tensor(&batch.states)?, tensor(&batch.goals)?, tensor(&batch.bootstrap_states)?);
-        let bootstrapped = (Self::distance(&self.target, &ahead, &goals)? * column(&batch.bootstrap)?)?;
+        let (states, goals, ahead) =
+            (tensor(&batch.states)?, tensor(&batch.goals)?, tensor(&batch.bootstrap_states)?);
+        let bootstrapped =
+            (Self::distance(&self.target, &ahead, &goals)? * column(&batch.bootstrap)?)?;
         let targets = (bootstrapped + column(&batch.steps)?)?.detach();
-        let critic = (Self::distance(&self.critic, &states, &goals)? - targets)?.sqr()?.mean_all()?;
+        let critic =
+            (Self::distance(&self.critic, &states, &goals)? - targets)?.sqr()?.mean_all()?;
         self.critic.optimiser.backward_step(&critic)?;
-        let (from, actions, next) = (tensor(&batch.from)?, tensor(&batch.actions)?, tensor(&batch.next)?);
+        let (from, actions, next) =
+            (tensor(&batch.from)?, tensor(&batch.actions)?, tensor(&batch.next)?);
         let predicted = (&from + self.model.forward(&Tensor::cat(&[&from, &actions], 1)?)?)?;
         let model = (predicted - next)?.sqr()?.sum(D::Minus1)?.mean_all()?;
         self.model.optimiser.backward_step(&model)?;
@@ -83,7 +96,9 @@ impl Baseline {
         let actor = Self::distance(&self.critic, &reached, &goals)?.mean_all()?;
         self.actor.optimiser.backward_step(&actor)?;
         for (average, current) in self.target.sorted_vars().iter().zip(self.critic.sorted_vars()) {
-            average.set(&((average.as_tensor() * (1.0 - self.tau))? + (current.as_tensor() * self.tau)?)?)?;
+            average.set(
+                &((average.as_tensor() * (1.0 - self.tau))? + (current.as_tensor() * self.tau)?)?,
+            )?;
         }
         Ok(())
     }

@@ -6,7 +6,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::baseline::Baseline;
-use super::{DefaultTimes, DefaultUpdateTimes, PhaseTimes, TimedOperation, UpdateTimes, median, time_us};
+use super::{
+    DefaultTimes, DefaultUpdateTimes, PhaseTimes, TimedOperation, UpdateTimes, median, time_us,
+};
 use gdg::bridge::{BridgeGraph, BridgeSettings, Candidates, Walker};
 use gdg::env::{Environment, PointMaze};
 use gdg::learn::{Backend, Batch, Gdg, LearnSettings, Learner, Profile, Scratch, Stage};
@@ -24,13 +26,21 @@ fn rng() -> ChaCha8Rng {
 }
 
 fn open_map() -> Arc<Grid> {
-    Arc::new(Grid::new("open", OPEN_MAP_SIDE, vec![true; OPEN_MAP_SIDE * OPEN_MAP_SIDE], Vec::new(), Vec::new()))
+    Arc::new(Grid::new(
+        "open",
+        OPEN_MAP_SIDE,
+        vec![true; OPEN_MAP_SIDE * OPEN_MAP_SIDE],
+        Vec::new(),
+        Vec::new(),
+    ))
 }
 
 /// Returns random pairs and transitions on a square map of `side` cells.
 fn batch(rows: usize, side: f32) -> Batch {
     let (mut rng, last) = (rng(), side - 1.0);
-    let mut numbers = |from: f32, to: f32| -> Vec<f32> { (0..2 * rows).map(|_| rng.random_range(from..to)).collect() };
+    let mut numbers = |from: f32, to: f32| -> Vec<f32> {
+        (0..2 * rows).map(|_| rng.random_range(from..to)).collect()
+    };
     let from = numbers(1.0, last);
     let actions = numbers(-1.0, 1.0);
     let next = from.iter().zip(&actions).map(|(s, a)| s + a).collect();
@@ -58,9 +68,13 @@ fn operations(rows: usize, hidden: usize) -> f64 {
     let network = |outputs: f64| 4.0 * h + h * h + h * outputs;
     let (critic, two) = (network(1.0), network(2.0));
     let backward = |weights: f64| weights + h * h;
-    // Target forward; critic, model and actor forward and backward; for the actor, model and critic again, backward to
-    // their inputs only.
-    let passes = critic + (critic + backward(critic)) + 2.0 * (two + backward(two)) + (two + h * h) + (critic + h * h);
+    // Target forward; critic, model and actor forward and backward; for the actor, model and critic
+    // again, backward to their inputs only.
+    let passes = critic
+        + (critic + backward(critic))
+        + 2.0 * (two + backward(two))
+        + (two + h * h)
+        + (critic + h * h);
     2.0 * b * passes
 }
 
@@ -72,7 +86,10 @@ pub fn updates(
     peak_gflops: f64,
 ) -> Result<UpdateTimes, TrainError> {
     let settings = LearnSettings { batch_size: rows, hidden: width, ..LearnSettings::paper() };
-    let world = PointMaze::new(Arc::new(Grid::new("100", 100, vec![true; 10_000], Vec::new(), Vec::new())), 1);
+    let world = PointMaze::new(
+        Arc::new(Grid::new("100", 100, vec![true; 10_000], Vec::new(), Vec::new())),
+        1,
+    );
     let mut fused = Gdg::new(world.spec(), &settings, 1, &mut rng())?;
     let mut together = Gdg::new(world.spec(), &settings, threads, &mut rng())?;
     let mut plain = Baseline::new(&settings)?;
@@ -98,7 +115,8 @@ pub fn updates(
     }
     failure?;
     let ratio = |a: &[f64], b: &[f64]| median(a.iter().zip(b).map(|(a, b)| a / b).collect());
-    let (speed_up, threads_speed_up) = (ratio(&of_plain, &of_fused), ratio(&of_fused, &of_together));
+    let (speed_up, threads_speed_up) =
+        (ratio(&of_plain, &of_fused), ratio(&of_fused, &of_together));
     let fused_us = median(of_fused);
     Ok(UpdateTimes {
         batch: rows,
@@ -113,8 +131,8 @@ pub fn updates(
     })
 }
 
-/// Measures one whole update of the default preset on a map of 32 x 32 cells: on candle's tape, by the kernels on one
-/// thread and on all, in turns.
+/// Measures one whole update of the default preset on a map of 32 x 32 cells: on candle's tape, by
+/// the kernels on one thread and on all, in turns.
 pub fn default_update((threads, runs): (usize, usize)) -> Result<DefaultUpdateTimes, TrainError> {
     const SIDE: usize = 32;
     let map = Grid::new("open", SIDE, vec![true; SIDE * SIDE], Vec::new(), Vec::new());
@@ -133,7 +151,8 @@ pub fn default_update((threads, runs): (usize, usize)) -> Result<DefaultUpdateTi
     for turn in 0..=runs {
         for (learner, times) in learners.iter_mut().zip(&mut times) {
             let mut update = || failure = learner.update_on(&batch, None, &mut profile).map(drop);
-            let took = time_us(|| (0..UPDATES_PER_TURN).for_each(|_| update())) / UPDATES_PER_TURN as f64;
+            let took =
+                time_us(|| (0..UPDATES_PER_TURN).for_each(|_| update())) / UPDATES_PER_TURN as f64;
             if turn > 0 {
                 times.push(took);
             }
@@ -143,15 +162,30 @@ pub fn default_update((threads, runs): (usize, usize)) -> Result<DefaultUpdateTi
     let ratio = |a: &[f64], b: &[f64]| median(a.iter().zip(b).map(|(a, b)| a / b).collect());
     let (speed_up, threads_speed_up) = (ratio(&times[0], &times[1]), ratio(&times[1], &times[2]));
     let [tape_us, kernels_us, kernels_threads_us] = times.map(median);
-    Ok(DefaultUpdateTimes { runs, tape_us, kernels_us, kernels_threads_us, speed_up, threads_speed_up })
+    Ok(DefaultUpdateTimes {
+        runs,
+        tape_us,
+        kernels_us,
+        kernels_threads_us,
+        speed_up,
+        threads_speed_up,
+    })
 }
 
 /// Measures training on a built-in map with the default preset.
-pub fn default_preset(map: &'static str, (threads, runs): (usize, usize)) -> Result<DefaultTimes, TrainError> {
+pub fn default_preset(
+    map: &'static str,
+    (threads, runs): (usize, usize),
+) -> Result<DefaultTimes, TrainError> {
     const UPDATES_PER_TURN: u64 = 500;
     let Some(grid) = builtin(map).map(Arc::new) else { unreachable!("{map} is built in") };
     let trainer = |threads| {
-        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
+        let run = Run {
+            method: Method::default(),
+            preset: Preset::Default,
+            seed: 1,
+            settings: Settings::default(),
+        };
         Trainer::new(run, &PointMaze::new(grid.clone(), 0), &Registry::builtin(), threads)
     };
     let mut trainers = [trainer(1)?, trainer(threads)?];
@@ -169,8 +203,14 @@ pub fn default_preset(map: &'static str, (threads, runs): (usize, usize)) -> Res
     }
     let [one, all] = rates.map(median);
     let phases = Stage::ALL.iter().filter(|phase| **phase != Stage::Tape).map(|phase| {
-        let us = |t: &Trainer| t.profile().spent(*phase).as_secs_f64() * 1e6 / t.counters().updates as f64;
-        PhaseTimes { phase: phase.name(), one_thread_us: us(&trainers[0]), all_threads_us: us(&trainers[1]) }
+        let us = |t: &Trainer| {
+            t.profile().spent(*phase).as_secs_f64() * 1e6 / t.counters().updates as f64
+        };
+        PhaseTimes {
+            phase: phase.name(),
+            one_thread_us: us(&trainers[0]),
+            all_threads_us: us(&trainers[1]),
+        }
     });
     Ok(DefaultTimes { map, runs, one_thread: one, all_threads: all, phases: phases.collect() })
 }
@@ -188,19 +228,30 @@ pub fn other() -> Result<Vec<TimedOperation>, TrainError> {
         work();
         TimedOperation { what, us: median((0..runs).map(|_| time_us(&mut *work)).collect()), runs }
     };
-    let (states, goals) = (world.states().to_vec(), world.states().iter().rev().copied().collect::<Vec<f32>>());
+    let (states, goals) =
+        (world.states().to_vec(), world.states().iter().rev().copied().collect::<Vec<f32>>());
     let mut actions = vec![0.0; 64];
     let mut all = Vec::new();
-    all.push(timed("actions of 32 agents", 200, &mut || policy.actions(&states, &goals, &mut actions, &mut scratch)));
+    all.push(timed("actions of 32 agents", 200, &mut || {
+        policy.actions(&states, &goals, &mut actions, &mut scratch);
+    }));
     let cells: Vec<f32> = map.free_cells().flat_map(gdg::map::Cell::centre).collect();
     let one_goal = [40.5, 200.5].repeat(cells.len() / 2);
     let mut field = vec![0.0; cells.len() / 2];
     all.push(timed("distance field of a 256 x 256 map (both critics)", 7, &mut || {
         policy.distances(&cells, &one_goal, &mut field, &mut scratch);
     }));
-    for (candidates, what) in [(500, "planning query, 500 candidates"), (1500, "planning query, 1500 candidates")] {
+    for (candidates, what) in
+        [(500, "planning query, 500 candidates"), (1500, "planning query, 1500 candidates")]
+    {
         let (candidates, settings) = explored_candidates(&map, candidates);
-        let graph = BridgeGraph::build(world.spec(), &settings, &candidates.frozen(), &*policy, &mut scratch);
+        let graph = BridgeGraph::build(
+            world.spec(),
+            &settings,
+            &candidates.frozen(),
+            &*policy,
+            &mut scratch,
+        );
         all.push(timed(what, 50, &mut || {
             let mut walker = Walker::new(graph.route(&[40.5, 200.5], &*policy, &mut scratch));
             walker.step(&[200.5, 40.5], &graph, &*policy, &mut scratch);
@@ -232,7 +283,11 @@ fn explored_candidates(map: &Arc<Grid>, candidates: usize) -> (Candidates, Bridg
                 world.restart(i, &mut rng);
             });
         }
-        world.states().chunks_exact(2).enumerate().for_each(|(i, state)| candidates.visit(i, state));
+        world
+            .states()
+            .chunks_exact(2)
+            .enumerate()
+            .for_each(|(i, state)| candidates.visit(i, state));
         world.step(&actions, &mut rng);
     }
     (candidates, settings)

@@ -14,13 +14,19 @@ use gdg_tui::tui::{MeasuredInterface, MeasuredScreen};
 /// Columns and rows of the screen for the interface.
 const SCREEN_SIZE: (u16, u16) = (200, 60);
 
-/// Measures training on a large map with and without the interface, in turns: with each kind of screen.
+/// Measures training on a large map with and without the interface, in turns: with each kind of
+/// screen.
 pub fn measure((threads, runs): (usize, usize)) -> Result<Vec<InterfaceTimes>, TrainError> {
     // Long enough for grounds of pictures that are drawn again and rest for up to two seconds.
     const TURN_DURATION: Duration = Duration::from_secs(3);
     let map = rooms();
     let trainer = || {
-        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
+        let run = Run {
+            method: Method::default(),
+            preset: Preset::Default,
+            seed: 1,
+            settings: Settings::default(),
+        };
         Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads)
     };
     // Trains and evaluates in the background, as the interface has it do.
@@ -29,7 +35,11 @@ pub fn measure((threads, runs): (usize, usize)) -> Result<Vec<InterfaceTimes>, T
     let mut rates = Vec::new();
     let mut screens = Vec::new();
     for screen in MeasuredScreen::ALL {
-        screens.push((MeasuredInterface::open(trainer()?, SCREEN_SIZE, screen)?, Vec::new(), Vec::new()));
+        screens.push((
+            MeasuredInterface::open(trainer()?, SCREEN_SIZE, screen)?,
+            Vec::new(),
+            Vec::new(),
+        ));
     }
     for turn in 0..=runs {
         let rate = alone.measure(TURN_DURATION);
@@ -45,14 +55,15 @@ pub fn measure((threads, runs): (usize, usize)) -> Result<Vec<InterfaceTimes>, T
         }
     }
     let alone = median(rates);
-    let times = |(screen, (_, ratios, frames)): (MeasuredScreen, (_, Vec<f64>, Vec<f64>))| InterfaceTimes {
-        screen: screen.name(),
-        runs,
-        alone,
-        ratio: median(ratios),
-        frame_us: median(frames.clone()),
-        slow_frame_us: quantile(frames, 0.95),
-    };
+    let times =
+        |(screen, (_, ratios, frames)): (MeasuredScreen, (_, Vec<f64>, Vec<f64>))| InterfaceTimes {
+            screen: screen.name(),
+            runs,
+            alone,
+            ratio: median(ratios),
+            frame_us: median(frames.clone()),
+            slow_frame_us: quantile(frames, 0.95),
+        };
     Ok(MeasuredScreen::ALL.into_iter().zip(screens).map(times).collect())
 }
 
@@ -84,6 +95,8 @@ impl Alone {
 /// Returns a map as large as the open one, of 31 x 31 rooms with doors.
 fn rooms() -> Arc<Grid> {
     let wall = |x: usize, y: usize| x % 32 == 31 && y % 32 != 15 || y % 32 == 31 && x % 32 != 15;
-    let free = (0..OPEN_MAP_SIDE * OPEN_MAP_SIDE).map(|i| !wall(i % OPEN_MAP_SIDE, i / OPEN_MAP_SIDE)).collect();
+    let free = (0..OPEN_MAP_SIDE * OPEN_MAP_SIDE)
+        .map(|i| !wall(i % OPEN_MAP_SIDE, i / OPEN_MAP_SIDE))
+        .collect();
     Arc::new(Grid::new("rooms", OPEN_MAP_SIDE, free, Vec::new(), Vec::new()))
 }

@@ -1,8 +1,8 @@
-//! The learner's speed on this machine, as ratios of side-by-side runs: `cargo bench --bench program`, with
-//! `-- --only PART` for a part alone.
+//! The learner's speed on this machine, as ratios of side-by-side runs: `cargo bench --bench
+//! program`, with `-- --only PART` for a part alone.
 //!
-//! All variants of a case take turns within one process, so that a drifting machine speed affects them equally; the
-//! table shows the median of many turns.
+//! All variants of a case take turns within one process, so that a drifting machine speed affects
+//! them equally; the table shows the median of many turns.
 
 mod baseline;
 mod cases;
@@ -80,7 +80,8 @@ struct UpdateTimes {
     peak_share: f64,
 }
 
-/// One whole update of the default preset: on candle's tape (the setting `backend=tape`) and by the kernels.
+/// One whole update of the default preset: on candle's tape (the setting `backend=tape`) and by the
+/// kernels.
 #[derive(Debug, Serialize)]
 struct DefaultUpdateTimes {
     runs: usize,
@@ -103,7 +104,8 @@ struct DefaultTimes {
     phases: Vec<PhaseTimes>,
 }
 
-/// Training from scratch until planned success first reaches a rate, for each seed; null if it never does.
+/// Training from scratch until planned success first reaches a rate, for each seed; null if it
+/// never does.
 #[derive(Debug, Serialize)]
 struct TimeToSuccess {
     map: &'static str,
@@ -146,7 +148,8 @@ struct TimedOperation {
     runs: usize,
 }
 
-/// Measures the learner's speed on this machine against plain candle-nn, and what the interface costs.
+/// Measures the learner's speed on this machine against plain candle-nn, and what the interface
+/// costs.
 #[derive(Parser)]
 struct Args {
     /// Measure this part alone; may be given more than once [default: all]
@@ -167,16 +170,25 @@ struct Args {
 }
 
 fn main() -> Result<(), Report> {
-    // Compare one thread to one thread, which is also candle at its best: it would spread its operations over spinning
-    // threads. Candle reads the number of threads from the environment, which can be set safely only for a new process.
+    // Compare one thread to one thread, which is also candle at its best: it would spread its
+    // operations over spinning threads. Candle reads the number of threads from the environment,
+    // which can be set safely only for a new process.
     if std::env::var_os(CANDLE_THREADS).is_none() {
         let mut again = Command::new(std::env::current_exe().into_diagnostic()?);
-        let status = again.args(std::env::args_os().skip(1)).env(CANDLE_THREADS, "1").status().into_diagnostic()?;
+        let status = again
+            .args(std::env::args_os().skip(1))
+            .env(CANDLE_THREADS, "1")
+            .status()
+            .into_diagnostic()?;
         std::process::exit(status.code().unwrap_or(1));
     }
     let args = Args::parse();
     let found = measure(&args.only, setup::threads(args.threads), args.runs.into())?;
-    let text = if args.json { serde_json::to_string_pretty(&found).into_diagnostic()? + "\n" } else { found.table() };
+    let text = if args.json {
+        serde_json::to_string_pretty(&found).into_diagnostic()? + "\n"
+    } else {
+        found.table()
+    };
     print!("{text}");
     Ok(())
 }
@@ -186,7 +198,8 @@ fn measure(only: &[Part], threads: usize, runs: usize) -> Result<Measurements, R
     let peak_gflops = median((0..9).map(|_| gdg::learn::kernel::multiply_add_gflops()).collect());
     let wanted = |part| only.is_empty() || only.contains(&part);
     let shapes = SHAPES.iter().filter(|_| wanted(Part::Updates));
-    let updates = shapes.map(|(batch, width)| cases::updates(*batch, *width, (threads, runs), peak_gflops));
+    let updates =
+        shapes.map(|(batch, width)| cases::updates(*batch, *width, (threads, runs), peak_gflops));
     let updates = updates.collect::<Result<_, _>>().into_diagnostic()?;
     let default_update = wanted(Part::Default).then(|| cases::default_update((threads, runs)));
     Ok(Measurements {
@@ -194,8 +207,12 @@ fn measure(only: &[Part], threads: usize, runs: usize) -> Result<Measurements, R
         peak_gflops,
         updates,
         default_update: default_update.transpose().into_diagnostic()?,
-        default_preset: of_maps(wanted(Part::Training), &|map| cases::default_preset(map, (threads, runs)))?,
-        time_to_success: of_maps(wanted(Part::TimeTo), &|map| time_to::measure(map, (threads, runs)))?,
+        default_preset: of_maps(wanted(Part::Training), &|map| {
+            cases::default_preset(map, (threads, runs))
+        })?,
+        time_to_success: of_maps(wanted(Part::TimeTo), &|map| {
+            time_to::measure(map, (threads, runs))
+        })?,
         interface: if wanted(Part::Interface) {
             interface::measure((threads, runs)).into_diagnostic()?
         } else {
@@ -206,8 +223,15 @@ fn measure(only: &[Part], threads: usize, runs: usize) -> Result<Measurements, R
 }
 
 /// Measures each of [`MAPS`], if `wanted`.
-fn of_maps<T>(wanted: bool, measure: &dyn Fn(&'static str) -> Result<T, TrainError>) -> Result<Vec<T>, Report> {
-    MAPS.iter().filter(|_| wanted).map(|map| measure(map)).collect::<Result<_, _>>().into_diagnostic()
+fn of_maps<T>(
+    wanted: bool,
+    measure: &dyn Fn(&'static str) -> Result<T, TrainError>,
+) -> Result<Vec<T>, Report> {
+    MAPS.iter()
+        .filter(|_| wanted)
+        .map(|map| measure(map))
+        .collect::<Result<_, _>>()
+        .into_diagnostic()
 }
 
 impl Measurements {
@@ -225,37 +249,71 @@ impl Measurements {
             out += &format!("{:<12}", format!("{} x {}", u.batch, u.width));
             out += &format!("{:>7.0} us{:>7.0} us{:>8.2}", u.plain_us, u.fused_us, u.speed_up);
             let share = format!("{:.0} %", 100.0 * u.peak_share);
-            out += &format!("{share:>8}{:>9.0} us{:>8.2}{:>7}\n", u.fused_threads_us, u.threads_speed_up, u.runs);
+            out += &format!(
+                "{share:>8}{:>9.0} us{:>8.2}{:>7}\n",
+                u.fused_threads_us, u.threads_speed_up, u.runs
+            );
         }
         if let Some(u) = &self.default_update {
             let (tape, kernels, both) = (u.tape_us, u.kernels_us, u.kernels_threads_us);
-            out += &format!("\ndefault preset, one update: {tape:.0} us on candle's tape, {kernels:.0} us ");
-            out += &format!("({:.1} times as fast), on {} {both:.0} us ", u.speed_up, self.on_threads());
-            out += &format!("({:.2} times as fast as on one; {} runs)\n", u.threads_speed_up, u.runs);
+            out += &format!(
+                "\ndefault preset, one update: {tape:.0} us on candle's tape, {kernels:.0} us "
+            );
+            out += &format!(
+                "({:.1} times as fast), on {} {both:.0} us ",
+                u.speed_up,
+                self.on_threads()
+            );
+            out +=
+                &format!("({:.2} times as fast as on one; {} runs)\n", u.threads_speed_up, u.runs);
         }
         for d in &self.default_preset {
-            out += &format!("\n{}, default preset: {:.0} updates/s on one thread, ", d.map, d.one_thread);
+            out += &format!(
+                "\n{}, default preset: {:.0} updates/s on one thread, ",
+                d.map, d.one_thread
+            );
             out += &format!("{:.0} on {} ({} runs)\n", d.all_threads, self.on_threads(), d.runs);
             for p in &d.phases {
-                out += &format!("  {:<36}{:>8.1} us{:>8.1} us\n", p.phase, p.one_thread_us, p.all_threads_us);
+                out += &format!(
+                    "  {:<36}{:>8.1} us{:>8.1} us\n",
+                    p.phase, p.one_thread_us, p.all_threads_us
+                );
             }
         }
         out += "\n";
         for t in &self.time_to_success {
-            let what = format!("{}: time to {} planned success on {}", t.map, t.success, self.on_threads());
+            let what = format!(
+                "{}: time to {} planned success on {}",
+                t.map,
+                t.success,
+                self.on_threads()
+            );
             let (s, n) = (told(t.median_seconds.as_ref(), 1), told(t.median_updates.as_ref(), 0));
             out += &format!("{what:<58}{s:>6} s, {n:>6} updates (");
-            let seeds =
-                t.seconds.iter().zip(&t.updates).map(|(s, n)| told(s.as_ref(), 1) + " s, " + &told(n.as_ref(), 0));
+            let seeds = t
+                .seconds
+                .iter()
+                .zip(&t.updates)
+                .map(|(s, n)| told(s.as_ref(), 1) + " s, " + &told(n.as_ref(), 0));
             out += &(seeds.collect::<Vec<_>>().join("; ") + ")\n");
         }
         out += "\n";
         if let Some(i) = self.interface.first() {
-            out += &format!("256 x 256 cells: {:.0} updates/s on {} ({} runs); ", i.alone, self.on_threads(), i.runs);
+            out += &format!(
+                "256 x 256 cells: {:.0} updates/s on {} ({} runs); ",
+                i.alone,
+                self.on_threads(),
+                i.runs
+            );
             out += "with the interface at 200 x 60:\n";
         }
         for i in &self.interface {
-            out += &format!("  {:<16}{:.2} of that; a frame {:.1} ms", i.screen, i.ratio, i.frame_us / 1e3);
+            out += &format!(
+                "  {:<16}{:.2} of that; a frame {:.1} ms",
+                i.screen,
+                i.ratio,
+                i.frame_us / 1e3
+            );
             out += &format!(", 95th percentile {:.1} ms\n", i.slow_frame_us / 1e3);
         }
         out += "\n";

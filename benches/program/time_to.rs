@@ -22,13 +22,22 @@ const MAX_UPDATES: u64 = 40_000;
 /// Maximum number of seeds; one can take a minute.
 const MAX_SEEDS: usize = 3;
 
-/// Measures the time from scratch to the success rate on a built-in map, without that of evaluations, for seeds 1, 2, ...
-pub fn measure(map: &'static str, (threads, runs): (usize, usize)) -> Result<TimeToSuccess, TrainError> {
+/// Measures the time from scratch to the success rate on a built-in map, without that of
+/// evaluations, for seeds 1, 2, ...
+pub fn measure(
+    map: &'static str,
+    (threads, runs): (usize, usize),
+) -> Result<TimeToSuccess, TrainError> {
     let Some(grid) = builtin(map).map(Arc::new) else { unreachable!("{map} is built in") };
     let world = PointMaze::new(grid, 0);
     let (mut updates, mut seconds) = (Vec::new(), Vec::new());
     for seed in 1..=runs.clamp(1, MAX_SEEDS) as u64 {
-        let run = Run { method: Method::default(), preset: Preset::Default, seed, settings: Settings::default() };
+        let run = Run {
+            method: Method::default(),
+            preset: Preset::Default,
+            seed,
+            settings: Settings::default(),
+        };
         let mut trainer = Trainer::new(run, &world, &Registry::builtin(), threads)?;
         let mut reached = false;
         while !reached && trainer.counters().updates < MAX_UPDATES {
@@ -46,7 +55,9 @@ pub fn measure(map: &'static str, (threads, runs): (usize, usize)) -> Result<Tim
     Ok(TimeToSuccess {
         map,
         success: SUCCESS,
-        median_updates: finite(median(updates.iter().map(|n| or_never(n.map(|n| n as f64))).collect())),
+        median_updates: finite(median(
+            updates.iter().map(|n| or_never(n.map(|n| n as f64))).collect(),
+        )),
         median_seconds: finite(median(seconds.iter().map(|s| or_never(*s)).collect())),
         updates,
         seconds,

@@ -14,7 +14,9 @@ fuzz_target!(|bytes: &[u8]| {
         scenario.check_lengths(&TRAP).and_then(|()| scenario.tasks(&TRAP))
     });
     match tasks {
-        Ok(tasks) => assert!(tasks.iter().all(|task| TRAP.is_free(task.start) && TRAP.is_free(task.goal))),
+        Ok(tasks) => {
+            assert!(tasks.iter().all(|task| TRAP.is_free(task.start) && TRAP.is_free(task.goal)))
+        }
         Err(error) => assert!(!error.to_string().is_empty() && !error.help.is_empty()),
     }
 });

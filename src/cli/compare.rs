@@ -43,7 +43,8 @@ pub struct CompareArgs {
     #[arg(long, value_name = "[A:|B:]NAME=VALUE")]
     pub set: Vec<String>,
 
-    /// Threads per side; results do not depend on their number [default: half of this machine's cores]
+    /// Threads per side; results do not depend on their number [default: half of this machine's
+    /// cores]
     #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
     pub threads: Option<u16>,
 

@@ -16,8 +16,11 @@ pub fn completions(shell: Shell) -> String {
     clap_complete::generate(shell, &mut completed(), PROGRAM, &mut script);
     let script = String::from_utf8_lossy(&script);
     match shell {
-        // clap_complete names the function of a program with a hyphen in one way, and refers to its commands in another.
-        Shell::Bash => script.replace(&PROGRAM.replace('-', "__subcmd__"), &PROGRAM.replace('-', "__")),
+        // clap_complete names the function of a program with a hyphen in one way, and refers to its
+        // commands in another.
+        Shell::Bash => {
+            script.replace(&PROGRAM.replace('-', "__subcmd__"), &PROGRAM.replace('-', "__"))
+        }
         // The first word may also be a file.
         Shell::Zsh => {
             let commands = format!("_describe -t commands '{PROGRAM} commands' commands \"$@\"\n");
@@ -27,15 +30,21 @@ pub fn completions(shell: Shell) -> String {
     }
 }
 
-/// Returns the command line as it is completed: maps and worlds are commands that take the options of training, as scripts
-/// take the first word either for a command or for a value, never for both.
+/// Returns the command line as it is completed: maps and worlds are commands that take the options
+/// of training, as scripts take the first word either for a command or for a value, never for both.
 fn completed() -> Command {
     let cli = Cli::command();
-    let options: Vec<Arg> = cli.get_arguments().filter(|arg| !arg.is_positional()).cloned().collect();
+    let options: Vec<Arg> =
+        cli.get_arguments().filter(|arg| !arg.is_positional()).cloned().collect();
     let registry = Registry::builtin();
-    let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some()).map(|kind| (kind.name, "world"));
+    let worlds = registry
+        .worlds()
+        .iter()
+        .filter(|kind| kind.create.is_some())
+        .map(|kind| (kind.name, "world"));
     let maps = BUILTIN.iter().map(|(name, _)| (*name, "built-in map"));
-    let trained = maps.chain(worlds).map(|(name, about)| Command::new(name).about(about).args(&options));
+    let trained =
+        maps.chain(worlds).map(|(name, about)| Command::new(name).about(about).args(&options));
     Command::new(PROGRAM)
         .args(&options)
         .subcommands(cli.get_subcommands().cloned())

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Marker {
-    /// Pixels if the terminal shows pictures; else half blocks if a cell has room for one, quadrants on maps that are
-    /// scaled down.
+    /// Pixels if the terminal shows pictures; else half blocks if a cell has room for one,
+    /// quadrants on maps that are scaled down.
     #[default]
     Auto,
     /// The terminal's own pixels, also where it is not asked otherwise: within tmux and screen.
@@ -23,7 +23,8 @@ pub enum Marker {
 
 impl Marker {
     /// All markers.
-    pub const ALL: [Self; 5] = [Self::Auto, Self::Pixels, Self::HalfBlock, Self::Quadrant, Self::Braille];
+    pub const ALL: [Self; 5] =
+        [Self::Auto, Self::Pixels, Self::HalfBlock, Self::Quadrant, Self::Braille];
 
     /// Returns the name used in the configuration and on the screen.
     pub fn name(self) -> &'static str {

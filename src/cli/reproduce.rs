@@ -34,7 +34,8 @@ pub const FIGURES: [(&str, &str); 7] = [
 pub enum BudgetArg {
     /// All figures in 35 to 50 minutes on two cores
     Quick,
-    /// As many episodes as in the paper, tested every 20,000, and the arm three times as long: days on one machine
+    /// As many episodes as in the paper, tested every 20,000, and the arm three times as long: days
+    /// on one machine
     Paper,
 }
 
@@ -76,7 +77,8 @@ pub struct ReproduceArgs {
     #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1000))]
     pub seeds: Option<u64>,
 
-    /// Evaluation tasks at each of six distances (five for the arm) at the end, and at most that many along the way
+    /// Evaluation tasks at each of six distances (five for the arm) at the end, and at most that
+    /// many along the way
     #[arg(long, value_name = "N", value_parser = counts::<u32>(1..=10_000))]
     pub eval_tasks: Option<u32>,
 
@@ -88,7 +90,8 @@ pub struct ReproduceArgs {
     #[arg(long, value_name = "FOLDER", default_value = "saves/reproduce", value_parser = output())]
     pub out: PathBuf,
 
-    /// Parallel jobs, each on one thread; results do not depend on their number [default: this machine's cores]
+    /// Parallel jobs, each on one thread; results do not depend on their number [default: this
+    /// machine's cores]
     #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
     pub jobs: Option<u16>,
 

@@ -20,7 +20,8 @@ Exit status: 0 success; 1 a job failed (the others run); 2 bad usage or input; 3
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct SuiteArgs {
-    /// Built-in maps, map files, and folders, of which the .map files that are not hidden are used, or the .txt files if there are none
+    /// Built-in maps, map files, and folders, of which the .map files that are not hidden are used,
+    /// or the .txt files if there are none
     #[arg(value_name = "FOLDER|MAP", required = true)]
     pub maps: Vec<PathBuf>,
 
@@ -40,7 +41,8 @@ pub struct SuiteArgs {
     #[arg(long, value_name = "FOLDER", default_value = "saves/suite", value_parser = output())]
     pub out: PathBuf,
 
-    /// Parallel jobs, each on one thread; results do not depend on their number [default: this machine's cores]
+    /// Parallel jobs, each on one thread; results do not depend on their number [default: this
+    /// machine's cores]
     #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
     pub jobs: Option<u16>,
 

@@ -28,7 +28,9 @@ pub fn counts<T: TryFrom<u64> + Clone + Send + Sync + 'static>(
 pub fn output() -> impl TypedValueParser<Value = PathBuf> {
     OsStringValueParser::new().try_map(|name| {
         if name == "-" {
-            return Err("give the name of a file: standard output is not for this (./- is a file called -)");
+            return Err(
+                "give the name of a file: standard output is not for this (./- is a file called -)",
+            );
         }
         Ok(PathBuf::from(name))
     })
@@ -40,9 +42,11 @@ pub fn edits() -> impl TypedValueParser<Value = EditAt> {
 }
 
 fn parse_edit_at(text: &OsStr) -> Result<EditAt, String> {
-    let (updates, file) = text.split_once(":").ok_or("expected UPDATES:FILE, e.g. 20000:closed.txt")?;
+    let (updates, file) =
+        text.split_once(":").ok_or("expected UPDATES:FILE, e.g. 20000:closed.txt")?;
     let updates = updates.to_string_lossy();
-    let updates = parse_count(&updates).map_err(|error| format!("{updates:?} is not a number of updates: {error}"))?;
+    let updates = parse_count(&updates)
+        .map_err(|error| format!("{updates:?} is not a number of updates: {error}"))?;
     Ok(EditAt { updates, file: PathBuf::from(file) })
 }
 

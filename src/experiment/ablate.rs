@@ -1,5 +1,5 @@
-//! `gdg-tui ablate`: measures the effect of switching off each component of the default preset, or of adding one after the
-//! other to the preset `paper`.
+//! `gdg-tui ablate`: measures the effect of switching off each component of the default preset, or
+//! of adding one after the other to the preset `paper`.
 
 use std::path::Path;
 
@@ -64,13 +64,14 @@ const VARIANTS: [(&str, &str); 28] = [
 ];
 
 /// The default with another method.
-const OTHER_METHODS: [(&str, &str); 2] = [("method sorb", "sorb"), ("method gdg (no bridges)", "gdg")];
+const OTHER_METHODS: [(&str, &str); 2] =
+    [("method sorb", "sorb"), ("method gdg (no bridges)", "gdg")];
 
 /// The default's method.
 const METHOD: &str = "gdg-bridge";
 
-/// The components between the presets `paper` and `default`, each on top of those before it. The world is the same for
-/// all, without noise.
+/// The components between the presets `paper` and `default`, each on top of those before it. The
+/// world is the same for all, without noise.
 const LADDER: [(&str, &str); 14] = [
     ("preset paper, without noise", "env_noise=0"),
     (
@@ -106,12 +107,18 @@ const LADDER: [(&str, &str); 14] = [
 fn cases(ladder: bool) -> Vec<Case> {
     let case = |name, method, preset, set| Case { name, method, preset, set };
     if ladder {
-        let set = |rung: usize| LADDER[..=rung].iter().flat_map(|(_, set)| set.split_whitespace()).collect();
-        return (0..LADDER.len()).map(|rung| case(LADDER[rung].0, METHOD, Preset::Paper, set(rung))).collect();
+        let set = |rung: usize| {
+            LADDER[..=rung].iter().flat_map(|(_, set)| set.split_whitespace()).collect()
+        };
+        return (0..LADDER.len())
+            .map(|rung| case(LADDER[rung].0, METHOD, Preset::Paper, set(rung)))
+            .collect();
     }
-    let variants =
-        VARIANTS.iter().map(|(name, set)| case(name, METHOD, Preset::Default, set.split_whitespace().collect()));
-    let methods = OTHER_METHODS.iter().map(|(name, method)| case(name, method, Preset::Default, Vec::new()));
+    let variants = VARIANTS
+        .iter()
+        .map(|(name, set)| case(name, METHOD, Preset::Default, set.split_whitespace().collect()));
+    let methods =
+        OTHER_METHODS.iter().map(|(name, method)| case(name, method, Preset::Default, Vec::new()));
     variants.chain(methods).collect()
 }
 
@@ -126,10 +133,12 @@ struct Outcome {
     evaluation: Evaluation,
 }
 
-/// Trains every variant that has no result yet and prints the table as Markdown; returns the exit status.
+/// Trains every variant that has no result yet and prints the table as Markdown; returns the exit
+/// status.
 ///
 /// # Errors
-/// The map is invalid, the folder is not writable, or the JSON file exists already or cannot be written.
+/// The map is invalid, the folder is not writable, or the JSON file exists already or cannot be
+/// written.
 pub fn run(args: &AblateArgs) -> Result<u8, Report> {
     if let Some(path) = &args.json {
         check_json(path, args)?;
@@ -143,7 +152,8 @@ pub fn run(args: &AblateArgs) -> Result<u8, Report> {
         for seed in 1..=args.seeds {
             let method: Method = case.method.parse().into_diagnostic()?;
             let run = Run { method, preset: case.preset, seed, settings: settings(case)? };
-            let job = Job::new(JobWorld::maze(&map, seed), Some(&slug(case.name)), run, plan.clone())?;
+            let job =
+                Job::new(JobWorld::maze(&map, seed), Some(&slug(case.name)), run, plan.clone())?;
             runs.push((case, job));
         }
     }
@@ -156,7 +166,14 @@ pub fn run(args: &AblateArgs) -> Result<u8, Report> {
     let result = |(case, job): &(&Case, Job)| {
         let evaluation = folder.result_of(job)?.last()?.clone();
         let Case { name, method, preset, ref set } = **case;
-        Some(Outcome { variant: name, preset, set: set.join(" "), method, seed: job.run.seed, evaluation })
+        Some(Outcome {
+            variant: name,
+            preset,
+            set: set.join(" "),
+            method,
+            seed: job.run.seed,
+            evaluation,
+        })
     };
     let Some(outcomes) = runs.iter().map(result).collect::<Option<Vec<Outcome>>>() else {
         eprint_line("the table needs all jobs: the same command runs those that are left");
@@ -178,11 +195,18 @@ fn slug(name: &str) -> String {
 fn check_json(path: &Path, args: &AblateArgs) -> Result<(), Report> {
     refuse_existing(path, args.overwrite)?;
     refuse_input(("--json", path), std::iter::once(args.map.as_path()))?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder =
+        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
-        return Err(miette!("{}: cannot be written: there is no folder {}", path.display(), folder.display()));
+        return Err(miette!(
+            "{}: cannot be written: there is no folder {}",
+            path.display(),
+            folder.display()
+        ));
     }
-    check_writable(path).into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))
+    check_writable(path)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("{}: cannot be written", path.display()))
 }
 
 fn write_json(path: &Path, overwrite: bool, outcomes: &[Outcome]) -> Result<(), Report> {
@@ -197,7 +221,8 @@ fn write_json(path: &Path, overwrite: bool, outcomes: &[Outcome]) -> Result<(), 
 /// Returns the settings of `case`.
 fn settings(case: &Case) -> Result<Settings, Report> {
     let set: Vec<String> = case.set.iter().map(|set| (*set).to_owned()).collect();
-    settings_from(case.preset, &Overrides { set: &set, ..Overrides::default() }).map_err(from_config_error)
+    settings_from(case.preset, &Overrides { set: &set, ..Overrides::default() })
+        .map_err(from_config_error)
 }
 
 fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {
@@ -210,15 +235,17 @@ fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {
     );
     out += "| variant | planned | SPL | greedy | error of D | error of graph | false edges |\n|---|---|---|---|---|---|---|\n";
     for own in outcomes.chunk_by(|a, b| a.variant == b.variant) {
-        let all =
-            |of: &dyn Fn(&Evaluation) -> Option<f64>| own.iter().map(|o| of(&o.evaluation)).collect::<Option<Vec<_>>>();
+        let all = |of: &dyn Fn(&Evaluation) -> Option<f64>| {
+            own.iter().map(|o| of(&o.evaluation)).collect::<Option<Vec<_>>>()
+        };
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let worst = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
         let success = |of: &dyn Fn(&Evaluation) -> Option<f64>| {
             all(of).map_or("-".to_owned(), |v| format!("{:.3} ({:.2})", mean(&v), worst(&v)))
         };
-        let number =
-            |of: &dyn Fn(&Evaluation) -> Option<f64>| all(of).map_or("-".to_owned(), |v| format!("{:.2}", mean(&v)));
+        let number = |of: &dyn Fn(&Evaluation) -> Option<f64>| {
+            all(of).map_or("-".to_owned(), |v| format!("{:.2}", mean(&v)))
+        };
         let false_edges = all(&|e| Some(e.bridges.as_ref()?.false_edges? as f64));
         out += &format!(
             "| {} | {} | {} | {} | {} | {} | {} |\n",
@@ -243,8 +270,10 @@ mod tests {
     fn the_ladder_climbs_from_the_preset_paper_to_the_default() {
         let ladder = cases(true);
         let settings = |case: &Case| settings(case).expect("valid settings");
-        let first =
-            Settings { train: TrainSettings { env_noise: 0.0, ..TrainSettings::paper() }, ..Preset::Paper.settings() };
+        let first = Settings {
+            train: TrainSettings { env_noise: 0.0, ..TrainSettings::paper() },
+            ..Preset::Paper.settings()
+        };
         assert_eq!(settings(&ladder[0]), first);
         assert_eq!(settings(&ladder[ladder.len() - 1]), Settings::default());
         assert!(ladder.windows(2).all(|rungs| settings(&rungs[0]) != settings(&rungs[1])));

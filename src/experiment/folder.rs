@@ -78,20 +78,32 @@ impl Folder {
     /// # Errors
     /// They cannot, or it has never had jobs and others have files where those would be.
     pub fn check_writable(&self, names: &[&str]) -> Result<(), Report> {
-        let first_part = |name: &&str| Path::new(*name).components().next().map(|part| self.0.join(part));
-        let is_used =
-            |path: &PathBuf| path.is_file() || path.read_dir().is_ok_and(|mut entries| entries.next().is_some());
+        let first_part =
+            |name: &&str| Path::new(*name).components().next().map(|part| self.0.join(part));
+        let is_used = |path: &PathBuf| {
+            path.is_file() || path.read_dir().is_ok_and(|mut entries| entries.next().is_some())
+        };
         if !self.0.join("jobs").exists()
             && let Some(other) = names.iter().filter_map(first_part).find(is_used)
         {
             let help = "give --out a folder of its own";
-            return Err(miette!(help = help, "{}: was not written by gdg-tui and is not replaced", other.display()));
+            return Err(miette!(
+                help = help,
+                "{}: was not written by gdg-tui and is not replaced",
+                other.display()
+            ));
         }
         let check = |path: PathBuf| {
-            files::check_replaceable(&path).and_then(|()| files::check_writable(&path)).map_err(|error| {
-                let help = "give --out a writable folder";
-                miette!(help = help, "{}: results cannot be saved here: {error}", path.display())
-            })
+            files::check_replaceable(&path).and_then(|()| files::check_writable(&path)).map_err(
+                |error| {
+                    let help = "give --out a writable folder";
+                    miette!(
+                        help = help,
+                        "{}: results cannot be saved here: {error}",
+                        path.display()
+                    )
+                },
+            )
         };
         names.iter().map(|name| self.0.join(name)).try_for_each(check)
     }
@@ -104,8 +116,13 @@ impl Folder {
         if self.0.join("jobs").is_dir() {
             return Ok(());
         }
-        let problem = if self.0.is_dir() { "this folder has no jobs" } else { "there is no such folder" };
-        Err(miette!(help = "give --out the folder in which the jobs were run", "{}: {problem}", self.0.display()))
+        let problem =
+            if self.0.is_dir() { "this folder has no jobs" } else { "there is no such folder" };
+        Err(miette!(
+            help = "give --out the folder in which the jobs were run",
+            "{}: {problem}",
+            self.0.display()
+        ))
     }
 
     /// Returns the path of a file in it.
@@ -119,7 +136,9 @@ impl Folder {
     /// The file cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Report> {
         let path = self.path(name);
-        files::write_unlinked(&path, bytes).into_diagnostic().wrap_err_with(|| path.display().to_string())
+        files::write_unlinked(&path, bytes)
+            .into_diagnostic()
+            .wrap_err_with(|| path.display().to_string())
     }
 
     /// Returns the path of a job's checkpoint.
@@ -131,19 +150,21 @@ impl Folder {
         self.0.join(format!("jobs/{}.json", job.name))
     }
 
-    /// Returns the job's state. A result that cannot be used counts as none; [`Self::problem`] says why.
+    /// Returns the job's state. A result that cannot be used counts as none; [`Self::problem`] says
+    /// why.
     pub fn state(&self, job: &Job) -> State {
         match self.read(job) {
             Ok(Some(result)) => State::Done(Box::new(result)),
-            Ok(None) | Err(_) => {
-                describe(&self.checkpoint(job)).map_or(State::NotBegun, |found| State::Begun(found.updates))
-            }
+            Ok(None) | Err(_) => describe(&self.checkpoint(job))
+                .map_or(State::NotBegun, |found| State::Begun(found.updates)),
         }
     }
 
     /// Returns why the job's result cannot be used, if there is one that cannot.
     pub fn problem(&self, job: &Job) -> Option<String> {
-        self.read(job).err().map(|problem| sanitized(&format!("{}: {problem}", self.result(job).display())))
+        self.read(job)
+            .err()
+            .map(|problem| sanitized(&format!("{}: {problem}", self.result(job).display())))
     }
 
     /// Reads the job's result, if there is one.
@@ -152,8 +173,8 @@ impl Folder {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             bytes => bytes?,
         };
-        let StoredResult { result, checksum } =
-            serde_json::from_slice(&bytes).map_err(|error| ResultError::Damaged(error.to_string()))?;
+        let StoredResult { result, checksum } = serde_json::from_slice(&bytes)
+            .map_err(|error| ResultError::Damaged(error.to_string()))?;
         // Results from before there were checksums have none.
         if checksum.is_some_and(|checksum| checksum != checksum_of(&result)) {
             return Err(ResultError::Damaged("its checksum is wrong".to_owned()));
@@ -171,8 +192,9 @@ impl Folder {
     pub fn check_result_writable(&self, job: &Job) -> Result<(), Report> {
         let help = "move it away, or give --out another folder";
         let check = |path: PathBuf, what: &str| {
-            files::check_replaceable(&path)
-                .map_err(|error| miette!(help = help, "{}: the {what} cannot be saved: {error}", path.display()))
+            files::check_replaceable(&path).map_err(|error| {
+                miette!(help = help, "{}: the {what} cannot be saved: {error}", path.display())
+            })
         };
         check(self.result(job), "result")?;
         check(self.path(&picture_name(job)), "picture")?;
@@ -192,25 +214,34 @@ impl Folder {
         }
     }
 
-    /// Locks the job for this process until the lock is dropped; returns `None` if another process runs it. Where the
-    /// file system has no locks, two processes may do the same work, with the same result.
+    /// Locks the job for this process until the lock is dropped; returns `None` if another process
+    /// runs it. Where the file system has no locks, two processes may do the same work, with the
+    /// same result.
     ///
     /// # Errors
     /// The lock file cannot be created, or something else is in its place.
     pub fn lock(&self, job: &Job) -> Result<Option<LockFile>, Report> {
         let path = self.0.join(format!("jobs/{}.lock", job.name));
-        let locked = std::fs::create_dir_all(self.0.join("jobs")).and_then(|()| LockFile::try_at(&path));
+        let locked =
+            std::fs::create_dir_all(self.0.join("jobs")).and_then(|()| LockFile::try_at(&path));
         locked.map_err(|error| {
             let help = "move it away, or give --out another folder";
             miette!(help = help, "{}: the job cannot be locked: {error}", path.display())
         })
     }
 
-    /// Writes the job's result and, if there is one, its picture, and removes its checkpoint unless it is to be kept.
+    /// Writes the job's result and, if there is one, its picture, and removes its checkpoint unless
+    /// it is to be kept.
     ///
     /// # Errors
     /// A file cannot be written. The result is kept if only the picture cannot.
-    pub fn finish(&self, job: &Job, result: &JobResult, picture: Option<&[u8]>, keep: bool) -> Result<(), Report> {
+    pub fn finish(
+        &self,
+        job: &Job,
+        result: &JobResult,
+        picture: Option<&[u8]>,
+        keep: bool,
+    ) -> Result<(), Report> {
         let stored = StoredResult { checksum: Some(checksum_of(result)), result: result.clone() };
         let json = serde_json::to_string_pretty(&stored).into_diagnostic()? + "\n";
         let drawn = picture.map_or(Ok(()), |picture| self.write(&picture_name(job), picture));
@@ -219,7 +250,8 @@ impl Folder {
         if !keep {
             let checkpoint = self.checkpoint(job);
             // What cannot be removed does no harm: the result counts.
-            let _ = (std::fs::remove_file(backup_path(&checkpoint)), std::fs::remove_file(&checkpoint));
+            let _ =
+                (std::fs::remove_file(backup_path(&checkpoint)), std::fs::remove_file(&checkpoint));
             elsewhere(&checkpoint).iter().for_each(|path| remove_own(path));
         }
         drawn.wrap_err("the result is kept, but its picture cannot be written")

@@ -13,8 +13,8 @@ use gdg::train::{Evaluation, Method, Preset, Run, Trainer};
 /// Hexadecimal digits of the key in the job's name.
 const NAME_DIGITS: usize = 6;
 
-/// Part of every key. Raise it with any change of what a run learns or measures, so that no folder mixes results of
-/// different programs.
+/// Part of every key. Raise it with any change of what a run learns or measures, so that no folder
+/// mixes results of different programs.
 const RESULTS_VERSION: u32 = 2;
 
 /// A run in a world, its length, and what is measured.
@@ -39,10 +39,12 @@ impl Job {
     /// The run cannot be written as JSON.
     pub fn new(world: JobWorld, label: Option<&str>, run: Run, plan: Plan) -> Result<Self, Report> {
         let version = (env!("CARGO_PKG_VERSION"), RESULTS_VERSION);
-        let determines = serde_json::to_string(&(version, world.name(), world.content(), &run, &plan));
+        let determines =
+            serde_json::to_string(&(version, world.name(), world.content(), &run, &plan));
         let key = format!("{:08x}", crc32fast::hash(determines.into_diagnostic()?.as_bytes()));
         let label = label.map_or(String::new(), |label| format!("{label}-"));
-        let name = format!("{}-{label}{}-{}", file_stem(world.name()), run.seed, &key[..NAME_DIGITS]);
+        let name =
+            format!("{}-{label}{}-{}", file_stem(world.name()), run.seed, &key[..NAME_DIGITS]);
         Ok(Self { name, key, world, run, plan })
     }
 
@@ -59,7 +61,11 @@ impl Job {
     /// Returns the settings that differ from the preset's, as `--set` takes them.
     pub fn changed_settings(&self) -> Vec<String> {
         let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        self.run.changed_settings().iter().map(|(name, value)| format!("{name}={}", text(value))).collect()
+        self.run
+            .changed_settings()
+            .iter()
+            .map(|(name, value)| format!("{name}={}", text(value)))
+            .collect()
     }
 
     /// Returns the result once `trainer` has come to the end, with what was measured there.
@@ -77,7 +83,9 @@ impl Job {
             map: MapFacts::of(&self.world),
             updates: trainer.counters().updates,
             seconds: trainer.seconds(),
-            evaluations: evaluations.map(|(updates, evaluation)| EvaluationAt { updates, evaluation }).collect(),
+            evaluations: evaluations
+                .map(|(updates, evaluation)| EvaluationAt { updates, evaluation })
+                .collect(),
             measured,
         }
     }
@@ -165,7 +173,12 @@ mod tests {
     use gdg::map::parse_map;
 
     fn run(seed: u64) -> Run {
-        Run { method: Method::default(), preset: Preset::Default, seed, settings: Preset::Default.settings() }
+        Run {
+            method: Method::default(),
+            preset: Preset::Default,
+            seed,
+            settings: Preset::Default.settings(),
+        }
     }
 
     fn job(map: &str, run: Run, updates: u64) -> Job {
@@ -177,12 +190,15 @@ mod tests {
     fn the_name_is_plain_and_the_key_depends_on_all_that_the_result_does() {
         let one = job("...\n", run(1), 100);
         assert!(one.name.starts_with("a_map_1_-1-"), "{}", one.name);
-        assert!(MapFacts::of(&one.world).is_some_and(|map| map.start_drawn && map.starts.len() == 1));
+        assert!(
+            MapFacts::of(&one.world).is_some_and(|map| map.start_drawn && map.starts.len() == 1)
+        );
         assert_eq!(job("...\n", run(1), 100).key, one.key);
         let mut other = run(1);
         other.settings.learn.hidden = 17;
         assert_eq!(job("...\n", other.clone(), 100).changed_settings(), ["hidden=17"]);
-        let others = [job("..#\n", run(1), 100), job("...\n", run(2), 100), job("...\n", run(1), 101)];
+        let others =
+            [job("..#\n", run(1), 100), job("...\n", run(2), 100), job("...\n", run(1), 101)];
         assert!(others.into_iter().chain([job("...\n", other, 100)]).all(|job| job.key != one.key));
     }
 
@@ -190,7 +206,9 @@ mod tests {
     fn the_key_depends_on_the_plan_and_the_name_on_the_label() {
         let map = parse_map("map", b"...\n").expect("a map");
         let world = JobWorld::maze(&map, 1);
-        let job = |plan: &Plan| Job::new(world.clone(), Some("gdg"), run(1), plan.clone()).expect("a job");
+        let job = |plan: &Plan| {
+            Job::new(world.clone(), Some("gdg"), run(1), plan.clone()).expect("a job")
+        };
         let plan = Plan { max_steps: Some(500), ..Plan::suite(100, 2) };
         assert!(job(&plan).name.starts_with("map-gdg-1-"));
         let others = [

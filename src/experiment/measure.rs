@@ -1,4 +1,5 @@
-//! What figures need of a trained run besides its evaluations: walks, and a bridge point with the distances around it.
+//! What figures need of a trained run besides its evaluations: walks, and a bridge point with the
+//! distances around it.
 
 use std::sync::Arc;
 
@@ -18,7 +19,8 @@ use gdg::train::{EvaluationJob, Trainer};
 /// Seed of the tasks that are walked: the same for every run on a map.
 const TASK_SEED: u64 = 0;
 
-/// Length of the far tasks that are searched for a bridge point, as a share of the map's diameter, and their number.
+/// Length of the far tasks that are searched for a bridge point, as a share of the map's diameter,
+/// and their number.
 const FAR_SHARE: f64 = 0.75;
 const MORE_TASKS: usize = 200;
 
@@ -104,20 +106,33 @@ pub struct Found {
     pub to_goal: f32,
 }
 
-/// Measures what `plan` asks for; `None` if that is nothing. What needs a map is left out without one.
+/// Measures what `plan` asks for; `None` if that is nothing. What needs a map is left out without
+/// one.
 ///
 /// # Errors
 /// The learner fails.
-pub fn measure(plan: &Plan, trainer: &Trainer, map: Option<&Arc<Grid>>) -> Result<Option<Measured>, Report> {
+pub fn measure(
+    plan: &Plan,
+    trainer: &Trainer,
+    map: Option<&Arc<Grid>>,
+) -> Result<Option<Measured>, Report> {
     if !plan.measures() {
         return Ok(None);
     }
     let job = trainer.evaluation().into_diagnostic()?.within(plan.max_steps);
-    let walks = map.map_or(Vec::new(), |map| plan.walks.iter().filter_map(|d| walk_at(&job, map, *d)).collect());
+    let walks = map.map_or(Vec::new(), |map| {
+        plan.walks.iter().filter_map(|d| walk_at(&job, map, *d)).collect()
+    });
     let bridge = map.filter(|_| plan.bridge).map(|map| search(trainer, &job, map)).transpose()?;
     let long_walk = plan.long_walk.then(|| long_walk(trainer, &job)).flatten();
     let counters = trainer.counters();
-    Ok(Some(Measured { env_steps: counters.env_steps, episodes: counters.episodes, walks, bridge, long_walk }))
+    Ok(Some(Measured {
+        env_steps: counters.env_steps,
+        episodes: counters.episodes,
+        walks,
+        bridge,
+        long_walk,
+    }))
 }
 
 /// Walks a task of this length, in steps; `None` if the map has none.
@@ -154,9 +169,10 @@ fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Walked {
     }
 }
 
-/// Searches as published for a bridge point, on one task after another until there is one: from the map's start to the
-/// cell farthest from it, then far tasks drawn at random. If there is none at all, the first task is shown. Candidates close
-/// to either end are left out: they would show the noise of D rather than a way.
+/// Searches as published for a bridge point, on one task after another until there is one: from the
+/// map's start to the cell farthest from it, then far tasks drawn at random. If there is none at
+/// all, the first task is shown. Candidates close to either end are left out: they would show the
+/// noise of D rather than a way.
 ///
 /// # Errors
 /// D is not finite.
@@ -164,15 +180,24 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
     let world = PointMaze::new(map.clone(), 0);
     let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
     let far = (FAR_SHARE * f64::from(world.diameter().steps)).round() as u32;
-    let tasks: Vec<Task> =
-        std::iter::once(far_task(map)).chain(world.tasks_at(&[far], MORE_TASKS, &mut rng).tasks).collect();
+    let tasks: Vec<Task> = std::iter::once(far_task(map))
+        .chain(world.tasks_at(&[far], MORE_TASKS, &mut rng).tasks)
+        .collect();
     let (budget, policy) = (trainer.run().settings.bridge.search_budget, job.policy());
     let (mut scratch, mut tried, mut searches, mut outcome) = (Scratch::default(), 0, 0, None);
     for task in &tasks {
         searches += 1;
         let start: Vec<f32> = task.start.iter().map(|v| *v as f32).collect();
-        let (states, points) = middle(trainer.candidates(), (&start, &task.goal), policy, &mut scratch);
-        let found = bridge::search((&start, &task.goal), (&states, &points), budget, policy, &mut rng, &mut scratch);
+        let (states, points) =
+            middle(trainer.candidates(), (&start, &task.goal), policy, &mut scratch);
+        let found = bridge::search(
+            (&start, &task.goal),
+            (&states, &points),
+            budget,
+            policy,
+            &mut rng,
+            &mut scratch,
+        );
         tried += found.tried();
         if found.found.is_some() {
             outcome = Some((task, found));
@@ -200,7 +225,10 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
         let mut distances = vec![0.0; cells.len()];
         policy.distances(from, to, &mut distances, &mut Scratch::default());
         let mut all = vec![None; map.free().len()];
-        cells.iter().zip(distances).for_each(|(cell, distance)| all[map.index(*cell)] = hundredths(distance));
+        cells
+            .iter()
+            .zip(distances)
+            .for_each(|(cell, distance)| all[map.index(*cell)] = hundredths(distance));
         all
     };
     Ok(Bridge {
@@ -214,7 +242,8 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
     })
 }
 
-/// Returns the candidates, as states and as goals, that are at least [`MIDDLE_SHARE`] of D(s,g) from either end.
+/// Returns the candidates, as states and as goals, that are at least [`MIDDLE_SHARE`] of D(s,g)
+/// from either end.
 fn middle(
     candidates: &Candidates,
     (start, goal): (&[f32], &[f32]),

@@ -28,8 +28,8 @@ const EDGE: Rgb = (20, 20, 30);
 const START: Rgb = (86, 180, 233);
 const GOAL: Rgb = (230, 159, 0);
 
-/// Draws `trainer`'s run as a PNG file: D to the goal of the map's own task, or else to a cell as far as possible from
-/// the start.
+/// Draws `trainer`'s run as a PNG file: D to the goal of the map's own task, or else to a cell as
+/// far as possible from the start.
 ///
 /// # Errors
 /// The learner fails, or the picture cannot be encoded.
@@ -47,9 +47,19 @@ pub fn far_task(map: &Arc<Grid>) -> Task {
     if let Some(task) = PointMaze::new(map.clone(), 0).default_task() {
         return task;
     }
-    let start = map.starts().first().copied().or_else(|| map.free_cells().next()).unwrap_or(Cell::new(0, 0));
+    let start = map
+        .starts()
+        .first()
+        .copied()
+        .or_else(|| map.free_cells().next())
+        .unwrap_or(Cell::new(0, 0));
     let mut search = StepSearch::new(map);
-    let steps = search.steps_from(start).iter().copied().enumerate().filter(|(_, steps)| *steps != UNREACHABLE);
+    let steps = search
+        .steps_from(start)
+        .iter()
+        .copied()
+        .enumerate()
+        .filter(|(_, steps)| *steps != UNREACHABLE);
     let (goal, steps) = steps.max_by_key(|(_, steps)| *steps).unwrap_or_default();
     Task {
         start: full_state_at(start.centre()).to_vec(),
@@ -59,7 +69,8 @@ pub fn far_task(map: &Arc<Grid>) -> Task {
     }
 }
 
-/// Returns the pixels for a map: whole pixels per cell, or the map scaled down where it is larger than the picture.
+/// Returns the pixels for a map: whole pixels per cell, or the map scaled down where it is larger
+/// than the picture.
 fn raster(map: &Grid) -> Raster {
     let (width, height) = (map.width(), map.height());
     let longer = width.max(height);
@@ -77,16 +88,24 @@ fn raster(map: &Grid) -> Raster {
 fn field(map: &Grid, raster: Raster, goal: &[f32], policy: &dyn Policy) -> Picture {
     let (free, positions) = raster.free_ground(map);
     let mut distances = vec![0.0; free.len()];
-    policy.distances(positions.as_flattened(), &goal.repeat(free.len()), &mut distances, &mut Scratch::default());
+    policy.distances(
+        positions.as_flattened(),
+        &goal.repeat(free.len()),
+        &mut distances,
+        &mut Scratch::default(),
+    );
     let mut picture = Picture::new(raster.pixels, WALL);
     let mut field = vec![f32::NAN; raster.pixels.0 * raster.pixels.1];
     free.iter().zip(&distances).for_each(|(i, distance)| field[*i] = *distance);
-    let farthest = distances.iter().copied().filter(|distance| distance.is_finite()).fold(1.0, f32::max);
+    let farthest =
+        distances.iter().copied().filter(|distance| distance.is_finite()).fold(1.0, f32::max);
     for i in free {
         picture.pixels_mut()[i] = distance_colour(colorous::VIRIDIS, field[i] / farthest);
     }
     let interval = contour_interval(&field, raster.pixels.0, LINE_SPACING);
-    for i in contour_lines(&field, raster.pixels.0, interval).into_iter().flat_map(|line| line.pixels) {
+    for i in
+        contour_lines(&field, raster.pixels.0, interval).into_iter().flat_map(|line| line.pixels)
+    {
         picture.pixels_mut()[i] = contour(picture.pixels_mut()[i]);
     }
     picture
@@ -99,8 +118,10 @@ fn paths(picture: &mut Picture, raster: Raster, task: &Task, job: &EvaluationJob
     let TaskWalk { plan, states, .. } = job.walk(task);
     let walked: Vec<[f32; 2]> = states.iter().map(|state| at(state)).collect();
     let start: Vec<[f32; 2]> = walked.first().copied().into_iter().collect();
-    let planned: Vec<[f32; 2]> = start.iter().copied().chain(plan.iter().map(|stop| at(stop))).collect();
-    // The path walked is narrower than the plan, which stays visible where it is followed. Widths in pixels.
+    let planned: Vec<[f32; 2]> =
+        start.iter().copied().chain(plan.iter().map(|stop| at(stop))).collect();
+    // The path walked is narrower than the plan, which stays visible where it is followed. Widths
+    // in pixels.
     let (wide, narrow) = ((0.3 * scale).max(1.0), (0.12 * scale).max(0.5));
     picture.lines(&planned, wide + 0.6, EDGE);
     picture.lines(&planned, wide, PLAN);
@@ -139,6 +160,10 @@ mod tests {
         };
         assert_eq!(task(".S.G.....\n"), (vec![1.5, 0.5], vec![3.5, 0.5], Some(2)));
         assert_eq!(task(".S...#...\n"), (vec![1.5, 0.5], vec![4.5, 0.5], Some(3)));
-        assert_eq!(task("#S#G\n"), (vec![1.5, 0.5], vec![1.5, 0.5], Some(0)), "no path leads to the goal");
+        assert_eq!(
+            task("#S#G\n"),
+            (vec![1.5, 0.5], vec![1.5, 0.5], Some(0)),
+            "no path leads to the goal"
+        );
     }
 }

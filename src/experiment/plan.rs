@@ -15,8 +15,8 @@ pub enum Length {
     Updates(u64),
     /// A number of episodes.
     Episodes(u64),
-    /// A number of environment steps, summed over all agents, and the updates due then. All agents step at once, so it is
-    /// passed by less than their number.
+    /// A number of environment steps, summed over all agents, and the updates due then. All agents
+    /// step at once, so it is passed by less than their number.
     Steps(u64),
 }
 
@@ -46,7 +46,8 @@ impl Length {
         }
     }
 
-    /// Whether a run may be evaluated or end after `tick`; `update_due` if the next tick is an update.
+    /// Whether a run may be evaluated or end after `tick`; `update_due` if the next tick is an
+    /// update.
     pub fn may_pause(self, tick: Tick, update_due: bool) -> bool {
         match self {
             Self::Updates(_) => tick == Tick::Update,
@@ -105,19 +106,22 @@ impl Plan {
     pub fn marks(&self) -> Vec<u64> {
         let amount = u128::from(self.length.amount());
         let at = |i: u64| (amount * u128::from(i) / u128::from(self.evaluations.max(1))) as u64;
-        let mut marks: Vec<u64> = (1..=self.evaluations.max(1)).map(at).filter(|at| *at > 0).collect();
+        let mut marks: Vec<u64> =
+            (1..=self.evaluations.max(1)).map(at).filter(|at| *at > 0).collect();
         marks.dedup();
         marks
     }
 
-    /// Whether an evaluation is due after `done` updates, episodes or steps, if `made` evaluations have been made, the latest
-    /// one in the present state or not.
+    /// Whether an evaluation is due after `done` updates, episodes or steps, if `made` evaluations
+    /// have been made, the latest one in the present state or not.
     pub fn is_due(&self, done: u64, made: usize, made_now: bool) -> bool {
         match self.length {
             // Every number of updates comes up.
             Length::Updates(_) => !made_now && self.marks().binary_search(&done).is_ok(),
             // Several agents may end their episodes in the same step, and all of them step at once.
-            Length::Episodes(_) | Length::Steps(_) => self.marks().partition_point(|mark| *mark <= done) > made,
+            Length::Episodes(_) | Length::Steps(_) => {
+                self.marks().partition_point(|mark| *mark <= done) > made
+            }
         }
     }
 
@@ -149,9 +153,16 @@ mod tests {
 
     #[test]
     fn an_evaluation_is_due_when_episodes_pass_its_mark_even_if_they_skip_it() {
-        let plan = Plan { length: Length::Episodes(100), evaluations: 4, last_tasks: 9, ..Plan::suite(0, 2) };
+        let plan = Plan {
+            length: Length::Episodes(100),
+            evaluations: 4,
+            last_tasks: 9,
+            ..Plan::suite(0, 2)
+        };
         assert_eq!(plan.marks(), [25, 50, 75, 100]);
-        assert!(!plan.is_due(24, 0, false) && plan.is_due(27, 0, false) && !plan.is_due(27, 1, false));
+        assert!(
+            !plan.is_due(24, 0, false) && plan.is_due(27, 0, false) && !plan.is_due(27, 1, false)
+        );
         assert!(plan.is_due(103, 3, false) && !plan.is_due(103, 4, false));
         assert_eq!((plan.tasks_after(75), plan.tasks_after(103)), (2, 9));
     }

@@ -1,5 +1,5 @@
-//! Progress of all jobs together, and the time left: a bar on standard error if that is a terminal, otherwise part of
-//! the lines printed there.
+//! Progress of all jobs together, and the time left: a bar on standard error if that is a terminal,
+//! otherwise part of the lines printed there.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -65,10 +65,19 @@ impl Progress {
         let item = |job: &&Job| {
             let run = &job.run;
             let group = format!("{} {} {:?}", job.world.name(), run.method, run.preset);
-            Item { group, total: job.plan.length.amount(), done: 0, first: 0, began: None, spent: None }
+            Item {
+                group,
+                total: job.plan.length.amount(),
+                done: 0,
+                first: 0,
+                began: None,
+                spent: None,
+            }
         };
         let bar = ProgressBar::with_draw_target(Some(BAR_PARTS), progress_bar::target());
-        if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}  {elapsed_precise} so far") {
+        if let Ok(style) =
+            ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}  {elapsed_precise} so far")
+        {
             bar.set_style(style);
         }
         let items = Mutex::new(jobs.iter().map(item).collect());
@@ -139,8 +148,8 @@ impl Drop for Progress {
     }
 }
 
-/// Estimates how far `items` are, by how fast each group has been in this process; groups that have not begun count as
-/// fast as all others together. `None` before anything is known.
+/// Estimates how far `items` are, by how fast each group has been in this process; groups that have
+/// not begun count as fast as all others together. `None` before anything is known.
 fn estimate(items: &[Item], parallel: usize, now: Instant) -> Option<Overall> {
     let mut groups: BTreeMap<&str, (f64, f64)> = BTreeMap::new();
     for item in items {
@@ -149,12 +158,16 @@ fn estimate(items: &[Item], parallel: usize, now: Instant) -> Option<Overall> {
         *seconds += item.seconds(now);
     }
     let known = |(done, seconds): &(f64, f64)| *done > 0.0 && *seconds > 0.0;
-    let all = groups.values().filter(|group| known(group)).fold((0.0, 0.0), |sum, g| (sum.0 + g.0, sum.1 + g.1));
+    let all = groups
+        .values()
+        .filter(|group| known(group))
+        .fold((0.0, 0.0), |sum, g| (sum.0 + g.0, sum.1 + g.1));
     if !known(&all) {
         return None;
     }
     let seconds_each = |item: &Item| {
-        let (done, seconds) = groups.get(item.group.as_str()).filter(|group| known(group)).unwrap_or(&all);
+        let (done, seconds) =
+            groups.get(item.group.as_str()).filter(|group| known(group)).unwrap_or(&all);
         seconds / done
     };
     let (mut total, mut left, mut longest) = (0.0, 0.0, 0.0f64);
@@ -194,11 +207,16 @@ mod tests {
     fn the_time_left_follows_from_how_fast_jobs_of_the_same_group_were() {
         let now = Instant::now();
         assert_eq!(estimate(&[item("slow", 100, 0, None)], 2, now), None);
-        // 100 in 10 s and 100 in 50 s, so of the two jobs that have not begun, the slow one takes 50 s.
+        // 100 in 10 s and 100 in 50 s, so of the two jobs that have not begun, the slow one takes
+        // 50 s.
         let done = [item("fast", 100, 100, Some(10)), item("slow", 100, 100, Some(50))];
         let items = [&done[..], &[item("fast", 100, 0, None), item("slow", 100, 0, None)]].concat();
         assert_eq!(estimate(&items, 1, now), Some(Overall { share: 0.5, seconds_left: 60.0 }));
-        assert_eq!(estimate(&items, 2, now).map(|o| o.seconds_left), Some(50.0), "the longest job alone takes that");
+        assert_eq!(
+            estimate(&items, 2, now).map(|o| o.seconds_left),
+            Some(50.0),
+            "the longest job alone takes that"
+        );
         // A group that nothing is known of is as fast as the others together: 200 in 60 s.
         let items = [&done[..], &[item("new", 50, 0, None)]].concat();
         assert_eq!(estimate(&items, 1, now).map(|o| o.seconds_left), Some(15.0));
@@ -221,8 +239,11 @@ mod tests {
         let share = || progress.estimate().map(|overall| overall.share);
         assert_eq!(share(), Some(0.5));
         // The other job turns out to take far longer.
-        progress.items.lock()[1] =
-            Item { began: Instant::now().checked_sub(Duration::from_secs(50)), done: 1, ..item("new", 100, 0, None) };
+        progress.items.lock()[1] = Item {
+            began: Instant::now().checked_sub(Duration::from_secs(50)),
+            done: 1,
+            ..item("new", 100, 0, None)
+        };
         assert_eq!(share(), Some(0.5));
         progress.items.lock()[1] = item("new", 100, 80, Some(10));
         assert_eq!(share(), Some(1.0));
@@ -230,6 +251,9 @@ mod tests {
 
     #[test]
     fn times_are_short() {
-        assert_eq!([5.4, 100.0, 5399.0, 7300.0].map(time), ["5 s", "2 min", "90 min", "2 h 02 min"]);
+        assert_eq!(
+            [5.4, 100.0, 5399.0, 7300.0].map(time),
+            ["5 s", "2 min", "90 min", "2 h 02 min"]
+        );
     }
 }

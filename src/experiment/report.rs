@@ -1,4 +1,5 @@
-//! The report of a suite, in Markdown: the table, and a picture and the learning curves of every job.
+//! The report of a suite, in Markdown: the table, and a picture and the learning curves of every
+//! job.
 
 use super::folder::{Folder, picture_name};
 use super::job::{Job, JobResult};
@@ -24,7 +25,9 @@ pub fn report(groups: &[Vec<Job>], rows: &[Row], folder: &Folder) -> String {
             let result = row.results.iter().find(|result| result.key == job.key);
             out += &format!(
                 "\n{}\n",
-                result.map_or(format!("{}: no result yet.", markdown(&job.name)), |r| section(job, r, folder))
+                result.map_or(format!("{}: no result yet.", markdown(&job.name)), |r| section(
+                    job, r, folder
+                ))
             );
         }
     }
@@ -56,8 +59,16 @@ fn about(groups: &[Vec<Job>]) -> String {
 }
 
 fn size(group: &[Job]) -> String {
-    let Some((job, map)) = group.first().and_then(|job| Some((job, job.world.map()?))) else { return String::new() };
-    format!("{} x {}, {} free cells, {} updates", map.width(), map.height(), map.free_count(), job.plan.length.amount())
+    let Some((job, map)) = group.first().and_then(|job| Some((job, job.world.map()?))) else {
+        return String::new();
+    };
+    format!(
+        "{} x {}, {} free cells, {} updates",
+        map.width(),
+        map.height(),
+        map.free_count(),
+        job.plan.length.amount()
+    )
 }
 
 /// Returns a job's picture, numbers and learning curves.
@@ -71,9 +82,11 @@ fn section(job: &Job, result: &JobResult, folder: &Folder) -> String {
     };
     let starts = result.map.iter().flat_map(|map| &map.starts);
     let starts: Vec<String> = starts.map(|[x, y]| format!("({x}, {y})")).collect();
-    let drawn = if result.map.as_ref().is_some_and(|map| map.start_drawn) { " (drawn)" } else { "" };
+    let drawn =
+        if result.map.as_ref().is_some_and(|map| map.start_drawn) { " (drawn)" } else { "" };
     let curve = |name: &str, of: &dyn Fn(&Evaluation) -> Option<f64>| {
-        let values: Vec<Option<f64>> = result.evaluations.iter().map(|at| of(&at.evaluation)).collect();
+        let values: Vec<Option<f64>> =
+            result.evaluations.iter().map(|at| of(&at.evaluation)).collect();
         let known = values.iter().any(Option::is_some);
         known.then(|| format!("{name} `{}`", values.into_iter().map(spark).collect::<String>()))
     };

@@ -1,4 +1,5 @@
-//! `gdg-tui reproduce`: the figures of "Reinforcement Learning with Goal-Distance Gradient", one command each.
+//! `gdg-tui reproduce`: the figures of "Reinforcement Learning with Goal-Distance Gradient", one
+//! command each.
 
 mod curves;
 mod draw;
@@ -69,8 +70,12 @@ struct MethodResults {
 ///
 /// # Errors
 /// A setting or a job's name is invalid, or the folder is not writable.
-pub fn prepare<'a>(args: &'a ReproduceArgs, registry: &Arc<Registry>) -> Result<Reproduction<'a>, Report> {
-    let chosen = |figure: &&Figure| args.figures.iter().any(|name| name == figure.name || name == "all");
+pub fn prepare<'a>(
+    args: &'a ReproduceArgs,
+    registry: &Arc<Registry>,
+) -> Result<Reproduction<'a>, Report> {
+    let chosen =
+        |figure: &&Figure| args.figures.iter().any(|name| name == figure.name || name == "all");
     let chosen: Vec<&'static Figure> = FIGURES.iter().filter(chosen).collect();
     check_prefixes(&args.set, &chosen)?;
     let (mut figures, mut unavailable) = (Vec::new(), BTreeSet::new());
@@ -78,7 +83,8 @@ pub fn prepare<'a>(args: &'a ReproduceArgs, registry: &Arc<Registry>) -> Result<
         let mut methods = Vec::new();
         for entry in figure.methods {
             match entry.preset(registry) {
-                Some(preset) => methods.push(MethodJobs { entry, jobs: jobs(figure, entry, preset, args, registry)? }),
+                Some(preset) => methods
+                    .push(MethodJobs { entry, jobs: jobs(figure, entry, preset, args, registry)? }),
                 None => drop(unavailable.insert(entry.name)),
             }
         }
@@ -95,7 +101,12 @@ pub fn prepare<'a>(args: &'a ReproduceArgs, registry: &Arc<Registry>) -> Result<
         own.folder.check_has_jobs()?;
     }
     if !args.list_jobs {
-        own.folder.check_writable(&["report.md", "jobs/NAME.json", "data/NAME.json", "figures/NAME.png"])?;
+        own.folder.check_writable(&[
+            "report.md",
+            "jobs/NAME.json",
+            "data/NAME.json",
+            "figures/NAME.png",
+        ])?;
     }
     Ok(own)
 }
@@ -112,10 +123,16 @@ fn jobs(
     let set: Vec<String> = own.chain(settings_of(entry.name, &args.set)).collect();
     let defaults = registry.world_opened_by(figure.world).map_or(&[][..], |kind| kind.defaults);
     let settings = settings_from(preset, &Overrides { defaults, config: None, set: &set })
-        .map_err(|error| from_config_error(error).wrap_err(format!("the settings of {} cannot be used", entry.name)))?;
+        .map_err(|error| {
+            from_config_error(error)
+                .wrap_err(format!("the settings of {} cannot be used", entry.name))
+        })?;
     let mut plan = figure.plan(args.budget, entry.name);
-    let lengths =
-        [args.updates.map(Length::Updates), args.episodes.map(Length::Episodes), args.steps.map(Length::Steps)];
+    let lengths = [
+        args.updates.map(Length::Updates),
+        args.episodes.map(Length::Episodes),
+        args.steps.map(Length::Steps),
+    ];
     plan.length = lengths.into_iter().flatten().next().unwrap_or(plan.length);
     if let Some(tasks) = args.eval_tasks {
         (plan.eval_tasks, plan.last_tasks) = (plan.eval_tasks.min(tasks), tasks);
@@ -130,7 +147,8 @@ fn jobs(
 
 /// Checks that the methods named by `--set` are among those of `figures`.
 fn check_prefixes(set: &[String], figures: &[&Figure]) -> Result<(), Report> {
-    let mut names: Vec<&str> = figures.iter().flat_map(|figure| figure.methods).map(|entry| entry.name).collect();
+    let mut names: Vec<&str> =
+        figures.iter().flat_map(|figure| figure.methods).map(|entry| entry.name).collect();
     let mut known = BTreeSet::new();
     names.retain(|name| known.insert(*name));
     let unknown = |method: &&str| !names.contains(method);
@@ -149,7 +167,10 @@ impl Reproduction<'_> {
     /// A file cannot be written, or a figure cannot be drawn.
     pub fn run(&self) -> Result<u8, Report> {
         if !self.unavailable.is_empty() {
-            eprint_line(&format!("left out, as this build has no such learner: {}", self.unavailable.join(", ")));
+            eprint_line(&format!(
+                "left out, as this build has no such learner: {}",
+                self.unavailable.join(", ")
+            ));
         }
         if self.args.list_jobs {
             return print(&self.list()).map(|()| 0);
@@ -174,10 +195,15 @@ impl Reproduction<'_> {
             return Ok(self.jobs.iter().collect());
         }
         let find = |name: &String| {
-            let line = name.parse::<usize>().ok().and_then(|line| self.jobs.get(line.checked_sub(1)?));
+            let line =
+                name.parse::<usize>().ok().and_then(|line| self.jobs.get(line.checked_sub(1)?));
             line.or_else(|| self.jobs.iter().find(|job| job.name == *name)).ok_or_else(|| {
                 let names: Vec<&str> = self.jobs.iter().map(|job| job.name.as_str()).collect();
-                let help = format!("give a number from 1 to {}, or a name: {}", names.len(), names.join(", "));
+                let help = format!(
+                    "give a number from 1 to {}, or a name: {}",
+                    names.len(),
+                    names.join(", ")
+                );
                 miette!(help = help, "--job {name}: there is no such job")
             })
         };
@@ -193,11 +219,13 @@ impl Reproduction<'_> {
         let out = std::path::absolute(&self.args.out).unwrap_or_else(|_| self.args.out.clone());
         let (program, out) = (quoted(&program.to_string_lossy()), quoted(&out.to_string_lossy()));
         let command = self.arguments() + if self.args.keep { " --keep" } else { "" };
-        let line = |job: &Job| format!("{program} {command} --out {out} --job {}\n", quoted(&job.name));
+        let line =
+            |job: &Job| format!("{program} {command} --out {out} --job {}\n", quoted(&job.name));
         self.jobs.iter().map(line).collect()
     }
 
-    /// Returns the arguments that determine what is drawn, without those that say where and how to run.
+    /// Returns the arguments that determine what is drawn, without those that say where and how to
+    /// run.
     fn arguments(&self) -> String {
         let args = self.args;
         let mut words = vec!["reproduce".to_owned()];
@@ -217,7 +245,8 @@ impl Reproduction<'_> {
         words.join(" ")
     }
 
-    /// Draws all figures from the results that there are and writes the report; returns the exit status.
+    /// Draws all figures from the results that there are and writes the report; returns the exit
+    /// status.
     fn draw(&self) -> Result<u8, Report> {
         let mut missing = BTreeSet::new();
         let (mut sections, mut charts) = (Vec::new(), String::new());
@@ -242,7 +271,10 @@ impl Reproduction<'_> {
                 }
             }
             if found.is_empty() {
-                eprint_line(&format!("{}: no job is done, so there is nothing to draw", figure.name));
+                eprint_line(&format!(
+                    "{}: no job is done, so there is nothing to draw",
+                    figure.name
+                ));
             } else {
                 let drawn = output::Drawn::new(figure, &found)?;
                 drawn.write(&self.folder, &self.arguments())?;
@@ -256,7 +288,11 @@ impl Reproduction<'_> {
         print_raw(&charts)?;
         eprint_line(&format!("report: {}", self.folder.path("report.md").display()));
         if !missing.is_empty() {
-            eprint_line(&format!("{} missing: {}", counted(missing.len() as u64, "job"), missing.join(", ")));
+            eprint_line(&format!(
+                "{} missing: {}",
+                counted(missing.len() as u64, "job"),
+                missing.join(", ")
+            ));
         }
         Ok(if missing.is_empty() { 0 } else { EXIT_FAILURE })
     }
@@ -292,10 +328,17 @@ mod tests {
         let figures: Vec<&Figure> = FIGURES.iter().filter(|figure| figure.name == "fig6").collect();
         assert!(check_prefixes(&["gdg:hidden=17".to_owned()], &figures).is_ok());
         for method in ["gd", "her"] {
-            let error = check_prefixes(&[format!("{method}:hidden=17")], &figures).expect_err("no such method");
-            assert!(error.to_string().contains(&format!("a method called \"{method}\"")), "{error}");
+            let error = check_prefixes(&[format!("{method}:hidden=17")], &figures)
+                .expect_err("no such method");
+            assert!(
+                error.to_string().contains(&format!("a method called \"{method}\"")),
+                "{error}"
+            );
             let help = error.help().map(|help| help.to_string()).unwrap_or_default();
-            assert_eq!(help, "methods of fig6: default, default-gdg, gdg-bridge, gdg, ddpg, ddpg-distance");
+            assert_eq!(
+                help,
+                "methods of fig6: default, default-gdg, gdg-bridge, gdg, ddpg, ddpg-distance"
+            );
         }
     }
 }

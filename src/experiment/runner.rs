@@ -68,16 +68,23 @@ impl Runner {
         parallel: usize,
         keep: bool,
     ) -> Result<Outcome<'a>, Report> {
-        let (done, open): (Vec<&Job>, Vec<&Job>) = jobs.partition(|job| folder.result_of(job).is_some());
+        let (done, open): (Vec<&Job>, Vec<&Job>) =
+            jobs.partition(|job| folder.result_of(job).is_some());
         for job in &open {
             folder.check_result_writable(job)?;
             if let Some(problem) = folder.problem(job) {
                 eprint_line(&format!("{problem}; it runs again"));
             }
         }
-        if let Some(longest) = open.iter().map(|job| folder.checkpoint(job)).max_by_key(|path| path.as_os_str().len()) {
+        if let Some(longest) =
+            open.iter().map(|job| folder.checkpoint(job)).max_by_key(|path| path.as_os_str().len())
+        {
             check_writable(&longest).map_err(|error| {
-                miette!(help = "give --out another folder", "{}: cannot be saved: {error}", longest.display())
+                miette!(
+                    help = "give --out another folder",
+                    "{}: cannot be saved: {error}",
+                    longest.display()
+                )
             })?;
         }
         eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
@@ -88,11 +95,13 @@ impl Runner {
         Ok(Outcome { open, ends, interrupted: termination.status() })
     }
 
-    /// Runs `jobs` without a result, `parallel` at a time, the longest first; returns how each ended, in the same order. A
-    /// job that fails does not end the others.
+    /// Runs `jobs` without a result, `parallel` at a time, the longest first; returns how each
+    /// ended, in the same order. A job that fails does not end the others.
     fn run(&self, jobs: &[&Job], parallel: usize) -> Vec<End> {
         let mut order: Vec<usize> = (0..jobs.len()).collect();
-        let length = |i: &usize| (matches!(jobs[*i].plan.length, Length::Episodes(_)), jobs[*i].plan.length.amount());
+        let length = |i: &usize| {
+            (matches!(jobs[*i].plan.length, Length::Episodes(_)), jobs[*i].plan.length.amount())
+        };
         order.sort_by_key(|i| std::cmp::Reverse(length(i)));
         let progress = Progress::new(jobs, parallel);
         let (next, ended) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -115,7 +124,8 @@ impl Runner {
             }
         };
         std::thread::scope(|scope| {
-            let thread = |i| std::thread::Builder::new().name(format!("jobs {i}")).spawn_scoped(scope, work);
+            let thread =
+                |i| std::thread::Builder::new().name(format!("jobs {i}")).spawn_scoped(scope, work);
             if (1..=parallel.min(jobs.len())).filter(|i| thread(*i).is_ok()).count() == 0 {
                 work();
             }
@@ -153,7 +163,13 @@ impl Runner {
     }
 
     /// Trains to the end and keeps the result, or the checkpoint if a signal arrives.
-    fn train_and_finish(&self, job: &Job, trainer: &mut Trainer, saver: &mut Saver, at: &At) -> Result<End, Report> {
+    fn train_and_finish(
+        &self,
+        job: &Job,
+        trainer: &mut Trainer,
+        saver: &mut Saver,
+        at: &At,
+    ) -> Result<End, Report> {
         if !self.train(job, trainer, saver, at)? {
             saver.save(trainer)?;
             return Ok(End::Interrupted);
@@ -172,9 +188,12 @@ impl Runner {
     fn resume_or_begin(&self, job: &Job, at: &At) -> Result<Trainer, Report> {
         let (name, own, length) = (&job.name, self.folder.checkpoint(job), job.plan.length);
         let (amount, unit) = (length.amount(), length.unit());
-        // Where it was saved if its own could not be written; the last of those that are as far is its own.
+        // Where it was saved if its own could not be written; the last of those that are as far is
+        // its own.
         let found = elsewhere(&own).into_iter().chain([own]).filter(|path| path.exists());
-        if let Some(checkpoint) = found.max_by_key(|path| describe(path).map_or(0, |found| found.updates)) {
+        if let Some(checkpoint) =
+            found.max_by_key(|path| describe(path).map_or(0, |found| found.updates))
+        {
             match train::load(&checkpoint, &self.registry, 1) {
                 Ok(loaded) if job.is_run_of(&loaded.trainer) => {
                     loaded.warning.iter().for_each(|warning| at.progress.line(warning));
@@ -182,7 +201,9 @@ impl Runner {
                     at.progress.line(&format!("{name}: resumes after {done} of {amount} {unit}"));
                     return Ok(loaded.trainer);
                 }
-                Ok(_) => at.progress.line(&format!("{name}: its checkpoint is of another run: begins again")),
+                Ok(_) => at
+                    .progress
+                    .line(&format!("{name}: its checkpoint is of another run: begins again")),
                 Err(error) => at.progress.line(&format!("{name}: {error}: begins again")),
             }
         }
@@ -191,7 +212,13 @@ impl Runner {
     }
 
     /// Trains and evaluates to the end; returns whether it got there before a signal arrived.
-    fn train(&self, job: &Job, trainer: &mut Trainer, saver: &mut Saver, at: &At) -> Result<bool, Report> {
+    fn train(
+        &self,
+        job: &Job,
+        trainer: &mut Trainer,
+        saver: &mut Saver,
+        at: &At,
+    ) -> Result<bool, Report> {
         let length = job.plan.length;
         // An evaluation that is not finite is not recorded, but has been made.
         let mut made = trainer.history().evaluations().len();
@@ -203,7 +230,8 @@ impl Runner {
             let done = length.done(&trainer.counters());
             if length.may_pause(tick, trainer.is_update_due()) {
                 let updates = trainer.counters().updates;
-                let mut made_now = trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
+                let mut made_now =
+                    trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
                 // A step may end several agents' episodes and so pass several marks.
                 while job.plan.is_due(done, made, made_now) {
                     if !self.evaluate(job, trainer, done, at)? {
@@ -230,21 +258,31 @@ impl Runner {
     }
 
     /// Evaluates after `done` updates, episodes or steps; returns whether no signal arrived.
-    fn evaluate(&self, job: &Job, trainer: &mut Trainer, done: u64, at: &At) -> Result<bool, Report> {
+    fn evaluate(
+        &self,
+        job: &Job,
+        trainer: &mut Trainer,
+        done: u64,
+        at: &At,
+    ) -> Result<bool, Report> {
         let (plan, length) = (&job.plan, job.plan.length);
         let tasks = plan.tasks_after(done);
         let Some(evaluation) = evaluate(trainer, tasks, plan.max_steps, &self.termination)? else {
             return Ok(false);
         };
         let updates = trainer.counters().updates;
-        let (name, success, amount, unit) = (&job.name, evaluation.success(updates), length.amount(), length.unit());
+        let (name, success, amount, unit) =
+            (&job.name, evaluation.success(updates), length.amount(), length.unit());
         let rate = updates as f64 / trainer.seconds().max(1e-3);
         at.progress.line(&format!(
             "{name}: {done} of {amount} {unit}, {success}, {rate:.0} updates/s{}",
             at.progress.overall()
         ));
         if !evaluation.is_finite() && done >= amount {
-            return Err(miette!(help = "try another seed, or a smaller learning_rate", "the distances are not finite"));
+            return Err(miette!(
+                help = "try another seed, or a smaller learning_rate",
+                "the distances are not finite"
+            ));
         }
         Ok(true)
     }
@@ -257,7 +295,8 @@ struct At<'a> {
     job: usize,
 }
 
-/// Saves what a job has learned whose result or checkpoint could not be written: the next run goes on from there.
+/// Saves what a job has learned whose result or checkpoint could not be written: the next run goes
+/// on from there.
 fn rescue(job: &Job, trainer: &mut Trainer, saver: &mut Saver, at: &At) {
     if saver.save(trainer).is_err() {
         let kept = save_elsewhere(trainer, saver.path());

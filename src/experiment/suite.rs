@@ -72,8 +72,8 @@ pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suit
     Ok(suite)
 }
 
-/// Returns the built-in map or the map file called `folder`, or all `.map` files of that folder, sorted by name; all `.txt`
-/// files if it has none. Hidden files are left out.
+/// Returns the built-in map or the map file called `folder`, or all `.map` files of that folder,
+/// sorted by name; all `.txt` files if it has none. Hidden files are left out.
 fn maps(folder: &Path, registry: &Registry) -> Result<Vec<Grid>, Report> {
     if !folder.is_dir() || folder.to_str().is_some_and(|name| builtin(name).is_some()) {
         let map = find_map(folder, registry)?;
@@ -85,14 +85,17 @@ fn maps(folder: &Path, registry: &Registry) -> Result<Vec<Grid>, Report> {
     let entries = entries.into_diagnostic().wrap_err_with(|| format!("{name}: cannot be read"))?;
     let files: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
     let ending = |extension: &str| {
-        let is_map = |path: &&PathBuf| has_extension(path, extension) && !is_hidden(path) && path.is_file();
+        let is_map =
+            |path: &&PathBuf| has_extension(path, extension) && !is_hidden(path) && path.is_file();
         files.iter().filter(is_map).cloned().collect::<Vec<_>>()
     };
     // Texts beside maps are likely to be about them.
     let (maps, texts) = (ending("map"), ending("txt"));
     if !maps.is_empty() && !texts.is_empty() {
         let left_out = counted(texts.len() as u64, ".txt file");
-        eprint_line(&format!("{name}: {left_out} left out, as there are .map files: name those that are maps"));
+        eprint_line(&format!(
+            "{name}: {left_out} left out, as there are .map files: name those that are maps"
+        ));
     }
     let mut files = if maps.is_empty() { texts } else { maps };
     files.sort();
@@ -120,7 +123,10 @@ impl Suite<'_> {
         let unknown = |name: &&String| self.jobs().all(|job| job.name != **name);
         let Some(name) = self.args.job.iter().find(unknown) else { return Ok(()) };
         let names: Vec<&str> = self.jobs().map(|job| job.name.as_str()).collect();
-        Err(miette!(help = format!("jobs: {}", names.join(", ")), "--job {name}: there is no such job"))
+        Err(miette!(
+            help = format!("jobs: {}", names.join(", ")),
+            "--job {name}: there is no such job"
+        ))
     }
 
     /// Runs the jobs, prints the table and writes the report; returns the exit status.
@@ -180,17 +186,23 @@ impl Suite<'_> {
         self.groups.iter().filter_map(row).collect()
     }
 
-    /// Returns the exit status that `--require-success` gives, and says which maps are below it. Jobs that other processes
-    /// run have not reached anything yet.
+    /// Returns the exit status that `--require-success` gives, and says which maps are below it.
+    /// Jobs that other processes run have not reached anything yet.
     fn required_success(&self, rows: &[Row], Outcome { ends, .. }: &Outcome) -> u8 {
         let Some(required) = self.args.require_success else { return 0 };
         let elsewhere = ends.contains(&End::Elsewhere);
         let results = rows.iter().flat_map(|row| &row.results);
-        let rate = |result: &super::job::JobResult| result.last().and_then(gdg::train::Evaluation::success_rate);
-        let below: Vec<_> = results.filter(|result| rate(result).is_none_or(|rate| rate < required)).collect();
+        let rate = |result: &super::job::JobResult| {
+            result.last().and_then(gdg::train::Evaluation::success_rate)
+        };
+        let below: Vec<_> =
+            results.filter(|result| rate(result).is_none_or(|rate| rate < required)).collect();
         for result in &below {
             let rate = rate(result).map_or("-".to_owned(), |rate| format!("{rate:.3}"));
-            eprint_line(&format!("{}: success rate {rate} is below the required {required}", result.name));
+            eprint_line(&format!(
+                "{}: success rate {rate} is below the required {required}",
+                result.name
+            ));
         }
         if below.is_empty() && !elsewhere { 0 } else { EXIT_NOT_REACHED }
     }
@@ -199,16 +211,26 @@ impl Suite<'_> {
 /// Says which jobs failed and which run elsewhere; returns whether any failed.
 pub(super) fn any_failed(Outcome { open, ends, .. }: &Outcome) -> bool {
     let named = |wanted: End| {
-        let names = open.iter().zip(ends).filter(|(_, end)| **end == wanted).map(|(job, _)| job.name.as_str());
+        let names = open
+            .iter()
+            .zip(ends)
+            .filter(|(_, end)| **end == wanted)
+            .map(|(job, _)| job.name.as_str());
         names.collect::<Vec<_>>()
     };
     let (failed, elsewhere) = (named(End::Failed), named(End::Elsewhere));
     if !failed.is_empty() {
-        eprint_line(&format!("{} failed: {}", counted(failed.len() as u64, "job"), failed.join(", ")));
+        eprint_line(&format!(
+            "{} failed: {}",
+            counted(failed.len() as u64, "job"),
+            failed.join(", ")
+        ));
     }
     if !elsewhere.is_empty() {
         let names = elsewhere.join(", ");
-        eprint_line(&format!("other processes run {names}: once they are done, run this again for the whole report"));
+        eprint_line(&format!(
+            "other processes run {names}: once they are done, run this again for the whole report"
+        ));
     }
     !failed.is_empty()
 }
@@ -221,7 +243,8 @@ pub(super) fn print(text: &str) -> Result<(), Report> {
     print_raw(&sanitized_lines(text))
 }
 
-/// Prints text of our own, which may contain colours, to standard output. An early close (`| head`) is not an error.
+/// Prints text of our own, which may contain colours, to standard output. An early close (`| head`)
+/// is not an error.
 ///
 /// # Errors
 /// It cannot be written.

@@ -49,10 +49,14 @@ pub struct Row {
     pub results: Vec<JobResult>,
 }
 
-/// Returns the table: a line per map and, for several maps, lines with the mean and the worst of each column.
+/// Returns the table: a line per map and, for several maps, lines with the mean and the worst of
+/// each column.
 pub fn table(rows: &[Row]) -> String {
     let titles = COLUMNS.map(|column| column.title).join(" | ");
-    let mut out = format!("| map | free cells | updates | {titles} |\n|---|{}\n", "---:|".repeat(2 + COLUMNS.len()));
+    let mut out = format!(
+        "| map | free cells | updates | {titles} |\n|---|{}\n",
+        "---:|".repeat(2 + COLUMNS.len())
+    );
     for row in rows {
         let cells = COLUMNS.map(|column| column.cell(&row.results)).join(" | ");
         let missing = match (row.results.len(), row.seeds) {
@@ -65,7 +69,8 @@ pub fn table(rows: &[Row]) -> String {
     if rows.len() > 1 {
         let total = |name: &str, of: &dyn Fn(&Column, &[f64]) -> f64| {
             let cells = COLUMNS.map(|column| {
-                let values: Vec<f64> = rows.iter().flat_map(|row| column.values(&row.results)).collect();
+                let values: Vec<f64> =
+                    rows.iter().flat_map(|row| column.values(&row.results)).collect();
                 if values.is_empty() { "-".to_owned() } else { column.format(of(&column, &values)) }
             });
             format!("| **{name}** | | | {} |\n", cells.join(" | "))
@@ -78,7 +83,8 @@ pub fn table(rows: &[Row]) -> String {
 
 /// Returns the numbers of one result, by column.
 pub fn numbers(result: &JobResult) -> String {
-    let number = |column: &Column| Some(format!("{} {}", column.title, column.format((column.of)(result)?)));
+    let number =
+        |column: &Column| Some(format!("{} {}", column.title, column.format((column.of)(result)?)));
     COLUMNS.iter().filter_map(number).collect::<Vec<_>>().join(", ")
 }
 
@@ -101,7 +107,9 @@ impl Column {
         match &self.values(results)[..] {
             [] => "-".to_owned(),
             [value] => self.format(*value),
-            values => format!("{} ({})", self.format(mean(values)), self.format(self.worst(values))),
+            values => {
+                format!("{} ({})", self.format(mean(values)), self.format(self.worst(values)))
+            }
         }
     }
 }

@@ -27,7 +27,10 @@ pub enum JobWorld {
 impl JobWorld {
     /// Returns the maze on `map`. A map without a start gets one drawn by `seed`.
     pub fn maze(map: &Grid, seed: u64) -> Self {
-        Self::Maze { start_drawn: map.starts().is_empty(), map: Arc::new(with_start(map.clone(), seed)) }
+        Self::Maze {
+            start_drawn: map.starts().is_empty(),
+            map: Arc::new(with_start(map.clone(), seed)),
+        }
     }
 
     /// Returns the world that `name` opens, as [`JobWorld::maze`] if that is a map.
@@ -79,9 +82,8 @@ impl JobWorld {
     /// Whether `world` is this one.
     pub fn is(&self, world: &dyn Environment) -> bool {
         match self {
-            Self::Maze { .. } => {
-                PointMaze::downcast_ref(world).is_some_and(|maze| print_ascii(maze.map()) == self.content())
-            }
+            Self::Maze { .. } => PointMaze::downcast_ref(world)
+                .is_some_and(|maze| print_ascii(maze.map()) == self.content()),
             Self::Named(name) => world.kind() == name,
         }
     }

@@ -22,14 +22,17 @@ const MAX_FRAMES: usize = 18_000;
 /// Writes the animation that `args` ask for into `out`; returns its path as a line.
 ///
 /// # Errors
-/// Fails if a file cannot be read or written, if the recording is invalid (naming the line) or shorter than the part
-/// asked for, or if `out` exists already.
+/// Fails if a file cannot be read or written, if the recording is invalid (naming the line) or
+/// shorter than the part asked for, or if `out` exists already.
 pub fn write(args: &FramesArgs, out: &Path) -> Result<String, Report> {
     let seconds = duration(&args.cast)?;
     let to = args.to.unwrap_or(seconds);
     check_within(&args.cast.to_string_lossy(), [args.from, to].iter(), seconds)?;
     if args.from >= to {
-        return Err(miette::miette!(help = "give --from below --to", "the animation would be empty"));
+        return Err(miette::miette!(
+            help = "give --from below --to",
+            "the animation would be empty"
+        ));
     }
     refuse_existing(out, args.overwrite)?;
     refuse_input(("--animate", out), std::iter::once(args.cast.as_path()))?;
@@ -37,11 +40,15 @@ pub fn write(args: &FramesArgs, out: &Path) -> Result<String, Report> {
     let count = ((to - args.from) / step).ceil() as usize;
     if count > MAX_FRAMES {
         let help = "give --from and --to, fewer --fps, or a higher --speed";
-        return Err(miette::miette!(help = help, "the animation would have {count} frames, more than {MAX_FRAMES}"));
+        return Err(miette::miette!(
+            help = help,
+            "the animation would have {count} frames, more than {MAX_FRAMES}"
+        ));
     }
     let mut moments: Vec<f64> = (0..count).map(|i| args.from + step * i as f64).collect();
     moments.push(to);
-    // The file says first how many frames follow, and how large they are: look at all of them before.
+    // The file says first how many frames follow, and how large they are: look at all of them
+    // before.
     let mut plan = Plan::default();
     play(&args.cast, moments.clone(), |screen, at| {
         plan.add(buffer_of(screen), (at - args.from) / args.speed);
@@ -79,7 +86,10 @@ impl Plan {
     }
 
     /// Encodes the animation, whose frames `draw_all` draws.
-    fn encode(self, draw_all: impl FnOnce(&Self, &mut Animation) -> Result<(), Report>) -> Result<Vec<u8>, Report> {
+    fn encode(
+        self,
+        draw_all: impl FnOnce(&Self, &mut Animation) -> Result<(), Report>,
+    ) -> Result<Vec<u8>, Report> {
         let empty = Buffer::empty(Rect::new(0, 0, self.size.0, self.size.1));
         let size = picture_of(&empty, empty.area, PageColours::default()).size();
         let frames = self.moments.iter().filter(|(changed, _)| *changed).count();
@@ -93,7 +103,10 @@ impl Plan {
     /// Draws moment `at`, unless nothing has changed.
     fn draw(&self, at: usize, screen: &Buffer, animation: &mut Animation) -> Result<(), Report> {
         let (true, seconds) = self.moments[at] else { return Ok(()) };
-        let next = self.moments[at + 1..].iter().find(|(changed, _)| *changed).map(|(_, seconds)| *seconds);
+        let next = self.moments[at + 1..]
+            .iter()
+            .find(|(changed, _)| *changed)
+            .map(|(_, seconds)| *seconds);
         let last = self.moments.last().map_or(0.0, |(_, seconds)| *seconds) + LAST_FRAME_SECONDS;
         // Smaller screens are drawn into the corner of the largest.
         let mut whole = Buffer::empty(Rect::new(0, 0, self.size.0, self.size.1));
@@ -112,18 +125,27 @@ mod tests {
     use super::*;
     use crate::frames::tests::{HEADER, recording};
 
-    /// Creates a recording of three screens, the second of them shown for two seconds, and arguments that animate it.
+    /// Creates a recording of three screens, the second of them shown for two seconds, and
+    /// arguments that animate it.
     fn three_screens() -> (tempfile::TempDir, FramesArgs, PathBuf) {
-        let events = [HEADER, r#"[0.0,"o","ab"]"#, r#"[1.0,"o","\u001b[1;2Hx"]"#, r#"[3.0,"o","\u001b[1;4Hy"]"#];
+        let events = [
+            HEADER,
+            r#"[0.0,"o","ab"]"#,
+            r#"[1.0,"o","\u001b[1;2Hx"]"#,
+            r#"[3.0,"o","\u001b[1;4Hy"]"#,
+        ];
         let (folder, mut args) = recording(&events.join("\n"), &[]);
         let out = folder.path().join("film.png");
         args.animate = Some(out.clone());
         (folder, args, out)
     }
 
-    /// Reads an animation: of each frame, left, top, width, height and how long it is shown, in seconds.
+    /// Reads an animation: of each frame, left, top, width, height and how long it is shown, in
+    /// seconds.
     fn frames(path: &Path) -> Vec<([u32; 4], f64)> {
-        let mut reader = png::Decoder::new(BufReader::new(File::open(path).expect("a file"))).read_info().expect("PNG");
+        let mut reader = png::Decoder::new(BufReader::new(File::open(path).expect("a file")))
+            .read_info()
+            .expect("PNG");
         let count = reader.info().animation_control().expect("an animation").num_frames;
         let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
         (0..count)
@@ -141,7 +163,10 @@ mod tests {
         let (_folder, args, out) = three_screens();
         assert_eq!(write(&args, &out).expect("written").trim(), out.to_string_lossy());
         let frames = frames(&out);
-        assert_eq!(frames.iter().map(|(_, seconds)| *seconds).collect::<Vec<_>>(), [1.0, 2.0, LAST_FRAME_SECONDS]);
+        assert_eq!(
+            frames.iter().map(|(_, seconds)| *seconds).collect::<Vec<_>>(),
+            [1.0, 2.0, LAST_FRAME_SECONDS]
+        );
         let areas: Vec<[u32; 4]> = frames.iter().map(|(area, _)| *area).collect();
         assert_eq!(areas[0], [0, 0, 32, 16]);
         // The second character, 8 pixels wide, and the fourth.
@@ -151,16 +176,25 @@ mod tests {
 
     #[test]
     fn small_frames_after_large_ones_and_changes_of_size_are_drawn() {
-        let far = [HEADER, r#"[0,"o","ab"]"#, r#"[1,"r","9x3"]"#, r#"[2,"o","\u001b[3;9Hz"]"#, r#"[3,"r","4x1"]"#];
+        let far = [
+            HEADER,
+            r#"[0,"o","ab"]"#,
+            r#"[1,"r","9x3"]"#,
+            r#"[2,"o","\u001b[3;9Hz"]"#,
+            r#"[3,"r","4x1"]"#,
+        ];
         let (folder, mut args) = recording(&far.join("\n"), &[]);
         let out = folder.path().join("film.png");
         args.animate = Some(out.clone());
         write(&args, &out).expect("written");
         let last = frames(&out).last().map(|(area, _)| *area).expect("frames");
         assert!(last[0] + last[2] <= 72 && last[1] + last[3] <= 48, "{last:?}");
-        std::fs::write(&args.cast, format!("{HEADER}\n[0,\"o\",\"x\"]\n[1e18,\"o\",\"y\"]\n")).expect("a file");
+        std::fs::write(&args.cast, format!("{HEADER}\n[0,\"o\",\"x\"]\n[1e18,\"o\",\"y\"]\n"))
+            .expect("a file");
         args.overwrite = true;
-        assert!(write(&args, &out).expect_err("too long").to_string().contains("frames, more than"));
+        assert!(
+            write(&args, &out).expect_err("too long").to_string().contains("frames, more than")
+        );
     }
 
     #[test]
@@ -168,7 +202,10 @@ mod tests {
         let (_folder, mut args, out) = three_screens();
         (args.from, args.to, args.speed) = (0.5, Some(3.0), 2.0);
         write(&args, &out).expect("written");
-        assert_eq!(frames(&out).iter().map(|(_, s)| *s).collect::<Vec<_>>(), [0.4, 0.85, LAST_FRAME_SECONDS]);
+        assert_eq!(
+            frames(&out).iter().map(|(_, s)| *s).collect::<Vec<_>>(),
+            [0.4, 0.85, LAST_FRAME_SECONDS]
+        );
     }
 
     #[test]
@@ -179,7 +216,9 @@ mod tests {
         args.overwrite = true;
         args.to = None;
         let cast = args.cast.clone();
-        assert!(write(&args, &cast).expect_err("its input").to_string().contains("is read by this run"));
+        assert!(
+            write(&args, &cast).expect_err("its input").to_string().contains("is read by this run")
+        );
         (args.overwrite, args.from, args.to) = (false, 2.0, Some(2.0));
         assert!(write(&args, &out).expect_err("empty").to_string().contains("empty"));
         assert!(!out.exists());

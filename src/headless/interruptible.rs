@@ -10,8 +10,8 @@ use crate::signals::TerminationSignal;
 /// Polling interval for signals.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Runs `work` on a thread called `name`. Returns `None` if a signal arrives first; the thread then ends with the
-/// program.
+/// Runs `work` on a thread called `name`. Returns `None` if a signal arrives first; the thread then
+/// ends with the program.
 ///
 /// # Errors
 /// The thread cannot be started, or panics.

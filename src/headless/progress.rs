@@ -12,16 +12,18 @@ use gdg::train::Trainer;
 /// Shows training progress towards the limit.
 pub struct Progress {
     bar: ProgressBar,
-    /// Where the position is the training time in milliseconds instead of updates: the seconds trained before.
+    /// Where the position is the training time in milliseconds instead of updates: the seconds
+    /// trained before.
     from_seconds: Option<f64>,
     started: bool,
 }
 
 impl Progress {
-    /// Creates a bar towards `--max-updates`, else `--max-seconds`, else without an end, for a run that has been trained
-    /// for `seconds` before.
+    /// Creates a bar towards `--max-updates`, else `--max-seconds`, else without an end, for a run
+    /// that has been trained for `seconds` before.
     pub fn new(args: &TrainArgs, seconds: f64) -> Self {
-        let from_seconds = (args.max_updates.is_none() && args.max_seconds.is_some()).then_some(seconds);
+        let from_seconds =
+            (args.max_updates.is_none() && args.max_seconds.is_some()).then_some(seconds);
         let length = args.max_updates.or(args.max_seconds.map(|s| (s * 1000.0) as u64));
         let bar = ProgressBar::with_draw_target(length, progress_bar::target());
         let template = match length {
@@ -38,7 +40,8 @@ impl Progress {
     pub fn show(&mut self, trainer: &Trainer) {
         let updates = trainer.counters().updates;
         self.bar.set_message(format!("{updates} updates, {:.0}/s", updates_per_second(trainer)));
-        let position = self.from_seconds.map_or(updates, |from| ((trainer.seconds() - from) * 1000.0) as u64);
+        let position =
+            self.from_seconds.map_or(updates, |from| ((trainer.seconds() - from) * 1000.0) as u64);
         self.bar.set_position(position);
         if !self.started {
             // A resumed run's earlier progress says nothing about the remaining time.

@@ -9,7 +9,8 @@ use super::updates_per_second;
 use crate::setup::Setup;
 use gdg::learn::Losses;
 use gdg::train::{
-    BridgeFacts, DistanceError, EndReason, Evaluation, MarkedTask, Recovery, Score, Trainer, WorldChange,
+    BridgeFacts, DistanceError, EndReason, Evaluation, MarkedTask, Recovery, Score, Trainer,
+    WorldChange,
 };
 
 /// One record.
@@ -114,7 +115,8 @@ impl Record {
 
     pub fn evaluation(trainer: &Trainer, evaluation: &Evaluation) -> Self {
         let counters = trainer.counters();
-        let Evaluation { greedy, planned, straight, distance_error, bridges, coverage, marked } = evaluation.clone();
+        let Evaluation { greedy, planned, straight, distance_error, bridges, coverage, marked } =
+            evaluation.clone();
         let (updates, env_steps) = (counters.updates, counters.env_steps);
         Self::Evaluation {
             seconds: round(trainer.seconds()),
@@ -131,11 +133,18 @@ impl Record {
     }
 
     pub fn edit(trainer: &Trainer, change: WorldChange) -> Self {
-        Self::Edit { seconds: round(trainer.seconds()), updates: trainer.counters().updates, change }
+        Self::Edit {
+            seconds: round(trainer.seconds()),
+            updates: trainer.counters().updates,
+            change,
+        }
     }
 
     pub fn saved(trainer: &Trainer, path: &Path) -> Self {
-        Self::Saved { updates: trainer.counters().updates, path: path.to_string_lossy().into_owned() }
+        Self::Saved {
+            updates: trainer.counters().updates,
+            path: path.to_string_lossy().into_owned(),
+        }
     }
 
     pub fn end(reason: EndReason, trainer: &Trainer) -> Self {

@@ -36,8 +36,9 @@ impl Saver {
         self.to.path()
     }
 
-    /// Whether the next checkpoint of `trainer` is due. It waits while a run diverges: a rollback before saving would
-    /// make the run depend on when it is saved, and its next updates roll back anyway.
+    /// Whether the next checkpoint of `trainer` is due. It waits while a run diverges: a rollback
+    /// before saving would make the run depend on when it is saved, and its next updates roll back
+    /// anyway.
     ///
     /// # Errors
     /// The learner fails.
@@ -46,7 +47,8 @@ impl Saver {
         Ok(elapsed && trainer.is_finite().into_diagnostic()?)
     }
 
-    /// Saves unless this state is already saved; returns the path it took. Rolls a diverged run back first.
+    /// Saves unless this state is already saved; returns the path it took. Rolls a diverged run
+    /// back first.
     ///
     /// # Errors
     /// The checkpoint cannot be saved.
@@ -67,7 +69,8 @@ impl Saver {
             } else {
                 "is not a checkpoint of gdg-tui"
             };
-            let (requested, path) = (sanitized(&requested.to_string_lossy()), sanitized(&path.to_string_lossy()));
+            let (requested, path) =
+                (sanitized(&requested.to_string_lossy()), sanitized(&path.to_string_lossy()));
             eprint_line(&format!("{requested} {why}: saving to {path}"));
         }
         self.to = SaveTo::Replace(path.clone());
@@ -81,7 +84,8 @@ impl Saver {
     }
 }
 
-/// Returns the counters that identify a state of `trainer`: updates, environment steps, evaluations.
+/// Returns the counters that identify a state of `trainer`: updates, environment steps,
+/// evaluations.
 fn state(trainer: &Trainer) -> (u64, u64, usize) {
     let counters = trainer.counters();
     (counters.updates, counters.env_steps, trainer.history().evaluations().len())

@@ -53,7 +53,12 @@ const MAX_BYTES: u64 = 1 << 30;
 /// Returns the names of the columns.
 fn column_names() -> impl Iterator<Item = String> {
     let at = |actor: &'static str| (1..=DISTANCES).map(move |i| format!("{actor}_success_{i}"));
-    PROGRESS.into_iter().chain(EVALUATION).map(str::to_owned).chain(at("greedy")).chain(at("planned"))
+    PROGRESS
+        .into_iter()
+        .chain(EVALUATION)
+        .map(str::to_owned)
+        .chain(at("greedy"))
+        .chain(at("planned"))
 }
 
 /// The table, while it is written.
@@ -64,7 +69,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// Opens the table of the run in `setup`: a new file, or that of a resumed run, as it was when the run was saved.
+    /// Opens the table of the run in `setup`: a new file, or that of a resumed run, as it was when
+    /// the run was saved.
     ///
     /// # Errors
     /// The file is not the run's table and must not be replaced, or cannot be written.
@@ -79,32 +85,43 @@ impl Table {
         let mut writer = csv::Writer::from_writer(file);
         if is_empty {
             writer.write_record(column_names()).into_diagnostic()?;
-            writer.flush().into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
+            writer
+                .flush()
+                .into_diagnostic()
+                .wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
         }
         Ok(Self { path: path.to_owned(), writer: Some(writer) })
     }
 
-    /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file can no longer be written, says
-    /// so once; training continues.
+    /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file can no
+    /// longer be written, says so once; training continues.
     pub fn add(&mut self, trainer: &Trainer, evaluation: Option<&Evaluation>) {
         let Some(writer) = &mut self.writer else { return };
         let line = progress(trainer, evaluation.is_some()).into_iter().chain(results(evaluation));
-        let written = writer.write_record(line).map_err(std::io::Error::from).and_then(|()| writer.flush());
+        let written =
+            writer.write_record(line).map_err(std::io::Error::from).and_then(|()| writer.flush());
         if let Err(error) = written {
-            eprint_line(&format!("{}: cannot be written, so the table ends here: {error}", self.path.display()));
+            eprint_line(&format!(
+                "{}: cannot be written, so the table ends here: {error}",
+                self.path.display()
+            ));
             self.writer = None;
         }
     }
 }
 
-/// Opens the table of a resumed run for more rows, and cuts off those that the run will write again.
+/// Opens the table of a resumed run for more rows, and cuts off those that the run will write
+/// again.
 fn go_on(path: &Path, trainer: &Trainer) -> Result<File, Report> {
     refuse_existing(path, true)?;
-    let unreadable = |error: std::io::Error| miette!("{}: the table cannot be continued: {error}", path.display());
-    let kept = earlier::length_to_keep(&files::read(path, MAX_BYTES).map_err(unreadable)?, trainer).map_err(|why| {
-        let help = "give --csv another name, or --overwrite to replace the file";
-        miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
-    })?;
+    let unreadable = |error: std::io::Error| {
+        miette!("{}: the table cannot be continued: {error}", path.display())
+    };
+    let kept = earlier::length_to_keep(&files::read(path, MAX_BYTES).map_err(unreadable)?, trainer)
+        .map_err(|why| {
+            let help = "give --csv another name, or --overwrite to replace the file";
+            miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
+        })?;
     let mut file = files::open_or_create(path).map_err(unreadable)?;
     file.set_len(kept).and_then(|()| file.seek(SeekFrom::End(0))).map_err(unreadable)?;
     Ok(file)
@@ -127,7 +144,9 @@ fn losses(losses: [f32; 3]) -> [String; 3] {
 
 /// Returns the columns of an evaluation; empty ones for numbers that there are not.
 fn results(evaluation: Option<&Evaluation>) -> Vec<String> {
-    let Some(evaluation) = evaluation else { return vec![String::new(); EVALUATION.len() + 2 * DISTANCES] };
+    let Some(evaluation) = evaluation else {
+        return vec![String::new(); EVALUATION.len() + 2 * DISTANCES];
+    };
     let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
     let Evaluation { greedy, planned, distance_error, bridges, coverage, marked, .. } = evaluation;
     let planned = planned.as_ref();

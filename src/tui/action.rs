@@ -155,7 +155,8 @@ pub enum Mode {
     Watching,
     /// Editing its map.
     Editing,
-    /// Watching a run while a saved one is offered: only the keys that are not those of [`Self::Watching`].
+    /// Watching a run while a saved one is offered: only the keys that are not those of
+    /// [`Self::Watching`].
     Offered,
     /// Taking the guided tour: only the keys that are not those of [`Self::Watching`].
     Touring,
@@ -169,8 +170,15 @@ pub enum Mode {
 
 impl Mode {
     /// All modes.
-    const ALL: [Self; 7] =
-        [Self::Watching, Self::Editing, Self::Offered, Self::Touring, Self::Comparing, Self::Settings, Self::Help];
+    const ALL: [Self; 7] = [
+        Self::Watching,
+        Self::Editing,
+        Self::Offered,
+        Self::Touring,
+        Self::Comparing,
+        Self::Settings,
+        Self::Help,
+    ];
 }
 
 impl Action {
@@ -286,7 +294,9 @@ impl Binding {
             | (Mode::Comparing, When::Comparing)
             | (Mode::Settings, When::Settings)
             | (Mode::Help, When::Help) => true,
-            (Mode::Comparing, when) => !matches!(when, When::Editing | When::Touring) && self.action.applies_to_two(),
+            (Mode::Comparing, when) => {
+                !matches!(when, When::Editing | When::Touring) && self.action.applies_to_two()
+            }
             (Mode::Touring | Mode::Settings | Mode::Help, _) => false,
         }
     }

@@ -76,7 +76,8 @@ pub struct App {
     done: bool,
     /// What the terminal has been asked to do.
     terminal_request: Option<TerminalRequest>,
-    /// Whether the press of the mouse button that is down has had its effect, so that dragging on does nothing.
+    /// Whether the press of the mouse button that is down has had its effect, so that dragging on
+    /// does nothing.
     press_is_spent: bool,
     /// The pending export.
     export: Option<ExportKind>,
@@ -94,7 +95,12 @@ pub struct App {
 
 impl App {
     /// Opens the screen, with the goal that the run was saved with, the map's own or a random one.
-    pub fn new(engine: Engine, viewer: Viewer, (config, keymap): (UiConfig, Keymap), files: Files) -> Self {
+    pub fn new(
+        engine: Engine,
+        viewer: Viewer,
+        (config, keymap): (UiConfig, Keymap),
+        files: Files,
+    ) -> Self {
         let snapshot = engine.snapshots().borrow().clone();
         let mut app = Self {
             goal_requests: 0,
@@ -232,7 +238,10 @@ impl App {
         let keymap = &self.screen.keymap;
         let [help, find] = [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
         let place = if self.screen.mode() == Mode::Editing { "in the editor" } else { "here" };
-        let text = format!("{} does nothing {place}   {help} help   {find} all commands", keymap::name_of(key));
+        let text = format!(
+            "{} does nothing {place}   {help} help   {find} all commands",
+            keymap::name_of(key)
+        );
         self.say(&text);
     }
 
@@ -291,7 +300,8 @@ impl App {
         self.screen.log.add(text, self.latest.moment(), true);
     }
 
-    /// Handles a drawn frame: stores its places for clicks, and has the viewer compute what its pixels show.
+    /// Handles a drawn frame: stores its places for clicks, and has the viewer compute what its
+    /// pixels show.
     pub fn drawn(&mut self, layout: ScreenLayout) {
         let before = std::mem::replace(&mut self.screen.layout, layout);
         if let (Some(Dialog::Help(help)), Some(lines)) =
@@ -354,7 +364,9 @@ impl Interface for App {
             None => {}
         }
         if let Some(done) = self.film_export.take_if(|film| film.is_finished()) {
-            self.on_exported(done.join().unwrap_or_else(|_| Err("the film cannot be drawn".to_owned())));
+            self.on_exported(
+                done.join().unwrap_or_else(|_| Err("the film cannot be drawn".to_owned())),
+            );
         }
         App::on_tick(self)
     }

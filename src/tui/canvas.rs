@@ -105,9 +105,16 @@ impl Canvas {
         }
     }
 
-    /// Blends a dot into the ground with opacity `share`, unless its pixel shows wall. Without colours, it is not shown
-    /// unless it has a mark.
-    pub fn faint_dot(&mut self, map_frame: &MapFrame, at: [f32; 2], rgb: Rgb, share: f32, mark: Option<char>) {
+    /// Blends a dot into the ground with opacity `share`, unless its pixel shows wall. Without
+    /// colours, it is not shown unless it has a mark.
+    pub fn faint_dot(
+        &mut self,
+        map_frame: &MapFrame,
+        at: [f32; 2],
+        rgb: Rgb,
+        share: f32,
+        mark: Option<char>,
+    ) {
         if let Some(i) = self.at(map_frame, at).filter(|i| !self.is_wall(*i)) {
             self.pixels[i] = self.pixels[i].map(|ground| blend(ground, rgb, share));
             self.marks[i] = mark.unwrap_or(self.marks[i]);
@@ -135,7 +142,8 @@ impl Canvas {
 
     /// Marks the pixels of a straight line in `covered`.
     fn cover(&self, map_frame: &MapFrame, [from, to]: [[f32; 2]; 2], covered: &mut [bool]) {
-        let pixels_a_cell = map_frame.scale() * map_frame.marker.pixels().0.max(map_frame.marker.pixels().1 / 2) as f32;
+        let pixels_a_cell = map_frame.scale()
+            * map_frame.marker.pixels().0.max(map_frame.marker.pixels().1 / 2) as f32;
         let cells = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
         let samples = (cells * pixels_a_cell).ceil().max(1.0) as usize;
         for n in 0..=samples {
@@ -160,7 +168,8 @@ impl Canvas {
     /// Writes the characters whose pixels have changed since the last full paint.
     pub fn paint_changes(&mut self, buffer: &mut Buffer, map_frame: &MapFrame, theme: &Theme) {
         let (across, down) = map_frame.marker.pixels();
-        let character = |i: usize| ((i % self.columns / across) as u16, (i / self.columns / down) as u16);
+        let character =
+            |i: usize| ((i % self.columns / across) as u16, (i / self.columns / down) as u16);
         let mut characters: Vec<(u16, u16)> = self.changed.drain(..).map(character).collect();
         characters.sort_unstable();
         characters.dedup();
@@ -170,7 +179,13 @@ impl Canvas {
     }
 
     /// Writes one character, by its column and row within `map_frame`.
-    fn paint_character(&self, buffer: &mut Buffer, (column, row): (u16, u16), map_frame: &MapFrame, theme: &Theme) {
+    fn paint_character(
+        &self,
+        buffer: &mut Buffer,
+        (column, row): (u16, u16),
+        map_frame: &MapFrame,
+        theme: &Theme,
+    ) {
         let (across, down) = map_frame.marker.pixels();
         let first = down * usize::from(row) * self.columns + across * usize::from(column);
         let own = |n: usize| first + n / across * self.columns + n % across;
@@ -193,7 +208,8 @@ impl Canvas {
             }
         }
         let colour = |rgb: Option<Rgb>| rgb.map_or(Color::Reset, |rgb| theme.colour(rgb));
-        cell.set_char(glyph(map_frame.marker, mask)).set_style(Style::new().fg(colour(front)).bg(colour(back)));
+        cell.set_char(glyph(map_frame.marker, mask))
+            .set_style(Style::new().fg(colour(front)).bg(colour(back)));
     }
 }
 
@@ -212,11 +228,11 @@ pub fn shade(share: f32) -> char {
     SHADES[((share.clamp(0.0, 1.0) * SHADES.len() as f32) as usize).min(SHADES.len() - 1)]
 }
 
-/// Reduces a character's pixels to two colours; returns a mask of the pixels in front (bit 0 is the first pixel), the
-/// front colour and the back colour.
+/// Reduces a character's pixels to two colours; returns a mask of the pixels in front (bit 0 is the
+/// first pixel), the front colour and the back colour.
 ///
-/// Pixels are grouped around the first one and the one most different from it, and each group is shown by its mean.
-/// Pixels outside the map, if any, are the background.
+/// Pixels are grouped around the first one and the one most different from it, and each group is
+/// shown by its mean. Pixels outside the map, if any, are the background.
 fn two_colours(colours: &[Option<Rgb>]) -> (u8, Option<Rgb>, Option<Rgb>) {
     let first = colours[0];
     let all = ((1u16 << colours.len()) - 1) as u8;
@@ -230,7 +246,8 @@ fn two_colours(colours: &[Option<Rgb>]) -> (u8, Option<Rgb>, Option<Rgb>) {
         colours.iter().enumerate().fold(0u8, |mask, (i, c)| mask | u8::from(front(*c)) << i)
     };
     let mean = |mask: u8| {
-        let own = colours.iter().enumerate().filter(|(i, _)| mask >> i & 1 == 1).filter_map(|(_, c)| *c);
+        let own =
+            colours.iter().enumerate().filter(|(i, _)| mask >> i & 1 == 1).filter_map(|(_, c)| *c);
         let (sum, n) = own.fold(((0u32, 0u32, 0u32), 0u32), |((r, g, b), n), c| {
             ((r + u32::from(c.0), g + u32::from(c.1), b + u32::from(c.2)), n + 1)
         });
@@ -249,18 +266,21 @@ fn two_colours(colours: &[Option<Rgb>]) -> (u8, Option<Rgb>, Option<Rgb>) {
     (mask, mean(mask), mean(all & !mask))
 }
 
-/// Returns whether a pattern of dots, which leave gaps between them, looks better with front and back exchanged: the back
-/// is what most dots show, and if there are as many of both not what is `thin`.
+/// Returns whether a pattern of dots, which leave gaps between them, looks better with front and
+/// back exchanged: the back is what most dots show, and if there are as many of both not what is
+/// `thin`.
 fn is_inside_out(mask: u8, thin: u8) -> bool {
     let count = |mask: u8| mask.count_ones();
-    count(mask) > 4 && mask != u8::MAX || count(mask) == 4 && count(thin & !mask) > count(thin & mask)
+    count(mask) > 4 && mask != u8::MAX
+        || count(mask) == 4 && count(thin & !mask) > count(thin & mask)
 }
 
 /// Returns the character with the parts in `mask` in front: row by row, bit 0 at the upper left.
 fn glyph(marker: Marker, mask: u8) -> char {
     const QUADRANTS: [char; 16] = [
-        ' ', '\u{2598}', '\u{259d}', '\u{2580}', '\u{2596}', '\u{258c}', '\u{259e}', '\u{259b}', '\u{2597}',
-        '\u{259a}', '\u{2590}', '\u{259c}', '\u{2584}', '\u{2599}', '\u{259f}', '\u{2588}',
+        ' ', '\u{2598}', '\u{259d}', '\u{2580}', '\u{2596}', '\u{258c}', '\u{259e}', '\u{259b}',
+        '\u{2597}', '\u{259a}', '\u{2590}', '\u{259c}', '\u{2584}', '\u{2599}', '\u{259f}',
+        '\u{2588}',
     ];
     match marker {
         Marker::Auto | Marker::Pixels | Marker::HalfBlock => {
@@ -304,7 +324,11 @@ mod tests {
     fn lines_of_dots_are_in_front() {
         let (line, ground) = (0b1010_1010, 0b0101_0101);
         assert_eq!([line, ground].map(|mask| is_inside_out(mask, line)), [false, true]);
-        assert!(is_inside_out(0b1110_1111, 0) && !is_inside_out(0b0001_0000, 0) && !is_inside_out(u8::MAX, 0));
+        assert!(
+            is_inside_out(0b1110_1111, 0)
+                && !is_inside_out(0b0001_0000, 0)
+                && !is_inside_out(u8::MAX, 0)
+        );
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! Two methods side by side: each side is a run with its own trainer, viewer and [`App`], which share nothing.
+//! Two methods side by side: each side is a run with its own trainer, viewer and [`App`], which
+//! share nothing.
 //!
-//! The comparison forwards to both what means the same for both, keeps goal, start and visible part of the map equal,
-//! and starts the two walking agents at the same time.
+//! The comparison forwards to both what means the same for both, keeps goal, start and visible part
+//! of the map equal, and starts the two walking agents at the same time.
 //!
 //! * `prepare`: the two trainers.
 //! * `act`, `mouse`: user input.
@@ -98,7 +99,8 @@ impl Side {
         limits: Limits,
     ) -> Result<Self, Report> {
         let engine = Engine::start(trainer, limits).into_diagnostic()?;
-        // Both curves are compared: a method whose evaluations take long must not be shown by its first steps.
+        // Both curves are compared: a method whose evaluations take long must not be shown by its
+        // first steps.
         engine.send(Command::PauseEvaluations(EVALUATION_PAUSE_FACTOR));
         let viewer = Viewer::start(&engine).into_diagnostic()?;
         let mut app = App::new(engine, viewer, config, Files::default());
@@ -111,7 +113,8 @@ impl Side {
     fn follow(&mut self, own: usize, race: &mut Race, snapshot: &Snapshot, view: &View) {
         self.pace.add(snapshot);
         observe(race, own, view);
-        // Nothing of a comparison is saved, so a run that fails has nothing to ask: its title says what happened.
+        // Nothing of a comparison is saved, so a run that fails has nothing to ask: its title says
+        // what happened.
         self.app.screen.dialogs.retain(|dialog| matches!(dialog, Dialog::Help(_)));
     }
 }
@@ -121,7 +124,11 @@ impl Comparison {
     ///
     /// # Errors
     /// A learner fails, or a thread cannot be started.
-    pub fn start(contestants: [Contestant; 2], config: &(UiConfig, Keymap), limits: Limits) -> Result<Self, Report> {
+    pub fn start(
+        contestants: [Contestant; 2],
+        config: &(UiConfig, Keymap),
+        limits: Limits,
+    ) -> Result<Self, Report> {
         let [a, b] = contestants.map(|contestant| Side::start(contestant, config.clone(), limits));
         Ok(Self::new([a?, b?]))
     }
@@ -129,7 +136,8 @@ impl Comparison {
     /// Opens the screen; both agents walk to the map's own goal, or to a random one.
     fn new(sides: [Side; 2]) -> Self {
         let screen = &sides[0].app.screen;
-        let (goal, race) = (screen.maze.goal, Race::new(screen.maze.map.clone(), screen.run().seed));
+        let (goal, race) =
+            (screen.maze.goal, Race::new(screen.maze.map.clone(), screen.run().seed));
         let mut comparison = Self {
             race,
             axis: Axis::default(),
@@ -159,7 +167,8 @@ impl Comparison {
 
     /// Gives the same distance the same colour on both sides.
     fn share_colours(&mut self) {
-        let farthest = self.sides.iter().map(|side| side.app.screen.own_farthest()).fold(1.0, f32::max);
+        let farthest =
+            self.sides.iter().map(|side| side.app.screen.own_farthest()).fold(1.0, f32::max);
         self.sides.iter_mut().for_each(|side| side.app.screen.least_farthest = farthest);
     }
 
@@ -182,7 +191,11 @@ impl Comparison {
 
     fn on_failures(&mut self) {
         for failure in gdg::faults::take_failures() {
-            self.log.add(&format!("internal error in thread {}: {}", failure.thread, failure.message), (0.0, 0), true);
+            self.log.add(
+                &format!("internal error in thread {}: {}", failure.thread, failure.message),
+                (0.0, 0),
+                true,
+            );
             self.failed = true;
         }
     }

@@ -1,4 +1,5 @@
-//! User configuration: theme, marker, autosave and keys, from a TOML file in the platform's configuration folder.
+//! User configuration: theme, marker, autosave and keys, from a TOML file in the platform's
+//! configuration folder.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -31,7 +32,12 @@ pub struct UiConfig {
 
 impl Default for UiConfig {
     fn default() -> Self {
-        Self { theme: ThemeName::Dark, marker: Marker::Auto, autosave_minutes: 5.0, keys: BTreeMap::new() }
+        Self {
+            theme: ThemeName::Dark,
+            marker: Marker::Auto,
+            autosave_minutes: 5.0,
+            keys: BTreeMap::new(),
+        }
     }
 }
 
@@ -92,12 +98,16 @@ fn state_path(name: &str) -> Option<PathBuf> {
 /// The file cannot be read, or something in it is invalid.
 pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
     let path = file.map(Path::to_owned).or_else(default_path);
-    let Some(path) = path.filter(|path| file.is_some() || path.exists()) else { return parse("", "") };
+    let Some(path) = path.filter(|path| file.is_some() || path.exists()) else {
+        return parse("", "");
+    };
     let name = path.to_string_lossy();
     let text = files::read_text(&path, MAX_BYTES);
-    let text = text.map_err(|e| error(&name, "", None, &format!("cannot be read: {e}"), CONFIGURATION.help));
+    let text = text
+        .map_err(|e| error(&name, "", None, &format!("cannot be read: {e}"), CONFIGURATION.help));
     let instead = |found: Mismatch| error(&name, "", None, &found.problem, &found.help);
-    text.and_then(|text| parse(&name, &text)).map_err(|own| CONFIGURATION.mismatch(&path).map_or(own, instead))
+    text.and_then(|text| parse(&name, &text))
+        .map_err(|own| CONFIGURATION.mismatch(&path).map_or(own, instead))
 }
 
 /// Parses the text of a configuration file called `name`.
@@ -106,7 +116,8 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
 /// Something in the text is invalid.
 pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
     let hint = "--print-config-template prints all options";
-    let config: UiConfig = toml::from_str(text).map_err(|e| error(name, text, e.span(), e.message(), hint))?;
+    let config: UiConfig =
+        toml::from_str(text).map_err(|e| error(name, text, e.span(), e.message(), hint))?;
     if !(0.0..=1e6).contains(&config.autosave_minutes) {
         let problem = format!("autosave_minutes cannot be {}", config.autosave_minutes);
         let at = text.find("autosave_minutes").map(|at| at..at + "autosave_minutes".len());
@@ -118,7 +129,8 @@ pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigE
             "autosave_minutes must be a number of minutes; 0 turns autosave off",
         ));
     }
-    let keys = config.keys.iter().map(|(action, keys)| (action.clone(), keys.get_ref().clone())).collect();
+    let keys =
+        config.keys.iter().map(|(action, keys)| (action.clone(), keys.get_ref().clone())).collect();
     let keymap = Keymap::new(&keys).map_err(|e| {
         let span = config.keys.get(&e.binding).map(toml::Spanned::span);
         error(name, text, span, &e.to_string(), &e.help)
@@ -126,7 +138,13 @@ pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigE
     Ok((config, keymap))
 }
 
-fn error(name: &str, text: &str, span: Option<Range<usize>>, problem: &str, help: &str) -> Box<UiConfigError> {
+fn error(
+    name: &str,
+    text: &str,
+    span: Option<Range<usize>>,
+    problem: &str,
+    help: &str,
+) -> Box<UiConfigError> {
     let found = span.map(|span| Excerpt::from_span(name, text, span));
     let location = match &found {
         Some((_, (line, column))) => format!("{}:{line}:{column}: ", sanitized(name)),
@@ -159,7 +177,11 @@ pub fn template() -> String {
     for section in SECTIONS {
         let _ = write!(text, "\n# {}\n", section.title);
         for binding in section.bindings {
-            let about = if binding.long.is_empty() { String::new() } else { format!("  # {}", binding.long) };
+            let about = if binding.long.is_empty() {
+                String::new()
+            } else {
+                format!("  # {}", binding.long)
+            };
             let _ = writeln!(text, "# {} = {:?}{about}", binding.name, binding.keys);
         }
     }
@@ -175,7 +197,8 @@ mod tests {
         let template = template();
         assert!(parse("template", &template).is_ok(), "as it is printed");
         let lines = template.lines().filter(|line| line.contains(" = ") || line.starts_with('['));
-        let all: String = lines.map(|line| line.trim_start_matches("# ").to_owned() + "\n").collect();
+        let all: String =
+            lines.map(|line| line.trim_start_matches("# ").to_owned() + "\n").collect();
         let (config, _) = parse("template", &all).expect("with everything switched on");
         assert_eq!((config.theme, config.marker), (ThemeName::Dark, Marker::Auto));
         assert_eq!(config.keys.len(), super::super::action::bindings().count());

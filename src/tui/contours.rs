@@ -10,7 +10,8 @@ use gdg::draw::{ContourLine, contour_interval, contour_lines};
 /// How far apart lines are on average, at least, in pixels.
 pub const SPACING: f32 = 6.0;
 
-/// Characters between two labels across and down, and between two of the same level in each direction, at least.
+/// Characters between two labels across and down, and between two of the same level in each
+/// direction, at least.
 const LABEL_SPACING: (u16, u16) = (4, 2);
 const SAME_LEVEL_SPACING: (u16, u16) = (24, 8);
 
@@ -33,23 +34,28 @@ impl Label {
     }
 }
 
-/// How much farther apart or closer than that lines may be before the interval changes: without that, it could change to
-/// and fro while the field changes.
+/// How much farther apart or closer than that lines may be before the interval changes: without
+/// that, it could change to and fro while the field changes.
 const TOLERANCE: f32 = 0.15;
 
-/// Returns the steps between two lines on fields with rows of `columns` pixels, of which each gets the same lines, `apart`
-/// pixels from one to the next or more, on average: as `before` if that is nearly right.
+/// Returns the steps between two lines on fields with rows of `columns` pixels, of which each gets
+/// the same lines, `apart` pixels from one to the next or more, on average: as `before` if that is
+/// nearly right.
 pub fn interval(fields: &[(&[f32], usize)], apart: f32, before: Option<f32>) -> Option<f32> {
     let with = |spacing: f32| {
-        fields.iter().map(|(field, columns)| contour_interval(field, *columns, spacing)).reduce(f32::max)
+        fields
+            .iter()
+            .map(|(field, columns)| contour_interval(field, *columns, spacing))
+            .reduce(f32::max)
     };
     let spacings = [apart, (1.0 - TOLERANCE) * apart, (1.0 + TOLERANCE) * apart];
     let same = before.is_some() && spacings.into_iter().any(|spacing| with(spacing) == before);
     if same { before } else { with(apart) }
 }
 
-/// Draws the lines of `field` at the multiples of `interval`, with gaps for the labels that it returns: as near to the
-/// pixel at column and row `near` as there is room, where they move least as the field changes.
+/// Draws the lines of `field` at the multiples of `interval`, with gaps for the labels that it
+/// returns: as near to the pixel at column and row `near` as there is room, where they move least
+/// as the field changes.
 pub fn draw(
     canvas: &mut Canvas,
     map_frame: &MapFrame,
@@ -89,14 +95,16 @@ fn place_labels(
         let text = format!("{:.0}", line.level);
         let mut places = line.pixels.clone();
         places.sort_by_key(|i| off(*i));
-        let mut areas = places.into_iter().filter_map(|i| area_around(i, text.len() as u16, map_frame));
+        let mut areas =
+            places.into_iter().filter_map(|i| area_around(i, text.len() as u16, map_frame));
         let most_covered = (MAX_COVERED_SHARE * line.pixels.len() as f32) as usize;
         let has_room = |area: &Rect| {
             let free = |i: usize| field[i].is_finite() && [0, n + 1].contains(&line_at[i]);
             let covered = pixels_of(*area, map_frame).filter(|i| line_at[*i] == n + 1).count();
             covered <= most_covered
                 && labels.iter().all(|other| {
-                    let spacing = if other.text == text { SAME_LEVEL_SPACING } else { LABEL_SPACING };
+                    let spacing =
+                        if other.text == text { SAME_LEVEL_SPACING } else { LABEL_SPACING };
                     !with_margins(*area, spacing).intersects(other.area)
                 })
                 && pixels_of(*area, map_frame).all(free)
@@ -108,7 +116,8 @@ fn place_labels(
     labels
 }
 
-/// Returns the `width` characters around the one that shows pixel `i`, if all of them are in the frame.
+/// Returns the `width` characters around the one that shows pixel `i`, if all of them are in the
+/// frame.
 fn area_around(i: usize, width: u16, map_frame: &MapFrame) -> Option<Rect> {
     let columns = map_frame.raster.pixels.0;
     let (across, down) = map_frame.marker.pixels();
@@ -126,8 +135,10 @@ fn with_margins(area: Rect, (across, down): (u16, u16)) -> Rect {
 fn pixels_of(area: Rect, map_frame: &MapFrame) -> impl Iterator<Item = usize> + use<> {
     let columns = map_frame.raster.pixels.0;
     let (across, down) = map_frame.marker.pixels();
-    let [left, right] = [area.left(), area.right()].map(|x| usize::from(x - map_frame.area.x) * across);
-    let [top, bottom] = [area.top(), area.bottom()].map(|y| usize::from(y - map_frame.area.y) * down);
+    let [left, right] =
+        [area.left(), area.right()].map(|x| usize::from(x - map_frame.area.x) * across);
+    let [top, bottom] =
+        [area.top(), area.bottom()].map(|y| usize::from(y - map_frame.area.y) * down);
     (top..bottom).flat_map(move |row| (left..right).map(move |column| row * columns + column))
 }
 
@@ -150,7 +161,11 @@ mod tests {
         let labels = draw(&mut canvas, &map_frame, &field, (10.0, (0, 0)));
         for label in &labels {
             assert_eq!(label.area, label.area.intersection(AREA), "in the frame");
-            assert!(label.pixels(&map_frame).all(|i| field[i].is_finite() && canvas.colour(i) == Some(ground)));
+            assert!(
+                label
+                    .pixels(&map_frame)
+                    .all(|i| field[i].is_finite() && canvas.colour(i) == Some(ground))
+            );
         }
         (labels, (0..canvas.len()).filter(|i| canvas.colour(*i) != Some(ground)).collect())
     }
@@ -162,7 +177,10 @@ mod tests {
         assert_eq!(texts, ["10", "20", "30", "40", "50"]);
         // Each is 40 pixels long, 2 of which are below the label.
         assert_eq!(pixels.len(), 5 * 38);
-        assert!(labels.iter().all(|label| label.area.y == AREA.y), "nearest to the upper left corner");
+        assert!(
+            labels.iter().all(|label| label.area.y == AREA.y),
+            "nearest to the upper left corner"
+        );
     }
 
     #[test]
@@ -173,7 +191,10 @@ mod tests {
         };
         assert_eq!([0.8, 0.9].map(|slope| interval_after(slope, None)), [5.0, 10.0].map(Some));
         assert_eq!([0.8, 0.9].map(|slope| interval_after(slope, Some(5.0))), [5.0, 5.0].map(Some));
-        assert_eq!([0.8, 0.9].map(|slope| interval_after(slope, Some(10.0))), [10.0, 10.0].map(Some));
+        assert_eq!(
+            [0.8, 0.9].map(|slope| interval_after(slope, Some(10.0))),
+            [10.0, 10.0].map(Some)
+        );
         assert_eq!(interval_after(0.4, Some(10.0)), Some(5.0));
     }
 
@@ -181,8 +202,12 @@ mod tests {
     fn labels_avoid_walls_and_other_lines() {
         assert_eq!(labels(|x, _| 100.0 + 10.0 * x as f32).0, [], "a line in each column");
         // Three digits reach the walls beside the lines.
-        let (beside_wall, _) = labels(|x, y| if x % 10 == 1 && y < 20 { f32::NAN } else { 100.0 + x as f32 });
+        let (beside_wall, _) =
+            labels(|x, y| if x % 10 == 1 && y < 20 { f32::NAN } else { 100.0 + x as f32 });
         assert_eq!(beside_wall.len(), 5);
-        assert!(beside_wall.iter().all(|label| label.area.y >= AREA.y + 10), "below the walls: {beside_wall:?}");
+        assert!(
+            beside_wall.iter().all(|label| label.area.y >= AREA.y + 10),
+            "below the walls: {beside_wall:?}"
+        );
     }
 }

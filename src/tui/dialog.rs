@@ -66,7 +66,8 @@ pub enum Choice {
     Field(Field),
     /// Starts a new run on a map, which may come from a file.
     StartOn(Arc<Grid>, Option<PathBuf>),
-    /// Continues with the same networks on another map of the current size, which may come from a file.
+    /// Continues with the same networks on another map of the current size, which may come from a
+    /// file.
     ContinueOn(Arc<Grid>, Option<PathBuf>),
     /// Loads a checkpoint; asks first if much would be lost.
     Load(PathBuf),

@@ -16,16 +16,16 @@ use crate::signals::TerminationSignal;
 use gdg::printing;
 use gdg::text::sanitized_lines;
 
-/// Minimum time between frames: after user input (`INPUT_FRAME_INTERVAL`), and after any other change
-/// (`FRAME_INTERVAL`).
+/// Minimum time between frames: after user input (`INPUT_FRAME_INTERVAL`), and after any other
+/// change (`FRAME_INTERVAL`).
 pub const INPUT_FRAME_INTERVAL: Duration = Duration::from_millis(16);
 const FRAME_INTERVAL: Duration = Duration::from_millis(66);
 
 /// Polling interval for signals and expiring notices.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// `FRAME_INTERVAL` while training is not running and only the walking agent moves: an idle program should use little
-/// CPU.
+/// `FRAME_INTERVAL` while training is not running and only the walking agent moves: an idle program
+/// should use little CPU.
 const IDLE_FRAME_INTERVAL: Duration = Duration::from_millis(130);
 
 /// What an interface, or another process, wants of the terminal.
@@ -78,7 +78,8 @@ pub trait Interface {
     fn close(self) -> ClosedRun;
 }
 
-/// Shows `interface` until the user or a signal ends it, restores the terminal, and returns the exit status.
+/// Shows `interface` until the user or a signal ends it, restores the terminal, and returns the
+/// exit status.
 ///
 /// # Errors
 /// Errors of the terminal, of training or of saving.
@@ -88,14 +89,17 @@ pub fn show(
     marker: Marker,
     termination: &TerminationSignal,
 ) -> Result<u8, Report> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
-    // Before the terminal's modes change: a program stopped by the signal's default would leave them behind.
+    let runtime =
+        tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
+    // Before the terminal's modes change: a program stopped by the signal's default would leave
+    // them behind.
     let job_control = {
         let _context = runtime.enter();
         JobControl::listen().into_diagnostic()?
     };
     let mut terminal = Terminal::enter(recorder, marker).into_diagnostic()?;
-    let draw = || runtime.block_on(event_loop(&mut interface, &mut terminal, job_control, termination));
+    let draw =
+        || runtime.block_on(event_loop(&mut interface, &mut terminal, job_control, termination));
     let shown = catch_unwind(AssertUnwindSafe(draw));
     if termination.number().is_some() || !matches!(shown, Ok(Ok(()))) {
         interface.on_signal();
@@ -111,7 +115,10 @@ pub fn show(
         return Ok(status);
     }
     match shown {
-        Err(_) => Err(miette::miette!(help = crate::logging::hint(), "an internal error ended the interface")),
+        Err(_) => Err(miette::miette!(
+            help = crate::logging::hint(),
+            "an internal error ended the interface"
+        )),
         Ok(shown) => shown.into_diagnostic().map(|()| u8::from(closed.failed)),
     }
 }
@@ -144,7 +151,9 @@ async fn event_loop(
             match request {
                 TerminalRequest::Suspend => {
                     if !terminal.suspend().await? {
-                        app.report("not suspended: no shell is waiting that could resume the program");
+                        app.report(
+                            "not suspended: no shell is waiting that could resume the program",
+                        );
                     }
                 }
                 TerminalRequest::Redraw => terminal.reopen(),
@@ -156,7 +165,8 @@ async fn event_loop(
         timer.idle = !app.is_training();
         if timer.is_due() {
             gdg::faults::point("interface");
-            // A terminal that is slow to read is sent fewer frames, and one that is the shell's none: they follow.
+            // A terminal that is slow to read is sent fewer frames, and one that is the shell's
+            // none: they follow.
             if terminal.draw(app)? {
                 timer.drawn(terminal.is_behind());
             }
@@ -170,8 +180,8 @@ fn is_hovering(event: &Event) -> bool {
     matches!(event, Event::Mouse(MouseEvent { kind: MouseEventKind::Moved, .. }))
 }
 
-/// Signals of the terminal: another process wants the program to stop (SIGTSTP), or has continued it (SIGCONT) after a stop
-/// that it could not prepare for; the window has another size (SIGWINCH).
+/// Signals of the terminal: another process wants the program to stop (SIGTSTP), or has continued
+/// it (SIGCONT) after a stop that it could not prepare for; the window has another size (SIGWINCH).
 struct JobControl {
     #[cfg(unix)]
     stop: tokio::signal::unix::Signal,
@@ -261,7 +271,10 @@ mod tests {
     fn a_frame_that_could_not_be_drawn_stays_due_after_its_interval() {
         let mut timer = FrameTimer { immediate: true, ..FrameTimer::default() };
         assert!(timer.is_due());
-        assert!(!timer.is_due() && timer.until_due() <= INPUT_FRAME_INTERVAL, "not drawn: soon again, but not at once");
+        assert!(
+            !timer.is_due() && timer.until_due() <= INPUT_FRAME_INTERVAL,
+            "not drawn: soon again, but not at once"
+        );
         std::thread::sleep(INPUT_FRAME_INTERVAL);
         assert!(timer.is_due());
         timer.drawn(true);

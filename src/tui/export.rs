@@ -54,7 +54,8 @@ pub fn write(kind: ExportKind, screen: &Screen) -> Result<String, String> {
     write_contents(&export_path(kind, screen), contents(kind, screen))
 }
 
-/// Writes the film to a new file on a thread of its own, as that takes a second or two; it returns the notice.
+/// Writes the film to a new file on a thread of its own, as that takes a second or two; it returns
+/// the notice.
 ///
 /// # Errors
 /// The thread cannot be started.
@@ -109,10 +110,12 @@ pub fn contents(kind: ExportKind, screen: &Screen) -> Result<Vec<u8>, ExportErro
 /// Draws the screen without dialogs; returns it with the area of the map pane.
 fn draw(screen: &Screen) -> std::io::Result<(Buffer, Rect)> {
     let Rect { width, height, .. } = screen.layout.screen;
-    let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1))).map_err(std::io::Error::other)?;
+    let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1)))
+        .map_err(std::io::Error::other)?;
     let mut map_pane = Rect::default();
-    let panes =
-        |frame: &mut Frame| map_pane = render::draw_panes(frame, screen, &mut render::Cache::default()).map_pane;
+    let panes = |frame: &mut Frame| {
+        map_pane = render::draw_panes(frame, screen, &mut render::Cache::default()).map_pane;
+    };
     terminal.draw(panes).map_err(std::io::Error::other)?;
     Ok((terminal.backend().buffer().clone(), map_pane))
 }

@@ -21,10 +21,16 @@ pub struct Glyphs<'a> {
 impl Glyphs<'_> {
     /// Draws a letter on its own background.
     pub fn letter(&mut self, at: [f32; 2], letter: char, rgb: Rgb) {
-        let Some(cell) = self.map_frame.character_of(at).and_then(|at| self.buffer.cell_mut(at)) else { return };
+        let Some(cell) = self.map_frame.character_of(at).and_then(|at| self.buffer.cell_mut(at))
+        else {
+            return;
+        };
         let style = match self.theme.depth {
             ColourDepth::Mono => Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD),
-            _ => Style::new().bg(self.theme.colour(rgb)).fg(self.theme.colour(ink(rgb))).add_modifier(Modifier::BOLD),
+            _ => Style::new()
+                .bg(self.theme.colour(rgb))
+                .fg(self.theme.colour(ink(rgb)))
+                .add_modifier(Modifier::BOLD),
         };
         cell.set_char(letter).set_style(style);
     }

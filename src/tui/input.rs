@@ -1,7 +1,8 @@
 //! What comes from the terminal, read on a thread of its own.
 //!
-//! The library crossterm takes replies of terminals for keys, and buffers an unfinished paste for ever: so the bytes are read
-//! and cut into sequences here, and the crate `terminput` tells which key a sequence is.
+//! The library crossterm takes replies of terminals for keys, and buffers an unfinished paste for
+//! ever: so the bytes are read and cut into sequences here, and the crate `terminput` tells which
+//! key a sequence is.
 
 mod scan;
 
@@ -82,7 +83,8 @@ fn read_all(
     let mut bytes = [0; 4096];
     loop {
         let patience = scanner.patience().and_then(|patience| PollTimeout::try_from(patience).ok());
-        let mut ready = [terminal.as_fd(), stopped.as_fd()].map(|source| PollFd::new(source, PollFlags::POLLIN));
+        let mut ready = [terminal.as_fd(), stopped.as_fd()]
+            .map(|source| PollFd::new(source, PollFlags::POLLIN));
         let found = match poll(&mut ready, patience.unwrap_or(PollTimeout::NONE)) {
             Err(Errno::EINTR) => continue,
             Err(error) => return Err(error.into()),
@@ -97,7 +99,10 @@ fn read_all(
                 Ok(0) => return Ok(()),
                 Ok(count) => scanner.read(&bytes[..count]),
                 Err(error)
-                    if matches!(error.kind(), std::io::ErrorKind::Interrupted | std::io::ErrorKind::WouldBlock) =>
+                    if matches!(
+                        error.kind(),
+                        std::io::ErrorKind::Interrupted | std::io::ErrorKind::WouldBlock
+                    ) =>
                 {
                     continue;
                 }
@@ -146,6 +151,8 @@ impl InputStream {
         use futures_util::StreamExt;
 
         let event = self.events.next().await;
-        event.unwrap_or_else(|| Err(std::io::Error::other("the terminal is gone"))).map(Input::Event)
+        event
+            .unwrap_or_else(|| Err(std::io::Error::other("the terminal is gone")))
+            .map(Input::Event)
     }
 }

@@ -39,11 +39,16 @@ impl Keymap {
             let help = nearest.map_or(String::new(), |known| format!("did you mean {known}?"));
             let help = format!("{help} --print-config-template lists all names");
             let problem = "unknown action".to_owned();
-            return Err(KeymapError { binding: name.clone(), problem, help: help.trim().to_owned() });
+            return Err(KeymapError {
+                binding: name.clone(),
+                problem,
+                help: help.trim().to_owned(),
+            });
         }
         let mut keymap = Self { keys: Vec::new() };
         // Changed bindings come last, so that they are the ones blamed for a conflict.
-        let (changed, own): (Vec<_>, Vec<_>) = bindings().partition(|b| changes.contains_key(b.name));
+        let (changed, own): (Vec<_>, Vec<_>) =
+            bindings().partition(|b| changes.contains_key(b.name));
         for binding in own.into_iter().chain(changed) {
             let own = || binding.keys.iter().map(|k| (*k).to_owned()).collect();
             for key in changes.get(binding.name).cloned().unwrap_or_else(own) {
@@ -63,7 +68,9 @@ impl Keymap {
                 if keymap.keys.iter().any(|(k, b)| *k == pressed && is_own(b)) {
                     continue;
                 }
-                if let Some((_, other)) = keymap.keys.iter().find(|(k, b)| *k == pressed && b.excludes(binding)) {
+                if let Some((_, other)) =
+                    keymap.keys.iter().find(|(k, b)| *k == pressed && b.excludes(binding))
+                {
                     let problem = format!("{key:?} is already bound to {}", other.name);
                     return Err(fail(problem, "bind one of them to another key"));
                 }
@@ -76,22 +83,33 @@ impl Keymap {
     /// Returns the action of `key` in `mode`.
     pub fn action(&self, key: KeyEvent, mode: Mode) -> Option<Action> {
         let key = normalised(KeyCombination::from(key));
-        let of = |mode| self.keys.iter().find(|(k, b)| *k == key && b.is_active(mode)).map(|(_, b)| b.action);
+        let of = |mode| {
+            self.keys.iter().find(|(k, b)| *k == key && b.is_active(mode)).map(|(_, b)| b.action)
+        };
         // The own keys of offer and tour go first, the others stay.
-        of(mode).or_else(|| matches!(mode, Mode::Offered | Mode::Touring).then(|| of(Mode::Watching)).flatten())
+        of(mode).or_else(|| {
+            matches!(mode, Mode::Offered | Mode::Touring).then(|| of(Mode::Watching)).flatten()
+        })
     }
 
     /// Returns the first key of `action` for display, or the command palette's key if it has none.
     pub fn key_of(&self, action: Action) -> String {
-        let first =
-            |action| bindings().filter(|b| b.action == action).find_map(|b| self.display_keys(b).into_iter().next());
+        let first = |action| {
+            bindings()
+                .filter(|b| b.action == action)
+                .find_map(|b| self.display_keys(b).into_iter().next())
+        };
         let unbound = || first(Action::Palette).map_or("-".to_owned(), |key| format!("{key} ..."));
         first(action).unwrap_or_else(unbound)
     }
 
     /// Returns the keys of `binding` for display.
     pub fn display_keys(&self, binding: &Binding) -> Vec<String> {
-        self.keys.iter().filter(|(_, b)| b.name == binding.name).map(|(key, _)| display_name(*key)).collect()
+        self.keys
+            .iter()
+            .filter(|(_, b)| b.name == binding.name)
+            .map(|(key, _)| display_name(*key))
+            .collect()
     }
 }
 
@@ -112,7 +130,8 @@ fn display_name(key: KeyCombination) -> String {
 /// Bindings that have been renamed: the old name, and the new one.
 const RENAMED: [(&str, &str); 1] = [("tour", "on-arrival")];
 
-/// Returns the changes with the new names of renamed bindings, unless the new name is given as well.
+/// Returns the changes with the new names of renamed bindings, unless the new name is given as
+/// well.
 fn with_new_names(changes: &BTreeMap<String, Vec<String>>) -> BTreeMap<String, Vec<String>> {
     let mut changes = changes.clone();
     for (old, new) in RENAMED {
@@ -129,14 +148,15 @@ fn parse(name: &str) -> Option<KeyCombination> {
         // The library knows only ASCII: put another letter in its place.
         let stem = &name[..name.len() - letter.len_utf8()];
         let known = crokey::parse(&format!("{stem}a")).ok()?;
-        let is_letter = known.codes == OneToThree::One(KeyCode::Char('a')) || stem.contains("shift");
+        let is_letter =
+            known.codes == OneToThree::One(KeyCode::Char('a')) || stem.contains("shift");
         return is_letter.then(|| KeyCombination::new(KeyCode::Char(letter), known.modifiers));
     }
     crokey::parse(name).ok()
 }
 
-/// Normalises shift, which only some terminals report along with the shifted character: set for uppercase letters,
-/// cleared for other characters.
+/// Normalises shift, which only some terminals report along with the shifted character: set for
+/// uppercase letters, cleared for other characters.
 fn normalised(key: KeyCombination) -> KeyCombination {
     let OneToThree::One(code) = key.codes else { return key };
     let (code, modifiers) = match code {
@@ -192,8 +212,14 @@ mod tests {
     fn shifted_characters_match_whether_or_not_shift_is_reported() {
         let keymap = keymap(&[]).expect("keys");
         for modifiers in [KeyModifiers::NONE, KeyModifiers::SHIFT] {
-            assert_eq!(keymap.action(press(KeyCode::Char('?'), modifiers), Mode::Watching), Some(Action::Help));
-            assert_eq!(keymap.action(press(KeyCode::Char('R'), modifiers), Mode::Watching), Some(Action::NewSeed));
+            assert_eq!(
+                keymap.action(press(KeyCode::Char('?'), modifiers), Mode::Watching),
+                Some(Action::Help)
+            );
+            assert_eq!(
+                keymap.action(press(KeyCode::Char('R'), modifiers), Mode::Watching),
+                Some(Action::NewSeed)
+            );
         }
     }
 
@@ -219,7 +245,8 @@ mod tests {
     #[test]
     fn comparisons_have_their_own_keys_and_those_that_mean_the_same() {
         let keymap = keymap(&[]).expect("keys");
-        let action = |c| keymap.action(press(KeyCode::Char(c), KeyModifiers::NONE), Mode::Comparing);
+        let action =
+            |c| keymap.action(press(KeyCode::Char(c), KeyModifiers::NONE), Mode::Comparing);
         assert_eq!(action('1'), Some(Action::Larger(0)));
         assert_eq!(action(' '), Some(Action::TogglePause));
         assert_eq!(
@@ -248,8 +275,14 @@ mod tests {
     #[test]
     fn keys_can_be_changed_and_invalid_keys_are_reported() {
         let changed = keymap(&[("pause", &["ctrl-k", "f5"])]).expect("good keys");
-        assert_eq!(changed.action(press(KeyCode::F(5), KeyModifiers::NONE), Mode::Watching), Some(Action::TogglePause));
-        assert_eq!(changed.action(press(KeyCode::Char(' '), KeyModifiers::NONE), Mode::Watching), None);
+        assert_eq!(
+            changed.action(press(KeyCode::F(5), KeyModifiers::NONE), Mode::Watching),
+            Some(Action::TogglePause)
+        );
+        assert_eq!(
+            changed.action(press(KeyCode::Char(' '), KeyModifiers::NONE), Mode::Watching),
+            None
+        );
         let wrong = |name: &str, key: &str| keymap(&[(name, &[key])]).expect_err("a mistake");
         assert!(wrong("puase", "a").help.contains("pause"));
         assert!(wrong("pause", "superkey").problem.contains("superkey"));

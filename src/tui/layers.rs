@@ -63,7 +63,8 @@ pub struct Overlays([bool; Overlay::ALL.len()]);
 impl Overlays {
     /// Returns those shown by default: fewer without colours, where they would hide each other.
     pub fn by_default(depth: ColourDepth) -> Self {
-        let mut shown = vec![Overlay::Contours, Overlay::Unexplored, Overlay::Agents, Overlay::Path];
+        let mut shown =
+            vec![Overlay::Contours, Overlay::Unexplored, Overlay::Agents, Overlay::Path];
         if depth != ColourDepth::Mono {
             shown.push(Overlay::Candidates);
         }

@@ -42,7 +42,8 @@ impl Log {
         self.entries = past.to_vec();
     }
 
-    /// Logs an event at a moment of the run, in seconds of training and updates, and shows it as a notice.
+    /// Logs an event at a moment of the run, in seconds of training and updates, and shows it as a
+    /// notice.
     pub fn add(&mut self, text: &str, moment: (f64, u64), is_error: bool) {
         self.record(text, moment);
         self.show(text, is_error);

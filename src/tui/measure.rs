@@ -74,12 +74,16 @@ pub struct InterfaceMeasurement {
 }
 
 impl MeasuredInterface {
-    /// Opens the interface on `trainer`, on a screen of `columns` by `rows` characters that shows what `screen` says;
-    /// training is paused.
+    /// Opens the interface on `trainer`, on a screen of `columns` by `rows` characters that shows
+    /// what `screen` says; training is paused.
     ///
     /// # Errors
     /// Errors of the learner, or a thread that cannot be started.
-    pub fn open(trainer: Trainer, (columns, rows): (u16, u16), screen: MeasuredScreen) -> Result<Self, TrainError> {
+    pub fn open(
+        trainer: Trainer,
+        (columns, rows): (u16, u16),
+        screen: MeasuredScreen,
+    ) -> Result<Self, TrainError> {
         let engine = Engine::start(trainer, Limits::default())?;
         let viewer = Viewer::start(&engine)?;
         let keymap = Keymap::new(&BTreeMap::new()).map_err(std::io::Error::other)?;
@@ -88,8 +92,10 @@ impl MeasuredInterface {
         let patches = screen.graphics().map(|graphics| (Patches::new(graphics.protocol), graphics));
         app.set_graphics(screen.graphics(), Redraw::All);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
-        let terminal = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
-        let mut measured = Self { snapshots: app.snapshots(), views: app.views(), app, terminal, patches };
+        let terminal =
+            Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
+        let mut measured =
+            Self { snapshots: app.snapshots(), views: app.views(), app, terminal, patches };
         measured.command(Command::Pause, &Phase::Paused);
         Ok(measured)
     }
@@ -115,26 +121,36 @@ impl MeasuredInterface {
             }
             if timer.is_due() {
                 let Self { app, terminal, patches, .. } = self;
-                let redraw = patches.as_ref().map_or(Redraw::All, |(patches, _)| patches.redraw(true));
+                let redraw =
+                    patches.as_ref().map_or(Redraw::All, |(patches, _)| patches.redraw(true));
                 app.set_graphics(patches.as_ref().map(|(_, graphics)| *graphics), redraw);
                 let drawing = Instant::now();
                 let frame = terminal.draw(|frame| app.draw(frame))?;
                 timer.drawn(false);
                 if let Some((patches, graphics)) = patches {
-                    std::hint::black_box(patches.update(&app.pictures(), frame.buffer, *graphics)?);
+                    std::hint::black_box(patches.update(
+                        &app.pictures(),
+                        frame.buffer,
+                        *graphics,
+                    )?);
                     timer.changed = patches.is_behind();
                 }
                 let took = drawing.elapsed();
                 // Frames with the same picture as before say nothing.
                 if redraw != Redraw::Nothing {
                     frames_us.push(took.as_secs_f64() * 1e6);
-                    patches.iter_mut().for_each(|(patches, _)| patches.rest(Instant::now(), took, true));
+                    patches
+                        .iter_mut()
+                        .for_each(|(patches, _)| patches.rest(Instant::now(), took, true));
                 }
             }
         }
         self.command(Command::Pause, &Phase::Paused);
         let updates = self.app.screen.snapshot.counters.updates - before;
-        Ok(InterfaceMeasurement { updates_per_second: updates as f64 / began.elapsed().as_secs_f64(), frames_us })
+        Ok(InterfaceMeasurement {
+            updates_per_second: updates as f64 / began.elapsed().as_secs_f64(),
+            frames_us,
+        })
     }
 
     /// Sends a command and waits until training is in phase `then`.

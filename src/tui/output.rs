@@ -23,8 +23,15 @@ pub enum ExportKind {
 
 impl ExportKind {
     /// All kinds.
-    pub const ALL: [Self; 7] =
-        [Self::MapPng, Self::MapSvg, Self::ScreenPng, Self::ScreenSvg, Self::CurvesSvg, Self::CurvesCsv, Self::Film];
+    pub const ALL: [Self; 7] = [
+        Self::MapPng,
+        Self::MapSvg,
+        Self::ScreenPng,
+        Self::ScreenSvg,
+        Self::CurvesSvg,
+        Self::CurvesCsv,
+        Self::Film,
+    ];
 
     /// Returns the name shown on the screen.
     pub fn name(self, scene: SceneKind) -> String {

@@ -15,8 +15,8 @@ impl Marker {
         matches!(self, Self::Auto | Self::Pixels)
     }
 
-    /// Returns the characters used on a map on which a cell has room for `scale` half blocks; the values between which
-    /// pictures interpolate are as many.
+    /// Returns the characters used on a map on which a cell has room for `scale` half blocks; the
+    /// values between which pictures interpolate are as many.
     #[must_use]
     pub fn resolved(self, scale: f32) -> Self {
         match self {
@@ -63,7 +63,8 @@ pub struct MapFrame {
 }
 
 impl MapFrame {
-    /// Fits the part of the map given by `view` into `area`, as large as possible without distortion.
+    /// Fits the part of the map given by `view` into `area`, as large as possible without
+    /// distortion.
     pub fn fit(area: Rect, map: &Grid, marker: Marker, view: Viewport) -> Option<Self> {
         if area.width == 0 || area.height == 0 {
             return None;
@@ -81,7 +82,8 @@ impl MapFrame {
         let shown = [f32::from(columns) / scale, 2.0 * f32::from(rows) / scale];
         let shown = if view.zoom > 1.0 { shown } else { [width, shown[1]] };
         // Stay within the map.
-        let from = |middle: f32, shown: f32, all: f32| (middle - shown / 2.0).min(all - shown).max(0.0);
+        let from =
+            |middle: f32, shown: f32, all: f32| (middle - shown / 2.0).min(all - shown).max(0.0);
         let [x, y] = view.centre;
         let window = if view.zoom > 1.0 {
             [from(x, shown[0], width), from(y, shown[1], height), shown[0], shown[1]]
@@ -106,7 +108,10 @@ impl MapFrame {
     pub fn character_of(&self, at: [f32; 2]) -> Option<Position> {
         let (column, row) = self.raster.pixel_of(at)?;
         let (across, down) = self.marker.pixels();
-        Some(Position::new(self.area.x + (column / across) as u16, self.area.y + (row / down) as u16))
+        Some(Position::new(
+            self.area.x + (column / across) as u16,
+            self.area.y + (row / down) as u16,
+        ))
     }
 
     /// Returns the position on the map at the middle of a character.
@@ -123,11 +128,13 @@ impl MapFrame {
     pub fn arrows(&self) -> Vec<[f32; 2]> {
         let (across, down) = ARROW_SPACING;
         let rows = (self.area.y..self.area.bottom()).step_by(down);
-        let characters = rows.flat_map(|y| (self.area.x..self.area.right()).step_by(across).map(move |x| (x, y)));
+        let characters = rows
+            .flat_map(|y| (self.area.x..self.area.right()).step_by(across).map(move |x| (x, y)));
         characters.map(|(x, y)| self.middle_of(Position::new(x, y))).collect()
     }
 
-    /// Returns all cells shown by the character at a screen position: at least one, or none outside the map.
+    /// Returns all cells shown by the character at a screen position: at least one, or none outside
+    /// the map.
     pub fn cells_at(&self, at: Position, map: &Grid) -> Vec<Cell> {
         let Some(middle) = self.cell_at(at, map) else { return Vec::new() };
         let [left, top, width, height] = self.raster.window;

@@ -1,7 +1,9 @@
-//! Screen recordings in asciinema's format (version 2: a JSON header line, then one JSON line per event).
+//! Screen recordings in asciinema's format (version 2: a JSON header line, then one JSON line per
+//! event).
 //!
-//! A recording holds what changes between frames, not the bytes that went to the terminal: a few frames per second, in
-//! fewer colours, so that it stays below [`BYTES_PER_SECOND`] however much is going on.
+//! A recording holds what changes between frames, not the bytes that went to the terminal: a few
+//! frames per second, in fewer colours, so that it stays below [`BYTES_PER_SECOND`] however much is
+//! going on.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -17,25 +19,26 @@ use serde_json::json;
 
 use crate::setup::create;
 
-/// Columns and rows of the largest screen that is recorded or drawn, more than any real terminal has.
+/// Columns and rows of the largest screen that is recorded or drawn, more than any real terminal
+/// has.
 pub const LARGEST_SCREEN: (u16, u16) = (1000, 500);
 
-/// Average size of a recording; frames are left out where it would grow faster. With the first and the last screen, 2 MB in
-/// the first minute.
+/// Average size of a recording; frames are left out where it would grow faster. With the first and
+/// the last screen, 2 MB in the first minute.
 const BYTES_PER_SECOND: f64 = 24_000.0;
 
 /// Bytes that a recording may be ahead of that: the first screen is drawn at once.
 const BYTES_AHEAD: f64 = 100_000.0;
 
-/// Bytes that it may be ahead by what the user has asked for: a dialog that is not recorded is missed more than a step of
-/// training.
+/// Bytes that it may be ahead by what the user has asked for: a dialog that is not recorded is
+/// missed more than a step of training.
 const ANSWER_BYTES_AHEAD: f64 = 400_000.0;
 
 /// Minimum time between two recorded frames.
 const FRAME_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Recorded colours are multiples of this per channel: the learned distance changes everywhere all the time, mostly by
-/// less than anyone sees.
+/// Recorded colours are multiples of this per channel: the learned distance changes everywhere all
+/// the time, mostly by less than anyone sees.
 const COLOUR_STEP: u8 = 8;
 
 /// Hides the cursor, and clears the screen.
@@ -60,7 +63,8 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts a recording at the terminal's current size. An existing file is replaced only if `overwrite` is set.
+    /// Starts a recording at the terminal's current size. An existing file is replaced only if
+    /// `overwrite` is set.
     ///
     /// # Errors
     /// The file exists already or cannot be written.
@@ -74,8 +78,7 @@ impl Recorder {
     fn from_file(path: &Path, file: File, size: (u16, u16)) -> std::io::Result<Self> {
         let (width, height) = clamp_size(size);
         let term = std::env::var("TERM").unwrap_or_default();
-        let head =
-            json!({ "version": 2, "width": width, "height": height, "title": "gdg-tui", "env": { "TERM": term } });
+        let head = json!({ "version": 2, "width": width, "height": height, "title": "gdg-tui", "env": { "TERM": term } });
         let mut recorder = Self {
             path: path.to_owned(),
             file: BufWriter::new(file),
@@ -91,8 +94,8 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Records the screen, now or, if the latest frame was recorded just before or the recording grows too fast, only
-    /// if nothing follows.
+    /// Records the screen, now or, if the latest frame was recorded just before or the recording
+    /// grows too fast, only if nothing follows.
     ///
     /// # Errors
     /// Errors of the file system.
@@ -102,7 +105,9 @@ impl Recorder {
 
     fn frame_at(&mut self, now: Duration, screen: &Buffer) -> std::io::Result<()> {
         // A frame left out is recorded if it was shown for longer than those that are.
-        if self.pending.as_ref().is_some_and(|(at, _)| now > *at + 2 * FRAME_INTERVAL) && self.is_due(now) {
+        if self.pending.as_ref().is_some_and(|(at, _)| now > *at + 2 * FRAME_INTERVAL)
+            && self.is_due(now)
+        {
             self.write_pending()?;
         }
         self.pending = Some((now, screen.clone()));
@@ -121,9 +126,12 @@ impl Recorder {
 
     fn is_due(&self, now: Duration) -> bool {
         // A dialog changes less than a step of training, which the latest frame may have been.
-        let (ahead, size) = if self.answers { (ANSWER_BYTES_AHEAD, 0) } else { (BYTES_AHEAD, self.latest_size) };
+        let (ahead, size) =
+            if self.answers { (ANSWER_BYTES_AHEAD, 0) } else { (BYTES_AHEAD, self.latest_size) };
         let affordable = ahead + BYTES_PER_SECOND * now.as_secs_f64();
-        self.latest.is_none_or(|latest| now >= latest + FRAME_INTERVAL && (self.written + size) as f64 <= affordable)
+        self.latest.is_none_or(|latest| {
+            now >= latest + FRAME_INTERVAL && (self.written + size) as f64 <= affordable
+        })
     }
 
     /// Writes the pending frame, if there is one, as one event.
@@ -139,7 +147,10 @@ impl Recorder {
             self.recorded = Buffer::empty(screen.area);
             text.push_str(CLEAR);
         }
-        screen.content.iter_mut().for_each(|cell| (cell.fg, cell.bg) = (coarse(cell.fg), coarse(cell.bg)));
+        screen
+            .content
+            .iter_mut()
+            .for_each(|cell| (cell.fg, cell.bg) = (coarse(cell.fg), coarse(cell.bg)));
         let changes = self.recorded.diff(&screen);
         if !changes.is_empty() {
             let mut bytes = Vec::new();
@@ -202,7 +213,8 @@ mod tests {
     fn recorder(size: (u16, u16)) -> (tempfile::TempDir, PathBuf, Recorder) {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("run.cast");
-        let recorder = Recorder::from_file(&path, File::create(&path).expect("a file"), size).expect("written");
+        let recorder = Recorder::from_file(&path, File::create(&path).expect("a file"), size)
+            .expect("written");
         (folder, path, recorder)
     }
 
@@ -216,7 +228,11 @@ mod tests {
     fn busy_screen(size: (u16, u16), frame: u16) -> Buffer {
         let mut screen = Buffer::empty(Rect::new(0, 0, size.0, size.1));
         for (i, cell) in screen.content.iter_mut().enumerate() {
-            cell.set_char('x').set_fg(Color::Rgb((i as u16 * 40 + frame * 16) as u8, (i * 24) as u8, 0));
+            cell.set_char('x').set_fg(Color::Rgb(
+                (i as u16 * 40 + frame * 16) as u8,
+                (i * 24) as u8,
+                0,
+            ));
         }
         screen
     }
@@ -252,13 +268,19 @@ mod tests {
     fn changes_that_nobody_sees_and_frames_in_quick_succession_are_left_out() {
         let (size, ms) = ((4, 1), Duration::from_millis);
         let (_folder, path, mut recorder) = recorder(size);
-        for (at, text, colour) in [(0, "ab", 80), (200, "ab", 83), (400, "ax", 80), (410, "ay", 80), (420, "az", 80)] {
+        for (at, text, colour) in
+            [(0, "ab", 80), (200, "ab", 83), (400, "ax", 80), (410, "ay", 80), (420, "az", 80)]
+        {
             recorder.frame_at(ms(at), &screen(size, text, colour)).expect("written");
         }
         drop(recorder);
         let events = events(&path);
         assert_eq!(events.iter().map(|(at, ..)| *at).collect::<Vec<_>>(), [0.0, 0.4, 0.42]);
-        assert!(events[1].2.contains('x') && !events[1].2.contains('a'), "what changed: {}", events[1].2);
+        assert!(
+            events[1].2.contains('x') && !events[1].2.contains('a'),
+            "what changed: {}",
+            events[1].2
+        );
         assert!(events[2].2.contains('z'), "the last frame is recorded");
     }
 
@@ -287,7 +309,10 @@ mod tests {
         // The last screen is recorded in any case.
         assert!((1_000_000..2_500_000).contains(&bytes), "{bytes} in a minute");
         let (before, last) = (events(&path), 59.9);
-        assert!((before.last().expect("frames").0 - last).abs() < 1e-9, "the last frame is recorded");
+        assert!(
+            (before.last().expect("frames").0 - last).abs() < 1e-9,
+            "the last frame is recorded"
+        );
     }
 
     #[test]

@@ -44,7 +44,8 @@ pub use side::lines as pane_lines;
 #[cfg(test)]
 pub(super) const MIN_SCREEN: (u16, u16) = (80, 24);
 
-/// Widths in columns: the panel beside the map, each column of panes in a wide panel, and the minimum for the map.
+/// Widths in columns: the panel beside the map, each column of panes in a wide panel, and the
+/// minimum for the map.
 const SIDE_WIDTH: u16 = 30;
 const WIDE_SIDE_WIDTH: u16 = 40;
 const MIN_MAP_WIDTH: u16 = 40;
@@ -69,8 +70,12 @@ pub fn draw(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> ScreenLayo
         layout.forget_clicks();
         match top {
             Dialog::Help(help) => help::draw(frame, frame.area(), screen, help, &mut layout),
-            Dialog::Pick(picker) => dialog::draw_picker(frame, frame.area(), screen, picker, &mut layout),
-            Dialog::Ask(prompt) => dialog::draw_prompt(frame, frame.area(), screen, prompt, &mut layout),
+            Dialog::Pick(picker) => {
+                dialog::draw_picker(frame, frame.area(), screen, picker, &mut layout);
+            }
+            Dialog::Ask(prompt) => {
+                dialog::draw_prompt(frame, frame.area(), screen, prompt, &mut layout);
+            }
         }
     }
     paint_page(frame, &screen.theme);
@@ -95,7 +100,8 @@ pub fn paint_page(frame: &mut Frame, theme: &Theme) {
 pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> ScreenLayout {
     let mut layout = ScreenLayout::new(frame.area());
     let [head, body, foot] =
-        Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)]).areas(frame.area());
+        Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)])
+            .areas(frame.area());
     header::draw(frame, head, screen, &mut layout);
     let panel = Panel::place(body, scene::proportions(screen));
     layout.lacks_panel = panel == Panel::Nowhere;
@@ -103,12 +109,17 @@ pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Scre
         side::draw_maximised(frame, body, screen, &mut layout);
     } else {
         let [map_pane, side] = match panel {
-            Panel::Beside(columns) => Layout::horizontal([Constraint::Min(0), Constraint::Length(columns)]).areas(body),
-            Panel::Below(rows) => Layout::vertical([Constraint::Min(0), Constraint::Length(rows)]).areas(body),
+            Panel::Beside(columns) => {
+                Layout::horizontal([Constraint::Min(0), Constraint::Length(columns)]).areas(body)
+            }
+            Panel::Below(rows) => {
+                Layout::vertical([Constraint::Min(0), Constraint::Length(rows)]).areas(body)
+            }
             Panel::Nowhere => [body, Rect::default()],
         };
         layout.map_pane = map_pane;
-        let [map, info] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
+        let [map, info] =
+            Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
         scene::draw(frame, [map, info], screen, &mut layout, cache);
         hint::draw(frame, map, screen, &mut layout);
         tour::draw(frame, map, screen, &mut layout);
@@ -132,7 +143,8 @@ enum Panel {
 }
 
 impl Panel {
-    /// Places the panel within `body`: beside a map of that width and height, or below it if that leaves clearly more room for the map.
+    /// Places the panel within `body`: beside a map of that width and height, or below it if that
+    /// leaves clearly more room for the map.
     fn place(body: Rect, (width, height): (f32, f32)) -> Self {
         let columns = match body.width {
             w if w >= VERY_WIDE_SCREEN => 2 * WIDE_SIDE_WIDTH,
@@ -141,14 +153,18 @@ impl Panel {
             _ => 0,
         };
         // Characters per cell; a character is twice as high as wide.
-        let scale = |columns: u16, rows: u16| (f32::from(columns) / width).min(2.0 * f32::from(rows) / height);
+        let scale = |columns: u16, rows: u16| {
+            (f32::from(columns) / width).min(2.0 * f32::from(rows) / height)
+        };
         // The map and the line below it take what they need, the panel takes the rest.
-        let needed = (height * f32::from(body.width) / width / 2.0).ceil().min(f32::from(u16::MAX)) as u16;
+        let needed =
+            (height * f32::from(body.width) / width / 2.0).ceil().min(f32::from(u16::MAX)) as u16;
         let rows = body.height.saturating_sub(needed.saturating_add(1)).max(MIN_PANEL_ROWS);
         let least_gain = if columns > 0 { LEAST_GAIN_BELOW } else { 1.0 };
         let beside = scale(body.width - columns, body.height.saturating_sub(1));
         let below = scale(body.width, body.height.saturating_sub(rows + 1));
-        let is_below = body.height > rows + 1 && body.width >= SIDE_WIDTH && below >= least_gain * beside;
+        let is_below =
+            body.height > rows + 1 && body.width >= SIDE_WIDTH && below >= least_gain * beside;
         match (is_below, columns) {
             (true, _) => Self::Below(rows),
             (false, 0) => Self::Nowhere,
@@ -157,12 +173,16 @@ impl Panel {
     }
 }
 
-/// Returns `width`, or the whole width of `area` if only slivers of what is behind would stay in view.
+/// Returns `width`, or the whole width of `area` if only slivers of what is behind would stay in
+/// view.
 fn without_slivers(area: Rect, width: u16) -> u16 {
     if width.saturating_add(2) >= area.width { area.width } else { width }
 }
 
 /// Returns the middle of `area`, at most `width` by `height`.
 fn middle(area: Rect, width: u16, height: u16) -> Rect {
-    area.centered(Constraint::Length(width.min(area.width)), Constraint::Length(height.min(area.height)))
+    area.centered(
+        Constraint::Length(width.min(area.width)),
+        Constraint::Length(height.min(area.height)),
+    )
 }

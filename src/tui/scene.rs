@@ -1,5 +1,5 @@
-//! The kinds of worlds that the screen draws: a folder each, with its state, what it draws and how it reacts. This file
-//! picks one of them.
+//! The kinds of worlds that the screen draws: a folder each, with its state, what it draws and how
+//! it reacts. This file picks one of them.
 
 mod arm;
 mod legend;
@@ -66,7 +66,9 @@ impl SceneKind {
     pub fn shows(self, field: Field) -> bool {
         match self {
             Self::Maze => true,
-            Self::Arm => matches!(field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain),
+            Self::Arm => {
+                matches!(field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain)
+            }
         }
     }
 
@@ -103,7 +105,13 @@ impl SceneKind {
 }
 
 /// Draws the scene into the first area, and the line below it into the second.
-pub fn draw(frame: &mut Frame, areas: [Rect; 2], screen: &Screen, layout: &mut ScreenLayout, cache: &mut Cache) {
+pub fn draw(
+    frame: &mut Frame,
+    areas: [Rect; 2],
+    screen: &Screen,
+    layout: &mut ScreenLayout,
+    cache: &mut Cache,
+) {
     match &screen.snapshot.scene {
         Scene::Arm(scene) => arm::draw(frame, areas, scene, screen, layout),
         Scene::Maze(_) | Scene::Nothing => maze::draw(frame, areas, screen, layout, cache),
@@ -184,7 +192,8 @@ impl App {
         }
     }
 
-    /// Handles the mouse on the scene, or where nothing is clickable; returns whether it did anything.
+    /// Handles the mouse on the scene, or where nothing is clickable; returns whether it did
+    /// anything.
     pub(super) fn on_mouse_in_scene(&mut self, kind: MouseEventKind, at: Position) -> bool {
         match self.screen.scene() {
             SceneKind::Maze => self.on_mouse_in_maze(kind, at),

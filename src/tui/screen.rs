@@ -152,7 +152,8 @@ impl Screen {
         self.changed_settings = changed.into_iter().map(|(name, _)| name).collect();
     }
 
-    /// Returns the frame of the film that the scene shows: what the viewer has computed last, so that nothing flickers.
+    /// Returns the frame of the film that the scene shows: what the viewer has computed last, so
+    /// that nothing flickers.
     pub fn shown_past(&self) -> Option<&FilmFrame> {
         match self.scene() {
             SceneKind::Maze => self.maze.view.past.as_deref(),
@@ -190,7 +191,8 @@ impl Screen {
 
     /// Returns the bridge search that is shown: the latest, unless the tour explains another.
     pub fn search(&self) -> Option<&Arc<SearchOutcome>> {
-        let explained = self.tour.as_ref().and_then(|tour| tour.bridge.as_ref()).map(|bridge| &bridge.search);
+        let explained =
+            self.tour.as_ref().and_then(|tour| tour.bridge.as_ref()).map(|bridge| &bridge.search);
         explained.or(self.snapshot.search.as_ref())
     }
 
@@ -199,7 +201,8 @@ impl Screen {
         &self.snapshot.run
     }
 
-    /// Returns whether the trainer does not know the latest edit of the map yet. It rebuilds the bridge graph first.
+    /// Returns whether the trainer does not know the latest edit of the map yet. It rebuilds the
+    /// bridge graph first.
     fn is_applying_edit(&self) -> bool {
         matches!(&self.snapshot.scene, Scene::Maze(scene) if scene.map != self.maze.map)
     }
@@ -237,14 +240,15 @@ impl Screen {
         }
     }
 
-    /// Returns the width and height of a character in pixels, if the map is drawn as a picture. Without colours, it is not.
+    /// Returns the width and height of a character in pixels, if the map is drawn as a picture.
+    /// Without colours, it is not.
     pub fn picture_character(&self) -> Option<(u16, u16)> {
         let wanted = self.marker.wants_pixels() && self.theme.depth != ColourDepth::Mono;
         self.graphics.filter(|_| wanted).map(|graphics| graphics.character)
     }
 
-    /// Summarises the run for the terminal after the screen is closed, in lines that fit into 80 columns unless the map's
-    /// name is long.
+    /// Summarises the run for the terminal after the screen is closed, in lines that fit into 80
+    /// columns unless the map's name is long.
     pub fn summary(&self) -> String {
         let counters = self.snapshot.counters;
         let text = format!(
@@ -258,7 +262,9 @@ impl Screen {
             grouped(counters.episodes)
         );
         match self.success() {
-            Some(success) => format!("{text}\nat update {}: success {success}", grouped(success.updates)),
+            Some(success) => {
+                format!("{text}\nat update {}: success {success}", grouped(success.updates))
+            }
             None => text,
         }
     }

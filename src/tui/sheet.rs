@@ -2,8 +2,8 @@
 
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use tiny_skia::{
-    Color, FillRule, FilterQuality, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint,
-    PremultipliedColorU8, Stroke, Transform,
+    Color, FillRule, FilterQuality, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap,
+    PixmapPaint, PremultipliedColorU8, Stroke, Transform,
 };
 
 use super::theme::Rgb;
@@ -26,7 +26,12 @@ impl Ink {
     fn paint(self) -> Paint<'static> {
         let Self((r, g, b), opacity) = self;
         let mut paint = Paint { anti_alias: true, ..Paint::default() };
-        paint.set_color(Color::from_rgba8(r, g, b, (255.0 * opacity.clamp(0.0, 1.0)).round() as u8));
+        paint.set_color(Color::from_rgba8(
+            r,
+            g,
+            b,
+            (255.0 * opacity.clamp(0.0, 1.0)).round() as u8,
+        ));
         paint
     }
 }
@@ -48,7 +53,12 @@ impl Sheet {
     /// Draws a line through `points`, smooth around its corners if it `is_curved`.
     pub fn line(&mut self, points: &[[f32; 2]], is_curved: bool, width: f32, ink: Ink) {
         let Some(path) = path(points, is_curved) else { return };
-        let stroke = Stroke { width, line_cap: LineCap::Round, line_join: LineJoin::Round, ..Stroke::default() };
+        let stroke = Stroke {
+            width,
+            line_cap: LineCap::Round,
+            line_join: LineJoin::Round,
+            ..Stroke::default()
+        };
         self.0.stroke_path(&path, &ink.paint(), &stroke, Transform::identity(), None);
     }
 
@@ -65,7 +75,8 @@ impl Sheet {
         }
     }
 
-    /// Fills a rectangle given by its left, top, right and bottom, to whole pixels: faster, for thousands of small ones.
+    /// Fills a rectangle given by its left, top, right and bottom, to whole pixels: faster, for
+    /// thousands of small ones.
     pub fn tint(&mut self, [left, top, right, bottom]: [f32; 4], Ink((r, g, b), opacity): Ink) {
         let (width, height) = (self.0.width() as usize, self.0.height() as usize);
         let span = |from: f32, to: f32, size: usize| {
@@ -80,7 +91,8 @@ impl Sheet {
     pub fn disc(&mut self, [x, y]: [f32; 2], radius: f32, Ink((r, g, b), opacity): Ink) {
         let (width, height) = (self.0.width() as i32, self.0.height() as i32);
         let span = |at: f32, size: i32| {
-            ((at - radius - 0.5).floor() as i32).max(0)..((at + radius + 1.5).ceil() as i32).min(size)
+            ((at - radius - 0.5).floor() as i32).max(0)
+                ..((at + radius + 1.5).ceil() as i32).min(size)
         };
         for row in span(y, height) {
             for column in span(x, width) {
@@ -101,10 +113,20 @@ impl Sheet {
     }
 
     /// Writes a line of text with its middle at a point, `height` pixels high, turned by an angle.
-    pub fn text(&mut self, text: &str, [x, y]: [f32; 2], (height, angle): (f32, f32), is_bold: bool, ink: Ink) {
+    pub fn text(
+        &mut self,
+        text: &str,
+        [x, y]: [f32; 2],
+        (height, angle): (f32, f32),
+        is_bold: bool,
+        ink: Ink,
+    ) {
         let weight = if is_bold { FontWeight::Bold } else { FontWeight::Regular };
         let (advance, rows) = (get_raster_width(weight, FONT_HEIGHT), FONT_HEIGHT.val());
-        let Some(mut written) = Pixmap::new((advance * text.chars().count()) as u32, rows as u32) else { return };
+        let Some(mut written) = Pixmap::new((advance * text.chars().count()) as u32, rows as u32)
+        else {
+            return;
+        };
         let columns = written.width() as usize;
         let Ink((r, g, b), opacity) = ink;
         for (i, letter) in text.chars().enumerate() {
@@ -128,7 +150,11 @@ impl Sheet {
             .post_rotate(angle.to_degrees())
             .post_translate(x, y);
         // Unscaled and unturned text stays crisp.
-        let quality = if scale == 1.0 && angle == 0.0 { FilterQuality::Nearest } else { FilterQuality::Bilinear };
+        let quality = if scale == 1.0 && angle == 0.0 {
+            FilterQuality::Nearest
+        } else {
+            FilterQuality::Bilinear
+        };
         let paint = PixmapPaint { quality, ..PixmapPaint::default() };
         self.0.draw_pixmap(0, 0, written.as_ref(), &paint, transform, None);
     }
@@ -142,7 +168,14 @@ impl Sheet {
     }
 
     /// Draws an arrow around a point, in a direction of length 1.
-    pub fn arrow(&mut self, [x, y]: [f32; 2], [dx, dy]: [f32; 2], length: f32, width: f32, ink: Ink) {
+    pub fn arrow(
+        &mut self,
+        [x, y]: [f32; 2],
+        [dx, dy]: [f32; 2],
+        length: f32,
+        width: f32,
+        ink: Ink,
+    ) {
         let (half, head) = (0.5 * length, 0.4 * length);
         let along = |by: f32, aside: f32| [x + by * dx - aside * dy, y + by * dy + aside * dx];
         let tip = along(half, 0.0);
@@ -196,11 +229,19 @@ mod tests {
         assert!((drawn(&disc) - 36.0 * std::f32::consts::PI).abs() < 3.0, "{}", drawn(&disc));
         let mut half = sheet();
         half.disc([0.0, 15.0], 6.0, Ink((255, 255, 255), 0.5));
-        assert!((drawn(&half) - 9.0 * std::f32::consts::PI).abs() < 2.0, "half outside, half opaque");
+        assert!(
+            (drawn(&half) - 9.0 * std::f32::consts::PI).abs() < 2.0,
+            "half outside, half opaque"
+        );
         let mut line = sheet();
         line.line(&[[5.0, 5.0], [25.0, 20.0]], false, 2.0, WHITE);
-        assert!((drawn(&line) - (2.0 * 25.0 + std::f32::consts::PI)).abs() < 2.0, "{}", drawn(&line));
-        let grey = line.0.pixels().iter().filter(|pixel| (20..236).contains(&pixel.green())).count();
+        assert!(
+            (drawn(&line) - (2.0 * 25.0 + std::f32::consts::PI)).abs() < 2.0,
+            "{}",
+            drawn(&line)
+        );
+        let grey =
+            line.0.pixels().iter().filter(|pixel| (20..236).contains(&pixel.green())).count();
         assert!(grey > 20, "smooth edges");
         disc.disc([-50.0, 500.0], 6.0, WHITE);
     }
@@ -209,8 +250,12 @@ mod tests {
     fn an_arrow_points_where_it_should() {
         let mut arrow = sheet();
         arrow.arrow([20.0, 15.0], [1.0, 0.0], 20.0, 2.0, WHITE);
-        let column = |x: i32| (0..30).filter(|y| arrow.colour(x, *y).is_some_and(|rgb| rgb.1 > 100)).count();
-        assert!(column(23) > column(12) && column(12) > 0 && column(31) == 0, "the head is to the right");
+        let column =
+            |x: i32| (0..30).filter(|y| arrow.colour(x, *y).is_some_and(|rgb| rgb.1 > 100)).count();
+        assert!(
+            column(23) > column(12) && column(12) > 0 && column(31) == 0,
+            "the head is to the right"
+        );
     }
 
     #[test]
@@ -222,7 +267,10 @@ mod tests {
             assert!(total > 15.0, "{total}");
             let mean = |of: fn(usize) -> usize| {
                 let pixels = text.0.pixels().iter().enumerate();
-                pixels.map(|(i, pixel)| of(i) as f32 * f32::from(pixel.green()) / 255.0).sum::<f32>() / total
+                pixels
+                    .map(|(i, pixel)| of(i) as f32 * f32::from(pixel.green()) / 255.0)
+                    .sum::<f32>()
+                    / total
             };
             assert!((mean(|i| i % 40) - 19.5).abs() < 1.5 && (mean(|i| i / 40) - 14.5).abs() < 1.5);
         }

@@ -10,10 +10,12 @@ use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use crossterm::event::{DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture, Event};
+use crossterm::event::{
+    DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture, Event,
+};
 use crossterm::terminal::{
-    BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate, EnterAlternateScreen, LeaveAlternateScreen,
-    disable_raw_mode, enable_raw_mode,
+    BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate, EnterAlternateScreen,
+    LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
 use crossterm::{cursor, queue};
 use ratatui::backend::CrosstermBackend;
@@ -33,8 +35,8 @@ pub use guard::{GUARD_COMMAND, run_guard};
 pub use suspend::is_in_foreground;
 use suspend::is_raw;
 
-/// How long the terminal may take to answer what it can show: before the first frame, and again before it is given back,
-/// as its answer would be typed at the shell's prompt.
+/// How long the terminal may take to answer what it can show: before the first frame, and again
+/// before it is given back, as its answer would be typed at the shell's prompt.
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(250);
 
 /// Events before the first frame; the rest follows after it.
@@ -66,7 +68,8 @@ pub struct Output {
     bytes: Rc<RefCell<Vec<u8>>>,
     /// Whether all further output is discarded.
     closed: Rc<Cell<bool>>,
-    /// Whether the text cursor has been shown: pictures must not move it, and the library does not tell.
+    /// Whether the text cursor has been shown: pictures must not move it, and the library does not
+    /// tell.
     shows_cursor: Rc<Cell<bool>>,
 }
 
@@ -95,8 +98,9 @@ impl Write for Output {
 }
 
 impl Terminal {
-    /// Sets up the terminal, and records it if `recorder` is given. A panic restores it before printing its message. Asks
-    /// it what pictures it shows, unless it is not worth it with `marker`, or is recorded: recordings are of characters.
+    /// Sets up the terminal, and records it if `recorder` is given. A panic restores it before
+    /// printing its message. Asks it what pictures it shows, unless it is not worth it with
+    /// `marker`, or is recorded: recordings are of characters.
     ///
     /// # Errors
     /// Errors of the terminal, which is restored in that case too.
@@ -113,7 +117,8 @@ impl Terminal {
             }));
         });
         let guard = Guard::start();
-        let asks = recorder.is_none() && graphics::is_worth_asking(marker, |name| std::env::var(name).ok());
+        let asks = recorder.is_none()
+            && graphics::is_worth_asking(marker, |name| std::env::var(name).ok());
         let output = Output::default();
         let enter = || {
             set_up_modes()?;
@@ -175,11 +180,14 @@ impl Terminal {
         }
     }
 
-    /// Waits for the terminal to answer what it can show, but not long; returns what the user did meanwhile.
+    /// Waits for the terminal to answer what it can show, but not long; returns what the user did
+    /// meanwhile.
     pub async fn answered(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
         let end = tokio::time::Instant::now() + ANSWER_TIMEOUT;
-        while self.answer.as_ref().is_some_and(|answer| !answer.is_complete) && events.len() < MAX_EVENTS_BEFORE {
+        while self.answer.as_ref().is_some_and(|answer| !answer.is_complete)
+            && events.len() < MAX_EVENTS_BEFORE
+        {
             match tokio::time::timeout_at(end, self.input.next()).await {
                 Ok(Ok(Input::Event(event))) => events.push(event),
                 Ok(Ok(Input::Reply(reply))) => self.take_reply(&reply),
@@ -189,19 +197,22 @@ impl Terminal {
         events
     }
 
-    /// Has the next frame show the pictures as they are, and be recorded: the user has done something.
+    /// Has the next frame show the pictures as they are, and be recorded: the user has done
+    /// something.
     pub fn expect_answer(&mut self) {
         self.patches.iter_mut().for_each(Patches::wake);
         self.recorder.iter_mut().for_each(Recorder::expect_answer);
     }
 
-    /// Returns whether the pictures on the screen are out of date, as the terminal could not follow.
+    /// Returns whether the pictures on the screen are out of date, as the terminal could not
+    /// follow.
     pub fn is_behind(&self) -> bool {
         self.patches.as_ref().is_some_and(Patches::is_behind)
     }
 
-    /// Draws one frame, shown all at once if the terminal supports it; returns whether it has. It has not if the terminal has
-    /// not read the previous one, or is the shell's while this program runs in the background.
+    /// Draws one frame, shown all at once if the terminal supports it; returns whether it has. It
+    /// has not if the terminal has not read the previous one, or is the shell's while this program
+    /// runs in the background.
     ///
     /// # Errors
     /// Errors of the terminal.
@@ -230,7 +241,8 @@ impl Terminal {
         {
             patches.rest(end, took + sending, training);
         }
-        let redraw = self.patches.as_ref().map_or(Redraw::All, |patches| patches.redraw(is_training));
+        let redraw =
+            self.patches.as_ref().map_or(Redraw::All, |patches| patches.redraw(is_training));
         interface.set_graphics(self.graphics, redraw);
         queue!(self.output, BeginSynchronizedUpdate)?;
         self.draw_within_update(interface)?;
@@ -245,11 +257,14 @@ impl Terminal {
         if let Some(recorder) = &mut self.recorder
             && let Err(error) = recorder.frame(frame.buffer)
         {
-            let problem = format!("the recording has stopped: {}: {error}", recorder.path().display());
+            let problem =
+                format!("the recording has stopped: {}: {error}", recorder.path().display());
             self.recorder = None;
             interface.report(&problem);
         }
-        let (Some(patches), Some(graphics)) = (&mut self.patches, self.graphics) else { return Ok(()) };
+        let (Some(patches), Some(graphics)) = (&mut self.patches, self.graphics) else {
+            return Ok(());
+        };
         let bytes = patches.update(&interface.pictures(), frame.buffer, graphics)?;
         if !bytes.is_empty() {
             if graphics.protocol == Protocol::Kitty {
@@ -259,7 +274,9 @@ impl Terminal {
             // Hidden, and back to where it was.
             let cursor = if self.output.shows_cursor.get() { SHOW_CURSOR } else { b"" };
             let mut out = self.output.bytes.borrow_mut();
-            [HIDE_CURSOR, SAVE_CURSOR, &bytes, RESTORE_CURSOR, cursor].iter().for_each(|part| out.extend(*part));
+            [HIDE_CURSOR, SAVE_CURSOR, &bytes, RESTORE_CURSOR, cursor]
+                .iter()
+                .for_each(|part| out.extend(*part));
             self.pictures_sent = Some((began.elapsed(), interface.is_training()));
         }
         Ok(())
@@ -272,8 +289,8 @@ impl Terminal {
         }
     }
 
-    /// Restores the terminal and stops this program until it is resumed. Returns whether it did: it does not stop where
-    /// nothing would resume it.
+    /// Restores the terminal and stops this program until it is resumed. Returns whether it did: it
+    /// does not stop where nothing would resume it.
     ///
     /// # Errors
     /// Errors of the terminal.
@@ -298,9 +315,11 @@ impl Terminal {
         // The library would not set what it believes to be set.
         let _ = disable_raw_mode();
         set_up_modes()?;
-        // A new instance knows nothing of the old screen, so it redraws everything without querying the terminal.
+        // A new instance knows nothing of the old screen, so it redraws everything without querying
+        // the terminal.
         self.output.closed.set(true);
-        self.output = Output { shows_cursor: self.output.shows_cursor.clone(), ..Output::default() };
+        self.output =
+            Output { shows_cursor: self.output.shows_cursor.clone(), ..Output::default() };
         self.inner = screen(&self.output)?;
         self.patches.iter_mut().for_each(Patches::forget);
         self.size = (0, 0);
@@ -325,7 +344,10 @@ impl Drop for Terminal {
 fn screen(output: &Output) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
     let backend = CrosstermBackend::new(output.clone());
     // Its size is set before each frame.
-    ratatui::Terminal::with_options(backend, TerminalOptions { viewport: Viewport::Fixed(Rect::default()) })
+    ratatui::Terminal::with_options(
+        backend,
+        TerminalOptions { viewport: Viewport::Fixed(Rect::default()) },
+    )
 }
 
 /// Sets the modes of the terminal and its driver.
@@ -337,8 +359,8 @@ fn set_up_modes() -> std::io::Result<()> {
     printing::stdout().send(&bytes)
 }
 
-/// Whether the program is on its own screen. It is left once: leaving it again would put the cursor back to where it was,
-/// over what has been printed since.
+/// Whether the program is on its own screen. It is left once: leaving it again would put the cursor
+/// back to where it was, over what has been printed since.
 static ON_SCREEN: AtomicBool = AtomicBool::new(false);
 
 /// Restores the terminal. Ignores errors, which cannot be reported any more.
@@ -349,7 +371,8 @@ pub fn restore() {
 /// Restores the terminal; returns whether it has read all of the output.
 fn give_back() -> bool {
     let leaves = ON_SCREEN.swap(false, Ordering::Relaxed);
-    let bytes = if leaves { leaving(SHOWS_KITTY_PICTURES.load(Ordering::Relaxed)) } else { Vec::new() };
+    let bytes =
+        if leaves { leaving(SHOWS_KITTY_PICTURES.load(Ordering::Relaxed)) } else { Vec::new() };
     let is_read = printing::stdout().send(&bytes).is_ok() && printing::stdout().flush_briefly();
     // A shell in the foreground has modes of its own.
     if is_in_foreground(std::io::stdout()) || is_raw(std::io::stdout()) {
@@ -363,19 +386,22 @@ static SHOWS_KITTY_PICTURES: AtomicBool = AtomicBool::new(false);
 
 /// Chooses how to send pictures to the terminal, if it shows them.
 fn choose(answer: &Answer) -> Option<Graphics> {
-    let name = ["TERM_PROGRAM", "LC_TERMINAL"].map(|name| std::env::var(name).unwrap_or_default()).concat();
+    let name = ["TERM_PROGRAM", "LC_TERMINAL"]
+        .map(|name| std::env::var(name).unwrap_or_default())
+        .concat();
     Graphics::choose(answer, &name, character_size())
 }
 
 /// Returns the size of a character in pixels, if the terminal's driver knows it.
 fn character_size() -> Option<(u16, u16)> {
     let size = crossterm::terminal::window_size().ok()?;
-    let of = |pixels: u16, characters: u16| pixels.checked_div(characters).filter(|pixels| *pixels > 0);
+    let of =
+        |pixels: u16, characters: u16| pixels.checked_div(characters).filter(|pixels| *pixels > 0);
     Some((of(size.width, size.columns)?, of(size.height, size.rows)?))
 }
 
-/// Returns what restores everything except the modes of the terminal's driver. `pictures` are those that the terminal keeps
-/// elsewhere than its characters; others go with the screen.
+/// Returns what restores everything except the modes of the terminal's driver. `pictures` are those
+/// that the terminal keeps elsewhere than its characters; others go with the screen.
 fn leaving(pictures: bool) -> Vec<u8> {
     let mut bytes = Vec::new();
     // Writing to memory does not fail.

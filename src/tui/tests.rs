@@ -18,7 +18,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
+use crossterm::event::{
+    Event, KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind,
+};
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::layout::Position;
@@ -37,7 +39,9 @@ use super::theme::{ColourDepth, Theme, ThemeName};
 use gdg::engine::{Engine, Phase, Snapshot};
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Cell, Grid, parse_map};
-use gdg::train::{self, Description, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Trainer};
+use gdg::train::{
+    self, Description, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Trainer,
+};
 use gdg::viewer::{Field, Viewer};
 
 const ROOMS: &str = "\
@@ -77,7 +81,8 @@ fn saved_run(folder: &Path, app: &App) -> Description {
     let run = Run { method: gdg(), ..app.screen.run().clone() };
     let world = PointMaze::new(app.screen.maze.map.clone(), 0);
     let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
-    let path = train::save(&trainer, &SaveTo::CreateNew(folder.join("saved.safetensors"))).expect("a file");
+    let path = train::save(&trainer, &SaveTo::CreateNew(folder.join("saved.safetensors")))
+        .expect("a file");
     train::describe(&path).expect("a checkpoint")
 }
 
@@ -99,7 +104,12 @@ fn app() -> App {
 }
 
 fn mouse(app: &mut App, kind: MouseEventKind, at: Position) {
-    app.on_event(&Event::Mouse(MouseEvent { kind, column: at.x, row: at.y, modifiers: KeyModifiers::NONE }));
+    app.on_event(&Event::Mouse(MouseEvent {
+        kind,
+        column: at.x,
+        row: at.y,
+        modifiers: KeyModifiers::NONE,
+    }));
 }
 
 fn type_text(app: &mut App, text: &str) {
@@ -121,8 +131,10 @@ fn draw(app: &mut App, width: u16, height: u16) -> Terminal<TestBackend> {
 fn text(terminal: &Terminal<TestBackend>) -> String {
     let buffer = terminal.backend().buffer();
     let width = usize::from(buffer.area.width);
-    let rows =
-        buffer.content.chunks(width).map(|row| row.iter().map(ratatui::buffer::Cell::symbol).collect::<String>());
+    let rows = buffer
+        .content
+        .chunks(width)
+        .map(|row| row.iter().map(ratatui::buffer::Cell::symbol).collect::<String>());
     rows.collect::<Vec<_>>().join("\n")
 }
 
@@ -149,7 +161,12 @@ fn wait_until(app: &mut App, is: impl Fn(&App) -> bool) {
 
 #[test]
 fn a_screen_is_drawn_from_its_state_alone() {
-    let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
+    let run = Run {
+        method: Method::default(),
+        preset: Preset::Default,
+        seed: 1,
+        settings: Settings::default(),
+    };
     let world = PointMaze::new(Arc::new(rooms()), 0);
     let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
     let snapshot = Arc::new(Snapshot::capture(&trainer).expect("a snapshot"));
@@ -157,7 +174,9 @@ fn a_screen_is_drawn_from_its_state_alone() {
     let screen = Screen::new((&UiConfig::default(), keymap), snapshot);
     let drawn = || {
         let mut terminal = Terminal::new(TestBackend::new(80, 24)).expect("a buffer");
-        let draw = |frame: &mut ratatui::Frame| drop(render::draw(frame, &screen, &mut render::Cache::default()));
+        let draw = |frame: &mut ratatui::Frame| {
+            drop(render::draw(frame, &screen, &mut render::Cache::default()));
+        };
         terminal.draw(draw).expect("a frame");
         text(&terminal)
     };
@@ -167,9 +186,18 @@ fn a_screen_is_drawn_from_its_state_alone() {
 #[test]
 fn every_screen_size_can_be_drawn() {
     let mut app = app();
-    for (width, height) in
-        [(1, 1), (2, 1), (1, 9), (7, 3), (40, 10), (69, 12), (80, 24), (120, 40), (200, 60), (400, 120)]
-    {
+    for (width, height) in [
+        (1, 1),
+        (2, 1),
+        (1, 9),
+        (7, 3),
+        (40, 10),
+        (69, 12),
+        (80, 24),
+        (120, 40),
+        (200, 60),
+        (400, 120),
+    ] {
         for dialog in ["", "?", ":", "R", "o", "T", "e"] {
             type_text(&mut app, dialog);
             draw(&mut app, width, height);
@@ -181,7 +209,8 @@ fn every_screen_size_can_be_drawn() {
 #[test]
 fn maps_of_every_shape_can_be_drawn() {
     for (width, height) in [(1, 1), (300, 1), (1, 300), (256, 256)] {
-        let map = parse_map("shape", format!("{}\n", ".".repeat(width)).repeat(height).as_bytes()).expect("a map");
+        let map = parse_map("shape", format!("{}\n", ".".repeat(width)).repeat(height).as_bytes())
+            .expect("a map");
         let mut app = app_on(map, gdg());
         for (columns, rows) in [(80, 24), (30, 5), (200, 60)] {
             draw(&mut app, columns, rows);
@@ -200,7 +229,17 @@ fn an_80_by_24_screen_shows_everything_important() {
     let mut app = app();
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     let shown = text(&draw(&mut app, 80, 24));
-    for part in ["gdg-tui", "rooms", "gdg-bridge", "training", "elapsed", "updates", "success", "bridges", "acting"] {
+    for part in [
+        "gdg-tui",
+        "rooms",
+        "gdg-bridge",
+        "training",
+        "elapsed",
+        "updates",
+        "success",
+        "bridges",
+        "acting",
+    ] {
         assert!(shown.contains(part), "{part} is missing:\n{shown}");
     }
     let here = |b: &&Binding| b.is_active(Mode::Watching) && app.screen.scene().offers(b.action);
@@ -243,7 +282,9 @@ fn left_click_sets_the_goal_and_right_click_the_walking_agent() {
 fn the_field_grows_away_from_the_goal_and_is_undefined_on_walls() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 3_000 && !app.screen.maze.view.field.is_empty());
+    wait_until(&mut app, |app| {
+        app.screen.snapshot.counters.updates > 3_000 && !app.screen.maze.view.field.is_empty()
+    });
     let field = app.screen.maze.view.field.clone();
     let raster = app.screen.maze.view.raster.expect("a raster");
     assert_eq!(field.len(), raster.pixels.0 * raster.pixels.1);
@@ -261,20 +302,26 @@ fn the_field_grows_away_from_the_goal_and_is_undefined_on_walls() {
 fn every_field_can_be_shown() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 1_000 && !app.screen.maze.view.edges.is_empty());
+    wait_until(&mut app, |app| {
+        app.screen.snapshot.counters.updates > 1_000 && !app.screen.maze.view.edges.is_empty()
+    });
     let mut seen = Vec::new();
     for _ in 0..7 {
         let asked = app.screen.field;
         wait_until(&mut app, |app| {
-            app.screen.maze.view.kind == asked && (asked == Field::Plain || !app.screen.maze.view.field.is_empty())
+            app.screen.maze.view.kind == asked
+                && (asked == Field::Plain || !app.screen.maze.view.field.is_empty())
         });
         assert!(text(&draw(&mut app, 80, 24)).contains(asked.name()), "{asked:?} is named");
         seen.push(asked);
-        let (field, raster) = (app.screen.maze.view.field.clone(), app.screen.maze.view.raster.expect("a raster"));
+        let (field, raster) =
+            (app.screen.maze.view.field.clone(), app.screen.maze.view.raster.expect("a raster"));
         let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
         let value = field[row * raster.pixels.0 + column];
         match asked {
-            Field::True => assert_eq!(value, 19.0, "from the left to the goal in the lower right corner"),
+            Field::True => {
+                assert_eq!(value, 19.0, "from the left to the goal in the lower right corner");
+            }
             Field::Plain => assert!(value.is_nan()),
             _ => assert!(value.is_finite()),
         }
@@ -292,7 +339,9 @@ fn the_cursor_and_the_mouse_show_facts_about_a_cell() {
     press(&mut app, KeyCode::Char('i'));
     (0..3).for_each(|_| press(&mut app, KeyCode::Left));
     let cell = Cell::new(16, 4);
-    wait_until(&mut app, |app| app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == cell));
+    wait_until(&mut app, |app| {
+        app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == cell)
+    });
     let facts = app.screen.maze.view.inspected.expect("facts");
     assert_eq!(facts.truth, Some(3));
     assert!(text(&draw(&mut app, 120, 40)).contains("cell 16,4: D "));
@@ -302,7 +351,9 @@ fn the_cursor_and_the_mouse_show_facts_about_a_cell() {
     // Hovering with the mouse does the same.
     let at = character_of(&app, Cell::new(2, 2));
     mouse(&mut app, MouseEventKind::Moved, at);
-    wait_until(&mut app, |app| app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == Cell::new(2, 2)));
+    wait_until(&mut app, |app| {
+        app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == Cell::new(2, 2))
+    });
 }
 
 #[test]
@@ -326,7 +377,9 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     // The trainer's answer and its snapshot arrive separately.
     wait_until(&mut app, |app| {
         let notice = app.screen.log.notice();
-        notice.is_some_and(|n| n.text.contains("walled") && n.text.contains("2 disconnected components"))
+        notice.is_some_and(|n| {
+            n.text.contains("walled") && n.text.contains("2 disconnected components")
+        })
     });
     let updates = app.screen.snapshot.counters.updates;
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
@@ -343,7 +396,9 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     (0..9).for_each(|_| press(&mut app, KeyCode::Left));
     let wall = app.screen.maze.map.is_free(Cell::new(10, 4));
     press(&mut app, KeyCode::Char('x'));
-    wait_until(&mut app, |app| app.screen.snapshot.scene.maze().map.is_free(Cell::new(10, 4)) != wall);
+    wait_until(&mut app, |app| {
+        app.screen.snapshot.scene.maze().map.is_free(Cell::new(10, 4)) != wall
+    });
     press(&mut app, KeyCode::Esc);
     assert!(!app.screen.maze.editor.is_open());
     assert_eq!(app.screen.maze.goal, Cell::new(19, 4), "the goal stayed where it was");
@@ -365,7 +420,8 @@ fn tools_that_change_nothing_say_why() {
         let at = character_of(&app, cell);
         mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
         mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
-        let notice = app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
+        let notice =
+            app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
         assert!(notice.contains(reason), "{tool:?}: {notice}");
     }
 }
@@ -381,7 +437,10 @@ fn a_box_drawn_beyond_the_map_ends_at_its_edge() {
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Left), Position::new(79, 23));
     mouse(&mut app, MouseEventKind::Up(MouseButton::Left), Position::new(79, 23));
     let map = &app.screen.maze.map;
-    assert!([(12, 4), (19, 1), (19, 4)].iter().all(|(x, y)| !map.is_free(Cell::new(*x, *y))), "{map:?}");
+    assert!(
+        [(12, 4), (19, 1), (19, 4)].iter().all(|(x, y)| !map.is_free(Cell::new(*x, *y))),
+        "{map:?}"
+    );
     assert!(map.is_free(Cell::new(15, 3)), "inside the box");
 }
 
@@ -394,7 +453,8 @@ fn space_pauses_and_resumes() {
     let updates = app.screen.snapshot.counters.updates;
     press(&mut app, KeyCode::Char(' '));
     wait_until(&mut app, |app| {
-        app.screen.snapshot.phase == Phase::Running && app.screen.snapshot.counters.updates > updates
+        app.screen.snapshot.phase == Phase::Running
+            && app.screen.snapshot.counters.updates > updates
     });
 }
 
@@ -419,7 +479,10 @@ fn a_setting_can_change_during_training_and_invalid_values_are_reported() {
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "lots");
     press(&mut app, KeyCode::Enter);
-    assert!(text(&draw(&mut app, 80, 24)).contains("random_actions cannot be"), "the mistake is reported");
+    assert!(
+        text(&draw(&mut app, 80, 24)).contains("random_actions cannot be"),
+        "the mistake is reported"
+    );
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "0.5");
     press(&mut app, KeyCode::Enter);
@@ -447,7 +510,9 @@ fn a_new_run_starts_on_a_map_of_another_size_and_the_screen_follows() {
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "12 by nothing");
     press(&mut app, KeyCode::Enter);
-    assert!(matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()));
+    assert!(
+        matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some())
+    );
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "12 x 7");
     press(&mut app, KeyCode::Enter);
@@ -456,7 +521,9 @@ fn a_new_run_starts_on_a_map_of_another_size_and_the_screen_follows() {
     wait_until(&mut app, |app| app.screen.snapshot.generation == 1);
     assert_eq!((app.screen.maze.map.width(), app.screen.maze.map.height()), (12, 7));
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20 && !app.screen.maze.view.field.is_empty());
+    wait_until(&mut app, |app| {
+        app.screen.snapshot.counters.updates > 20 && !app.screen.maze.view.field.is_empty()
+    });
     draw(&mut app, 80, 24);
 }
 
@@ -468,7 +535,9 @@ fn the_walking_agent_can_visit_one_goal_after_another() {
     // Starting at the goal, it arrives at once, whatever it has learned.
     press(&mut app, KeyCode::Char('S'));
     let first = app.screen.maze.goal;
-    wait_until(&mut app, |app| app.screen.maze.view.walk.finished_walks.0 >= 1 && app.screen.maze.goal != first);
+    wait_until(&mut app, |app| {
+        app.screen.maze.view.walk.finished_walks.0 >= 1 && app.screen.maze.goal != first
+    });
 }
 
 #[test]
@@ -489,7 +558,10 @@ fn autosaves_use_their_own_files_and_only_the_newest_are_kept() {
     }
     let there: Vec<_> = all.iter().filter(|path| path.is_file()).collect();
     assert!((1..=4).contains(&there.len()), "the newest are kept: {there:?}");
-    assert!(!path.exists() && app.screen.snapshot.saved.is_none(), "the user's own file is left alone");
+    assert!(
+        !path.exists() && app.screen.snapshot.saved.is_none(),
+        "the user's own file is left alone"
+    );
 }
 
 #[test]
@@ -500,7 +572,8 @@ fn saving_keeps_another_runs_file_and_replaces_the_runs_own() {
     let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
     let own = folder.path().join("mine-2.safetensors");
     for _ in 0..2 {
-        let (before, updates) = (app.screen.snapshot.saved.clone(), app.screen.snapshot.counters.updates);
+        let (before, updates) =
+            (app.screen.snapshot.saved.clone(), app.screen.snapshot.counters.updates);
         wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
         app.act(Action::Save);
         wait_until(&mut app, |app| app.screen.snapshot.saved != before);

@@ -123,7 +123,8 @@ impl ColourDepth {
 }
 
 impl Theme {
-    /// Returns the theme `name` for a terminal of `depth`. Without colours, every theme is [`ThemeName::Mono`].
+    /// Returns the theme `name` for a terminal of `depth`. Without colours, every theme is
+    /// [`ThemeName::Mono`].
     pub fn new(name: ThemeName, depth: ColourDepth) -> Self {
         let name = if depth == ColourDepth::Mono { ThemeName::Mono } else { name };
         let dark = Self {
@@ -171,11 +172,16 @@ impl Theme {
                 ..dark
             },
         };
-        if depth == ColourDepth::Indexed { Self { indexed: theme.indexed_distances(), ..theme } } else { theme }
+        if depth == ColourDepth::Indexed {
+            Self { indexed: theme.indexed_distances(), ..theme }
+        } else {
+            theme
+        }
     }
 
-    /// Returns the nearest of a terminal's 256 colours for distances from near to far, none lighter than the one before:
-    /// with the nearest alone, dark blue would be followed by a lighter grey. Greys are for walls.
+    /// Returns the nearest of a terminal's 256 colours for distances from near to far, none lighter
+    /// than the one before: with the nearest alone, dark blue would be followed by a lighter grey.
+    /// Greys are for walls.
     fn indexed_distances(&self) -> [Rgb; INDEXED_DISTANCES] {
         let mut lightest = f32::INFINITY;
         std::array::from_fn(|i| {
@@ -186,8 +192,9 @@ impl Theme {
             };
             // The first 16 depend on the terminal's own palette.
             let is_grey = |(r, g, b): &Rgb| r == g && g == b;
-            let colours =
-                (16..=255).map(rgb_of_indexed).filter(|colour| !is_grey(colour) && lightness(*colour) <= lightest);
+            let colours = (16..=255)
+                .map(rgb_of_indexed)
+                .filter(|colour| !is_grey(colour) && lightness(*colour) <= lightest);
             let nearest = colours.min_by_key(off).unwrap_or((r, g, b));
             lightest = lightness(nearest);
             nearest
@@ -211,7 +218,8 @@ impl Theme {
         }
     }
 
-    /// Returns the colour of a distance, given as a share of the farthest shown: near is light, far is dark.
+    /// Returns the colour of a distance, given as a share of the farthest shown: near is light, far
+    /// is dark.
     pub fn distance_colour(&self, share: f32) -> Rgb {
         if self.depth == ColourDepth::Indexed {
             let last = (INDEXED_DISTANCES - 1) as f32;
@@ -258,7 +266,8 @@ mod tests {
     fn near_is_lighter_than_far_in_every_theme() {
         for name in ThemeName::ALL {
             let theme = Theme::new(name, ColourDepth::True);
-            let lights: Vec<f32> = (0..=10).map(|i| lightness(theme.distance_colour(i as f32 / 10.0))).collect();
+            let lights: Vec<f32> =
+                (0..=10).map(|i| lightness(theme.distance_colour(i as f32 / 10.0))).collect();
             assert!(lights.windows(2).all(|pair| pair[0] > pair[1]), "{}: {lights:?}", name.name());
         }
     }
@@ -273,7 +282,11 @@ mod tests {
                 Color::Indexed(index) => lightness(rgb_of_indexed(*index)),
                 _ => panic!("{colour:?} is not one of the 256"),
             };
-            assert!(shown.windows(2).all(|pair| light(&pair[0]) >= light(&pair[1])), "{}: {shown:?}", name.name());
+            assert!(
+                shown.windows(2).all(|pair| light(&pair[0]) >= light(&pair[1])),
+                "{}: {shown:?}",
+                name.name()
+            );
             assert!(light(&shown[0]) > light(&shown[100]) + 0.3, "{}: {shown:?}", name.name());
             shown.dedup();
             assert!(shown.len() >= 7, "{}: {shown:?}", name.name());

@@ -1,7 +1,8 @@
 //! The guided tour: a minute and a half on the four rooms, with captions beside what they explain.
 //!
-//! `steps` is the table of steps. This file moves through it: a step ends a while after what it explains has been seen, or
-//! at its time limit. Whatever the tour does, it does by the same commands as the user.
+//! `steps` is the table of steps. This file moves through it: a step ends a while after what it
+//! explains has been seen, or at its time limit. Whatever the tour does, it does by the same
+//! commands as the user.
 
 pub mod steps;
 
@@ -96,13 +97,17 @@ pub fn run() -> Run {
 impl App {
     /// Asks whether to leave this run for the tour's.
     pub(super) fn ask_tour(&mut self) {
-        self.open_picker(lists::tour_choices(self.latest.unsaved_updates(), self.is_worth_saving()));
+        self.open_picker(lists::tour_choices(
+            self.latest.unsaved_updates(),
+            self.is_worth_saving(),
+        ));
     }
 
     /// Starts the tour's run, with which the tour begins.
     pub(super) fn start_tour_run(&mut self) {
         let Some(map) = builtin(MAP) else { return };
-        self.tour_requested = self.command(Command::StartRun(Box::new(run()), maze_on(Arc::new(map))));
+        self.tour_requested =
+            self.command(Command::StartRun(Box::new(run()), maze_on(Arc::new(map))));
     }
 
     /// Begins the tour of the run that is shown.
@@ -225,7 +230,8 @@ impl App {
     /// Sends the agent off again a while after it has arrived.
     fn walk_again(&mut self) {
         let walk = &self.screen.maze.view.walk;
-        let rested = self.screen.tour.as_ref().is_some_and(|tour| tour.elapsed - tour.sent_at > REST_SECS);
+        let rested =
+            self.screen.tour.as_ref().is_some_and(|tour| tour.elapsed - tour.sent_at > REST_SECS);
         if (walk.arrived || walk.gave_up) && rested {
             self.send_walker();
         }
@@ -250,7 +256,12 @@ impl App {
 
     /// Opens the door that the tour has closed, if any; returns whether it is open.
     fn open_door(&mut self) -> bool {
-        let cells = self.screen.tour.as_mut().map(|tour| std::mem::take(&mut tour.closed)).unwrap_or_default();
+        let cells = self
+            .screen
+            .tour
+            .as_mut()
+            .map(|tour| std::mem::take(&mut tour.closed))
+            .unwrap_or_default();
         let open = self.edit_cells(&cells, true);
         if let (false, Some(tour)) = (open, &mut self.screen.tour) {
             tour.closed = cells;
@@ -262,7 +273,9 @@ impl App {
     fn edit_cells(&mut self, cells: &[Cell], free: bool) -> bool {
         let map = self.screen.maze.map.clone();
         let inside = |cell: &&Cell| map.contains(**cell);
-        let done = |screen: &Screen| cells.iter().filter(inside).all(|cell| screen.maze.map.is_free(*cell) == free);
+        let done = |screen: &Screen| {
+            cells.iter().filter(inside).all(|cell| screen.maze.map.is_free(*cell) == free)
+        };
         if !done(&self.screen) {
             let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
             let new = changed.and_then(|new| self.screen.maze.editor.record(&map, new));

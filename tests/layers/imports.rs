@@ -35,7 +35,8 @@ impl Crate {
     }
 
     fn add(&mut self, file: &Path, name: Name, folder: &Path) {
-        let text = std::fs::read_to_string(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+        let text =
+            std::fs::read_to_string(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
         let syntax = syn::parse_file(&text).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
         let mut module = Module { file: file.to_owned(), ..Module::default() };
         for item in &syntax.items {
@@ -67,7 +68,8 @@ impl Crate {
         arrows
     }
 
-    /// Returns the module that defines what `path` means in the module `from`; `None` for other crates.
+    /// Returns the module that defines what `path` means in the module `from`; `None` for other
+    /// crates.
     fn resolve(&self, from: &Name, path: &[String], depth: usize) -> Option<Name> {
         // A re-export of a re-export ...
         const MAX_DEPTH: usize = 12;
@@ -96,7 +98,10 @@ impl Crate {
                 return Some(at);
             }
             // The import of a crate's own name leads nowhere.
-            let import = module.imports.iter().find(|(name, to)| name == part && !(is_relative && to == rest));
+            let import = module
+                .imports
+                .iter()
+                .find(|(name, to)| name == part && !(is_relative && to == rest));
             let continued = |to: &[String], after: &[String]| {
                 let path: Vec<String> = to.iter().chain(after).cloned().collect();
                 self.resolve(&at, &path, depth + 1)
@@ -140,14 +145,18 @@ fn is_test(attributes: &[Attribute]) -> bool {
 impl Module {
     /// Adds the paths of a `use` declaration.
     fn add_import(&mut self, tree: &UseTree, prefix: &[String]) {
-        let extended = |part: &syn::Ident| prefix.iter().cloned().chain([part.to_string()]).collect::<Vec<_>>();
+        let extended = |part: &syn::Ident| {
+            prefix.iter().cloned().chain([part.to_string()]).collect::<Vec<_>>()
+        };
         let mut add = |name: String, path: Vec<String>| {
             self.paths.insert(path.clone());
             self.imports.push((name, path));
         };
         match tree {
             UseTree::Path(path) => self.add_import(&path.tree, &extended(&path.ident)),
-            UseTree::Group(group) => group.items.iter().for_each(|tree| self.add_import(tree, prefix)),
+            UseTree::Group(group) => {
+                group.items.iter().for_each(|tree| self.add_import(tree, prefix));
+            }
             UseTree::Glob(_) => self.globs.push(prefix.to_vec()),
             UseTree::Name(name) if name.ident == "self" => {
                 add(prefix.last().cloned().unwrap_or_default(), prefix.to_vec());

@@ -11,8 +11,8 @@ use imports::{Crate, Name};
 
 /// The library's modules: each depends only on those before it.
 const LIBRARY: [&str; 14] = [
-    "printing", "pulse", "text", "faults", "files", "store", "map", "env", "learn", "bridge", "train", "engine",
-    "draw", "viewer",
+    "printing", "pulse", "text", "faults", "files", "store", "map", "env", "learn", "bridge",
+    "train", "engine", "draw", "viewer",
 ];
 
 /// The program's modules: each depends only on those before it, and on the library.
@@ -49,13 +49,17 @@ fn root() -> &'static Path {
 
 /// Reads both crates, with the order of their modules.
 fn crates() -> [(Crate, &'static [&'static str]); 2] {
-    [(Crate::read(&root().join("crates/gdg/src")), &LIBRARY), (Crate::read(&root().join("src")), &PROGRAM)]
+    [
+        (Crate::read(&root().join("crates/gdg/src")), &LIBRARY),
+        (Crate::read(&root().join("src")), &PROGRAM),
+    ]
 }
 
 #[test]
 fn modules_depend_only_on_those_before_them() {
     for (modules, layers) in crates() {
-        let layer = |name: &Name| name.first().map(|first| layers.iter().position(|layer| layer == first));
+        let layer =
+            |name: &Name| name.first().map(|first| layers.iter().position(|layer| layer == first));
         for (name, module) in &modules.0 {
             assert!(layer(name) != Some(None), "{} has no layer", module.file.display());
         }
@@ -63,13 +67,20 @@ fn modules_depend_only_on_those_before_them() {
         assert!(arrows.len() > 100, "only {} imports were found", arrows.len());
         for ((from, to), paths) in arrows {
             if let (Some(own), Some(other)) = (layer(&from), layer(&to)) {
-                assert!(other <= own, "{} uses {}: {}", from.join("::"), to.join("::"), paths.join(", "));
+                assert!(
+                    other <= own,
+                    "{} uses {}: {}",
+                    from.join("::"),
+                    to.join("::"),
+                    paths.join(", ")
+                );
             }
         }
     }
 }
 
-/// Within a module, its parts, each with all that is inside it, form no circle either, but for those of [`TANGLED`].
+/// Within a module, its parts, each with all that is inside it, form no circle either, but for
+/// those of [`TANGLED`].
 #[test]
 fn parts_of_a_module_form_no_circle() {
     for (modules, _) in crates() {
@@ -81,15 +92,17 @@ fn parts_of_a_module_form_no_circle() {
                 uses.entry(from[common].clone()).or_default().insert(to[common].clone());
             }
         }
-        for (module, uses) in parts.into_iter().filter(|(module, _)| module.first().is_none_or(|m| m != TANGLED)) {
+        for (module, uses) in
+            parts.into_iter().filter(|(module, _)| module.first().is_none_or(|m| m != TANGLED))
+        {
             let circle = circle(&uses);
             assert!(circle.is_empty(), "a circle in {}: {}", module.join("::"), circle.join(", "));
         }
     }
 }
 
-/// Returns the parts that use each other, directly or through others: what is left when all that use nothing else are
-/// taken away, again and again, and then all that nothing uses.
+/// Returns the parts that use each other, directly or through others: what is left when all that
+/// use nothing else are taken away, again and again, and then all that nothing uses.
 fn circle(uses: &BTreeMap<String, BTreeSet<String>>) -> Vec<String> {
     let mut left: BTreeSet<&String> = uses.keys().collect();
     loop {
@@ -114,16 +127,26 @@ fn circles_are_found() {
         circle(&uses)
     };
     assert!(uses(&[("a", "b"), ("b", "c"), ("a", "c")]).is_empty());
-    assert_eq!(uses(&[("x", "a"), ("a", "b"), ("b", "c"), ("c", "a"), ("b", "y")]), ["a", "b", "c"]);
+    assert_eq!(
+        uses(&[("x", "a"), ("a", "b"), ("b", "c"), ("c", "a"), ("b", "y")]),
+        ["a", "b", "c"]
+    );
 }
 
 #[test]
 fn learner_bridges_and_trainer_do_not_depend_on_maps() {
     let (library, _) = &crates()[0];
     for ((from, to), paths) in library.arrows() {
-        let is_map = to.first().is_some_and(|first| first == "map") || to.starts_with(&["env".into(), "maze".into()]);
+        let is_map = to.first().is_some_and(|first| first == "map")
+            || to.starts_with(&["env".into(), "maze".into()]);
         let is_free = from.first().is_some_and(|first| MAP_FREE_MODULES.contains(&first.as_str()));
-        assert!(!(is_map && is_free), "{} uses {}: {}", from.join("::"), to.join("::"), paths.join(", "));
+        assert!(
+            !(is_map && is_free),
+            "{} uses {}: {}",
+            from.join("::"),
+            to.join("::"),
+            paths.join(", ")
+        );
     }
 }
 
@@ -133,7 +156,11 @@ fn only_the_kernels_contain_unsafe_code() {
         for module in modules.0.values() {
             let text = std::fs::read_to_string(&module.file).unwrap();
             let is_unsafe = text.contains("allow(unsafe_code)") || text.contains("unsafe {");
-            assert!(!is_unsafe || module.file.to_string_lossy().contains(UNSAFE_FOLDER), "{}", module.file.display());
+            assert!(
+                !is_unsafe || module.file.to_string_lossy().contains(UNSAFE_FOLDER),
+                "{}",
+                module.file.display()
+            );
         }
     }
 }

@@ -19,7 +19,11 @@ pub fn one_line(error: &str) -> String {
 fn without_times(table: &Path) -> Vec<Vec<String>> {
     let rows = csv::Reader::from_path(table).unwrap().into_records().map(Result::unwrap);
     let cut = |row: csv::StringRecord| {
-        row.iter().enumerate().filter(|(i, _)| ![1, 5].contains(i)).map(|(_, cell)| cell.to_owned()).collect()
+        row.iter()
+            .enumerate()
+            .filter(|(i, _)| ![1, 5].contains(i))
+            .map(|(_, cell)| cell.to_owned())
+            .collect()
     };
     rows.map(cut).collect()
 }
@@ -27,35 +31,69 @@ fn without_times(table: &Path) -> Vec<Vec<String>> {
 #[test]
 fn counts_are_accepted_as_people_write_them_or_it_is_said_how() {
     let folder = folder();
-    for (count, written) in [(100, "1e2"), (100, "100.0"), (1000, "1_000"), (1000, "1,000"), (1000, "1e3")] {
+    for (count, written) in
+        [(100, "1e2"), (100, "100.0"), (1000, "1_000"), (1000, "1,000"), (1000, "1e3")]
+    {
         let (status, output, errors) =
             typed(folder.path(), &["--print-config", "--set", &format!("batch_size={written}")]);
-        assert!(status == 0 && output.contains(&format!("\"batch_size\": {count},")), "{written}: {errors}");
+        assert!(
+            status == 0 && output.contains(&format!("\"batch_size\": {count},")),
+            "{written}: {errors}"
+        );
         let settings = folder.path().join("settings.json");
         std::fs::write(&settings, format!("{{\"batch_size\": \"{written}\"}}")).unwrap();
-        let (status, output, errors) = typed(folder.path(), &["--print-config", "--config", "settings.json"]);
-        assert!(status == 0 && output.contains(&format!("\"batch_size\": {count},")), "{written}: {errors}");
-        let args = ["--no-ui", "trap", "--max-updates", "0", "--threads", "1", "--eval-tasks", "1", "--seed", written];
+        let (status, output, errors) =
+            typed(folder.path(), &["--print-config", "--config", "settings.json"]);
+        assert!(
+            status == 0 && output.contains(&format!("\"batch_size\": {count},")),
+            "{written}: {errors}"
+        );
+        let args = [
+            "--no-ui",
+            "trap",
+            "--max-updates",
+            "0",
+            "--threads",
+            "1",
+            "--eval-tasks",
+            "1",
+            "--seed",
+            written,
+        ];
         let (status, output, errors) = typed(folder.path(), &args);
         assert!(status == 0 && events(&output)[0]["seed"] == count, "{written}: {errors}");
     }
     for (args, parts) in [
-        (&["--no-ui", "--max-updates", "1k"][..], &["expected a whole number, such as 60000, 60_000 or 6e4"][..]),
+        (
+            &["--no-ui", "--max-updates", "1k"][..],
+            &["expected a whole number, such as 60000, 60_000 or 6e4"][..],
+        ),
         (&["--no-ui", "--max-updates", "60.000"], &["could mean 60 or 60000"]),
         (&["--no-ui", "--edit-at", "1.5:x"], &["is not a number of updates", "whole number"]),
         (&["suite", "trap", "--budget", "1e20"], &["too large"]),
         (&["suite", "trap", "--jobs", "1e3"], &["from 1 to 256"]),
-        (&["--print-config", "--set", "batch_size=100.5"], &["batch_size needs a whole number, not 100.5"]),
+        (
+            &["--print-config", "--set", "batch_size=100.5"],
+            &["batch_size needs a whole number, not 100.5"],
+        ),
         (&["--print-config", "--set", "buffer_size=60.000"], &["could mean 60 or 60000"]),
         (&["--print-config", "--set", "learning_rate=0,001"], &["a point separates"]),
     ] {
         let (status, _, errors) = typed(folder.path(), args);
         let errors = one_line(&errors);
-        assert!(status == 2 && parts.iter().all(|part| errors.contains(part)), "{args:?}: {errors}");
+        assert!(
+            status == 2 && parts.iter().all(|part| errors.contains(part)),
+            "{args:?}: {errors}"
+        );
     }
     for number in ["60,000", "60_000"] {
-        std::fs::write(folder.path().join("settings.json"), format!("{{\"batch_size\": {number}}}")).unwrap();
-        let (status, _, errors) = typed(folder.path(), &["--print-config", "--config", "settings.json"]);
+        std::fs::write(
+            folder.path().join("settings.json"),
+            format!("{{\"batch_size\": {number}}}"),
+        )
+        .unwrap();
+        let (status, _, errors) =
+            typed(folder.path(), &["--print-config", "--config", "settings.json"]);
         assert!(status == 2 && errors.contains("numbers in JSON have no separators"), "{errors}");
     }
 }
@@ -74,7 +112,10 @@ fn no_output_is_written_to_a_file_called_minus() {
         &["frames", "x", "--animate", "-"],
     ] {
         let (status, _, errors) = typed(folder.path(), args);
-        assert!(status == 2 && errors.contains("standard output is not for this"), "{args:?}: {errors}");
+        assert!(
+            status == 2 && errors.contains("standard output is not for this"),
+            "{args:?}: {errors}"
+        );
     }
     assert!(!folder.path().join("-").exists());
 }
@@ -95,7 +136,10 @@ fn input_that_is_not_in_a_file_is_refused_with_what_to_do() {
             let (status, _, errors) = typed(folder.path(), args);
             let errors = one_line(&errors);
             assert!(status == 2 && errors.contains(why), "{args:?}: {errors}");
-            assert!(errors.contains("write what is to be read to a file first"), "{args:?}: {errors}");
+            assert!(
+                errors.contains("write what is to be read to a file first"),
+                "{args:?}: {errors}"
+            );
         }
     }
 }
@@ -105,7 +149,10 @@ fn completions_offer_only_commands_for_people() {
     let folder = folder();
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let (status, script, _) = typed(folder.path(), &["completions", shell]);
-        assert!(status == 0 && script.contains("export-policy") && !script.contains("guard"), "{shell}");
+        assert!(
+            status == 0 && script.contains("export-policy") && !script.contains("guard"),
+            "{shell}"
+        );
     }
     assert!(!typed(folder.path(), &["--help"]).1.contains("guard"));
 }
@@ -121,17 +168,34 @@ fn a_resumed_run_goes_on_in_its_own_table() {
     let common = ["--eval-tasks", "1", "--eval-every-updates", "300", "--threads", "1"];
     let with = |args: &[&'static str]| [args, &common].concat();
     run(&with(&["trap", "--max-updates", "1300", "--csv", "whole.csv"]));
-    run(&with(&["trap", "--max-updates", "1000", "--csv", "part.csv", "--save", "run.safetensors"]));
+    run(&with(&[
+        "trap",
+        "--max-updates",
+        "1000",
+        "--csv",
+        "part.csv",
+        "--save",
+        "run.safetensors",
+    ]));
     let part = folder.path().join("part.csv");
-    let (whole, saved) =
-        (std::fs::read_to_string(folder.path().join("whole.csv")).unwrap(), std::fs::read_to_string(&part).unwrap());
-    // As if the first session had gone on after its last save, and had been killed while it wrote a row.
-    let beyond =
-        whole.lines().filter(|line| line.contains(",1200,")).map(|line| format!("{line}\n")).collect::<String>();
+    let (whole, saved) = (
+        std::fs::read_to_string(folder.path().join("whole.csv")).unwrap(),
+        std::fs::read_to_string(&part).unwrap(),
+    );
+    // As if the first session had gone on after its last save, and had been killed while it wrote a
+    // row.
+    let beyond = whole
+        .lines()
+        .filter(|line| line.contains(",1200,"))
+        .map(|line| format!("{line}\n"))
+        .collect::<String>();
     assert!(!beyond.is_empty());
-    for (more, overwrite) in [("", false), (beyond.as_str(), false), ("progress,9", false), (&beyond, true)] {
+    for (more, overwrite) in
+        [("", false), (beyond.as_str(), false), ("progress,9", false), (&beyond, true)]
+    {
         std::fs::write(&part, format!("{saved}{more}")).unwrap();
-        let mut args = with(&["--resume", "run.safetensors", "--max-updates", "1300", "--csv", "part.csv"]);
+        let mut args =
+            with(&["--resume", "run.safetensors", "--max-updates", "1300", "--csv", "part.csv"]);
         args.extend(overwrite.then_some("--overwrite"));
         run(&args);
         let mut rows = without_times(&part);
@@ -152,14 +216,34 @@ fn a_resumed_run_goes_on_in_its_own_table() {
         ("mixed.csv", "go back"),
     ] {
         let before = std::fs::read(folder.path().join(file)).unwrap();
-        let args =
-            ["--no-ui", "--resume", "run.safetensors", "--max-updates", "1001", "--eval-tasks", "1", "--csv", file];
+        let args = [
+            "--no-ui",
+            "--resume",
+            "run.safetensors",
+            "--max-updates",
+            "1001",
+            "--eval-tasks",
+            "1",
+            "--csv",
+            file,
+        ];
         let (status, output, errors) = typed(folder.path(), &args);
         let errors = one_line(&errors);
-        assert!((status, output.as_str()) == (2, "") && errors.contains(why), "{file}: {status} {errors}");
+        assert!(
+            (status, output.as_str()) == (2, "") && errors.contains(why),
+            "{file}: {status} {errors}"
+        );
         assert_eq!(std::fs::read(folder.path().join(file)).unwrap(), before);
     }
-    let args = with(&["--resume", "run.safetensors", "--max-updates", "1200", "--csv", "other.csv", "--overwrite"]);
+    let args = with(&[
+        "--resume",
+        "run.safetensors",
+        "--max-updates",
+        "1200",
+        "--csv",
+        "other.csv",
+        "--overwrite",
+    ]);
     run(&args);
     assert!(without_times(&folder.path().join("other.csv")).iter().all(|row| row[1] == "1200"));
 }
@@ -169,8 +253,11 @@ fn a_resumed_run_trains_for_max_seconds_more() {
     let folder = folder();
     checkpoint(folder.path());
     let train = |args: &[&str]| {
-        let args =
-            [&["--no-ui", "--resume", "small.safetensors", "--eval-tasks", "1", "--threads", "1"], args].concat();
+        let args = [
+            &["--no-ui", "--resume", "small.safetensors", "--eval-tasks", "1", "--threads", "1"],
+            args,
+        ]
+        .concat();
         let (status, output, errors) = typed(folder.path(), &args);
         assert_eq!(status, 0, "{errors}");
         (events(&output), errors)

@@ -53,8 +53,16 @@ fn arena_with(name: &str, scenario: &str) -> tempfile::TempDir {
 #[test]
 fn scenarios_that_cannot_fit_are_refused_with_line_and_column() {
     for (task, place, what) in [
-        ("arena.map\t3\t8\t2\t0\t0\t7\t5.0", "2:13", "width and height are swapped: arena is 8 wide and 3 high"),
-        ("arena.map\t16\t3\t0\t0\t10\t0\t10.0", "2:13", "16 x 3 cells does not fit arena, which has 8 x 3"),
+        (
+            "arena.map\t3\t8\t2\t0\t0\t7\t5.0",
+            "2:13",
+            "width and height are swapped: arena is 8 wide and 3 high",
+        ),
+        (
+            "arena.map\t16\t3\t0\t0\t10\t0\t10.0",
+            "2:13",
+            "16 x 3 cells does not fit arena, which has 8 x 3",
+        ),
         ("arena.map\t9\t3\t0\t0\t5\t0\t5.0", "2:13", "9 x 3 cells does not fit arena"),
         (
             "arena.map\t8\t3\t0\t0\t5\t0\t4.5",
@@ -68,12 +76,18 @@ fn scenarios_that_cannot_fit_are_refused_with_line_and_column() {
         let folder = arena_with("a.scen", &format!("version 1\n0\t{task}\n"));
         for args in [&["check", "a.scen"][..], &["--no-ui", "arena.map", "--scen", "a.scen"]] {
             let errors = refusal(folder.path(), args);
-            assert!(errors.contains(&format!("a.scen:{place}")) && errors.contains(what), "{task}: {errors}");
+            assert!(
+                errors.contains(&format!("a.scen:{place}")) && errors.contains(what),
+                "{task}: {errors}"
+            );
         }
     }
     let folder = arena_with("a.scen", "version 1\n0\tb.txt\t3\t1\t0\t0\t2\t0\t2\n");
     std::fs::write(folder.path().join("b.txt"), ".#.\n").unwrap();
-    assert!(refusal(folder.path(), &["check", "a.scen"]).contains("no path leads from this start to this goal"));
+    assert!(
+        refusal(folder.path(), &["check", "a.scen"])
+            .contains("no path leads from this start to this goal")
+    );
 }
 
 #[test]
@@ -82,7 +96,10 @@ fn a_scenario_is_parsed_before_its_map_is_looked_for() {
         ("0\tarena.map\t8\t3\t0\t0\t5\t0\t5.0\n", "a.scen:1:1: the line 'version 1' is missing"),
         ("version 1\n", "a.scen:1:1: the scenario has no tasks"),
         ("version 1\n0\tnone.map\t8\t3\t0\t0\t5\n", "a.scen:2:1: 7 fields instead of 9"),
-        ("version 1\n0\tmaps\\none.map\t8\t3\t0\t0\t5\t0\t5\n", "its map none.map is not in the same folder"),
+        (
+            "version 1\n0\tmaps\\none.map\t8\t3\t0\t0\t5\t0\t5\n",
+            "its map none.map is not in the same folder",
+        ),
     ] {
         let folder = arena_with("a.scen", text);
         let errors = refusal(folder.path(), &["check", "a.scen"]);
@@ -91,7 +108,9 @@ fn a_scenario_is_parsed_before_its_map_is_looked_for() {
     let folder = folder();
     let endless = std::fs::File::create(folder.path().join("endless.scen")).unwrap();
     endless.set_len(1 << 40).unwrap();
-    assert!(refusal(folder.path(), &["check", "endless.scen"]).contains("too large for a scenario"));
+    assert!(
+        refusal(folder.path(), &["check", "endless.scen"]).contains("too large for a scenario")
+    );
 }
 
 #[test]
@@ -105,7 +124,10 @@ fn scenarios_of_other_programs_find_their_map() {
         let folder = arena_with("TASKS.SCEN", text);
         let (status, facts, errors) = run(folder.path(), &["check", "TASKS.SCEN"]);
         assert_eq!((status, errors.as_str()), (0, ""), "{text:?}");
-        assert!(facts.contains("1 task") && facts.contains("arena") && !facts.contains("warning"), "{facts}");
+        assert!(
+            facts.contains("1 task") && facts.contains("arena") && !facts.contains("warning"),
+            "{facts}"
+        );
     }
     let folder = arena_with("other.scen", "version 1\n0\tother.map\t8\t3\t0\t0\t5\t0\t5.0\n");
     let warning = "line 2 is a task on other.map, but the map is arena";
@@ -120,17 +142,25 @@ fn scenarios_of_other_programs_find_their_map() {
 fn letters_that_mean_floor_elsewhere_and_tiny_maps_are_warnings() {
     let folder = folder();
     std::fs::create_dir(folder.path().join("maps")).unwrap();
-    std::fs::write(folder.path().join("maps/d4rl.txt"), "#####\n#GOO#\n###O#\n#OOO#\n#####\n").unwrap();
+    std::fs::write(folder.path().join("maps/d4rl.txt"), "#####\n#GOO#\n###O#\n#OOO#\n#####\n")
+        .unwrap();
     let warnings = ["in D4RL mazes it is a free cell", "only 1 free cell"];
     let train = [&["--no-ui", "maps/d4rl.txt"][..], &SMALL].concat();
     for args in [&["check", "maps/d4rl.txt"][..], &train, &["suite", "maps", "--list"]] {
         let (status, output, errors) = run(folder.path(), args);
         assert_eq!(status, 0, "{errors}");
         let all = output + &errors;
-        assert!(warnings.iter().all(|warning| all.contains(warning)) && all.contains("warning:"), "{args:?}: {all}");
+        assert!(
+            warnings.iter().all(|warning| all.contains(warning)) && all.contains("warning:"),
+            "{args:?}: {all}"
+        );
     }
     // Moving AI's own walls are no reason to warn.
-    std::fs::write(folder.path().join("own.map"), "type octile\nheight 2\nwidth 3\nmap\n...\n.OT\n").unwrap();
+    std::fs::write(
+        folder.path().join("own.map"),
+        "type octile\nheight 2\nwidth 3\nmap\n...\n.OT\n",
+    )
+    .unwrap();
     std::fs::write(folder.path().join("own.txt"), "....\n.##.\n").unwrap();
     for file in ["own.map", "own.txt"] {
         assert!(!run(folder.path(), &["check", file]).1.contains("warning"), "{file}");
@@ -145,7 +175,11 @@ fn letters_that_mean_floor_elsewhere_and_tiny_maps_are_warnings() {
 fn every_reader_says_what_a_file_of_another_kind_is() {
     let folder = folder();
     let kinds: [(&[u8], &str, &str); 12] = [
-        (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 1\n", "a Git LFS pointer", "git lfs pull"),
+        (
+            b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 1\n",
+            "a Git LFS pointer",
+            "git lfs pull",
+        ),
         (b"\xff\xfe{\0}\0", "text in UTF-16", "UTF-8"),
         (b"#\0.\0\n\0#\0", "text in UTF-16", "UTF-8"),
         (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "an image (PNG)", "give a|plain text"),
@@ -179,7 +213,10 @@ fn every_reader_says_what_a_file_of_another_kind_is() {
                 continue;
             }
             let errors = refusal(folder.path(), args);
-            assert!(errors.contains(kind) && errors.contains(&format!("not {wanted}")), "{args:?}: {errors}");
+            assert!(
+                errors.contains(kind) && errors.contains(&format!("not {wanted}")),
+                "{args:?}: {errors}"
+            );
             assert!(help.split('|').any(|help| errors.contains(help)), "{args:?}: {errors}");
         }
     }
@@ -205,7 +242,10 @@ fn runs_lists_as_loadable_only_what_loads() {
     flipped[middle] ^= 1;
     write("CAPITALS.SAFETENSORS", &bytes);
     write("flipped.safetensors", &flipped);
-    write("pointer.safetensors", b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n");
+    write(
+        "pointer.safetensors",
+        b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n",
+    );
     write("empty.safetensors", b"");
     write("._small.safetensors", b"\0\x05\x16\x07\0\x02\0\0");
     let args = ["export-policy", "small.safetensors", "--out", "renamed.safetensors"];
@@ -225,7 +265,10 @@ fn runs_lists_as_loadable_only_what_loads() {
         assert_eq!(run(folder.path(), &args).0, 2, "{name}");
     }
     for name in ["CAPITALS.SAFETENSORS", "small.safetensors"] {
-        assert!(table.lines().any(|line| line.starts_with(name) && line.contains("350")), "{table}");
+        assert!(
+            table.lines().any(|line| line.starts_with(name) && line.contains("350")),
+            "{table}"
+        );
     }
 }
 
@@ -256,7 +299,11 @@ fn names_need_not_be_utf8() {
         return;
     }
     let scenario = OsStr::from_bytes(b"n\xe9.SCEN");
-    std::fs::write(folder.path().join(scenario), "version 1\n0\tarena.map\t8\t3\t0\t0\t5\t0\t5.0\n").unwrap();
+    std::fs::write(
+        folder.path().join(scenario),
+        "version 1\n0\tarena.map\t8\t3\t0\t0\t5\t0\t5.0\n",
+    )
+    .unwrap();
     let edit = OsStr::from_bytes(b"1:n\xe9.map");
     let small: Vec<&OsStr> = SMALL.iter().map(OsStr::new).collect();
     for args in [
@@ -281,8 +328,18 @@ fn names_do_not_act_in_a_report() {
     let folder = folder();
     let name = "<b>*a*_`b|[c](d)#";
     std::fs::write(folder.path().join(format!("{name}.map")), ARENA).unwrap();
-    let args =
-        ["suite", ".", "--budget", "2", "--eval-tasks", "1", "--set", "hidden=8", "--set", "learning_starts=100"];
+    let args = [
+        "suite",
+        ".",
+        "--budget",
+        "2",
+        "--eval-tasks",
+        "1",
+        "--set",
+        "hidden=8",
+        "--set",
+        "learning_starts=100",
+    ];
     let (status, table, errors) = run(folder.path(), &args);
     assert_eq!(status, 0, "{errors}");
     let escaped = "\\<b\\>\\*a\\*\\_\\`b\\|\\[c\\](d)\\#";
@@ -290,6 +347,7 @@ fn names_do_not_act_in_a_report() {
     assert!(report.contains(&format!("\n## {escaped}\n")), "{report}");
     assert!(table.contains(&format!("| {escaped} |")) && report.contains(&table), "{table}");
     assert!(!report.contains("<b>") && !report.contains(name), "{report}");
-    let picture = report.split("](pictures/").nth(1).and_then(|rest| rest.split(')').next()).unwrap();
+    let picture =
+        report.split("](pictures/").nth(1).and_then(|rest| rest.split(')').next()).unwrap();
     assert!(folder.path().join("saves/suite/pictures").join(picture).is_file(), "{report}");
 }

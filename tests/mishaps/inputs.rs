@@ -21,7 +21,10 @@ fn tables_with_other_line_ends_are_continued_and_links_are_not() {
         assert_eq!(status, 0, "{errors}");
         let table = std::fs::read_to_string(&path).unwrap();
         let added = table.strip_prefix(&saved).unwrap_or_else(|| panic!("{more:?}: {table}"));
-        assert!(added.lines().count() > 0 && added.lines().all(|row| row.contains(",1100,")), "{more:?}: {added}");
+        assert!(
+            added.lines().count() > 0 && added.lines().all(|row| row.contains(",1100,")),
+            "{more:?}: {added}"
+        );
     }
     std::fs::rename(&path, folder.path().join("elsewhere.csv")).unwrap();
     symlink("elsewhere.csv", &path).unwrap();
@@ -67,24 +70,53 @@ fn bash_completes_maps_commands_and_their_options() {
 fn zsh_takes_the_first_word_for_the_command() {
     let folder = folder();
     let (_, script, _) = typed(folder.path(), &["completions", "zsh"]);
-    assert!(script.contains("case $line[1] in") && !script.contains("case $line[2] in"), "{script}");
-    assert!(script.contains("commands \"$@\"\n    _files\n"), "the first word may be a file: {script}");
+    assert!(
+        script.contains("case $line[1] in") && !script.contains("case $line[2] in"),
+        "{script}"
+    );
+    assert!(
+        script.contains("commands \"$@\"\n    _files\n"),
+        "the first word may be a file: {script}"
+    );
 }
 
 #[test]
 fn numbers_are_written_in_one_way_everywhere() {
     let folder = folder();
-    for (written, number) in [("60,000", 60_000.0), ("60 000", 60_000.0), (".5", 0.5), ("5.", 5.0), ("+300", 300.0)] {
-        let args = ["--no-ui", "trap", "--max-updates", "0", "--eval-tasks", "1", "--max-seconds", written];
+    for (written, number) in
+        [("60,000", 60_000.0), ("60 000", 60_000.0), (".5", 0.5), ("5.", 5.0), ("+300", 300.0)]
+    {
+        let args = [
+            "--no-ui",
+            "trap",
+            "--max-updates",
+            "0",
+            "--eval-tasks",
+            "1",
+            "--max-seconds",
+            written,
+        ];
         let (status, _, errors) = typed(folder.path(), &args);
         assert_eq!(status, 0, "{written}: {errors}");
         let set = format!("learning_rate={written}");
         let (status, output, errors) = typed(folder.path(), &["--print-config", "--set", &set]);
         let errors = one_line(&errors);
-        let is_refused = status == 2 && errors.contains(&format!("learning_rate cannot be {number:?}"));
-        assert!(is_refused || status == 0 && output.contains(&format!("\"learning_rate\": {number:?}")), "{errors}");
-        std::fs::write(folder.path().join("settings.json"), format!("{{\"learning_rate\": \"{written}\"}}")).unwrap();
-        assert_eq!(typed(folder.path(), &["--print-config", "--config", "settings.json"]).0, status, "{written}");
+        let is_refused =
+            status == 2 && errors.contains(&format!("learning_rate cannot be {number:?}"));
+        assert!(
+            is_refused || status == 0 && output.contains(&format!("\"learning_rate\": {number:?}")),
+            "{errors}"
+        );
+        std::fs::write(
+            folder.path().join("settings.json"),
+            format!("{{\"learning_rate\": \"{written}\"}}"),
+        )
+        .unwrap();
+        assert_eq!(
+            typed(folder.path(), &["--print-config", "--config", "settings.json"]).0,
+            status,
+            "{written}"
+        );
     }
     for args in [
         &["--no-ui", "trap", "--max-seconds", "60.000"][..],
@@ -92,9 +124,13 @@ fn numbers_are_written_in_one_way_everywhere() {
         &["--print-config", "--set", "batch_size=60.000"],
     ] {
         let (status, _, errors) = typed(folder.path(), args);
-        assert!(status == 2 && one_line(&errors).contains("could mean 60 or 60000"), "{args:?}: {errors}");
+        assert!(
+            status == 2 && one_line(&errors).contains("could mean 60 or 60000"),
+            "{args:?}: {errors}"
+        );
     }
-    let (status, _, errors) = typed(folder.path(), &["--no-ui", "trap", "--max-updates", "1e99999999999"]);
+    let (status, _, errors) =
+        typed(folder.path(), &["--no-ui", "trap", "--max-updates", "1e99999999999"]);
     assert!(status == 2 && errors.contains("is too large a number"), "{errors}");
 }
 
@@ -107,7 +143,10 @@ fn messages_say_what_was_meant() {
     write("ros.yaml", b"image: floor.pgm\nresolution: 0.05\n");
     write("empty.map", b"");
     for (args, part) in [
-        (&["--no-ui", "trap", "city"][..], "one map is trained, and 'city' is one more: gdg-tui suite"),
+        (
+            &["--no-ui", "trap", "city"][..],
+            "one map is trained, and 'city' is one more: gdg-tui suite",
+        ),
         (&["--no-ui", "a.map", "b.map"], "'b.map' is one more"),
         (&["--no-ui", "trap", "suite"], "cannot be used with"),
         (&["--no-ui", "TRAP"], "did you mean trap?"),
@@ -130,7 +169,9 @@ fn all_readers_of_checkpoints_say_the_same_of_one_that_was_cut_off() {
     let bytes = std::fs::read(checkpoint(folder.path())).unwrap();
     let header = 8 + u64::from_le_bytes(*bytes.first_chunk().unwrap()) as usize;
     let size = "is damaged: its size differs from what its header says";
-    for (length, why) in [(bytes.len() - 1, size), (header, size), (header / 2, size), (0, "is empty")] {
+    for (length, why) in
+        [(bytes.len() - 1, size), (header, size), (header / 2, size), (0, "is empty")]
+    {
         std::fs::write(folder.path().join("cut.safetensors"), &bytes[..length]).unwrap();
         for args in [
             &["--no-ui", "--resume", "cut.safetensors"][..],
@@ -150,7 +191,8 @@ fn all_readers_of_checkpoints_say_the_same_of_one_that_was_cut_off() {
 fn a_file_called_like_a_built_in_map_is_not_blamed_for_it() {
     let folder = folder();
     std::fs::write(folder.path().join("trap"), "#O.\n...\n").unwrap();
-    let (status, _, errors) = typed(folder.path(), &["--no-ui", "trap", "--max-updates", "0", "--eval-tasks", "1"]);
+    let (status, _, errors) =
+        typed(folder.path(), &["--no-ui", "trap", "--max-updates", "0", "--eval-tasks", "1"]);
     assert!(status == 0 && !errors.contains("warning"), "{errors}");
     let (_, facts, _) = typed(folder.path(), &["check", "./trap"]);
     assert!(facts.contains("in D4RL mazes it is a free cell"), "{facts}");
@@ -166,5 +208,8 @@ fn a_limit_of_the_address_space_is_called_that() {
     limited.arg(program.get_program()).current_dir(folder.path());
     let (status, _, errors) = outcome(&mut limited);
     let errors = one_line(&errors);
-    assert!(status == 2 && errors.contains("GB of address space") && errors.contains("ulimit -v"), "{errors}");
+    assert!(
+        status == 2 && errors.contains("GB of address space") && errors.contains("ulimit -v"),
+        "{errors}"
+    );
 }

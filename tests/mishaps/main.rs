@@ -20,7 +20,9 @@ use std::time::{Duration, Instant};
 
 use gdg::train::{self, Registry, SaveTo, Trainer};
 use serde_json::Value;
-use support::{Session, checkpoints, headless, isolated_command, kill, outcome, with_updated_checksum};
+use support::{
+    Session, checkpoints, headless, isolated_command, kill, outcome, with_updated_checksum,
+};
 
 /// The environment variable that injects faults.
 const FAULTS: &str = "GDG_TUI_FAULTS";
@@ -67,7 +69,12 @@ struct RunningProgram {
 
 impl RunningProgram {
     fn start(command: &mut Command) -> Self {
-        let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut child = command
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
         let out = BufReader::new(child.stdout.take().unwrap());
         Self { child, out }
     }
@@ -124,17 +131,38 @@ fn a_new_run_does_not_replace_the_checkpoint_of_another() {
     let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
     assert_eq!(status, 0);
     assert!(
-        errors.contains("small.safetensors belongs to another run") && errors.contains("small-2.safetensors"),
+        errors.contains("small.safetensors belongs to another run")
+            && errors.contains("small-2.safetensors"),
         "{errors}"
     );
-    assert!(events(&output).iter().any(|e| e["event"] == "saved" && e["path"] == "small-2.safetensors"), "{output}");
+    assert!(
+        events(&output).iter().any(|e| e["event"] == "saved" && e["path"] == "small-2.safetensors"),
+        "{output}"
+    );
     assert_eq!(std::fs::read(&first).unwrap(), before);
-    let args =
-        ["--resume", "small.safetensors", "--max-updates", "360", "--eval-tasks", "1", "--save", "small.safetensors"];
+    let args = [
+        "--resume",
+        "small.safetensors",
+        "--max-updates",
+        "360",
+        "--eval-tasks",
+        "1",
+        "--save",
+        "small.safetensors",
+    ];
     let (status, _, errors) = outcome(&mut headless(folder.path(), &args));
     assert_eq!((status, errors.as_str()), (0, ""), "its own file");
     assert_eq!(assert_loads(&first), 360);
-    let args = ["trap", "--max-updates", "20", "--eval-tasks", "1", "--overwrite", "--save", "small.safetensors"];
+    let args = [
+        "trap",
+        "--max-updates",
+        "20",
+        "--eval-tasks",
+        "1",
+        "--overwrite",
+        "--save",
+        "small.safetensors",
+    ];
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
     assert_eq!(assert_loads(&first), 20);
     assert_eq!(checkpoints(folder.path()).len(), 2);
@@ -149,7 +177,10 @@ fn tables_and_exports_never_replace_a_checkpoint() {
         let mut command = isolated_command(folder.path());
         let (status, _, errors) = outcome(command.args(args));
         assert_eq!(status, 2, "{errors}");
-        assert!(errors.contains("small.safetensors: is a checkpoint and is not replaced"), "{errors}");
+        assert!(
+            errors.contains("small.safetensors: is a checkpoint and is not replaced"),
+            "{errors}"
+        );
         assert_eq!(std::fs::read(&path).unwrap(), before);
     };
     run(&["export-policy", "small.safetensors", "--out", "small.safetensors", "--overwrite"]);
@@ -162,7 +193,8 @@ fn tables_and_exports_never_replace_a_checkpoint() {
 #[test]
 fn tables_never_replace_what_the_run_reads() {
     let folder = folder();
-    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt")).unwrap();
+    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt"))
+        .unwrap();
     let names = ["own.txt", "edit.txt", "settings.json"];
     let texts = [trap.as_str(), &trap, "{\"hidden\": 16}\n"];
     for (name, text) in names.iter().zip(texts) {
@@ -170,10 +202,22 @@ fn tables_never_replace_what_the_run_reads() {
     }
     for (name, text) in names.iter().zip(texts) {
         let mut command = isolated_command(folder.path());
-        let args = ["--no-ui", "own.txt", "--edit-at", "3:edit.txt", "--config", "settings.json", "--max-updates", "5"];
+        let args = [
+            "--no-ui",
+            "own.txt",
+            "--edit-at",
+            "3:edit.txt",
+            "--config",
+            "settings.json",
+            "--max-updates",
+            "5",
+        ];
         let (status, _, errors) = outcome(command.args(args).args(["--csv", name, "--overwrite"]));
         assert_eq!(status, 2, "{errors}");
-        assert!(errors.contains(&format!("{name}: is read by this run and is not replaced")), "{errors}");
+        assert!(
+            errors.contains(&format!("{name}: is read by this run and is not replaced")),
+            "{errors}"
+        );
         assert_eq!(std::fs::read_to_string(folder.path().join(name)).unwrap(), text);
     }
 }
@@ -185,22 +229,39 @@ fn a_file_that_is_not_a_checkpoint_is_never_replaced() {
     std::fs::write(&path, "mine").unwrap();
     let args = ["trap", "--max-updates", "20", "--eval-tasks", "1", "--save", "notes.txt"];
     let began = Instant::now();
-    let (status, output, errors) = outcome(&mut headless(folder.path(), &[&args[..], &["--overwrite"]].concat()));
+    let (status, output, errors) =
+        outcome(&mut headless(folder.path(), &[&args[..], &["--overwrite"]].concat()));
     assert_eq!((status, output.as_str()), (2, ""), "refused before training: {errors}");
     assert!(errors.contains("is not a checkpoint") && errors.contains("another name"), "{errors}");
     assert!(began.elapsed() < TIMEOUT);
     let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
     assert_eq!(status, 0);
     assert!(errors.contains("is not a checkpoint") && !errors.contains("another run"), "{errors}");
-    assert!(events(&output).iter().any(|e| e["event"] == "saved" && e["path"] == "notes-2.txt"), "{output}");
+    assert!(
+        events(&output).iter().any(|e| e["event"] == "saved" && e["path"] == "notes-2.txt"),
+        "{output}"
+    );
     // Not even one that appeared after the check.
-    let trainer = train::load(&folder.path().join("notes-2.txt"), &Registry::builtin(), 1).unwrap().trainer;
-    assert_eq!(train::save(&trainer, &SaveTo::Replace(path.clone())).unwrap(), folder.path().join("notes-3.txt"));
+    let trainer =
+        train::load(&folder.path().join("notes-2.txt"), &Registry::builtin(), 1).unwrap().trainer;
+    assert_eq!(
+        train::save(&trainer, &SaveTo::Replace(path.clone())).unwrap(),
+        folder.path().join("notes-3.txt")
+    );
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
     // A damaged checkpoint is one.
     let damaged = folder.path().join("notes-2.txt");
     std::fs::OpenOptions::new().write(true).open(&damaged).unwrap().set_len(100_000).unwrap();
-    let args = ["trap", "--max-updates", "20", "--eval-tasks", "1", "--save", "notes-2.txt", "--overwrite"];
+    let args = [
+        "trap",
+        "--max-updates",
+        "20",
+        "--eval-tasks",
+        "1",
+        "--save",
+        "notes-2.txt",
+        "--overwrite",
+    ];
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
     assert_eq!(assert_loads(&damaged), 20);
 }
@@ -209,19 +270,34 @@ fn a_file_that_is_not_a_checkpoint_is_never_replaced() {
 fn a_diverging_run_rolls_back_and_finally_stops() {
     let folder = folder();
     let args = ["trap", "--max-updates", "400", "--eval-tasks", "1", "--save", "back.safetensors"];
-    let (status, output, errors) = outcome(headless(folder.path(), &args).env(FAULTS, "loss=once@300"));
+    let (status, output, errors) =
+        outcome(headless(folder.path(), &args).env(FAULTS, "loss=once@300"));
     assert_eq!(status, 0, "{errors}");
     let all = events(&output);
     let recovery = all.iter().find(|e| e["event"] == "recovery").unwrap();
-    assert_eq!((&recovery["updates"], &recovery["back_to"], &recovery["times"]), (&300.into(), &0.into(), &1.into()));
+    assert_eq!(
+        (&recovery["updates"], &recovery["back_to"], &recovery["times"]),
+        (&300.into(), &0.into(), &1.into())
+    );
     assert!(
-        (recovery["learning_rate"].as_f64().unwrap() - 5e-4).abs() < 1e-9 && errors.contains("diverged"),
+        (recovery["learning_rate"].as_f64().unwrap() - 5e-4).abs() < 1e-9
+            && errors.contains("diverged"),
         "{errors}"
     );
-    let resumed = train::load(&folder.path().join("back.safetensors"), &Registry::builtin(), 1).unwrap().trainer;
+    let resumed = train::load(&folder.path().join("back.safetensors"), &Registry::builtin(), 1)
+        .unwrap()
+        .trainer;
     assert!((resumed.run().settings.learn.learning_rate - 5e-4).abs() < 1e-9);
     // Divergence that rolling back cannot cure.
-    let args = ["trap", "--max-updates", "400", "--set", "learning_rate=3e38", "--save", "lost.safetensors"];
+    let args = [
+        "trap",
+        "--max-updates",
+        "400",
+        "--set",
+        "learning_rate=3e38",
+        "--save",
+        "lost.safetensors",
+    ];
     let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
     assert_eq!(status, 1);
     assert_eq!(events(&output).iter().filter(|e| e["event"] == "recovery").count(), 3, "{output}");
@@ -235,7 +311,8 @@ fn a_diverging_run_does_not_depend_on_when_it_is_saved() {
     let recoveries = |more: &[&str]| {
         let args = ["trap", "--max-updates", "400", "--set", "learning_rate=3e38"];
         let (_, output, _) = outcome(&mut headless(folder.path(), &[&args[..], more].concat()));
-        let recoveries: Vec<Value> = events(&output).into_iter().filter(|e| e["event"] == "recovery").collect();
+        let recoveries: Vec<Value> =
+            events(&output).into_iter().filter(|e| e["event"] == "recovery").collect();
         recoveries
     };
     let without = recoveries(&[]);
@@ -250,10 +327,23 @@ fn an_evaluation_that_a_signal_ended_is_made_after_resuming() {
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
     let there = folder.path().join("there.safetensors");
     let evaluations = |file: &str| -> Vec<Value> {
-        let args = ["--resume", file, "--max-updates", "60", "--eval-tasks", "1", "--eval-every-updates", "20"];
+        let args = [
+            "--resume",
+            file,
+            "--max-updates",
+            "60",
+            "--eval-tasks",
+            "1",
+            "--eval-every-updates",
+            "20",
+        ];
         let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
         assert_eq!(status, 0, "{errors}");
-        events(&output).iter().filter(|e| e["event"] == "evaluation").map(|e| e["updates"].clone()).collect()
+        events(&output)
+            .iter()
+            .filter(|e| e["event"] == "evaluation")
+            .map(|e| e["updates"].clone())
+            .collect()
     };
     assert_eq!(evaluations("there.safetensors"), [60], "it was evaluated");
     let mut trainer = train::load(&there, &Registry::builtin(), 1).unwrap().trainer;
@@ -263,7 +353,8 @@ fn an_evaluation_that_a_signal_ended_is_made_after_resuming() {
     train::save(&trainer, &SaveTo::CreateNew(folder.path().join("between.safetensors"))).unwrap();
     assert_eq!(evaluations("between.safetensors"), [60], "none is due");
     // As if a signal had arrived in the evaluation after 40 updates.
-    let mut fresh = Trainer::new(trainer.run().clone(), trainer.world(), trainer.registry(), 1).unwrap();
+    let mut fresh =
+        Trainer::new(trainer.run().clone(), trainer.world(), trainer.registry(), 1).unwrap();
     while fresh.counters().updates < 40 {
         fresh.tick().unwrap();
     }
@@ -276,17 +367,23 @@ fn an_evaluation_that_a_signal_ended_is_made_after_resuming() {
 fn a_limit_on_the_size_of_files_is_an_error_like_a_full_disk() {
     let folder = folder();
     let program = env!("CARGO_BIN_EXE_gdg-tui");
-    let script =
-        format!("ulimit -f 100; exec {program} --no-ui trap --max-updates 20 --eval-tasks 1 --save big.safetensors");
-    let (status, _, errors) = outcome(Command::new("sh").current_dir(folder.path()).args(["-c", &script]));
+    let script = format!(
+        "ulimit -f 100; exec {program} --no-ui trap --max-updates 20 --eval-tasks 1 --save big.safetensors"
+    );
+    let (status, _, errors) =
+        outcome(Command::new("sh").current_dir(folder.path()).args(["-c", &script]));
     assert_eq!(status, 1, "{errors}");
-    assert!(errors.contains("File too large") && !folder.path().join("big.safetensors").exists(), "{errors}");
+    assert!(
+        errors.contains("File too large") && !folder.path().join("big.safetensors").exists(),
+        "{errors}"
+    );
 }
 
 #[test]
 fn a_recording_that_cannot_go_on_is_reported_and_training_goes_on() {
     let folder = folder();
-    let mut session = Session::start_with_file_limit(folder.path(), &["trap", "--record", "run.cast"], 40);
+    let mut session =
+        Session::start_with_file_limit(folder.path(), &["trap", "--record", "run.cast"], 40);
     session.wait_for("the recording has stopped");
     session.press(" ");
     session.wait_for("paused");
@@ -295,7 +392,11 @@ fn a_recording_that_cannot_go_on_is_reported_and_training_goes_on() {
     session.press("\x03");
     assert_eq!(session.end(), 0);
     let cast = std::fs::read_to_string(folder.path().join("run.cast")).unwrap();
-    assert!(cast.len() <= 40 * 512 && cast.starts_with('{'), "what was recorded before is kept: {}", cast.len());
+    assert!(
+        cast.len() <= 40 * 512 && cast.starts_with('{'),
+        "what was recorded before is kept: {}",
+        cast.len()
+    );
 }
 
 #[test]
@@ -350,17 +451,32 @@ fn a_file_replaced_by_another_program_is_left_alone() {
 #[test]
 fn a_failed_periodic_save_does_not_end_the_run() {
     let folder = folder();
-    let args =
-        ["trap", "--max-updates", "400", "--eval-tasks", "1", "--save", "a.safetensors", "--save-every", "0.002"];
+    let args = [
+        "trap",
+        "--max-updates",
+        "400",
+        "--eval-tasks",
+        "1",
+        "--save",
+        "a.safetensors",
+        "--save-every",
+        "0.002",
+    ];
     let (status, _, errors) = outcome(headless(folder.path(), &args).env(FAULTS, "save=once@2"));
     assert_eq!(status, 0, "{errors}");
-    assert!(errors.contains("tried again") && assert_loads(&folder.path().join("a.safetensors")) == 400, "{errors}");
+    assert!(
+        errors.contains("tried again") && assert_loads(&folder.path().join("a.safetensors")) == 400,
+        "{errors}"
+    );
 }
 
 #[test]
 fn a_run_that_cannot_be_saved_to_its_path_is_saved_elsewhere() {
     let folder = folder();
-    let mut run = RunningProgram::start(&mut headless(folder.path(), &["trap", "--save", "sub/a.safetensors"]));
+    let mut run = RunningProgram::start(&mut headless(
+        folder.path(),
+        &["trap", "--save", "sub/a.safetensors"],
+    ));
     run.wait_for("progress");
     // A file in the place of the folder, which saving creates.
     std::fs::write(folder.path().join("sub"), b"").unwrap();
@@ -373,9 +489,11 @@ fn an_unwritable_path_is_refused_before_training() {
     let folder = folder();
     std::fs::write(folder.path().join("file"), b"").unwrap();
     std::fs::write(folder.path().join("protected"), b"").unwrap();
-    std::fs::set_permissions(folder.path().join("protected"), PermissionsExt::from_mode(0o444)).unwrap();
+    std::fs::set_permissions(folder.path().join("protected"), PermissionsExt::from_mode(0o444))
+        .unwrap();
     for path in [".", "file/below", "/dev/null", "protected", "/proc/nothing/x"] {
-        let (status, output, errors) = outcome(&mut headless(folder.path(), &["trap", "--save", path]));
+        let (status, output, errors) =
+            outcome(&mut headless(folder.path(), &["trap", "--save", path]));
         assert_eq!((status, output.as_str()), (2, ""), "{path}: {errors}");
         assert!(errors.contains("cannot be saved here"), "{path}: {errors}");
     }
@@ -385,7 +503,8 @@ fn an_unwritable_path_is_refused_before_training() {
 fn signals_interrupt_an_evaluation_and_the_run_is_saved_before_it() {
     let folder = folder();
     let args = ["trap", "--max-updates", "50", "--save", "kept.safetensors"];
-    let mut run = RunningProgram::start(headless(folder.path(), &args).env(FAULTS, "evaluation=delay:60000"));
+    let mut run =
+        RunningProgram::start(headless(folder.path(), &args).env(FAULTS, "evaluation=delay:60000"));
     run.wait_for("saved");
     assert_eq!(assert_loads(&folder.path().join("kept.safetensors")), 50);
     let (status, took) = run.end_with_signal("TERM");
@@ -395,7 +514,9 @@ fn signals_interrupt_an_evaluation_and_the_run_is_saved_before_it() {
 #[test]
 fn a_second_signal_exits_immediately() {
     let folder = folder();
-    let mut run = RunningProgram::start(headless(folder.path(), &["trap"]).env(FAULTS, "trainer=delay:60000@30"));
+    let mut run = RunningProgram::start(
+        headless(folder.path(), &["trap"]).env(FAULTS, "trainer=delay:60000@30"),
+    );
     run.wait_for("start");
     std::thread::sleep(Duration::from_millis(300));
     kill(run.child.id(), "INT");
@@ -408,7 +529,10 @@ fn a_second_signal_exits_immediately() {
 fn a_signal_that_arrives_twice_at_once_is_one() {
     // `timeout` sends its signal to the program, and then to its group.
     let folder = folder();
-    let mut run = RunningProgram::start(&mut headless(folder.path(), &["trap", "--save", "kept.safetensors"]));
+    let mut run = RunningProgram::start(&mut headless(
+        folder.path(),
+        &["trap", "--save", "kept.safetensors"],
+    ));
     run.wait_for("progress");
     let twice = format!("kill -TERM {id}; kill -TERM {id}", id = run.child.id());
     assert!(Command::new("sh").args(["-c", &twice]).status().unwrap().success());
@@ -424,7 +548,10 @@ fn ignored_signals_stay_ignored() {
     let folder = folder();
     let program = headless(folder.path(), &["trap"]);
     let mut shell = Command::new("sh");
-    shell.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]).arg(program.get_program()).args(program.get_args());
+    shell
+        .args(["-c", "trap '' HUP; exec \"$0\" \"$@\""])
+        .arg(program.get_program())
+        .args(program.get_args());
     shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
     let mut run = RunningProgram::start(&mut shell);
     run.wait_for("start");
@@ -444,7 +571,8 @@ fn fails_in_the_interface(fault: &str, message: &str) {
     assert_eq!(session.end(), 1, "{fault}");
     let saved = folder.path().join("saves/trap-gdg-bridge-seed0.safetensors");
     assert!(assert_loads(&saved) > 0, "{fault}");
-    let log = std::fs::read_dir(folder.path().join("gdg-tui/log")).unwrap().next().unwrap().unwrap();
+    let log =
+        std::fs::read_dir(folder.path().join("gdg-tui/log")).unwrap().next().unwrap().unwrap();
     let log = std::fs::read_to_string(log.path()).unwrap();
     assert!(log.contains("injected fault") && log.contains("saved"), "{fault}: {log}");
 }
@@ -510,7 +638,8 @@ fn headless_panics_are_errors_and_the_run_is_saved() {
         ("evaluation=panic@1", 400..401),
     ] {
         let folder = folder();
-        let args = ["trap", "--max-updates", "400", "--eval-tasks", "1", "--save", "kept.safetensors"];
+        let args =
+            ["trap", "--max-updates", "400", "--eval-tasks", "1", "--save", "kept.safetensors"];
         let (status, _, errors) = outcome(headless(folder.path(), &args).env(FAULTS, fault));
         assert_eq!(status, 1, "{fault}: {errors}");
         assert!(errors.contains("internal error") && errors.contains("log"), "{fault}: {errors}");
@@ -529,7 +658,10 @@ fn killing_or_aborting_the_program_restores_the_terminal() {
         session.status();
         let began = Instant::now();
         while !session.raw.lock().unwrap().ends_with(b"\x1b[?25h") {
-            assert!(began.elapsed() < Duration::from_secs(10), "the cursor does not come back after {signal}");
+            assert!(
+                began.elapsed() < Duration::from_secs(10),
+                "the cursor does not come back after {signal}"
+            );
             std::thread::sleep(Duration::from_millis(10));
         }
         session.assert_terminal_restored();
@@ -544,13 +676,24 @@ fn settings_that_exceed_the_memory_are_refused_with_the_amount_needed() {
     let limited = |args: &[&str]| {
         let mut shell = Command::new("sh");
         let program = isolated_command(folder.path());
-        shell.args(["-c", "ulimit -v 2000000; exec \"$0\" \"$@\""]).arg(program.get_program()).args(args);
+        shell
+            .args(["-c", "ulimit -v 2000000; exec \"$0\" \"$@\""])
+            .arg(program.get_program())
+            .args(args);
         shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
         outcome(shell.current_dir(folder.path()))
     };
     for setting in ["hidden=4096", "buffer_size=100000000"] {
-        let (status, output, errors) =
-            limited(&["--no-ui", "trap", "--max-updates", "9", "--set", "layers=8", "--set", setting]);
+        let (status, output, errors) = limited(&[
+            "--no-ui",
+            "trap",
+            "--max-updates",
+            "9",
+            "--set",
+            "layers=8",
+            "--set",
+            setting,
+        ]);
         assert_eq!((status, output.as_str()), (2, ""), "{setting}: {errors}");
         assert!(errors.contains("GB of memory"), "{setting}: {errors}");
     }
@@ -572,7 +715,8 @@ fn a_damaged_checkpoint_falls_back_to_the_previous_one() {
     let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
     assert_eq!(status, 0, "{errors}");
     assert!(
-        errors.contains("small.safetensors is damaged") && errors.contains("small.safetensors.gdg-previous"),
+        errors.contains("small.safetensors is damaged")
+            && errors.contains("small.safetensors.gdg-previous"),
         "{errors}"
     );
     assert_eq!(events(&output)[0]["updates"], 350);
@@ -586,7 +730,10 @@ fn curves_evaluations_and_log_survive_resuming() {
     let folder = folder();
     let path = checkpoint(folder.path());
     let history = train::load(&path, &Registry::builtin(), 1).unwrap().trainer.history().clone();
-    assert_eq!(history.points().iter().map(|p| p.updates).collect::<Vec<_>>(), [50, 100, 150, 200, 250, 300, 350]);
+    assert_eq!(
+        history.points().iter().map(|p| p.updates).collect::<Vec<_>>(),
+        [50, 100, 150, 200, 250, 300, 350]
+    );
     assert_eq!(history.evaluations().iter().map(|(at, _)| *at).collect::<Vec<_>>(), [350]);
     let mut session = Session::start(folder.path(), &["--resume", "small.safetensors"]);
     session.wait_for("training");
@@ -598,7 +745,11 @@ fn curves_evaluations_and_log_survive_resuming() {
     assert_eq!(session.end(), 0);
     let again = train::load(&path, &Registry::builtin(), 1).unwrap().trainer.history().clone();
     assert_eq!(again.points()[..7], history.points()[..]);
-    assert!(again.notes.log.iter().any(|entry| entry.text.contains("gdg-bridge on trap")), "{:?}", again.notes.log);
+    assert!(
+        again.notes.log.iter().any(|entry| entry.text.contains("gdg-bridge on trap")),
+        "{:?}",
+        again.notes.log
+    );
 }
 
 #[test]
@@ -658,7 +809,8 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
         });
         assert!(train::from_bytes(&bytes, &Registry::builtin(), 1).is_err(), "{text} with {to}");
         std::fs::write(&path, bytes).unwrap();
-        let (status, _, errors) = outcome(&mut headless(folder.path(), &["--resume", "small.safetensors"]));
+        let (status, _, errors) =
+            outcome(&mut headless(folder.path(), &["--resume", "small.safetensors"]));
         assert!(status == 2 && !errors.contains('\x1b'), "{errors:?}");
     }
 }
@@ -671,7 +823,8 @@ fn old_checkpoints_load_and_newer_ones_are_refused_with_their_version() {
         texts.insert("format".to_owned(), "gdg-tui checkpoint 1".to_owned());
         texts.remove("history").unwrap();
     });
-    let trainer = train::from_bytes(&former, &Registry::builtin(), 1).unwrap_or_else(|e| panic!("{e}"));
+    let trainer =
+        train::from_bytes(&former, &Registry::builtin(), 1).unwrap_or_else(|e| panic!("{e}"));
     assert!(trainer.counters().updates == 350 && trainer.history().points().is_empty());
     let later = with_updated_checksum(&good, |texts, _| {
         texts.insert("format".to_owned(), "gdg-tui checkpoint 9".to_owned());
@@ -703,11 +856,15 @@ fn special_files_are_refused_without_blocking() {
             let began = Instant::now();
             let (status, _, errors) = outcome(isolated_command(folder.path()).args(args));
             assert_eq!(status, 2, "{args:?}: {errors}");
-            assert!(errors.contains("not a regular file") && began.elapsed() < TIMEOUT, "{args:?}: {errors}");
+            assert!(
+                errors.contains("not a regular file") && began.elapsed() < TIMEOUT,
+                "{args:?}: {errors}"
+            );
         }
     }
     std::fs::create_dir(folder.path().join("saves")).unwrap();
-    std::fs::rename(folder.path().join("fifo"), folder.path().join("saves/fifo.safetensors")).unwrap();
+    std::fs::rename(folder.path().join("fifo"), folder.path().join("saves/fifo.safetensors"))
+        .unwrap();
     let mut session = Session::start(folder.path(), &["trap"]);
     session.wait_for("training");
     session.press("L");
@@ -724,8 +881,16 @@ fn saving_keeps_private_permissions_and_links() {
     let path = checkpoint(folder.path());
     std::fs::set_permissions(&path, PermissionsExt::from_mode(0o600)).unwrap();
     symlink("small.safetensors", folder.path().join("link.safetensors")).unwrap();
-    let args =
-        ["--resume", "link.safetensors", "--max-updates", "360", "--eval-tasks", "1", "--save", "link.safetensors"];
+    let args = [
+        "--resume",
+        "link.safetensors",
+        "--max-updates",
+        "360",
+        "--eval-tasks",
+        "1",
+        "--save",
+        "link.safetensors",
+    ];
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
     assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o600);
     assert!(folder.path().join("link.safetensors").symlink_metadata().unwrap().is_symlink());
@@ -737,7 +902,11 @@ fn external_text_cannot_control_the_terminal() {
     let folder = folder();
     let evil = "evil\x1b]0;title\x07\u{9b}31m\u{202e}.txt";
     std::fs::write(folder.path().join(evil), "..x\n").unwrap();
-    std::fs::write(folder.path().join("evil.json"), "{\"tau\x1b[2J\": 1,\n \"batch\": \"\u{9b}31m\"}").unwrap();
+    std::fs::write(
+        folder.path().join("evil.json"),
+        "{\"tau\x1b[2J\": 1,\n \"batch\": \"\u{9b}31m\"}",
+    )
+    .unwrap();
     std::fs::write(folder.path().join("good\u{9b}31m.txt"), "S.G\n...\n").unwrap();
     for args in [
         &["check", evil][..],
@@ -749,12 +918,24 @@ fn external_text_cannot_control_the_terminal() {
         &["--no-ui", "--seed", "\x1b[2J"],
         &["--no-ui", "--resume", evil],
         &["check", "good\u{9b}31m.txt"],
-        &["--no-ui", "good\u{9b}31m.txt", "--max-updates", "2", "--eval-tasks", "1", "--set", "hidden=8"],
+        &[
+            "--no-ui",
+            "good\u{9b}31m.txt",
+            "--max-updates",
+            "2",
+            "--eval-tasks",
+            "1",
+            "--set",
+            "hidden=8",
+        ],
     ] {
         let (_, output, errors) = outcome(isolated_command(folder.path()).args(args));
         let acts = |c: char| c != '\n' && (c.is_control() || c == '\u{202e}');
         assert!(!output.is_empty() || !errors.is_empty());
-        assert!(!output.contains(acts) && !errors.contains(acts), "{args:?}: {output:?} {errors:?}");
+        assert!(
+            !output.contains(acts) && !errors.contains(acts),
+            "{args:?}: {output:?} {errors:?}"
+        );
     }
 }
 
@@ -762,9 +943,14 @@ fn external_text_cannot_control_the_terminal() {
 fn errors_about_huge_lines_are_short() {
     let folder = folder();
     let line = "x".repeat(50_000_000);
-    for text in [format!("{{\"{line}\": 1}}"), format!("{{\"tau\": \"{line}\"}}"), format!("{{\"tau\": {line}}}")] {
+    for text in [
+        format!("{{\"{line}\": 1}}"),
+        format!("{{\"tau\": \"{line}\"}}"),
+        format!("{{\"tau\": {line}}}"),
+    ] {
         std::fs::write(folder.path().join("long.json"), text).unwrap();
-        let (status, _, errors) = outcome(isolated_command(folder.path()).args(["--no-ui", "--config", "long.json"]));
+        let (status, _, errors) =
+            outcome(isolated_command(folder.path()).args(["--no-ui", "--config", "long.json"]));
         assert_eq!(status, 2);
         assert!(errors.len() < 5_000, "{} bytes of error", errors.len());
     }
@@ -774,15 +960,23 @@ fn errors_about_huge_lines_are_short() {
 fn a_full_standard_error_does_not_change_the_exit_status() {
     let folder = folder();
     let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-    for (args, expected) in [(&["--no-ui", "nomap"][..], 2), (&["--nonsense"], 2), (&["check", "nomap"], 2)] {
-        let status = isolated_command(folder.path()).args(args).stderr(full()).stdout(Stdio::null()).status().unwrap();
+    for (args, expected) in
+        [(&["--no-ui", "nomap"][..], 2), (&["--nonsense"], 2), (&["check", "nomap"], 2)]
+    {
+        let status = isolated_command(folder.path())
+            .args(args)
+            .stderr(full())
+            .stdout(Stdio::null())
+            .status()
+            .unwrap();
         assert_eq!(status.code(), Some(expected), "{args:?}");
     }
     let maps = isolated_command(folder.path()).arg("maps").stdout(full()).output().unwrap();
     let message = String::from_utf8_lossy(&maps.stderr);
     assert!(message.contains("standard output") && message.contains("No space left"), "{message}");
     let args = ["trap", "--max-updates", "30", "--eval-tasks", "1", "--save", "kept.safetensors"];
-    let status = headless(folder.path(), &args).stdout(full()).stderr(Stdio::null()).status().unwrap();
+    let status =
+        headless(folder.path(), &args).stdout(full()).stderr(Stdio::null()).status().unwrap();
     assert_eq!(status.code(), Some(1), "records could not be written");
     assert!(folder.path().join("kept.safetensors").is_file(), "but the run is kept");
     assert!(!folder.path().join("saves").exists(), "once");

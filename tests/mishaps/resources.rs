@@ -11,7 +11,10 @@ const SHORT: [&str; 5] = ["trap", "--max-updates", "5", "--eval-tasks", "1"];
 /// Returns `command` as a shell runs it after `first`.
 fn after(first: &str, command: &Command) -> Command {
     let mut shell = Command::new("sh");
-    shell.args(["-c", &format!("{first}; exec \"$0\" \"$@\"")]).arg(command.get_program()).args(command.get_args());
+    shell
+        .args(["-c", &format!("{first}; exec \"$0\" \"$@\"")])
+        .arg(command.get_program())
+        .args(command.get_args());
     shell.current_dir(command.get_current_dir().unwrap());
     shell.envs(command.get_envs().map(|(name, value)| (name, value.unwrap())));
     shell
@@ -20,14 +23,20 @@ fn after(first: &str, command: &Command) -> Command {
 #[test]
 fn the_program_trains_without_proc() {
     let folder = folder();
-    let allowed = Command::new("unshare").args(["-r", "-m", "mount", "-t", "tmpfs", "none", "/proc"]).output();
+    let allowed = Command::new("unshare")
+        .args(["-r", "-m", "mount", "-t", "tmpfs", "none", "/proc"])
+        .output();
     if !allowed.is_ok_and(|output| output.status.success()) {
         eprintln!("skipped: this system lets nobody hide /proc");
         return;
     }
     let training = after("mount -t tmpfs none /proc", &headless(folder.path(), &SHORT));
     let mut hidden = Command::new("unshare");
-    hidden.args(["-r", "-m"]).arg(training.get_program()).args(training.get_args()).current_dir(folder.path());
+    hidden
+        .args(["-r", "-m"])
+        .arg(training.get_program())
+        .args(training.get_args())
+        .current_dir(folder.path());
     hidden.envs(training.get_envs().map(|(name, value)| (name, value.unwrap())));
     let (status, output, errors) = outcome(&mut hidden);
     assert_eq!((status, errors.as_str()), (0, ""));
@@ -40,19 +49,29 @@ fn few_open_files_are_an_error_or_enough() {
     let mut ends = std::collections::BTreeSet::new();
     // With fewer than 4, the system itself cannot start a program.
     for files in 4..=16 {
-        let args = [&SHORT[..], &["--save", "a.safetensors", "--csv", "a.csv", "--overwrite"]].concat();
-        let (status, _, errors) = outcome(&mut after(&format!("ulimit -n {files}"), &headless(folder.path(), &args)));
+        let args =
+            [&SHORT[..], &["--save", "a.safetensors", "--csv", "a.csv", "--overwrite"]].concat();
+        let (status, _, errors) =
+            outcome(&mut after(&format!("ulimit -n {files}"), &headless(folder.path(), &args)));
         assert!(!errors.contains("internal error"), "{files}: {errors}");
-        assert!(status == 0 || errors.contains("Too many open files"), "{files}: {status}, {errors}");
+        assert!(
+            status == 0 || errors.contains("Too many open files"),
+            "{files}: {status}, {errors}"
+        );
         ends.insert(status);
     }
     assert!(ends.contains(&0) && ends.len() > 1, "{ends:?}");
     for files in [8, 10, 14, 16, 20] {
-        let mut session = Session::start_with_limit(folder.path(), &["trap"], &format!("-n {files}"));
+        let mut session =
+            Session::start_with_limit(folder.path(), &["trap"], &format!("-n {files}"));
         assert_ne!(session.status(), 101, "{files}");
         let began = std::time::Instant::now();
         while !session.screen_text().contains("open files") {
-            assert!(began.elapsed() < Duration::from_secs(20), "{files}:\n{}", session.screen_text());
+            assert!(
+                began.elapsed() < Duration::from_secs(20),
+                "{files}:\n{}",
+                session.screen_text()
+            );
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -68,7 +87,8 @@ fn settings_with_which_training_would_never_begin_are_refused() {
         ("episode_steps=4294967295", "from 1 to 60000"),
     ] {
         let mut command = isolated_command(folder.path());
-        let (status, _, errors) = outcome(command.args(["--no-ui", "trap", "--max-updates", "1", "--set", setting]));
+        let (status, _, errors) =
+            outcome(command.args(["--no-ui", "trap", "--max-updates", "1", "--set", setting]));
         assert!(status == 2 && errors.contains(range), "{setting}: {status}, {errors}");
     }
 }
@@ -80,8 +100,11 @@ fn maps_too_long_for_positions_in_single_precision_are_refused() {
     for (width, height) in [(1 << 15, 1), (1, 1 << 15)] {
         let name = format!("{width}.map");
         let rows = format!("{}\n", ".".repeat(width)).repeat(height);
-        std::fs::write(folder.path().join(&name), format!("type octile\nheight {height}\nwidth {width}\nmap\n{rows}"))
-            .unwrap();
+        std::fs::write(
+            folder.path().join(&name),
+            format!("type octile\nheight {height}\nwidth {width}\nmap\n{rows}"),
+        )
+        .unwrap();
         let (status, output, errors) = check(&name);
         assert!(status == 0 && output.contains("32767 steps"), "{output}{errors}");
     }
@@ -90,6 +113,9 @@ fn maps_too_long_for_positions_in_single_precision_are_refused() {
     std::fs::write(folder.path().join("long.txt"), ".\n".repeat(32_769)).unwrap();
     for file in ["long.map", "long.txt"] {
         let (status, _, errors) = check(file);
-        assert!(status == 2 && errors.contains("too large") && errors.contains("32768"), "{errors}");
+        assert!(
+            status == 2 && errors.contains("too large") && errors.contains("32768"),
+            "{errors}"
+        );
     }
 }

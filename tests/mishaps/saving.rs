@@ -30,8 +30,8 @@ mod lacking {
 
     use nix::libc;
     use seccompiler::{
-        BpfProgram, SeccompAction, SeccompCmpArgLen, SeccompCmpOp, SeccompCondition, SeccompFilter, SeccompRule,
-        TargetArch, apply_filter,
+        BpfProgram, SeccompAction, SeccompCmpArgLen, SeccompCmpOp, SeccompCondition, SeccompFilter,
+        SeccompRule, TargetArch, apply_filter,
     };
 
     use super::*;
@@ -40,7 +40,8 @@ mod lacking {
     type Refused<'a> = (&'a [i64], i32);
 
     const LINKS: &[i64] = &[libc::SYS_link, libc::SYS_linkat];
-    const MODES: &[i64] = &[libc::SYS_chmod, libc::SYS_fchmod, libc::SYS_fchmodat, libc::SYS_fchown];
+    const MODES: &[i64] =
+        &[libc::SYS_chmod, libc::SYS_fchmod, libc::SYS_fchmodat, libc::SYS_fchown];
     const SYNC: &[i64] = &[libc::SYS_fsync, libc::SYS_fdatasync];
     const LOCKS: &[i64] = &[libc::SYS_flock];
     const RENAMES: &[i64] = &[libc::SYS_rename, libc::SYS_renameat];
@@ -50,14 +51,17 @@ mod lacking {
     /// Runs `work` where system calls fail, for it and for the programs that it starts.
     fn without<T: Send>(refused: &[Refused], work: impl FnOnce() -> T + Send) -> T {
         let refuse = |(calls, error): &Refused| {
-            let has_flags = SeccompCondition::new(4, SeccompCmpArgLen::Dword, SeccompCmpOp::Ne, 0).unwrap();
+            let has_flags =
+                SeccompCondition::new(4, SeccompCmpArgLen::Dword, SeccompCmpOp::Ne, 0).unwrap();
             let rules = |call: i64| match call {
                 libc::SYS_renameat2 => vec![SeccompRule::new(vec![has_flags.clone()]).unwrap()],
                 _ => Vec::new(),
             };
-            let rules: BTreeMap<i64, Vec<SeccompRule>> = calls.iter().map(|call| (*call, rules(*call))).collect();
+            let rules: BTreeMap<i64, Vec<SeccompRule>> =
+                calls.iter().map(|call| (*call, rules(*call))).collect();
             let fails = SeccompAction::Errno(*error as u32);
-            let filter = SeccompFilter::new(rules, SeccompAction::Allow, fails, TargetArch::x86_64).unwrap();
+            let filter =
+                SeccompFilter::new(rules, SeccompAction::Allow, fails, TargetArch::x86_64).unwrap();
             let program: BpfProgram = filter.try_into().unwrap();
             apply_filter(&program).unwrap();
         };
@@ -97,10 +101,12 @@ mod lacking {
                     // Not what a new file has.
                     std::fs::set_permissions(&path, PermissionsExt::from_mode(0o666)).unwrap();
                 }
-                let mut command = headless(folder.path(), &[args, &SHORT[..5], &[updates]].concat());
+                let mut command =
+                    headless(folder.path(), &[args, &SHORT[..5], &[updates]].concat());
                 let (status, output, errors) = without(refused, || outcome(&mut command));
                 assert_eq!((status, errors.as_str()), (0, ""), "{case}");
-                let saved = events(&output).iter().filter(|event| event["event"] == "saved").count();
+                let saved =
+                    events(&output).iter().filter(|event| event["event"] == "saved").count();
                 assert!(saved > 1, "{case}: {output}");
                 assert_eq!(assert_loads(&path), updates.parse::<u64>().unwrap(), "{case}");
                 assert_eq!(names(folder.path()), ["x.safetensors"], "{case}");
@@ -112,7 +118,10 @@ mod lacking {
     fn a_file_system_that_loses_what_is_written_is_refused_before_training() {
         for error in [libc::EIO, libc::EDQUOT] {
             let folder = folder();
-            let mut command = headless(folder.path(), &[&["trap", "--save", "x.safetensors"][..], &SHORT].concat());
+            let mut command = headless(
+                folder.path(),
+                &[&["trap", "--save", "x.safetensors"][..], &SHORT].concat(),
+            );
             let (status, output, errors) = without(&[(SYNC, error)], || outcome(&mut command));
             assert_eq!((status, output.as_str()), (2, ""), "{errors}");
             assert!(flat(&errors).contains("a checkpoint cannot be saved here"), "{errors}");
@@ -123,7 +132,10 @@ mod lacking {
     #[test]
     fn a_file_system_that_cannot_rename_is_refused_before_training() {
         let folder = folder();
-        let mut command = headless(folder.path(), &[&["trap", "--save", "new/x.safetensors"][..], &SHORT].concat());
+        let mut command = headless(
+            folder.path(),
+            &[&["trap", "--save", "new/x.safetensors"][..], &SHORT].concat(),
+        );
         let refused = [(RENAMES, libc::EPERM), (NO_REPLACE, libc::EPERM)];
         let (status, output, errors) = without(&refused, || outcome(&mut command));
         assert_eq!((status, output.as_str()), (2, ""), "{errors}");
@@ -133,7 +145,12 @@ mod lacking {
     #[test]
     fn experiments_need_neither_links_nor_permissions() {
         let folder = folder();
-        let refused = [(LINKS, libc::EPERM), (NO_REPLACE, libc::EINVAL), (MODES, libc::EPERM), (LOCKS, libc::ENOSYS)];
+        let refused = [
+            (LINKS, libc::EPERM),
+            (NO_REPLACE, libc::EINVAL),
+            (MODES, libc::EPERM),
+            (LOCKS, libc::ENOSYS),
+        ];
         let (status, _, errors) = without(&refused, || outcome(&mut suite(folder.path(), "30")));
         assert_eq!(status, 0, "{errors}");
         assert_eq!(names(&folder.path().join("out/jobs")).len(), 1);
@@ -174,14 +191,19 @@ mod lacking {
 /// Returns a command for a suite of one small job.
 fn suite(folder: &Path, budget: &str) -> Command {
     std::fs::create_dir_all(folder.join("maps")).unwrap();
-    std::fs::write(folder.join("maps/open.map"), "type octile\nheight 2\nwidth 6\nmap\n......\n......\n").unwrap();
+    std::fs::write(
+        folder.join("maps/open.map"),
+        "type octile\nheight 2\nwidth 6\nmap\n......\n......\n",
+    )
+    .unwrap();
     let mut command = isolated_command(folder);
     command.args(["suite", "maps", "--out", "out", "--budget", budget, "--eval-tasks", "1"]);
     command.args(["--set", "hidden=16", "--set", "buffer_size=20000", "--set", "candidates=50"]);
     command
 }
 
-/// Starts a run in the interface that autosaves all the time; returns its folder and its first autosave.
+/// Starts a run in the interface that autosaves all the time; returns its folder and its first
+/// autosave.
 fn autosaving() -> (tempfile::TempDir, Session, PathBuf) {
     let folder = folder();
     std::fs::create_dir(folder.path().join("gdg-tui")).unwrap();
@@ -193,7 +215,8 @@ fn autosaving() -> (tempfile::TempDir, Session, PathBuf) {
     (folder, session, autosave)
 }
 
-/// Checks that a file stays as it is when the run's autosaves beside it are removed: in turn, and when it is saved.
+/// Checks that a file stays as it is when the run's autosaves beside it are removed: in turn, and
+/// when it is saved.
 fn outlives_the_run_that_made_it(file: &Path, folder: &Path, session: &mut Session) {
     let before = std::fs::read(file).unwrap();
     let updates = |path: &PathBuf| train::describe(path).map_or(0, |found| found.updates);
@@ -210,7 +233,10 @@ fn outlives_the_run_that_made_it(file: &Path, folder: &Path, session: &mut Sessi
     assert_eq!(session.status(), 0);
     assert_eq!(std::fs::read(file).unwrap(), before);
     let left = checkpoints(folder);
-    assert!(left.len() == 2 && left.contains(&file.to_owned()), "its own and the other's: {left:?}");
+    assert!(
+        left.len() == 2 && left.contains(&file.to_owned()),
+        "its own and the other's: {left:?}"
+    );
 }
 
 #[test]
@@ -231,7 +257,8 @@ fn an_autosave_of_a_living_run_is_resumed_under_another_name() {
 fn a_file_that_another_program_is_replacing_is_left_to_it() {
     let folder = folder();
     let path = checkpoint(folder.path());
-    let args = ["--resume", "small.safetensors", "--save", "small.safetensors", "--eval-tasks", "1"];
+    let args =
+        ["--resume", "small.safetensors", "--save", "small.safetensors", "--eval-tasks", "1"];
     let mut command = headless(folder.path(), &[&args[..], &["--max-updates", "360"]].concat());
     let (status, output, errors) = files::while_locked(&path, || outcome(&mut command)).unwrap();
     assert_eq!(status, 0, "{errors}");
@@ -246,19 +273,36 @@ fn programs_that_resume_one_file_lose_nothing() {
     let path = checkpoint(folder.path());
     for round in 0..6 {
         let updates = (400 + round).to_string();
-        let args = ["--resume", "small.safetensors", "--save", "small.safetensors", "--eval-tasks", "1"];
-        let args = [&args[..], &["--save-every", "0.00001", "--threads", "1", "--max-updates", &updates]].concat();
-        let start = |_| headless(folder.path(), &args).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let args =
+            ["--resume", "small.safetensors", "--save", "small.safetensors", "--eval-tasks", "1"];
+        let args =
+            [&args[..], &["--save-every", "0.00001", "--threads", "1", "--max-updates", &updates]]
+                .concat();
+        let start = |_| {
+            headless(folder.path(), &args)
+                .stdout(Stdio::piped())
+                .stderr(Stdio::null())
+                .spawn()
+                .unwrap()
+        };
         let both = [0, 1].map(start).map(|child| child.wait_with_output().unwrap());
         let saved = both.map(|output| {
             assert!(output.status.success());
             let events = events(&String::from_utf8(output.stdout).unwrap());
-            events.into_iter().rfind(|event| event["event"] == "saved").unwrap()["path"].as_str().unwrap().to_owned()
+            events.into_iter().rfind(|event| event["event"] == "saved").unwrap()["path"]
+                .as_str()
+                .unwrap()
+                .to_owned()
         });
         assert_ne!(saved[0], saved[1], "the last save of each stays");
-        assert!(saved.iter().all(|name| assert_loads(&folder.path().join(name)) == 400 + round), "{saved:?}");
+        assert!(
+            saved.iter().all(|name| assert_loads(&folder.path().join(name)) == 400 + round),
+            "{saved:?}"
+        );
         assert!(saved.contains(&"small.safetensors".to_owned()), "{saved:?}");
-        assert!(path.is_file() && !names(folder.path()).iter().any(|name| name.starts_with(".gdg-")));
+        assert!(
+            path.is_file() && !names(folder.path()).iter().any(|name| name.starts_with(".gdg-"))
+        );
     }
 }
 
@@ -279,17 +323,25 @@ fn names_of_any_length_work_for_every_save_or_are_refused_before_training() {
     let folder = folder();
     for bytes in [231, 243, 255] {
         let name = "x".repeat(bytes - 12) + ".safetensors";
-        let (status, output, errors) =
-            outcome(&mut headless(folder.path(), &[&["trap", "--save", &name], &SHORT[..]].concat()));
+        let (status, output, errors) = outcome(&mut headless(
+            folder.path(),
+            &[&["trap", "--save", &name], &SHORT[..]].concat(),
+        ));
         assert_eq!((status, errors.as_str()), (0, ""), "{bytes}");
-        assert!(events(&output).iter().filter(|event| event["event"] == "saved").count() > 1, "{output}");
+        assert!(
+            events(&output).iter().filter(|event| event["event"] == "saved").count() > 1,
+            "{output}"
+        );
         assert_eq!(names(folder.path()), [name.as_str()], "{bytes}");
         // Another run's, and what is made from it.
-        let (status, _, errors) =
-            outcome(&mut headless(folder.path(), &[&["trap", "--save", &name], &SHORT[..]].concat()));
+        let (status, _, errors) = outcome(&mut headless(
+            folder.path(),
+            &[&["trap", "--save", &name], &SHORT[..]].concat(),
+        ));
         assert!(status == 0 && flat(&errors).contains("belongs to another run"), "{errors}");
         for command in ["export-policy", "film"] {
-            let (status, output, errors) = outcome(isolated_command(folder.path()).args([command, &name]));
+            let (status, output, errors) =
+                outcome(isolated_command(folder.path()).args([command, &name]));
             assert_eq!(status, 0, "{errors}");
             assert!(folder.path().join(output.trim_end()).is_file());
         }
@@ -298,7 +350,8 @@ fn names_of_any_length_work_for_every_save_or_are_refused_before_training() {
         made.iter().for_each(|name| std::fs::remove_file(folder.path().join(name)).unwrap());
     }
     let name = "x".repeat(256);
-    let (status, output, errors) = outcome(&mut headless(folder.path(), &["trap", "--save", &name]));
+    let (status, output, errors) =
+        outcome(&mut headless(folder.path(), &["trap", "--save", &name]));
     assert_eq!((status, output.as_str()), (2, ""));
     assert!(flat(&errors).contains("its name has 256 bytes"), "{errors}");
 }
@@ -314,14 +367,21 @@ fn a_map_with_a_long_name_is_saved_by_interface_autosave_and_hangup() {
     let found = |folder: &Path| checkpoints(folder);
     session.wait(|_| found(folder.path()).iter().any(|path| train::describe(path).is_ok()));
     session.press("s");
-    session.wait(|_| found(folder.path()).iter().any(|path| !path.to_string_lossy().contains("-auto-")));
+    session.wait(|_| {
+        found(folder.path()).iter().any(|path| !path.to_string_lossy().contains("-auto-"))
+    });
     session.press("q");
     session.wait_for_end_or("quit");
     session.press("\r");
     assert_eq!(session.status(), 0);
     let saved = found(folder.path());
     let name = saved[0].file_name().unwrap().to_str().unwrap();
-    assert!(saved.len() == 1 && name.starts_with('迷') && name.ends_with("-gdg-bridge-seed0.safetensors"), "{saved:?}");
+    assert!(
+        saved.len() == 1
+            && name.starts_with('迷')
+            && name.ends_with("-gdg-bridge-seed0.safetensors"),
+        "{saved:?}"
+    );
     assert!(assert_loads(&saved[0]) > 0);
     std::fs::remove_dir_all(folder.path().join("saves")).unwrap();
     std::fs::remove_dir_all(folder.path().join("gdg-tui")).unwrap();
@@ -352,7 +412,10 @@ fn what_is_in_the_way_of_an_experiments_files_is_refused() {
     let (status, _, errors) = outcome(suite(folder.path(), "30").arg("--keep"));
     assert_eq!(status, 0, "{errors}");
     let jobs = folder.path().join("out/jobs");
-    let job = names(&jobs).into_iter().find_map(|name| name.strip_suffix(".json").map(str::to_owned)).unwrap();
+    let job = names(&jobs)
+        .into_iter()
+        .find_map(|name| name.strip_suffix(".json").map(str::to_owned))
+        .unwrap();
     std::fs::remove_file(jobs.join(format!("{job}.json"))).unwrap();
     let mine = folder.path().join("mine");
     let refused = |path: PathBuf, why: &str| {
@@ -379,7 +442,10 @@ fn what_is_in_the_way_of_an_experiments_files_is_refused() {
     refused(checkpoint.clone(), "is not a checkpoint of gdg-tui and is not replaced");
     std::fs::write(&checkpoint, "mine").unwrap();
     let (status, _, errors) = outcome(&mut suite(folder.path(), "30"));
-    assert!(status == 1 && flat(&errors).contains("is not a checkpoint of gdg-tui and is not replaced"), "{errors}");
+    assert!(
+        status == 1 && flat(&errors).contains("is not a checkpoint of gdg-tui and is not replaced"),
+        "{errors}"
+    );
     assert_eq!(std::fs::read_to_string(&checkpoint).unwrap(), "mine");
 }
 
@@ -387,7 +453,8 @@ fn what_is_in_the_way_of_an_experiments_files_is_refused() {
 fn begun(command: &mut Command) -> (Child, String) {
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    let begins = lines.find_map(|line| line.unwrap().split_once(": begins").map(|(name, _)| name.to_owned()));
+    let begins = lines
+        .find_map(|line| line.unwrap().split_once(": begins").map(|(name, _)| name.to_owned()));
     // Read to the end: a program whose standard error is closed could not write to it.
     std::thread::spawn(move || lines.count());
     (child, begins.unwrap())
@@ -416,9 +483,14 @@ fn a_job_that_cannot_be_saved_to_its_folder_is_saved_elsewhere_and_found_again()
     let updates = assert_loads(&kept);
     std::fs::remove_file(&jobs).unwrap();
     std::fs::rename(&moved, &jobs).unwrap();
-    let mut again = suite(folder.path(), "200000").stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+    let mut again = suite(folder.path(), "200000")
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
     let mut lines = BufReader::new(again.stderr.take().unwrap()).lines();
-    let resumes = lines.find_map(|line| line.ok().filter(|line| line.contains(": resumes after"))).unwrap();
+    let resumes =
+        lines.find_map(|line| line.ok().filter(|line| line.contains(": resumes after"))).unwrap();
     assert!(resumes.contains(&format!("resumes after {updates} of")), "{resumes}");
     kill(again.id(), "TERM");
     again.wait().unwrap();

@@ -7,8 +7,12 @@ use super::*;
 
 /// Sends signals one right after the other, by a single shell.
 fn kill_at_once(process: u32, signals: &[&str]) {
-    let kills: Vec<String> = signals.iter().map(|signal| format!("kill -{signal} {process}")).collect();
-    assert!(Command::new("sh").args(["-c", &kills.join("; ")]).status().unwrap().success(), "{signals:?}");
+    let kills: Vec<String> =
+        signals.iter().map(|signal| format!("kill -{signal} {process}")).collect();
+    assert!(
+        Command::new("sh").args(["-c", &kills.join("; ")]).status().unwrap().success(),
+        "{signals:?}"
+    );
 }
 
 /// Waits until `is` holds.
@@ -50,8 +54,24 @@ fn full_pipe() -> (PipeReader, File) {
 /// Starts a suite of one job in `folder`, whose checkpoint is saved on a signal.
 fn suite(folder: &Path, errors: Stdio) -> Child {
     let mut command = isolated_command(folder);
-    command.args(["suite", "trap", "--budget", "10000000", "--out", "results", "--set", "hidden=16"]);
-    command.args(["--set", "candidates=50", "--set", "buffer_size=20000", "--set", "learning_starts=200"]);
+    command.args([
+        "suite",
+        "trap",
+        "--budget",
+        "10000000",
+        "--out",
+        "results",
+        "--set",
+        "hidden=16",
+    ]);
+    command.args([
+        "--set",
+        "candidates=50",
+        "--set",
+        "buffer_size=20000",
+        "--set",
+        "learning_starts=200",
+    ]);
     let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors).spawn().unwrap();
     // The log is written once signals are heard and the job runs.
     wait_until("the job does not begin", || folder.join("results/jobs").is_dir());
@@ -63,10 +83,14 @@ fn every_signal_that_would_end_the_program_saves_the_run() {
     let batch_systems = ["USR1", "USR2", "XCPU"];
     let clocks = ["ALRM", "VTALRM", "PROF"];
     // SIGPWR, SIGIO, SIGSTKFLT and two real-time signals.
-    let of_linux = if cfg!(target_os = "linux") { &["30", "29", "16", "34", "64"][..] } else { &[] };
+    let of_linux =
+        if cfg!(target_os = "linux") { &["30", "29", "16", "34", "64"][..] } else { &[] };
     for signal in batch_systems.iter().chain(&clocks).chain(of_linux) {
         let folder = folder();
-        let mut run = RunningProgram::start(&mut headless(folder.path(), &["trap", "--save", "kept.safetensors"]));
+        let mut run = RunningProgram::start(&mut headless(
+            folder.path(),
+            &["trap", "--save", "kept.safetensors"],
+        ));
         run.wait_for("progress");
         let (status, _) = run.end_with_signal(signal);
         assert!((129..=192).contains(&status), "{signal}: {status}");
@@ -76,10 +100,12 @@ fn every_signal_that_would_end_the_program_saves_the_run() {
 
 #[test]
 fn a_limit_of_cpu_time_saves_the_run() {
-    // The signal comes again and again, after every second of both threads; or not at all, unless asked for.
+    // The signal comes again and again, after every second of both threads; or not at all, unless
+    // asked for.
     for limits in ["ulimit -S -t 2; ulimit -H -t 60", "ulimit -t 8"] {
         let folder = folder();
-        let program = headless(folder.path(), &["trap", "--save", "kept.safetensors", "--threads", "2"]);
+        let program =
+            headless(folder.path(), &["trap", "--save", "kept.safetensors", "--threads", "2"]);
         let mut shell = Command::new("sh");
         shell.args(["-c", &format!("{limits}; exec \"$0\" \"$@\"")]);
         shell.arg(program.get_program()).args(program.get_args()).current_dir(folder.path());
@@ -94,8 +120,13 @@ fn sigquit_ends_the_program_at_once() {
     let folder = folder();
     let program = headless(folder.path(), &["trap", "--save", "kept.safetensors"]);
     let mut shell = Command::new("sh");
-    shell.args(["-c", "ulimit -c 0; exec \"$0\" \"$@\""]).arg(program.get_program()).args(program.get_args());
-    shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?)))).current_dir(folder.path());
+    shell
+        .args(["-c", "ulimit -c 0; exec \"$0\" \"$@\""])
+        .arg(program.get_program())
+        .args(program.get_args());
+    shell
+        .envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))))
+        .current_dir(folder.path());
     let mut run = RunningProgram::start(&mut shell);
     run.wait_for("progress");
     assert_eq!(run.end_with_signal("QUIT").0, -1);
@@ -104,10 +135,15 @@ fn sigquit_ends_the_program_at_once() {
 
 #[test]
 fn signals_that_come_together_are_one() {
-    for signals in [&["TERM", "HUP"][..], &["INT", "TERM"], &["HUP", "TERM", "CONT"], &["TERM", "USR1", "INT"]] {
+    for signals in
+        [&["TERM", "HUP"][..], &["INT", "TERM"], &["HUP", "TERM", "CONT"], &["TERM", "USR1", "INT"]]
+    {
         let folder = folder();
         let kept = folder.path().join("kept.safetensors");
-        let mut run = RunningProgram::start(&mut headless(folder.path(), &["trap", "--save", "kept.safetensors"]));
+        let mut run = RunningProgram::start(&mut headless(
+            folder.path(),
+            &["trap", "--save", "kept.safetensors"],
+        ));
         run.wait_for("progress");
         kill_at_once(run.child.id(), signals);
         run.out.read_to_string(&mut String::new()).unwrap();
@@ -133,7 +169,8 @@ fn a_signal_that_comes_during_slow_saving_ends_it_only_if_it_is_the_same_again()
     let start = || {
         let folder = folder();
         let args = ["trap", "--save", "kept.safetensors"];
-        let mut run = RunningProgram::start(headless(folder.path(), &args).env(FAULTS, "save=delay:9000@1"));
+        let mut run =
+            RunningProgram::start(headless(folder.path(), &args).env(FAULTS, "save=delay:9000@1"));
         run.wait_for("start");
         kill(run.child.id(), "TERM");
         std::thread::sleep(Duration::from_millis(400));
@@ -158,8 +195,12 @@ fn records_that_nobody_reads_delay_neither_checkpoints_nor_signals() {
         let kept = folder.path().join("kept.safetensors");
         let (_reader, pipe) = full_pipe();
         // A checkpoint every 60 ms.
-        let mut command = headless(folder.path(), &["trap", "--save", "kept.safetensors", "--save-every", "0.001"]);
-        let child = command.stdin(Stdio::null()).stdout(pipe).stderr(Stdio::null()).spawn().unwrap();
+        let mut command = headless(
+            folder.path(),
+            &["trap", "--save", "kept.safetensors", "--save-every", "0.001"],
+        );
+        let child =
+            command.stdin(Stdio::null()).stdout(pipe).stderr(Stdio::null()).spawn().unwrap();
         wait_until("no checkpoint", || kept.is_file());
         kill(child.id(), signal);
         let (ended, took) = end_of(child);
@@ -177,10 +218,20 @@ fn errors_that_nobody_reads_delay_neither_training_nor_signals() {
         let (_reader, pipe) = full_pipe();
         let mut command = isolated_command(folder.path());
         // Without --no-ui, the first line says on standard error why there is no interface.
-        command.args(["trap", "--save", "kept.safetensors", "--set", "hidden=16", "--set", "buffer_size=20000"]);
+        command.args([
+            "trap",
+            "--save",
+            "kept.safetensors",
+            "--set",
+            "hidden=16",
+            "--set",
+            "buffer_size=20000",
+        ]);
         let out = File::create(&records).unwrap();
         let child = command.stdin(Stdio::null()).stdout(out).stderr(pipe).spawn().unwrap();
-        wait_until("no records", || std::fs::read_to_string(&records).unwrap().contains("progress"));
+        wait_until("no records", || {
+            std::fs::read_to_string(&records).unwrap().contains("progress")
+        });
         kill(child.id(), signal);
         let (ended, took) = end_of(child);
         assert!(ended == status && took < TIMEOUT, "{signal}: {ended} after {took:?}");
@@ -217,8 +268,19 @@ fn a_reader_that_comes_late_gets_all_records_in_order() {
         .iter()
         .map(|event| format!("{} {}", event["event"].as_str().unwrap(), event["updates"]))
         .collect();
-    let expected = ["start 0", "progress 1000", "progress 2000", "progress 3000", "saved 3000", "evaluation 3000"];
-    assert!(names.iter().take(6).map(String::as_str).eq(expected) && names.last().unwrap() == "end 3000", "{names:?}");
+    let expected = [
+        "start 0",
+        "progress 1000",
+        "progress 2000",
+        "progress 3000",
+        "saved 3000",
+        "evaluation 3000",
+    ];
+    assert!(
+        names.iter().take(6).map(String::as_str).eq(expected)
+            && names.last().unwrap() == "end 3000",
+        "{names:?}"
+    );
     assert_eq!(end_of(child).0, 0);
 }
 
@@ -255,16 +317,22 @@ fn a_program_that_takes_long_to_end_says_what_it_waits_for() {
 fn a_long_update_is_left_unfinished_on_a_signal_and_the_run_goes_on_as_if_it_had_not_begun() {
     let limits = ["--threads", "2", "--max-updates", "2", "--eval-tasks", "1", "--save"];
     let folder = folder();
-    let start =
-        |save: &str| headless(folder.path(), &[&["trap", "--log-level", "debug"], &limits[..], &[save]].concat());
+    let start = |save: &str| {
+        headless(folder.path(), &[&["trap", "--log-level", "debug"], &limits[..], &[save]].concat())
+    };
     assert_eq!(outcome(&mut start("whole.safetensors")).0, 0);
     let log = folder.path().join("home/gdg-tui/log");
     std::fs::remove_dir_all(&log).unwrap();
     // The first part of the first update takes long.
-    let mut run = RunningProgram::start(start("parts.safetensors").env(FAULTS, "helper=delay:10000@1"));
+    let mut run =
+        RunningProgram::start(start("parts.safetensors").env(FAULTS, "helper=delay:10000@1"));
     run.wait_for("start");
-    let has_begun = |file: std::fs::DirEntry| std::fs::read_to_string(file.path()).unwrap().contains("update 1 begins");
-    wait_until("no update", || std::fs::read_dir(&log).unwrap().any(|file| has_begun(file.unwrap())));
+    let has_begun = |file: std::fs::DirEntry| {
+        std::fs::read_to_string(file.path()).unwrap().contains("update 1 begins")
+    };
+    wait_until("no update", || {
+        std::fs::read_dir(&log).unwrap().any(|file| has_begun(file.unwrap()))
+    });
     let (status, took) = run.end_with_signal("TERM");
     assert!(status == 143 && took > Duration::from_secs(1), "{status} after {took:?}");
     let parts = folder.path().join("parts.safetensors");
@@ -272,7 +340,8 @@ fn a_long_update_is_left_unfinished_on_a_signal_and_the_run_goes_on_as_if_it_had
     let args = [&["--resume", "parts.safetensors"], &limits[..], &["parts.safetensors"]].concat();
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
     let state = |path: &Path| {
-        let loaded = train::load(path, &Registry::builtin(), 1).unwrap_or_else(|e| panic!("{e}")).trainer;
+        let loaded =
+            train::load(path, &Registry::builtin(), 1).unwrap_or_else(|e| panic!("{e}")).trainer;
         let mut networks = gdg::store::Store::default();
         loaded.learner().save(&mut networks).unwrap();
         (networks, loaded.counters())
@@ -297,10 +366,20 @@ fn updates_that_are_lost_without_a_file_to_save_to_are_said() {
         (run.child.wait().unwrap().code(), text)
     };
     let resumed = ["--resume", "small.safetensors", "--max-updates", "360", "--eval-tasks", "1"];
-    assert_eq!(end(&resumed, false), (Some(0), "not saved: 10 updates; give --save FILE to keep them\n".to_owned()));
+    assert_eq!(
+        end(&resumed, false),
+        (Some(0), "not saved: 10 updates; give --save FILE to keep them\n".to_owned())
+    );
     let (status, errors) = end(&["trap"], true);
-    assert!(status == Some(143) && errors.starts_with("not saved: ") && errors.contains("--save"), "{errors}");
+    assert!(
+        status == Some(143) && errors.starts_with("not saved: ") && errors.contains("--save"),
+        "{errors}"
+    );
     let saved = [&resumed[..], &["--save", "small.safetensors"]].concat();
     assert_eq!(end(&saved, false), (Some(0), String::new()));
-    assert_eq!(end(&["trap", "--max-updates", "20", "--eval-tasks", "1"], false), (Some(0), String::new()), "meant");
+    assert_eq!(
+        end(&["trap", "--max-updates", "20", "--eval-tasks", "1"], false),
+        (Some(0), String::new()),
+        "meant"
+    );
 }

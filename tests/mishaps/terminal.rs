@@ -21,7 +21,12 @@ fn quit(mut session: Session) {
 fn replies_of_the_terminal_are_not_taken_for_keys() {
     let folder = folder();
     let mut session = training(folder.path(), &["trap"]);
-    let replies = ["\x1b]11;rgb:1e1e/1e1e/2e2e\x1b\\", "\x1bP>|tmux 3.4 :\x1b\\", "\x1b[>1;10;0c", "\x1b[?2026;1$y"];
+    let replies = [
+        "\x1b]11;rgb:1e1e/1e1e/2e2e\x1b\\",
+        "\x1bP>|tmux 3.4 :\x1b\\",
+        "\x1b[>1;10;0c",
+        "\x1b[?2026;1$y",
+    ];
     for reply in replies {
         session.press(reply);
         // Cut anywhere, by pauses longer than a key takes.
@@ -30,7 +35,8 @@ fn replies_of_the_terminal_are_not_taken_for_keys() {
             std::thread::sleep(Duration::from_millis(60));
         }
     }
-    // The first key that is one: before it, others would have paused, opened the palette, or said that they do nothing.
+    // The first key that is one: before it, others would have paused, opened the palette, or said
+    // that they do nothing.
     session.press(" ");
     session.wait_for("paused");
     assert_eq!(session.count(b"find an action") + session.count(b"does nothing"), 0);
@@ -116,7 +122,11 @@ fn the_program_does_not_stop_where_nobody_would_resume_it() {
 #[test]
 fn within_a_script_the_shell_is_back_at_once() {
     let folder = folder();
-    std::fs::write(folder.path().join("train.sh"), "\"$PROGRAM\" trap --set hidden=16\necho af''ter\n").unwrap();
+    std::fs::write(
+        folder.path().join("train.sh"),
+        "\"$PROGRAM\" trap --set hidden=16\necho af''ter\n",
+    )
+    .unwrap();
     let mut session = Session::start_shell(folder.path());
     session.press("sh train.sh\r");
     session.wait_for("training");
@@ -141,14 +151,17 @@ const CLOSED: &[u8] = b"\x1b[?1049l";
 
 /// Returns a process's state as `ps` shows it; empty if there is none.
 fn state_of(id: u32) -> String {
-    let shown = Command::new("ps").args(["-o", "stat=", "-p", &id.to_string()]).output().unwrap().stdout;
+    let shown =
+        Command::new("ps").args(["-o", "stat=", "-p", &id.to_string()]).output().unwrap().stdout;
     String::from_utf8(shown).unwrap()
 }
 
 /// Trains in a shell, stopped by key or from outside; returns the shell and the program's process.
 fn stopped(folder: &Path, by_key: bool) -> (Session, u32) {
     let mut shell = Session::start_shell(folder);
-    shell.press("sh -c 'echo $$ > id; exec \"$PROGRAM\" trap --set hidden=16 --save kept.safetensors'\r");
+    shell.press(
+        "sh -c 'echo $$ > id; exec \"$PROGRAM\" trap --set hidden=16 --save kept.safetensors'\r",
+    );
     shell.wait_for("training");
     let id = std::fs::read_to_string(folder.join("id")).unwrap().trim().parse().unwrap();
     if by_key {
@@ -166,7 +179,8 @@ fn stopped(folder: &Path, by_key: bool) -> (Session, u32) {
 
 #[test]
 fn a_stopped_program_is_saved_and_ends_on_a_signal() {
-    let ways = [(true, &["TERM", "CONT"][..]), (true, &["HUP", "CONT"]), (true, &["TERM", "CONT", "HUP"])];
+    let ways =
+        [(true, &["TERM", "CONT"][..]), (true, &["HUP", "CONT"]), (true, &["TERM", "CONT", "HUP"])];
     for (by_key, signals) in ways.into_iter().chain([(false, &["TERM", "CONT"][..])]) {
         let folder = folder();
         let (shell, id) = stopped(folder.path(), by_key);
@@ -211,7 +225,10 @@ fn a_terminal_that_cannot_draw_is_sent_no_escape_sequences() {
         let mut session = Session::start_with(folder.path(), &args, &[("TERM", term)]);
         assert_eq!(session.status(), 0);
         session.wait(|session| session.count(b"\"event\":\"end\"") == 1);
-        assert_eq!(session.count(b"trains without the interface, as the terminal cannot draw it"), 1);
+        assert_eq!(
+            session.count(b"trains without the interface, as the terminal cannot draw it"),
+            1
+        );
         assert_eq!(session.count(b"\x1b"), 0, "{}", session.screen_text());
         let mut session = Session::start_with(folder.path(), &["tour"], &[("TERM", term)]);
         assert_eq!(session.status(), 2);
@@ -227,7 +244,13 @@ fn a_fifo_in_the_place_of_the_log_does_not_hold_up_the_start() {
     let now = jiff::Timestamp::now();
     for hours in [-24, 0, 24] {
         let date = (now + jiff::SignedDuration::from_hours(hours)).strftime("%F");
-        assert!(Command::new("mkfifo").arg(log.join(format!("gdg-tui.{date}.log"))).status().unwrap().success());
+        assert!(
+            Command::new("mkfifo")
+                .arg(log.join(format!("gdg-tui.{date}.log")))
+                .status()
+                .unwrap()
+                .success()
+        );
     }
     quit(training(folder.path(), &["trap"]));
 }
@@ -240,6 +263,10 @@ fn a_long_name_does_not_hide_the_phase() {
     let mut session = training(folder.path(), &[&name]);
     session.press(" ");
     session.wait_for(" paused");
-    assert!(session.screen_text().lines().next().unwrap().contains("paused"), "{}", session.screen_text());
+    assert!(
+        session.screen_text().lines().next().unwrap().contains("paused"),
+        "{}",
+        session.screen_text()
+    );
     quit(session);
 }

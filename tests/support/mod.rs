@@ -72,16 +72,32 @@ impl Session {
         Self::start_program(program, folder, args, &[])
     }
 
-    fn start_program(mut command: CommandBuilder, folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
+    fn start_program(
+        mut command: CommandBuilder,
+        folder: &Path,
+        args: &[&str],
+        variables: &[(&str, &str)],
+    ) -> Self {
         command.args(args);
         // A checkpoint carries its own settings, and the tour has always the same.
         if !args.contains(&"--resume") && args.first() != Some(&"tour") {
-            command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "buffer_size=20000"]);
+            command.args([
+                "--set",
+                "hidden=16",
+                "--set",
+                "candidates=50",
+                "--set",
+                "buffer_size=20000",
+            ]);
         }
         Self::start_command(command, folder, variables)
     }
 
-    fn start_command(mut command: CommandBuilder, folder: &Path, variables: &[(&str, &str)]) -> Self {
+    fn start_command(
+        mut command: CommandBuilder,
+        folder: &Path,
+        variables: &[(&str, &str)],
+    ) -> Self {
         let pty = native_pty_system().openpty(size(80, 24)).unwrap();
         command.cwd(folder);
         command.env("TERM", "xterm-256color");
@@ -101,7 +117,8 @@ impl Session {
         let waits = stalls.clone();
         let reader = std::thread::spawn(move || {
             let mut chunk = [0; 4096];
-            while let (Ok(n @ 1..), false) = (reader.read(&mut chunk), ends.load(Ordering::Relaxed)) {
+            while let (Ok(n @ 1..), false) = (reader.read(&mut chunk), ends.load(Ordering::Relaxed))
+            {
                 parser.lock().unwrap().process(&chunk[..n]);
                 bytes.lock().unwrap().extend(&chunk[..n]);
                 while waits.load(Ordering::Relaxed) {
@@ -135,7 +152,11 @@ impl Session {
     pub fn wait_for(&self, text: &str) {
         let began = Instant::now();
         while !self.screen_text().contains(text) {
-            assert!(began.elapsed() < Duration::from_mins(1), "{text:?} did not appear:\n{}", self.screen_text());
+            assert!(
+                began.elapsed() < Duration::from_mins(1),
+                "{text:?} did not appear:\n{}",
+                self.screen_text()
+            );
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -156,7 +177,11 @@ impl Session {
     pub fn wait_for_end_or(&mut self, text: &str) {
         let began = Instant::now();
         while !self.screen_text().contains(text) && self.child.try_wait().unwrap().is_none() {
-            assert!(began.elapsed() < Duration::from_mins(1), "neither appeared:\n{}", self.screen_text());
+            assert!(
+                began.elapsed() < Duration::from_mins(1),
+                "neither appeared:\n{}",
+                self.screen_text()
+            );
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -202,11 +227,15 @@ impl Session {
             (b"\x1b[?2004h", b"\x1b[?2004l"),
             (b"\x1b[?25l", b"\x1b[?25h"),
         ] {
-            assert!(last(taken).is_some() && last(given_back) > last(taken), "{given_back:?} is missing");
+            assert!(
+                last(taken).is_some() && last(given_back) > last(taken),
+                "{given_back:?} is missing"
+            );
         }
     }
 
-    /// Waits for the program to exit, checks that it restored the terminal, and returns its exit status.
+    /// Waits for the program to exit, checks that it restored the terminal, and returns its exit
+    /// status.
     pub fn end(mut self) -> u32 {
         let status = self.status();
         self.assert_terminal_restored();
@@ -216,16 +245,25 @@ impl Session {
 
 /// Sends a signal by its name.
 pub fn kill(process: u32, name: &str) {
-    let sent = Command::new("kill").args([format!("-{name}"), process.to_string()]).status().unwrap();
+    let sent =
+        Command::new("kill").args([format!("-{name}"), process.to_string()]).status().unwrap();
     assert!(sent.success(), "kill -{name} {process}");
 }
 
-/// Returns a command for the program in `folder` without the interface, isolated from the user's own configuration.
+/// Returns a command for the program in `folder` without the interface, isolated from the user's
+/// own configuration.
 pub fn headless(folder: &Path, args: &[&str]) -> Command {
     let mut command = isolated_command(folder);
     command.arg("--no-ui").args(args);
     if !args.contains(&"--resume") {
-        command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "buffer_size=20000"]);
+        command.args([
+            "--set",
+            "hidden=16",
+            "--set",
+            "candidates=50",
+            "--set",
+            "buffer_size=20000",
+        ]);
         command.args(["--set", "learning_starts=500", "--set", "graph_every_updates=100"]);
     }
     command
@@ -269,10 +307,13 @@ pub fn with_updated_checksum(
     change: impl FnOnce(&mut BTreeMap<String, String>, &mut BTreeMap<String, (Dtype, Vec<u8>)>),
 ) -> Vec<u8> {
     let (_, header) = SafeTensors::read_metadata(bytes).unwrap();
-    let mut texts: BTreeMap<String, String> = header.metadata().clone().unwrap().into_iter().collect();
+    let mut texts: BTreeMap<String, String> =
+        header.metadata().clone().unwrap().into_iter().collect();
     let tensors = SafeTensors::deserialize(bytes).unwrap();
-    let mut tensors: BTreeMap<String, (Dtype, Vec<u8>)> =
-        tensors.iter().map(|(name, view)| (name.to_owned(), (view.dtype(), view.data().to_vec()))).collect();
+    let mut tensors: BTreeMap<String, (Dtype, Vec<u8>)> = tensors
+        .iter()
+        .map(|(name, view)| (name.to_owned(), (view.dtype(), view.data().to_vec())))
+        .collect();
     texts.remove("checksum");
     change(&mut texts, &mut tensors);
     let mut sum = crc32fast::Hasher::new();
@@ -288,7 +329,10 @@ pub fn with_updated_checksum(
     }
     texts.insert("checksum".to_owned(), format!("{:08x}", sum.finalize()));
     let views = tensors.iter().map(|(name, (dtype, bytes))| {
-        (name.as_str(), TensorView::new(*dtype, vec![bytes.len() * 8 / dtype.bitsize()], bytes).unwrap())
+        (
+            name.as_str(),
+            TensorView::new(*dtype, vec![bytes.len() * 8 / dtype.bitsize()], bytes).unwrap(),
+        )
     });
     safetensors::serialize(views, Some(texts.into_iter().collect())).unwrap()
 }

@@ -1,9 +1,10 @@
 //! Bridge points: states b with D(s,b) + D(b,g) < D(s,g) that split a hard task into easy ones.
 //!
-//! [`Candidates`] spreads candidates over the visited states and records the fewest steps observed between them;
-//! [`BridgeGraph`] connects them with edges that the critics propose and observed trajectories verify; [`Walker`]
-//! follows the graph to a goal, one waypoint at a time; [`search()`] is the published search for a single bridge point.
-//! [`Excursions`] lead agents beyond the frontier of what has been visited.
+//! [`Candidates`] spreads candidates over the visited states and records the fewest steps observed
+//! between them; [`BridgeGraph`] connects them with edges that the critics propose and observed
+//! trajectories verify; [`Walker`] follows the graph to a goal, one waypoint at a time;
+//! [`search()`] is the published search for a single bridge point. [`Excursions`] lead agents
+//! beyond the frontier of what has been visited.
 
 mod candidates;
 mod excursion;
@@ -15,7 +16,9 @@ mod settings;
 
 pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 pub use excursion::Excursions;
-pub use graph::{BridgeGraph, DistilledDistances, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route};
+pub use graph::{
+    BridgeGraph, DistilledDistances, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route,
+};
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, search};
 pub use settings::{BridgeSettings, Planner};

@@ -1,5 +1,5 @@
-//! Runs a trainer on its own thread. The engine takes commands, publishes snapshots and does not depend on any front
-//! end.
+//! Runs a trainer on its own thread. The engine takes commands, publishes snapshots and does not
+//! depend on any front end.
 
 mod command;
 mod snapshot;
@@ -25,21 +25,23 @@ pub use snapshot::{FollowedAgent, Networks, NextEvaluation, Notice, Phase, Snaps
 /// Interval between snapshots while training.
 const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
 
-/// Minimum interval between copies of networks and candidates for a snapshot. Copying blocks training, so it is limited
-/// to one part in [`NETWORKS_PAUSE_FACTOR`] of the time.
+/// Minimum interval between copies of networks and candidates for a snapshot. Copying blocks
+/// training, so it is limited to one part in [`NETWORKS_PAUSE_FACTOR`] of the time.
 const MIN_NETWORKS_INTERVAL: Duration = Duration::from_millis(300);
 
-/// Minimum updates between evaluations, tasks at each distance, and the pause after an evaluation as a multiple of its
-/// duration: evaluations run concurrently with training, but on the same cores. While most walks fail, an evaluation takes
-/// long, and so would the pause; beyond [`LONG_EVALUATION_PAUSE`], it is as short as [`LEAST_PAUSE_FACTOR`] allows.
+/// Minimum updates between evaluations, tasks at each distance, and the pause after an evaluation
+/// as a multiple of its duration: evaluations run concurrently with training, but on the same
+/// cores. While most walks fail, an evaluation takes long, and so would the pause; beyond
+/// [`LONG_EVALUATION_PAUSE`], it is as short as [`LEAST_PAUSE_FACTOR`] allows.
 const EVALUATE_EVERY_UPDATES: u64 = 1_000;
 const EVALUATION_TASKS: usize = 10;
 const EVALUATION_PAUSE_FACTOR: u32 = 15;
 const LONG_EVALUATION_PAUSE: Duration = Duration::from_secs(20);
 const LEAST_PAUSE_FACTOR: u32 = 3;
 
-/// Maximum pace of a learner that does not learn, in updates counted per second, unless the user chooses another: at full
-/// speed, random steps would fill the replay buffer and be too fast to watch.
+/// Maximum pace of a learner that does not learn, in updates counted per second, unless the user
+/// chooses another: at full speed, random steps would fill the replay buffer and be too fast to
+/// watch.
 const IDLE_UPDATES_PER_SECOND: f64 = 200.0;
 
 /// See [`MIN_NETWORKS_INTERVAL`].
@@ -48,12 +50,12 @@ const NETWORKS_PAUSE_FACTOR: u32 = 60;
 /// Polling interval for a running evaluation while training is paused.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Time without any movement after which a trainer that is to stop counts as hung. Updates of the largest networks, edits of
-/// the largest maps and slow disks take minutes.
+/// Time without any movement after which a trainer that is to stop counts as hung. Updates of the
+/// largest networks, edits of the largest maps and slow disks take minutes.
 const HUNG_AFTER: Duration = Duration::from_mins(10);
 
-/// Priority of the training threads: by how much lower than that of the front end. A thread of this niceness gets a tenth
-/// of a core that another one wants.
+/// Priority of the training threads: by how much lower than that of the front end. A thread of this
+/// niceness gets a tenth of a core that another one wants.
 #[cfg(target_os = "linux")]
 const NICENESS: i32 = 10;
 
@@ -81,7 +83,11 @@ impl Engine {
     ///
     /// # Errors
     /// See [`Self::start`].
-    pub fn resume(mut trainer: Trainer, limits: Limits, file: Option<PathBuf>) -> Result<Self, TrainError> {
+    pub fn resume(
+        mut trainer: Trainer,
+        limits: Limits,
+        file: Option<PathBuf>,
+    ) -> Result<Self, TrainError> {
         let (commands, inbox) = sync_channel(64);
         let saved = file.map(|file| (trainer.counters().updates, Arc::new(file)));
         let pulse = Pulse::default();
@@ -103,11 +109,13 @@ impl Engine {
             pulse: pulse.clone(),
             scratch: Scratch::default(),
         };
-        let thread = std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
+        let thread =
+            std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
         Ok(Self { commands, snapshots, thread, pulse })
     }
 
-    /// Queues a command, which runs before the next update. Drops it and returns `false` if the queue is full.
+    /// Queues a command, which runs before the next update. Drops it and returns `false` if the
+    /// queue is full.
     pub fn send(&self, command: Command) -> bool {
         self.commands.try_send(command).is_ok()
     }
@@ -122,8 +130,8 @@ impl Engine {
         &self.pulse
     }
 
-    /// Stops training and returns the trainer, for as long as it takes while anything moves; `None` if its thread hangs or
-    /// has panicked.
+    /// Stops training and returns the trainer, for as long as it takes while anything moves; `None`
+    /// if its thread hangs or has panicked.
     pub fn stop(self) -> Option<Trainer> {
         self.stop_unless_hung(HUNG_AFTER)
     }
@@ -182,8 +190,8 @@ struct PublishTimer {
     rates_from: (f64, Counters),
 }
 
-/// Lowers the priority of this thread, and of those that it starts, so that a front end beside it draws without waiting.
-/// Only Linux has priorities of threads.
+/// Lowers the priority of this thread, and of those that it starts, so that a front end beside it
+/// draws without waiting. Only Linux has priorities of threads.
 fn lower_priority() {
     #[cfg(target_os = "linux")]
     if let Err(error) = rustix::process::nice(NICENESS) {
@@ -202,8 +210,8 @@ impl Worker {
             }
             self.report_recovery();
             self.publish();
-            // The run can still be saved or replaced by another one: commands are handled until the front end
-            // disconnects.
+            // The run can still be saved or replaced by another one: commands are handled until the
+            // front end disconnects.
             while matches!(self.current.phase, Phase::Failed(_)) {
                 match self.inbox.recv() {
                     Ok(command) => self.execute_latest(command),
@@ -254,10 +262,12 @@ impl Worker {
             self.report_recovery();
             if tick == Tick::Update {
                 if let Some(speed) = self.pace() {
-                    self.next_update_at = Some(Instant::now() + Duration::from_secs_f64(1.0 / speed));
+                    self.next_update_at =
+                        Some(Instant::now() + Duration::from_secs_f64(1.0 / speed));
                 }
                 let rested = self.next_evaluation_at.is_none_or(|at| Instant::now() >= at);
-                if self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) && rested {
+                if self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) && rested
+                {
                     self.start_evaluation()?;
                 }
             }
@@ -282,17 +292,20 @@ impl Worker {
         self.current.speed.or((!self.trainer.learns()).then_some(IDLE_UPDATES_PER_SECOND))
     }
 
-    /// Runs queued commands; blocks while training is paused or the speed limit holds it back. Returns `false` once the
-    /// front end has disconnected.
+    /// Runs queued commands; blocks while training is paused or the speed limit holds it back.
+    /// Returns `false` once the front end has disconnected.
     fn process_commands(&mut self) -> bool {
         loop {
             let waiting = !self.current.phase.is_training();
-            let until_update = self.next_update_at.map(|at| at.saturating_duration_since(Instant::now()));
+            let until_update =
+                self.next_update_at.map(|at| at.saturating_duration_since(Instant::now()));
             let until_update = until_update.filter(|wait| !wait.is_zero());
             let command = match (waiting, until_update) {
                 (false, None) => self.inbox.try_recv(),
                 (false, Some(wait)) => as_try_recv(self.inbox.recv_timeout(wait)),
-                (true, _) if self.evaluation.is_none() => self.inbox.recv().map_err(|_| TryRecvError::Disconnected),
+                (true, _) if self.evaluation.is_none() => {
+                    self.inbox.recv().map_err(|_| TryRecvError::Disconnected)
+                }
                 (true, _) => as_try_recv(self.inbox.recv_timeout(POLL_INTERVAL)),
             };
             match command {
@@ -308,8 +321,8 @@ impl Worker {
         }
     }
 
-    /// Runs a command, or only the last of several changes of the world in a row: each replaces all of it, and on the
-    /// largest maps takes seconds.
+    /// Runs a command, or only the last of several changes of the world in a row: each replaces all
+    /// of it, and on the largest maps takes seconds.
     fn execute_latest(&mut self, mut command: Command) {
         while matches!(command, Command::ChangeWorld(..)) {
             let Ok(next) = self.inbox.try_recv() else { break };
@@ -329,7 +342,10 @@ impl Worker {
                 format!("update {} done", grouped(self.trainer.learned_updates()))
             }
             Phase::Stepping(Step::Update) => {
-                format!("no update, as this method does not learn; {} steps so far", grouped(counters.env_steps))
+                format!(
+                    "no update, as this method does not learn; {} steps so far",
+                    grouped(counters.env_steps)
+                )
             }
             _ => format!("episode {} ended", grouped(counters.episodes)),
         };
@@ -345,14 +361,16 @@ impl Worker {
             timer.rates_from = (seconds, counters);
         } else if seconds - since > 1.0 {
             let per_second = |now: u64, then: u64| (now - then) as f64 / (seconds - since);
-            self.current.rates =
-                (per_second(counters.updates, before.updates), per_second(counters.env_steps, before.env_steps));
+            self.current.rates = (
+                per_second(counters.updates, before.updates),
+                per_second(counters.env_steps, before.env_steps),
+            );
             timer.rates_from = (seconds, counters);
         }
         self.refresh_snapshot(networks)?;
         if networks {
-            timer.refresh_networks_at =
-                Instant::now() + MIN_NETWORKS_INTERVAL.max(NETWORKS_PAUSE_FACTOR * timer.published.elapsed());
+            timer.refresh_networks_at = Instant::now()
+                + MIN_NETWORKS_INTERVAL.max(NETWORKS_PAUSE_FACTOR * timer.published.elapsed());
         }
         Ok(())
     }
@@ -364,11 +382,13 @@ impl Worker {
         }
         let job = self.trainer.evaluation()?;
         let began = Instant::now();
-        let result = std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || {
-            let tasks = job.tasks(EVALUATION_TASKS);
-            job.run(&tasks)
-        })?;
-        self.evaluation = Some(RunningEvaluation { updates: self.trainer.counters().updates, began, result });
+        let result =
+            std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || {
+                let tasks = job.tasks(EVALUATION_TASKS);
+                job.run(&tasks)
+            })?;
+        self.evaluation =
+            Some(RunningEvaluation { updates: self.trainer.counters().updates, began, result });
         self.current.next_evaluation = NextEvaluation::Running;
         Ok(true)
     }
@@ -378,9 +398,14 @@ impl Worker {
         if self.evaluation.is_some() {
             return NextEvaluation::Running;
         }
-        let rest = self.next_evaluation_at.map_or(Duration::ZERO, |at| at.saturating_duration_since(Instant::now()));
+        let rest = self
+            .next_evaluation_at
+            .map_or(Duration::ZERO, |at| at.saturating_duration_since(Instant::now()));
         if rest.is_zero() {
-            NextEvaluation::AtUpdate(next_multiple(self.trainer.counters().updates, EVALUATE_EVERY_UPDATES))
+            NextEvaluation::AtUpdate(next_multiple(
+                self.trainer.counters().updates,
+                EVALUATE_EVERY_UPDATES,
+            ))
         } else {
             NextEvaluation::InSeconds(rest.as_secs_f64().ceil() as u64)
         }
@@ -388,7 +413,8 @@ impl Worker {
 
     /// Collects the evaluation if it has finished.
     fn collect_evaluation(&mut self) {
-        let Some(RunningEvaluation { updates, began, result }) = self.evaluation.take_if(|e| e.result.is_finished())
+        let Some(RunningEvaluation { updates, began, result }) =
+            self.evaluation.take_if(|e| e.result.is_finished())
         else {
             return;
         };
@@ -399,14 +425,16 @@ impl Worker {
                 self.trainer.record_evaluation(updates, evaluation);
                 self.current.evaluations = self.trainer.history().evaluations().clone();
             }
-            Ok(_) => self.report(format!("the evaluation at update {updates} returned non-finite values")),
+            Ok(_) => self
+                .report(format!("the evaluation at update {updates} returned non-finite values")),
             Err(_) => self.report("an evaluation failed with an internal error".to_owned()),
         }
         self.current.next_evaluation = self.next_evaluation();
         self.publish();
     }
 
-    /// Updates and publishes the snapshot. `networks` says whether to include the networks, which are slow to copy.
+    /// Updates and publishes the snapshot. `networks` says whether to include the networks, which
+    /// are slow to copy.
     fn refresh_snapshot(&mut self, networks: bool) -> Result<(), TrainError> {
         self.current.next_evaluation = self.next_evaluation();
         let trainer = &self.trainer;
@@ -423,7 +451,9 @@ impl Worker {
             current.rates = (0.0, 0.0);
         }
         current.agents = Arc::new(trainer.rollout().env().states().to_vec());
-        let trail = |agent| trainer.replay().latest_states(agent, TRAIL_STATES).flatten().copied().collect();
+        let trail = |agent| {
+            trainer.replay().latest_states(agent, TRAIL_STATES).flatten().copied().collect()
+        };
         current.trails = Arc::new((0..trainer.rollout().agents().len()).map(trail).collect());
         current.frontier_goals = snapshot::frontier_goals(trainer.rollout());
         current.search = trainer.last_search().cloned();
@@ -440,27 +470,33 @@ impl Worker {
     fn followed(&mut self) -> Result<Option<FollowedAgent>, TrainError> {
         let (trainer, scratch) = (&self.trainer, &mut self.scratch);
         let rollout = trainer.rollout();
-        let Some(agent) = self.follow.filter(|agent| *agent < rollout.agents().len()) else { return Ok(None) };
+        let Some(agent) = self.follow.filter(|agent| *agent < rollout.agents().len()) else {
+            return Ok(None);
+        };
         let s = trainer.spec().state_dim();
         let state = rollout.env().states()[agent * s..(agent + 1) * s].to_vec();
         let own = &rollout.agents()[agent];
         let (goal, waypoints) = rollout.goal_and_waypoints(agent);
         let frontier = rollout.excursions().destination(agent);
-        let (aim, goal) = frontier.as_deref().map_or((&own.goal[..], goal), |frontier| (frontier, frontier));
+        let (aim, goal) =
+            frontier.as_deref().map_or((&own.goal[..], goal), |frontier| (frontier, frontier));
         let mut distances = (0.0, 0.0);
         let mut measure = |policy: &dyn Policy| {
-            distances = (policy.distance(&state, aim, scratch), policy.distance(&state, goal, scratch));
+            distances =
+                (policy.distance(&state, aim, scratch), policy.distance(&state, goal, scratch));
         };
         trainer.learner().with_policy(false, &mut measure)?;
         // Before the first step of an episode, the replay buffer holds none of its states.
-        let start = trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
+        let start =
+            trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
         let (aim, goal, planned) = (aim.to_vec(), goal.to_vec(), !waypoints.is_empty());
         let steps = (own.steps, trainer.episode_steps());
         Ok(Some(FollowedAgent { agent, start, state, steps, aim, goal, distances, planned }))
     }
 
     fn notify(&mut self, text: String) {
-        self.current.notice = Notice { number: self.current.notice.number + 1, text, is_error: false };
+        self.current.notice =
+            Notice { number: self.current.notice.number + 1, text, is_error: false };
     }
 
     /// Notifies the user of something that went wrong.
@@ -470,7 +506,8 @@ impl Worker {
     }
 }
 
-/// Returns the pause after an evaluation that took `duration`, `factor` times as long unless that is very long.
+/// Returns the pause after an evaluation that took `duration`, `factor` times as long unless that
+/// is very long.
 fn pause_after(duration: Duration, factor: u32) -> Duration {
     (factor * duration).min(LONG_EVALUATION_PAUSE.max(factor.min(LEAST_PAUSE_FACTOR) * duration))
 }
@@ -494,8 +531,14 @@ mod tests {
 
     #[test]
     fn of_edits_in_a_row_only_the_last_is_applied_and_stopping_does_not_wait_for_the_others() {
-        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
-        let world = PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
+        let run = Run {
+            method: Method::default(),
+            preset: Preset::Default,
+            seed: 1,
+            settings: Settings::default(),
+        };
+        let world =
+            PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
         let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
         let engine = Engine::start(trainer, Limits::default()).expect("a thread");
         let made = Arc::new(AtomicUsize::new(0));
@@ -513,20 +556,32 @@ mod tests {
         while made.load(Ordering::Relaxed) == 0 {
             std::thread::sleep(Duration::from_millis(1));
         }
-        for command in [edit(None), edit(None), Command::Follow(Some(2)), edit(None), edit(None), edit(None)] {
+        for command in
+            [edit(None), edit(None), Command::Follow(Some(2)), edit(None), edit(None), edit(None)]
+        {
             assert!(engine.send(command));
         }
         release.send(()).expect("the trainer waits");
         assert!(engine.stop().is_some());
-        assert_eq!(made.load(Ordering::Relaxed), 3, "the one begun, and the last before and after another command");
+        assert_eq!(
+            made.load(Ordering::Relaxed),
+            3,
+            "the one begun, and the last before and after another command"
+        );
     }
 
     #[test]
     fn stopping_waits_for_what_moves_and_gives_up_what_does_not() {
-        for (moves, limit) in [(true, Duration::from_secs(2)), (false, Duration::from_millis(100))] {
-            let run =
-                Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
-            let world = PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
+        for (moves, limit) in [(true, Duration::from_secs(2)), (false, Duration::from_millis(100))]
+        {
+            let run = Run {
+                method: Method::default(),
+                preset: Preset::Default,
+                seed: 1,
+                settings: Settings::default(),
+            };
+            let world =
+                PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
             let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
             let engine = Engine::start(trainer, Limits::default()).expect("a thread");
             let ((begun, begins), (release, wait)) = (channel(), channel::<()>());
@@ -538,7 +593,8 @@ mod tests {
                     std::thread::sleep(limit / 40);
                     pulse.beat();
                 }
-                let _ = wait.recv_timeout(if moves { Duration::ZERO } else { Duration::from_mins(1) });
+                let _ =
+                    wait.recv_timeout(if moves { Duration::ZERO } else { Duration::from_mins(1) });
                 world.fork(world.agents())
             };
             assert!(engine.send(Command::ChangeWorld(Box::new(make), "edited")));

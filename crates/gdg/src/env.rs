@@ -1,8 +1,8 @@
 //! Environments: goal-conditioned worlds with many parallel agents and no reward.
 //!
-//! Each world is a submodule that implements [`Environment`]: it steps the agents and answers every query from
-//! training, evaluation and the front ends. The learner sees only sizes and scales ([`Spec`]). [`WORLDS`] lists the
-//! built-in worlds.
+//! Each world is a submodule that implements [`Environment`]: it steps the agents and answers every
+//! query from training, evaluation and the front ends. The learner sees only sizes and scales
+//! ([`Spec`]). [`WORLDS`] lists the built-in worlds.
 
 pub mod fetch_reach;
 mod film;
@@ -29,7 +29,8 @@ pub const WORLDS: [WorldKind; 3] = [maze::KIND, fetch_reach::KIND, fetch_reach::
 
 /// Registry entry of a kind of world.
 ///
-/// A run's settings are the preset's, then the world's [`defaults`](Self::defaults), then what the user gives.
+/// A run's settings are the preset's, then the world's [`defaults`](Self::defaults), then what the
+/// user gives.
 #[derive(Clone, Copy, Debug)]
 pub struct WorldKind {
     /// Name in checkpoints and, for worlds that need no file, on the command line.
@@ -40,8 +41,9 @@ pub struct WorldKind {
     pub create: Option<fn() -> Box<dyn Environment>>,
     /// Loads the world that [`Environment::save`] wrote, without agents.
     pub load: fn(&Store) -> Result<Box<dyn Environment>, StoreError>,
-    /// Settings of a run in this world that differ from the preset's, as `--set` takes them (`name=value`). They apply to
-    /// presets that are not published ones; whatever the user gives wins.
+    /// Settings of a run in this world that differ from the preset's, as `--set` takes them
+    /// (`name=value`). They apply to presets that are not published ones; whatever the user gives
+    /// wins.
     pub defaults: &'static [&'static str],
 }
 
@@ -49,7 +51,8 @@ pub struct WorldKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Restart {
-    /// Where the episode before ended, the first one at the world's own start; at a random place if it has none.
+    /// Where the episode before ended, the first one at the world's own start; at a random place if
+    /// it has none.
     Auto,
     /// At a random place.
     Anywhere,
@@ -74,26 +77,27 @@ impl Default for EnvSettings {
     }
 }
 
-/// Sizes and scales of states, goals and actions. Lengths are in the environment's own unit (maze cells, or metres for
-/// an arm).
+/// Sizes and scales of states, goals and actions. Lengths are in the environment's own unit (maze
+/// cells, or metres for an arm).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spec {
     /// Midpoint of each state component's range; the vector's length is the state size.
     pub state_centre: Vec<f32>,
-    /// Half the range of each state component: `(state - centre) / half_range` lies in [-1, 1]. 0 for a constant
-    /// component.
+    /// Half the range of each state component: `(state - centre) / half_range` lies in [-1, 1]. 0
+    /// for a constant component.
     pub state_half_range: Vec<f32>,
-    /// Typical change of each state component per step: the unit of the dynamics model's outputs. 0 for a constant
-    /// component.
+    /// Typical change of each state component per step: the unit of the dynamics model's outputs. 0
+    /// for a constant component.
     pub change_scale: Vec<f32>,
-    /// Indices of the state components that form the achieved goal; the vector's length is the goal size.
+    /// Indices of the state components that form the achieved goal; the vector's length is the goal
+    /// size.
     pub achieved: Vec<usize>,
     /// Size of an action; every component lies in [-1, 1].
     pub action_dim: usize,
     /// A goal is reached when the achieved goal is closer to it than this (Euclidean).
     pub goal_radius: f32,
-    /// Whether goals are positions in a low-dimensional space, where distance is meaningful at every scale, so that
-    /// multi-resolution encodings make sense.
+    /// Whether goals are positions in a low-dimensional space, where distance is meaningful at
+    /// every scale, so that multi-resolution encodings make sense.
     pub goals_are_positions: bool,
 }
 
@@ -132,9 +136,9 @@ impl Spec {
 
 /// A world in which many agents move in parallel, independently of each other.
 ///
-/// A *state* is what the learner observes of an agent: `state_dim` numbers. A *full state* is everything that the
-/// agent's future depends on, in the world's own layout: an arm's joints and velocities as well as its gripper
-/// position.
+/// A *state* is what the learner observes of an agent: `state_dim` numbers. A *full state* is
+/// everything that the agent's future depends on, in the world's own layout: an arm's joints and
+/// velocities as well as its gripper position.
 pub trait Environment: Any + Send + Sync {
     /// Returns the name of its [`WorldKind`].
     fn kind(&self) -> &'static str;
@@ -154,42 +158,47 @@ pub trait Environment: Any + Send + Sync {
     /// Returns an agent's full state: for every agent the same number of components, at least one.
     fn full_state(&self, agent: usize) -> Vec<f64>;
 
-    /// Puts `agent` into a full state, or as close to it as the world allows if the state itself is not allowed. The
-    /// numbers are finite and as many as [`Self::full_state`] returns, but come from a file: they may be out of range.
+    /// Puts `agent` into a full state, or as close to it as the world allows if the state itself is
+    /// not allowed. The numbers are finite and as many as [`Self::full_state`] returns, but come
+    /// from a file: they may be out of range.
     fn set_full_state(&mut self, agent: usize, full_state: &[f64]);
 
     /// Moves `agent` to a start state.
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng);
 
-    /// Whether, with [`Restart::Auto`], `agent` begins its next episode where it is: it once began at the world's own
-    /// start, and no edit has cut it off from there. The default is a world without a start.
+    /// Whether, with [`Restart::Auto`], `agent` begins its next episode where it is: it once began
+    /// at the world's own start, and no edit has cut it off from there. The default is a world
+    /// without a start.
     fn stays(&self, _agent: usize) -> bool {
         false
     }
 
-    /// Draws a random goal that `agent` could be asked to reach from its place, into `goal` (`goal_dim`).
+    /// Draws a random goal that `agent` could be asked to reach from its place, into `goal`
+    /// (`goal_dim`).
     fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]);
 
-    /// Steps every agent by one action; `actions` is `(agents, action_dim)`. The world clips them to [-1, 1]: the
-    /// trainer has done so during exploration, but not in evaluation and display.
+    /// Steps every agent by one action; `actions` is `(agents, action_dim)`. The world clips them
+    /// to [-1, 1]: the trainer has done so during exploration, but not in evaluation and display.
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng);
 
-    /// Writes the action that heads straight for `goal` from `state`, as if nothing were in the way, to `action`
-    /// (`action_dim`); returns whether the world knows such an action. Evaluations report how far it gets: the floor for
-    /// everything learned.
+    /// Writes the action that heads straight for `goal` from `state`, as if nothing were in the
+    /// way, to `action` (`action_dim`); returns whether the world knows such an action. Evaluations
+    /// report how far it gets: the floor for everything learned.
     fn straight_action(&self, _state: &[f32], _goal: &[f32], _action: &mut [f32]) -> bool {
         false
     }
 
-    /// Returns a copy of the world with the same settings, `agents` new agents and empty statistics. In which state the
-    /// agents are is up to the world: callers restart them or set their full states.
+    /// Returns a copy of the world with the same settings, `agents` new agents and empty
+    /// statistics. In which state the agents are is up to the world: callers restart them or set
+    /// their full states.
     fn fork(&self, agents: usize) -> Box<dyn Environment>;
 
-    /// Switches to new settings. A world must honour both, or document that it ignores them; the default ignores them.
+    /// Switches to new settings. A world must honour both, or document that it ignores them; the
+    /// default ignores them.
     fn configure(&mut self, _settings: &EnvSettings) {}
 
-    /// Writes the data that [`WorldKind::load`] reads, and the exploration statistics if there are any. The trainer
-    /// saves the agents' full states.
+    /// Writes the data that [`WorldKind::load`] reads, and the exploration statistics if there are
+    /// any. The trainer saves the agents' full states.
     fn save(&self, store: &mut Store);
 
     /// Restores the statistics that [`Self::save`] wrote.
@@ -200,7 +209,8 @@ pub trait Environment: Any + Send + Sync {
         Ok(())
     }
 
-    /// Counts the agents' places for the exploration statistics. Called after every exploration step.
+    /// Counts the agents' places for the exploration statistics. Called after every exploration
+    /// step.
     fn count_visits(&mut self) {}
 
     /// Returns the share of the world that the agents have explored, if it is defined.
@@ -213,8 +223,8 @@ pub trait Environment: Any + Send + Sync {
         Map::new()
     }
 
-    /// Returns evaluation tasks, `per_group` in each group; the first call may take seconds. The default draws random
-    /// starts and goals, at unknown distances.
+    /// Returns evaluation tasks, `per_group` in each group; the first call may take seconds. The
+    /// default draws random starts and goals, at unknown distances.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
         let mut world = self.fork(1);
         let tasks = (0..per_group).map(|_| {
@@ -226,8 +236,9 @@ pub trait Environment: Any + Send + Sync {
         TaskSet { tasks: tasks.collect(), distances: vec![None], ..TaskSet::default() }
     }
 
-    /// Returns the steps of an episode, if the world itself defines them: automatic episodes and evaluation tasks take as
-    /// many. By default, episodes grow with what is known, and tasks take a multiple of their shortest path.
+    /// Returns the steps of an episode, if the world itself defines them: automatic episodes and
+    /// evaluation tasks take as many. By default, episodes grow with what is known, and tasks take
+    /// a multiple of their shortest path.
     fn episode_steps(&self) -> Option<u32> {
         None
     }
@@ -242,8 +253,8 @@ pub trait Environment: Any + Send + Sync {
         None
     }
 
-    /// Returns whether `action` in `state` could have led to `next`. Filters the stored transitions after a world is
-    /// edited.
+    /// Returns whether `action` in `state` could have led to `next`. Filters the stored transitions
+    /// after a world is edited.
     fn is_possible(&self, _state: &[f32], _action: &[f32], _next: &[f32]) -> bool {
         true
     }
@@ -261,8 +272,9 @@ pub trait Environment: Any + Send + Sync {
         Scene::Nothing
     }
 
-    /// Returns where the film of a run shows D, or `None` if there is to be no film of this world. `goal_before` is the
-    /// goal of the film so far, which it should keep. The number of places must not change during a run.
+    /// Returns where the film of a run shows D, or `None` if there is to be no film of this world.
+    /// `goal_before` is the goal of the film so far, which it should keep. The number of places
+    /// must not change during a run.
     fn film_points(&self, _goal_before: Option<&[f32]>) -> Option<FilmPoints> {
         None
     }
@@ -281,7 +293,8 @@ pub enum Scene {
     Nothing,
     /// A grid map seen from above; states begin with the position (x, y) in cells, y down.
     Maze(MazeScene),
-    /// An arm and what is around it; states begin with the position (x, y, z) of its grip in metres.
+    /// An arm and what is around it; states begin with the position (x, y, z) of its grip in
+    /// metres.
     Arm(ArmScene),
 }
 
@@ -352,8 +365,8 @@ pub enum EnvError {
 pub(crate) mod tests {
     use super::Spec;
 
-    /// Returns the spec of a world whose states, goals and actions are positions and moves along axes of these centres
-    /// and half ranges.
+    /// Returns the spec of a world whose states, goals and actions are positions and moves along
+    /// axes of these centres and half ranges.
     pub fn positions(axes: &[(f32, f32)]) -> Spec {
         Spec {
             state_centre: axes.iter().map(|(centre, _)| *centre).collect(),

@@ -1,9 +1,10 @@
 //! Records the panics of threads for the front ends to show, and injects faults for tests.
 //!
-//! The panic hook records the message of every thread that panics, whether or not the thread is ever joined.
-//! `GDG_TUI_FAULTS=THREAD=panic@N` makes a thread panic when it passes its fault point for the Nth time,
-//! `THREAD=delay:MS@N` makes it sleep, `POINT=fail@N` makes an operation fail from the Nth time on, and `POINT=once@N`
-//! only that one time. Several faults are separated by commas.
+//! The panic hook records the message of every thread that panics, whether or not the thread is
+//! ever joined. `GDG_TUI_FAULTS=THREAD=panic@N` makes a thread panic when it passes its fault point
+//! for the Nth time, `THREAD=delay:MS@N` makes it sleep, `POINT=fail@N` makes an operation fail
+//! from the Nth time on, and `POINT=once@N` only that one time. Several faults are separated by
+//! commas.
 
 use std::backtrace::Backtrace;
 use std::panic::PanicHookInfo;
@@ -38,8 +39,8 @@ pub struct Failure {
     pub message: String,
 }
 
-/// Installs a panic hook that records and logs every panic. It prints panics of the main thread, and those of other
-/// threads unless an interface shows them.
+/// Installs a panic hook that records and logs every panic. It prints panics of the main thread,
+/// and those of other threads unless an interface shows them.
 pub fn install_panic_hook() {
     std::panic::set_hook(Box::new(|info| {
         let thread = std::thread::current();
@@ -47,7 +48,10 @@ pub fn install_panic_hook() {
         let failure = Failure { thread: name.to_owned(), message: panic_message(info) };
         tracing::error!(thread = name, "panicked: {}", failure.message);
         if name == "main" || !SHOWN_BY_INTERFACE.load(Ordering::Relaxed) {
-            crate::printing::eprint_line(&format!("internal error in thread {name}: {}", failure.message));
+            crate::printing::eprint_line(&format!(
+                "internal error in thread {name}: {}",
+                failure.message
+            ));
         }
         let mut failures = FAILURES.lock();
         if failures.len() < MAX_FAILURES {
@@ -61,7 +65,8 @@ pub fn install_panic_hook() {
 
 fn panic_message(info: &PanicHookInfo) -> String {
     let text = info.payload_as_str().unwrap_or("no message");
-    let place = info.location().map_or(String::new(), |at| format!(" ({}:{})", at.file(), at.line()));
+    let place =
+        info.location().map_or(String::new(), |at| format!(" ({}:{})", at.file(), at.line()));
     sanitized(&format!("{}{place}", truncated(text, MAX_MESSAGE_CHARS)))
 }
 
@@ -112,8 +117,8 @@ fn parse(text: &str) -> Option<Fault> {
     Some(Fault { point: point.to_owned(), kind, at: at.parse().ok()?, passes: AtomicU64::new(0) })
 }
 
-/// Marks a point that a thread passes repeatedly; returns whether the operation there should fail. Without injected
-/// faults it only checks an empty list.
+/// Marks a point that a thread passes repeatedly; returns whether the operation there should fail.
+/// Without injected faults it only checks an empty list.
 ///
 /// # Panics
 /// If a test injects a panic at this point.

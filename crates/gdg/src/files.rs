@@ -15,5 +15,6 @@ pub use names::{has_extension, is_hidden};
 pub use read::{open, open_or_create, read, read_text};
 pub use verified::write_verified;
 pub use write::{
-    check_name, check_replaceable, check_writable, unused_path, write_atomically, write_to_unused, write_unlinked,
+    check_name, check_replaceable, check_writable, unused_path, write_atomically, write_to_unused,
+    write_unlinked,
 };

@@ -2,10 +2,10 @@
 //!
 //! # The idea
 //!
-//! A critic D(s,g) learns the smallest number of transitions from state s to goal g, a model f(s,a) learns what an
-//! action does, and an actor follows the gradient of D(f(s, mu(s,g)), g): the *goal-distance gradient* of
-//! "Reinforcement Learning with Goal-Distance Gradient". Bridge points b with D(s,b) + D(b,g) < D(s,g) split hard
-//! tasks into easy ones. No reward appears anywhere.
+//! A critic D(s,g) learns the smallest number of transitions from state s to goal g, a model f(s,a)
+//! learns what an action does, and an actor follows the gradient of D(f(s, mu(s,g)), g): the
+//! *goal-distance gradient* of "Reinforcement Learning with Goal-Distance Gradient". Bridge points
+//! b with D(s,b) + D(b,g) < D(s,g) split hard tasks into easy ones. No reward appears anywhere.
 //!
 //! # The layout
 //!
@@ -15,22 +15,26 @@
 //! text, faults, files, store <- map <- env <- learn <- bridge <- train <- engine <- draw <- viewer
 //! ```
 //!
-//! * [`text`]: makes external text safe to display. [`files`]: reads and replaces files safely. [`faults`]: collects
-//!   panics. [`store`]: named arrays and texts, the form of all saved state.
-//! * [`map`]: grid maps and the true distances on them. Evaluation and display read these; learning never does.
-//! * [`env`](mod@env): the interface of a world ([`env::Environment`]) and the built-in worlds, a folder each.
-//! * [`learn`]: the interface of a learner ([`learn::Learner`]) and the built-in learners, a file each. Submodules, in
-//!   their order: `kernels` (dense loops and products; the only unsafe code is in [`learn::kernel`]), `networks` (inputs,
-//!   weights, what networks compute together, policies), `data` (replay, batches, known distances) and `update` (losses
-//!   and their hand-written gradients, optimiser steps, threads; [`learn::Reference`] computes the same by candle's
+//! * [`text`]: makes external text safe to display. [`files`]: reads and replaces files safely.
+//!   [`faults`]: collects panics. [`store`]: named arrays and texts, the form of all saved state.
+//! * [`map`]: grid maps and the true distances on them. Evaluation and display read these; learning
+//!   never does.
+//! * [`env`](mod@env): the interface of a world ([`env::Environment`]) and the built-in worlds, a
+//!   folder each.
+//! * [`learn`]: the interface of a learner ([`learn::Learner`]) and the built-in learners, a file
+//!   each. Submodules, in their order: `kernels` (dense loops and products; the only unsafe code is
+//!   in [`learn::kernel`]), `networks` (inputs, weights, what networks compute together, policies),
+//!   `data` (replay, batches, known distances) and `update` (losses and their hand-written
+//!   gradients, optimiser steps, threads; [`learn::Reference`] computes the same by candle's
 //!   autograd, for tests).
-//! * [`bridge`]: candidates and the paths between them that trajectories have taken, the bridge graph, following plans
-//!   through it, the published search.
-//! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order; evaluation, settings, checkpoints.
-//!   [`train::Registry`] lists worlds and learners.
+//! * [`bridge`]: candidates and the paths between them that trajectories have taken, the bridge
+//!   graph, following plans through it, the published search.
+//! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order; evaluation,
+//!   settings, checkpoints. [`train::Registry`] lists worlds and learners.
 //! * [`engine`]: [`engine::Engine`] runs a trainer on its own thread: commands in, snapshots out.
-//! * [`draw`]: colours, contours and pictures. [`viewer`]: what a screen shows of a run, computed on its own thread:
-//!   distance fields, the bridge graph, an agent that walks to the goal; a folder for each kind of scene.
+//! * [`draw`]: colours, contours and pictures. [`viewer`]: what a screen shows of a run, computed
+//!   on its own thread: distance fields, the bridge graph, an agent that walks to the goal; a
+//!   folder for each kind of scene.
 //!
 //! # A run
 //!
@@ -54,26 +58,28 @@
 //!
 //! # Add a world
 //!
-//! One folder, `src/env/NAME/`: a type that implements [`env::Environment`] (sizes and scales, how agents move, restart
-//! and are saved; where available, tasks, true distances, coverage, places to film and a scene) and its
-//! [`env::WorldKind`]. Then one line in [`env::WORLDS`]. A world that needs no file is opened by its name: `gdg-tui NAME`,
-//! or `gdg-tui NAME --no-ui` if nothing draws it. Settings that suit it better than the preset's are its
-//! [`env::WorldKind::defaults`]. For the interface to draw it, add a variant to [`env::Scene`], what is computed of it
-//! (`src/viewer/NAME/`, a line in `worker_for` of `src/viewer.rs`) and how the program draws it and reacts (its
-//! `src/tui/scene/NAME/`). [`env::fetch_reach`] is a world without maps.
+//! One folder, `src/env/NAME/`: a type that implements [`env::Environment`] (sizes and scales, how
+//! agents move, restart and are saved; where available, tasks, true distances, coverage, places to
+//! film and a scene) and its [`env::WorldKind`]. Then one line in [`env::WORLDS`]. A world that
+//! needs no file is opened by its name: `gdg-tui NAME`, or `gdg-tui NAME --no-ui` if nothing draws
+//! it. Settings that suit it better than the preset's are its [`env::WorldKind::defaults`]. For the
+//! interface to draw it, add a variant to [`env::Scene`], what is computed of it
+//! (`src/viewer/NAME/`, a line in `worker_for` of `src/viewer.rs`) and how the program draws it and
+//! reacts (its `src/tui/scene/NAME/`). [`env::fetch_reach`] is a world without maps.
 //!
 //! # Add a learner
 //!
-//! One file, `src/learn/NAME.rs`: a type that implements [`learn::Learner`] (an update from the replay, a
-//! [`learn::Policy`] that offers D and mu, saving and loading) and its [`learn::LearnerKind`]; a learner with a Q function
-//! converts Q(s, mu(s,g), g) to steps, as `src/learn/ddpg/` does. Then one line in [`learn::LEARNERS`], and one in
-//! [`train::METHODS`] for each combination with a planner that should have its own name.
+//! One file, `src/learn/NAME.rs`: a type that implements [`learn::Learner`] (an update from the
+//! replay, a [`learn::Policy`] that offers D and mu, saving and loading) and its
+//! [`learn::LearnerKind`]; a learner with a Q function converts Q(s, mu(s,g), g) to steps, as
+//! `src/learn/ddpg/` does. Then one line in [`learn::LEARNERS`], and one in [`train::METHODS`] for
+//! each combination with a planner that should have its own name.
 //!
 //! # Invariants
 //!
-//! Same seed, same run, bit for bit: for any number of threads, with or without a front end, with or without evaluations,
-//! resumed or not. Each purpose has its own random stream; a batch is split into parts that do not depend on the number
-//! of threads and are summed in order.
+//! Same seed, same run, bit for bit: for any number of threads, with or without a front end, with
+//! or without evaluations, resumed or not. Each purpose has its own random stream; a batch is split
+//! into parts that do not depend on the number of threads and are summed in order.
 
 pub mod bridge;
 pub mod draw;

@@ -1,6 +1,7 @@
 //! Grid maps: parsing, printing, the built-in maps, and step distances.
 //!
-//! Distances computed here are the *ground truth* of a map: evaluation and display use them, learning never does.
+//! Distances computed here are the *ground truth* of a map: evaluation and display use them,
+//! learning never does.
 
 mod ascii;
 mod builtin;

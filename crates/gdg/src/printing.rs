@@ -1,9 +1,11 @@
-//! Standard output and standard error, each written by a thread of its own: whoever prints does not wait for the reader.
+//! Standard output and standard error, each written by a thread of its own: whoever prints does not
+//! wait for the reader.
 //!
-//! A reader may stop reading: a terminal after Ctrl-S or behind a connection that hangs, a pager, a pipe that nobody
-//! empties. Writing then blocks for as long as that lasts, and a program that waits for it neither saves nor obeys
-//! signals. What is printed is therefore queued, complete and in order, and its writer waits only for a moment (see
-//! [`PATIENCE`]), so that a reader who keeps up is never behind.
+//! A reader may stop reading: a terminal after Ctrl-S or behind a connection that hangs, a pager, a
+//! pipe that nobody empties. Writing then blocks for as long as that lasts, and a program that
+//! waits for it neither saves nor obeys signals. What is printed is therefore queued, complete and
+//! in order, and its writer waits only for a moment (`PATIENCE`), so that a reader who keeps
+//! up is never behind.
 
 #[cfg(not(unix))]
 use std::io::Write;
@@ -13,10 +15,12 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex, MutexGuard};
 
-/// How long printing waits for the reader if nothing else is queued. Errors are then reported where they occur.
+/// How long printing waits for the reader if nothing else is queued. Errors are then reported where
+/// they occur.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// Most bytes that are queued: days of records. Beyond that, whoever prints waits for the reader, or for a signal.
+/// Most bytes that are queued: days of records. Beyond that, whoever prints waits for the reader,
+/// or for a signal.
 const MAX_QUEUED: usize = 16 << 20;
 
 /// Most bytes queued for frames of a progress bar: later ones are left out.
@@ -79,11 +83,24 @@ impl Queue {
 
 impl Stream {
     const fn new(name: &'static str, write: fn(&[u8]) -> io::Result<usize>) -> Self {
-        let queue = Queue { bytes: Vec::new(), is_writing: false, error: None, has_thread: None, latest: None };
-        Self { name, write, queue: Mutex::new(queue), changed: Condvar::new(), written: AtomicU64::new(0) }
+        let queue = Queue {
+            bytes: Vec::new(),
+            is_writing: false,
+            error: None,
+            has_thread: None,
+            latest: None,
+        };
+        Self {
+            name,
+            write,
+            queue: Mutex::new(queue),
+            changed: Condvar::new(),
+            written: AtomicU64::new(0),
+        }
     }
 
-    /// Prints `bytes`. If the reader does not keep up, they are written later; after a signal, at once or later.
+    /// Prints `bytes`. If the reader does not keep up, they are written later; after a signal, at
+    /// once or later.
     ///
     /// # Errors
     /// Returns the error of writing these or earlier bytes.
@@ -143,8 +160,8 @@ impl Stream {
         }
     }
 
-    /// Waits until everything is written, for as long as that takes. A signal ends the wait soon if the reader does not
-    /// read.
+    /// Waits until everything is written, for as long as that takes. A signal ends the wait soon if
+    /// the reader does not read.
     ///
     /// # Errors
     /// Returns the error of writing earlier bytes.
@@ -152,14 +169,19 @@ impl Stream {
         self.wait(|idle, all| hurries() && (idle > IDLE_AT_END || all > LONGEST_AT_END)).outcome()
     }
 
-    /// Waits until everything is written, but only briefly for a reader that does not read; returns whether it is.
+    /// Waits until everything is written, but only briefly for a reader that does not read; returns
+    /// whether it is.
     pub fn flush_briefly(&'static self) -> bool {
         let queue = self.wait(|idle, all| idle > IDLE_AT_END || all > LONGEST_AT_END);
         !queue.is_behind() && queue.error.is_none()
     }
 
-    /// Waits until everything is written, or `gives_up` after the time since anything was and the time in all.
-    fn wait(&'static self, gives_up: impl Fn(Duration, Duration) -> bool) -> MutexGuard<'static, Queue> {
+    /// Waits until everything is written, or `gives_up` after the time since anything was and the
+    /// time in all.
+    fn wait(
+        &'static self,
+        gives_up: impl Fn(Duration, Duration) -> bool,
+    ) -> MutexGuard<'static, Queue> {
         let (mut queue, began) = (self.queue.lock(), Instant::now());
         let (mut written, mut moved) = (self.written.load(Ordering::Relaxed), began);
         while queue.is_behind() {
@@ -202,7 +224,8 @@ impl Stream {
         }
     }
 
-    /// Writes all of `bytes`, and waits where a reader shares a pipe or terminal that does not block.
+    /// Writes all of `bytes`, and waits where a reader shares a pipe or terminal that does not
+    /// block.
     fn write_all(&self, mut bytes: &[u8]) -> io::Result<()> {
         while !bytes.is_empty() {
             match (self.write)(&bytes[..bytes.len().min(CHUNK)]) {
@@ -212,7 +235,9 @@ impl Stream {
                     self.written.fetch_add(n as u64, Ordering::Relaxed);
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => std::thread::sleep(POLL_INTERVAL),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                    std::thread::sleep(POLL_INTERVAL);
+                }
                 Err(error) => return Err(error),
             }
         }
@@ -241,7 +266,8 @@ pub fn print_text(text: &str) -> io::Result<()> {
     }
 }
 
-/// Prints a line to standard error. Ignores write errors: if standard error is gone, there is nowhere to report them.
+/// Prints a line to standard error. Ignores write errors: if standard error is gone, there is
+/// nowhere to report them.
 pub fn eprint_line(line: &str) {
     let _ = STDERR.print(format!("{line}\n").as_bytes());
 }
@@ -255,8 +281,8 @@ fn hurries() -> bool {
     HURRIES.load(Ordering::Relaxed)
 }
 
-/// Waits at the end of the program until everything is written (see [`Stream::flush`]); errors have been reported, or
-/// cannot be.
+/// Waits at the end of the program until everything is written (see [`Stream::flush`]); errors have
+/// been reported, or cannot be.
 pub fn finish() {
     let _ = STDOUT.flush();
     let _ = STDERR.flush();
@@ -316,7 +342,11 @@ mod tests {
     fn an_error_is_reported_once_and_later_lines_are_tried_again() {
         static FULL: AtomicBool = AtomicBool::new(true);
         static STREAM: Stream = Stream::new("test", |bytes| {
-            if FULL.load(Ordering::Relaxed) { Err(ErrorKind::StorageFull.into()) } else { Ok(bytes.len()) }
+            if FULL.load(Ordering::Relaxed) {
+                Err(ErrorKind::StorageFull.into())
+            } else {
+                Ok(bytes.len())
+            }
         });
         let printed = STREAM.print(b"a").and_then(|()| STREAM.flush());
         assert_eq!(printed.expect_err("full").kind(), ErrorKind::StorageFull);

@@ -1,4 +1,5 @@
-//! What a run is doing, that it moves, and the wish that it stops: shared by its thread and by those that wait for it.
+//! What a run is doing, that it moves, and the wish that it stops: shared by its thread and by
+//! those that wait for it.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -85,7 +86,8 @@ impl Drop for Activity {
     }
 }
 
-/// The parts of one long update: the pulse counts them, and they are left out once training is to stop.
+/// The parts of one long update: the pulse counts them, and they are left out once training is to
+/// stop.
 #[derive(Debug)]
 pub struct Parts {
     pulse: Pulse,
@@ -124,14 +126,18 @@ mod tests {
     #[test]
     fn each_update_knows_whether_its_own_parts_were_left_out() {
         let pulse = Pulse::default();
-        let (first, second, finished) = (Parts::new(&pulse, true), Parts::new(&pulse, true), Parts::new(&pulse, false));
+        let (first, second, finished) =
+            (Parts::new(&pulse, true), Parts::new(&pulse, true), Parts::new(&pulse, false));
         assert!(first.next() && second.next() && finished.next());
         assert_eq!(pulse.beats(), 3);
         let done_before = Parts::new(&pulse, true);
         assert!(done_before.next());
         pulse.stop();
         assert!(!first.next() && finished.next() && first.has_skipped() && !second.has_skipped());
-        assert!(!second.next() && second.has_skipped() && first.has_skipped(), "whichever is asked first");
+        assert!(
+            !second.next() && second.has_skipped() && first.has_skipped(),
+            "whichever is asked first"
+        );
         assert!(!finished.has_skipped() && !done_before.has_skipped());
         assert_eq!(pulse.beats(), 5, "an update that is finished still beats");
     }

@@ -1,7 +1,7 @@
 //! Named arrays and texts: the form in which all persistent state is saved.
 //!
-//! Worlds, learners, the replay and the bridge candidates save themselves to a [`Store`] and load themselves from one;
-//! only the checkpoint module knows how a store is written to a file.
+//! Worlds, learners, the replay and the bridge candidates save themselves to a [`Store`] and load
+//! themselves from one; only the checkpoint module knows how a store is written to a file.
 
 use std::collections::BTreeMap;
 
@@ -105,7 +105,10 @@ impl Store {
     /// Returns [`StoreError::Unreadable`] for a value that JSON cannot express.
     pub fn put_json(&mut self, name: &str, value: &impl Serialize) -> Result<(), StoreError> {
         let text = serde_json::to_string(value);
-        self.put_text(name, text.map_err(|e| StoreError::Unreadable { name: name.to_owned(), why: e.to_string() })?);
+        self.put_text(
+            name,
+            text.map_err(|e| StoreError::Unreadable { name: name.to_owned(), why: e.to_string() })?,
+        );
         Ok(())
     }
 
@@ -155,7 +158,10 @@ impl Store {
     /// # Errors
     /// Fails if it is missing or does not represent a `T`.
     pub fn json<T: DeserializeOwned>(&self, name: &str) -> Result<T, StoreError> {
-        let unreadable = |e: serde_json::Error| StoreError::Unreadable { name: name.to_owned(), why: e.to_string() };
+        let unreadable = |e: serde_json::Error| StoreError::Unreadable {
+            name: name.to_owned(),
+            why: e.to_string(),
+        };
         serde_json::from_str(self.text(name)?).map_err(unreadable)
     }
 }

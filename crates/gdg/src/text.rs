@@ -1,7 +1,8 @@
 //! Makes external text safe to display: file names, quoted lines, values.
 //!
-//! Text from a file or an argument may control the terminal that shows it: move its cursor, change its title, reverse
-//! the text direction. All external text passes through here before it is displayed.
+//! Text from a file or an argument may control the terminal that shows it: move its cursor, change
+//! its title, reverse the text direction. All external text passes through here before it is
+//! displayed.
 
 mod columns;
 mod excerpt;
@@ -15,8 +16,8 @@ pub use number::{NumberError, parse_count, parse_real};
 
 /// Returns whether a character does anything but display itself.
 fn is_active(c: char) -> bool {
-    // Control characters (C0, DEL, C1), line separators, and characters that change the text direction or are
-    // invisible.
+    // Control characters (C0, DEL, C1), line separators, and characters that change the text
+    // direction or are invisible.
     c.is_control()
         || matches!(c, '\u{2028}' | '\u{2029}' | '\u{200e}' | '\u{200f}' | '\u{061c}' | '\u{feff}')
         || ('\u{202a}'..='\u{202e}').contains(&c)
@@ -24,8 +25,8 @@ fn is_active(c: char) -> bool {
         || ('\u{e0000}'..='\u{e007f}').contains(&c)
 }
 
-/// Returns the replacement for a character that acts on the terminal. It has the same length in bytes, so offsets in
-/// the text stay valid.
+/// Returns the replacement for a character that acts on the terminal. It has the same length in
+/// bytes, so offsets in the text stay valid.
 fn replacement(c: char) -> char {
     match c.len_utf8() {
         1 => '?',
@@ -35,7 +36,8 @@ fn replacement(c: char) -> char {
     }
 }
 
-/// Replaces all characters of `text` that act on a terminal, line breaks included. The length in bytes stays the same.
+/// Replaces all characters of `text` that act on a terminal, line breaks included. The length in
+/// bytes stays the same.
 pub fn sanitized(text: &str) -> String {
     text.chars().map(|c| if is_active(c) { replacement(c) } else { c }).collect()
 }
@@ -59,11 +61,13 @@ pub fn counted(n: u64, what: &str) -> String {
 /// Returns a number in groups of three digits: `57,000`.
 pub fn grouped(n: u64) -> String {
     let digits = n.to_string();
-    let groups: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|group| str::from_utf8(group).ok()).collect();
+    let groups: Vec<&str> =
+        digits.as_bytes().rchunks(3).rev().filter_map(|group| str::from_utf8(group).ok()).collect();
     groups.join(",")
 }
 
-/// Returns whether a terminal obeys escape sequences, by its kind: the variable `TERM`, which names none on Windows.
+/// Returns whether a terminal obeys escape sequences, by its kind: the variable `TERM`, which names
+/// none on Windows.
 pub fn obeys_escapes(term: Option<&str>) -> bool {
     match term {
         None | Some("") => cfg!(windows),
@@ -84,13 +88,16 @@ pub fn truncated(text: &str, max_chars: usize) -> String {
     sanitized(&kept) + if cut { "..." } else { "" }
 }
 
-/// Escapes the characters in a line of JSON that act on a terminal but need no escape in JSON itself.
+/// Escapes the characters in a line of JSON that act on a terminal but need no escape in JSON
+/// itself.
 pub fn escape_json_line(json: &str) -> String {
     let mut out = String::with_capacity(json.len());
     for c in json.chars() {
         if is_active(c) && !matches!(c, '\n' | '\t' | '\r') {
             let mut units = [0; 2];
-            c.encode_utf16(&mut units).iter().for_each(|unit| out.push_str(&format!("\\u{unit:04x}")));
+            c.encode_utf16(&mut units)
+                .iter()
+                .for_each(|unit| out.push_str(&format!("\\u{unit:04x}")));
         } else {
             out.push(c);
         }
@@ -103,13 +110,16 @@ pub fn beginning(text: &str, max_bytes: usize) -> &str {
     &text[..text.floor_char_boundary(max_bytes)]
 }
 
-/// Turns `name` into a file name for a folder of our choice: its last component, without characters that act on a
-/// terminal, never empty, and short enough for all that is added to it. An external name cannot escape from that folder.
+/// Turns `name` into a file name for a folder of our choice: its last component, without characters
+/// that act on a terminal, never empty, and short enough for all that is added to it. An external
+/// name cannot escape from that folder.
 pub fn safe_file_name(name: &str) -> String {
     const MAX_BYTES: usize = 80;
     let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
-    let kept: String =
-        last.chars().filter(|c| !is_active(*c) && !matches!(c, ':' | '*' | '?' | '"' | '<' | '>' | '|')).collect();
+    let kept: String = last
+        .chars()
+        .filter(|c| !is_active(*c) && !matches!(c, ':' | '*' | '?' | '"' | '<' | '>' | '|'))
+        .collect();
     let kept = kept.trim_start_matches(|c: char| c == '.' || c.is_whitespace());
     let kept = beginning(kept, MAX_BYTES).trim_end();
     if kept.is_empty() { "unnamed".to_owned() } else { kept.to_owned() }

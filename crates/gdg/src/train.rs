@@ -19,16 +19,17 @@ mod settings;
 mod trainer;
 
 pub use checkpoint::{
-    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, examine, from_bytes, is_checkpoint, is_own,
-    load, remove_own, save, with_updated_checksum,
+    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, examine, from_bytes,
+    is_checkpoint, is_own, load, remove_own, save, with_updated_checksum,
 };
 pub use config::{
-    ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from, settings_from_text,
-    settings_in_world, with_setting,
+    ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from,
+    settings_from_text, settings_in_world, with_setting,
 };
 pub use error::TrainError;
 pub use evaluate::{
-    BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome, TaskWalk,
+    BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome,
+    TaskWalk,
 };
 pub use film::{Film, FilmFrame};
 pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Notes, Stretch};

@@ -1,6 +1,6 @@
-//! What the screen shows of a run, computed from copies of the networks on a separate thread: distance fields, the bridge
-//! graph, the planned path, and an agent walking to the goal. Each kind of scene has a folder; `pilot` is what their
-//! agents have in common.
+//! What the screen shows of a run, computed from copies of the networks on a separate thread:
+//! distance fields, the bridge graph, the planned path, and an agent walking to the goal. Each kind
+//! of scene has a folder; `pilot` is what their agents have in common.
 
 pub mod arm;
 mod field;
@@ -25,14 +25,15 @@ pub use maze::MazeView;
 use maze::MazeWorker;
 pub use pilot::{Candidate, OnArrival, ShownEdge};
 
-/// Minimum interval between recomputations of field and graph, and the pause after each as a multiple of its duration.
-/// They run concurrently with training, but on the same cores, so they pause longer while it runs.
+/// Minimum interval between recomputations of field and graph, and the pause after each as a
+/// multiple of its duration. They run concurrently with training, but on the same cores, so they
+/// pause longer while it runs.
 const REFRESH_INTERVAL: Duration = Duration::from_millis(250);
 const TRAINING_PAUSE_FACTOR: u32 = 80;
 const IDLE_PAUSE_FACTOR: u32 = 3;
 
-/// A request from the screen. Requests about another kind of scene than the run's are ignored: they are from the time
-/// before another run was loaded.
+/// A request from the screen. Requests about another kind of scene than the run's are ignored: they
+/// are from the time before another run was loaded.
 #[derive(Clone, Debug)]
 pub enum Request {
     /// What the walking agent does at the goal.
@@ -175,7 +176,8 @@ impl Worker {
         }
     }
 
-    /// Returns the latest snapshot, after switching to its world's scene: requests refer to the world that is shown.
+    /// Returns the latest snapshot, after switching to its world's scene: requests refer to the
+    /// world that is shown.
     fn enter_scene(&mut self) -> Arc<Snapshot> {
         let snapshot = self.snapshots.borrow().clone();
         if !self.scene.draws(&snapshot.scene) {
@@ -230,7 +232,8 @@ impl ShownNetworks {
         Self { networks: snapshot.networks.clone(), timer: RefreshTimer::default(), past: None }
     }
 
-    /// Changes to the networks of `snapshot` if the field has to be computed now; returns whether it has to.
+    /// Changes to the networks of `snapshot` if the field has to be computed now; returns whether
+    /// it has to.
     fn follow(&mut self, snapshot: &Snapshot) -> bool {
         let changed = !Arc::ptr_eq(&snapshot.networks, &self.networks);
         // The past does not change.

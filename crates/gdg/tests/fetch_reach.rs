@@ -1,4 +1,5 @@
-//! The arm against recordings and facts of the reference, FetchReach-v4 of gymnasium-robotics 1.4.2.
+//! The arm against recordings and facts of the reference, FetchReach-v4 of gymnasium-robotics
+//! 1.4.2.
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
@@ -84,13 +85,15 @@ fn proportional_control_reaches_every_goal() {
     let steps = steps.expect("every goal is reached within 50 steps");
     let mean = f64::from(steps.iter().sum::<i32>()) / steps.len() as f64;
     assert_eq!(steps.len(), 100);
-    // The reference takes 2.65 over its own 100 goals; the mean over 100 goals varies by about 0.15.
+    // The reference takes 2.65 over its own 100 goals; the mean over 100 goals varies by about
+    // 0.15.
     assert!((mean - 2.65).abs() < 0.45, "{mean} steps on average");
 }
 
 #[test]
 fn positions_stay_close_to_the_recorded_episodes_of_the_reference() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/fetch-reach/replay.jsonl");
+    let path =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/fetch-reach/replay.jsonl");
     let Ok(text) = std::fs::read_to_string(&path) else {
         println!("skipped: there is no {}", path.display());
         return;
@@ -98,7 +101,9 @@ fn positions_stay_close_to_the_recorded_episodes_of_the_reference() {
     let mut errors = [const { Vec::new() }; 3];
     for line in text.lines() {
         let episode: serde_json::Value = serde_json::from_str(line).unwrap();
-        let points = |name: &str| -> Vec<[f64; 3]> { serde_json::from_value(episode[name].clone()).unwrap() };
+        let points = |name: &str| -> Vec<[f64; 3]> {
+            serde_json::from_value(episode[name].clone()).unwrap()
+        };
         let (actions, recorded) = (points("actions"), points("grip"));
         let mut world = arm();
         let of_kind = &mut errors[episode["kind"].as_u64().unwrap() as usize];
@@ -108,9 +113,10 @@ fn positions_stay_close_to_the_recorded_episodes_of_the_reference() {
             of_kind.push(1000.0 * distance(grip(&*world), *recorded));
         }
     }
-    // With correlated noise, arms of the reference also touch themselves, the head and the table's edge, which these do
-    // not. Millimetres: the mean and the largest error that are allowed for uniform random actions, correlated noise that may
-    // leave the task's space, and proportional control.
+    // With correlated noise, arms of the reference also touch themselves, the head and the table's
+    // edge, which these do not. Millimetres: the mean and the largest error that are allowed for
+    // uniform random actions, correlated noise that may leave the task's space, and proportional
+    // control.
     let bounds = [(1.5, 25.0), (f64::INFINITY, f64::INFINITY), (1.0, 15.0)];
     for (kind, (errors, (mean_bound, largest_bound))) in errors.iter_mut().zip(bounds).enumerate() {
         let mean = errors.iter().sum::<f64>() / errors.len() as f64;
@@ -139,7 +145,8 @@ fn trainer(world: &dyn Environment, method: &str) -> Trainer {
 fn runs_resume_bitwise_from_a_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
     let open = [(None, "gdg"), (None, "gdg-bridge"), (None, "gdg-distance")];
-    for (wall, method) in open.into_iter().chain([(Some(WALL), "gdg"), (Some(WALL), "gdg-bridge")]) {
+    for (wall, method) in open.into_iter().chain([(Some(WALL), "gdg"), (Some(WALL), "gdg-bridge")])
+    {
         let (world, path) = (FetchReach::new(wall, 0), folder.path().join(method));
         let mut straight = trainer(&world, method);
         // In the middle of an episode of 50 steps: 117 steps of each agent.
@@ -163,7 +170,11 @@ fn episodes_take_50_steps_unless_the_settings_say_otherwise() {
     train_to(&mut run, 250);
     assert_eq!(run.episode_steps(), 50);
     let counters = run.counters();
-    assert_eq!(counters.episodes, 4 * (counters.env_steps / 4 / 50), "episodes do not end at the goal");
+    assert_eq!(
+        counters.episodes,
+        4 * (counters.env_steps / 4 / 50),
+        "episodes do not end at the goal"
+    );
     let (mut settings, seed) = (run.run().settings.clone(), run.run().seed);
     settings.train.episode_steps = train_steps(20);
     let other = Run { method: "gdg".parse().unwrap(), preset: Preset::Default, seed, settings };
@@ -182,11 +193,15 @@ fn evaluation_groups_tasks_by_centimetres_and_gives_each_50_steps() {
     let tasks = run.tasks(8);
     let score = run.evaluate(&tasks).unwrap().greedy;
     assert_eq!(score.by_distance.len(), 5);
-    let distances: Vec<f64> = score.by_distance.iter().map(|group| group.distance_cm.unwrap()).collect();
+    let distances: Vec<f64> =
+        score.by_distance.iter().map(|group| group.distance_cm.unwrap()).collect();
     assert!(distances.is_sorted() && distances[0] > 0.0 && distances[4] < 26.0, "{distances:?} cm");
-    assert!(score.by_distance.iter().all(|group| group.tasks == 8 && group.distance_steps.is_none()));
+    assert!(
+        score.by_distance.iter().all(|group| group.tasks == 8 && group.distance_steps.is_none())
+    );
     assert!(score.spl.is_none(), "shortest paths are unknown");
-    // An untrained actor pulls in some direction until the arm is stretched: in 500 steps it would pass few goals more.
+    // An untrained actor pulls in some direction until the arm is stretched: in 500 steps it would
+    // pass few goals more.
     assert!(score.success.unwrap() < 0.5);
 }
 
@@ -208,7 +223,8 @@ fn the_given_distance_solves_the_tasks_after_fifteen_hundred_steps() {
     let mut settings = Preset::Default.settings();
     (settings.learn.hidden, settings.train.agents) = (64, 8);
     (settings.train.learning_starts, settings.train.env_steps_per_update) = (200, 1);
-    let run = Run { method: "gdg-distance".parse().unwrap(), preset: Preset::Default, seed: 1, settings };
+    let run =
+        Run { method: "gdg-distance".parse().unwrap(), preset: Preset::Default, seed: 1, settings };
     let mut run = Trainer::new(run, &FetchReach::new(None, 0), &Registry::builtin(), 2).unwrap();
     let tasks = run.tasks(10);
     let before = run.evaluate(&tasks).unwrap().greedy.success.unwrap();

@@ -1,17 +1,21 @@
-//! Compares the fused gradients with candle's autograd, over several shapes, odd sizes and batch size 1.
+//! Compares the fused gradients with candle's autograd, over several shapes, odd sizes and batch
+//! size 1.
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor};
 use gdg::env::Spec;
-use gdg::learn::{Backend, Batch, Gdg, Layers, LearnSettings, Learner, LossScale, Network, Policy, Profile, Scratch};
+use gdg::learn::{
+    Backend, Batch, Gdg, Layers, LearnSettings, Learner, LossScale, Network, Policy, Profile,
+    Scratch,
+};
 use gdg::store::Store;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Returns a spec whose state has a position among other numbers, as for an arm; `axes` of its numbers are the achieved
-/// goal.
+/// Returns a spec whose state has a position among other numbers, as for an arm; `axes` of its
+/// numbers are the achieved goal.
 fn spec(state: usize, axes: usize, positions: bool) -> Spec {
     Spec {
         state_centre: (0..state).map(|i| i as f32 * 0.5).collect(),
@@ -46,7 +50,8 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
     // A waypoint leads the actor of every third pair: the goal of the pair before it.
     batch.actor_goals.clone_from(&batch.goals);
     for row in (1..rows).step_by(3) {
-        let (before, own) = batch.actor_goals[(row - 1) * spec.goal_dim()..].split_at_mut(spec.goal_dim());
+        let (before, own) =
+            batch.actor_goals[(row - 1) * spec.goal_dim()..].split_at_mut(spec.goal_dim());
         own[..spec.goal_dim()].copy_from_slice(before);
     }
     batch
@@ -102,7 +107,14 @@ fn check_against(
     let reference = learner.reference(layers).unwrap();
     let targets = learner.target_reference(layers).unwrap().targets(&batch, &Device::Cpu).unwrap();
     let at_current_weights = reference.targets(&batch, &Device::Cpu).unwrap();
-    let apart = (&targets - at_current_weights).unwrap().abs().unwrap().max(0).unwrap().to_scalar::<f32>().unwrap();
+    let apart = (&targets - at_current_weights)
+        .unwrap()
+        .abs()
+        .unwrap()
+        .max(0)
+        .unwrap()
+        .to_scalar::<f32>()
+        .unwrap();
     // A batch of one has a pair whose goal was reached.
     assert!(
         apart > 0.01 || settings.batch_size == 1,
@@ -110,11 +122,16 @@ fn check_against(
     );
     let critic = reference.critic_loss(0, (&states, &goals), &targets).unwrap();
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
-    let model = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
-    let (actor, excess) = reference.actor_loss(&states, [&goals, &towards], batch.frees_stuck_actor).unwrap();
+    let model =
+        reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
+    let (actor, excess) =
+        reference.actor_loss(&states, [&goals, &towards], batch.frees_stuck_actor).unwrap();
     let losses = [&critic, &model, &actor].map(|loss| loss.to_scalar::<f32>().unwrap());
-    let actor_and_excess =
-        if settings.actor_bound > 0.0 || frees_stuck_actor { (actor + excess).unwrap() } else { actor };
+    let actor_and_excess = if settings.actor_bound > 0.0 || frees_stuck_actor {
+        (actor + excess).unwrap()
+    } else {
+        actor
+    };
     let grads = [&critic, &model, &actor_and_excess].map(|loss| loss.backward().unwrap());
     let expected: Vec<(Tensor, Option<Tensor>)> = {
         let (critic, model, actor) = (learner.critic(0), learner.model(), learner.actor());
@@ -128,16 +145,26 @@ fn check_against(
     let (found_losses, found) = learner.gradients(&batch).unwrap();
     let found_losses = [found_losses.critic, found_losses.model, found_losses.actor];
     for (i, name) in ["critic", "model", "actor"].iter().enumerate() {
-        // The reference covers the first critic only, so the mean loss of two critics differs from it.
+        // The reference covers the first critic only, so the mean loss of two critics differs from
+        // it.
         if settings.critics == 1 || i > 0 {
-            assert!((losses[i] - found_losses[i]).abs() <= 2e-4 * losses[i].abs() + 1e-5, "{name}: {losses:?}");
+            assert!(
+                (losses[i] - found_losses[i]).abs() <= 2e-4 * losses[i].abs() + 1e-5,
+                "{name}: {losses:?}"
+            );
         }
         let (dense, table) = &found[i];
         let (difference, largest) = compare(dense, &expected[i].0);
-        assert!(largest > 0.0 && difference < 2e-4 * largest + 1e-6, "{name}: off by {difference} of {largest}");
+        assert!(
+            largest > 0.0 && difference < 2e-4 * largest + 1e-6,
+            "{name}: off by {difference} of {largest}"
+        );
         if let Some(expected) = &expected[i].1 {
             let (difference, largest) = compare(table, expected);
-            assert!(largest > 0.0 && difference < 5e-4 * largest + 1e-6, "{name} table: {difference} of {largest}");
+            assert!(
+                largest > 0.0 && difference < 5e-4 * largest + 1e-6,
+                "{name} table: {difference} of {largest}"
+            );
         }
     }
 }
@@ -151,12 +178,16 @@ fn gradients_of_the_default_preset_match_autograd() {
     check(&spec(2, 2, true), &LearnSettings::default());
 }
 
-/// Returns pairs that begin with their own steps: small actions are blocked, and the last step of each part jumps.
+/// Returns pairs that begin with their own steps: small actions are blocked, and the last step of
+/// each part jumps.
 fn blocked(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
     let mut batch = batch(spec, rows, rng);
     batch.from.clone_from(&batch.states);
     batch.next.clone_from(&batch.states);
-    let steps = batch.next.chunks_exact_mut(spec.state_dim()).zip(batch.actions.chunks_exact(spec.action_dim));
+    let steps = batch
+        .next
+        .chunks_exact_mut(spec.state_dim())
+        .zip(batch.actions.chunks_exact(spec.action_dim));
     for (row, (next, action)) in steps.enumerate() {
         let jump = if row % 32 == 31 { 3.0 } else { 0.0 };
         for ((next, action), scale) in next.iter_mut().zip(action).zip(&spec.change_scale) {
@@ -176,7 +207,8 @@ fn gradients_of_a_blocked_actor_and_of_a_mispredicting_model_match_autograd() {
     // Both make a difference to such a batch.
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     let mut trained = Gdg::new(&spec, &default, 1, &mut rng).unwrap();
-    let mut next_batch = || Batch { greedy_targets: true, ..blocked(&spec, default.batch_size, &mut rng) };
+    let mut next_batch =
+        || Batch { greedy_targets: true, ..blocked(&spec, default.batch_size, &mut rng) };
     for _ in 0..updates_before {
         trained.update_on(&next_batch(), None, &mut Profile::default()).unwrap();
     }
@@ -197,7 +229,8 @@ fn gradients_of_a_blocked_actor_and_of_a_mispredicting_model_match_autograd() {
 
 #[test]
 fn gradients_with_behaviour_targets_match_autograd() {
-    let settings = LearnSettings { greedy_targets: false, expectile: 0.9, ..LearnSettings::default() };
+    let settings =
+        LearnSettings { greedy_targets: false, expectile: 0.9, ..LearnSettings::default() };
     check(&spec(2, 2, true), &settings);
 }
 
@@ -250,7 +283,8 @@ fn gradients_of_every_loss_match_autograd() {
 fn updates_on_the_tape_lead_to_the_same_weights() {
     let spec = spec(2, 2, true);
     let mut learners = [Backend::Fused, Backend::Tape].map(|backend| {
-        let settings = LearnSettings { backend, batch_size: 48, hidden: 32, ..LearnSettings::default() };
+        let settings =
+            LearnSettings { backend, batch_size: 48, hidden: 32, ..LearnSettings::default() };
         Gdg::new(&spec, &settings, 1, &mut ChaCha8Rng::seed_from_u64(3)).unwrap()
     });
     let initial = learners[0].networks_state().unwrap();
@@ -259,18 +293,24 @@ fn updates_on_the_tape_lead_to_the_same_weights() {
         let mut batch = batch(&spec, 48, &mut rng);
         batch.bootstrap.iter_mut().step_by(2).for_each(|b| *b = 1.0);
         batch.bound.iter_mut().step_by(3).for_each(|b| *b = 20.0);
-        let losses = learners.each_mut().map(|l| l.update_on(&batch, None, &mut Profile::default()).unwrap());
+        let losses = learners
+            .each_mut()
+            .map(|l| l.update_on(&batch, None, &mut Profile::default()).unwrap());
         let close = |a: f32, b: f32| (a - b).abs() <= 1e-3 * a.abs() + 1e-4;
         let [fused, tape] = losses;
         assert!(close(fused.critic, tape.critic), "critics at update {update}: {losses:?}");
-        assert!(close(fused.model, tape.model) && close(fused.actor, tape.actor), "update {update}: {losses:?}");
+        assert!(
+            close(fused.model, tape.model) && close(fused.actor, tape.actor),
+            "update {update}: {losses:?}"
+        );
     }
     assert_eq!(learners.each_ref().map(Gdg::updates), [20, 20]);
     let [fused, tape] = learners.each_ref().map(|l| l.networks_state().unwrap());
     for ((name, fused), ((_, tape), (_, initial))) in fused.iter().zip(tape.iter().zip(&initial)) {
         let (part, fused) = &fused[0];
         let moved = fused.iter().zip(&initial[0].1).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        // Adam's first steps have full size whatever the gradient, which amplifies noise in gradients near zero.
+        // Adam's first steps have full size whatever the gradient, which amplifies noise in
+        // gradients near zero.
         let apart: Vec<f32> = fused.iter().zip(&tape[0].1).map(|(a, b)| (a - b).abs()).collect();
         let mean = apart.iter().sum::<f32>() / apart.len() as f32;
         assert!(moved > 0.005 && mean < 1e-5, "{name} {part}: moved {moved}, apart {mean}");
@@ -279,7 +319,11 @@ fn updates_on_the_tape_lead_to_the_same_weights() {
     let (states, goals) = ([1.0, 2.0, -1.5, 0.5], [0.5, -2.0, 2.5, 1.0]);
     let distances = learners.each_ref().map(|learner| {
         let mut out = [0.0; 2];
-        learner.with_nets(true, |nets| nets.distances(&states, &goals, &mut out, &mut Scratch::default())).unwrap();
+        learner
+            .with_nets(true, |nets| {
+                nets.distances(&states, &goals, &mut out, &mut Scratch::default());
+            })
+            .unwrap();
         out
     });
     assert!((distances[0][0] - distances[1][0]).abs() < 1e-3 * distances[0][0], "{distances:?}");
@@ -289,13 +333,17 @@ fn updates_on_the_tape_lead_to_the_same_weights() {
 fn lookahead_finds_the_best_tried_action_according_to_model_and_critics() {
     for spec in [spec(2, 2, true), spec(5, 3, false)] {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let mut learner = Gdg::new(&spec, &LearnSettings { critics: 2, ..settings(32, 24, 2) }, 1, &mut rng).unwrap();
+        let mut learner =
+            Gdg::new(&spec, &LearnSettings { critics: 2, ..settings(32, 24, 2) }, 1, &mut rng)
+                .unwrap();
         for _ in 0..200 {
             let mut moves = batch(&spec, 32, &mut rng);
             // Actions move the first components by ten times what is usual.
             moves.next.clone_from(&moves.from);
-            for (next, action) in
-                moves.next.chunks_exact_mut(spec.state_dim()).zip(moves.actions.chunks_exact(spec.action_dim))
+            for (next, action) in moves
+                .next
+                .chunks_exact_mut(spec.state_dim())
+                .zip(moves.actions.chunks_exact(spec.action_dim))
             {
                 next.iter_mut().zip(action).for_each(|(next, action)| *next += 4.0 * action);
             }
@@ -308,14 +356,20 @@ fn lookahead_finds_the_best_tried_action_according_to_model_and_critics() {
             .with_nets(false, |nets| {
                 nets.actions(&pairs.states, &pairs.goals, &mut own, &mut Scratch::default());
                 best.clone_from(&own);
-                nets.improve_actions(&pairs.states, &pairs.goals, &mut best, &mut Scratch::default());
+                nets.improve_actions(
+                    &pairs.states,
+                    &pairs.goals,
+                    &mut best,
+                    &mut Scratch::default(),
+                );
             })
             .unwrap();
         let reference = learner.reference(Layers::Linear).unwrap();
         let tensor = |numbers: &[f32], width: usize| {
             Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
         };
-        let (states, goals) = (tensor(&pairs.states, spec.state_dim()), tensor(&pairs.goals, spec.goal_dim()));
+        let (states, goals) =
+            (tensor(&pairs.states, spec.state_dim()), tensor(&pairs.goals, spec.goal_dim()));
         let after = |actions: &[f32]| -> Vec<f32> {
             let next = reference.predictions(&states, &tensor(actions, spec.action_dim)).unwrap();
             let [first, second] = [0, 1].map(|k| reference.distances(k, &next, &goals).unwrap());
@@ -325,9 +379,19 @@ fn lookahead_finds_the_best_tried_action_according_to_model_and_critics() {
         let corner = after(&vec![1.0; own.len()]);
         let mut changed = 0;
         for i in 0..40 {
-            assert!(after_best[i] <= after_own[i] + 1e-3, "row {i}: {} after {}", after_best[i], after_own[i]);
+            assert!(
+                after_best[i] <= after_own[i] + 1e-3,
+                "row {i}: {} after {}",
+                after_best[i],
+                after_own[i]
+            );
             // Better by more than what counts as noise.
-            assert!(after_best[i] <= corner[i] + 0.1 + 1e-3, "row {i}: {} after {}", after_best[i], corner[i]);
+            assert!(
+                after_best[i] <= corner[i] + 0.1 + 1e-3,
+                "row {i}: {} after {}",
+                after_best[i],
+                corner[i]
+            );
             changed += usize::from(after_best[i] < after_own[i] - 0.05);
         }
         assert!(changed > 5, "the actor leaves room for improvement: {changed} of 40");

@@ -1,4 +1,5 @@
-//! Maps and scenarios: folders of valid and invalid files, properties of parsing and geometry, the built-in maps.
+//! Maps and scenarios: folders of valid and invalid files, properties of parsing and geometry, the
+//! built-in maps.
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
@@ -8,8 +9,8 @@ use std::sync::Arc;
 
 use gdg::env::{EnvSettings, Environment, PointMaze};
 use gdg::map::{
-    self, BUILTIN, Cell, Grid, RandomMapKind, ScenarioTask, StepSearch, UNREACHABLE, parse_map, print_ascii,
-    print_movingai, random,
+    self, BUILTIN, Cell, Grid, RandomMapKind, ScenarioTask, StepSearch, UNREACHABLE, parse_map,
+    print_ascii, print_movingai, random,
 };
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -17,7 +18,8 @@ use rand_chacha::ChaCha8Rng;
 
 fn folder(name: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps").join(name);
-    let mut files: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let mut files: Vec<PathBuf> =
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.sort();
     assert!(files.len() > 10, "the folder of {name} maps is there");
     files
@@ -37,7 +39,12 @@ fn every_valid_file_is_read() {
     for path in folder("valid") {
         if is_scenario(&path) {
             let tasks = map::load_scenario(&path, &plain()).unwrap_or_else(|e| panic!("{e}"));
-            assert_eq!((tasks[0].start, tasks[0].goal), (Cell::new(0, 0), Cell::new(2, 2)), "{}", path.display());
+            assert_eq!(
+                (tasks[0].start, tasks[0].goal),
+                (Cell::new(0, 0), Cell::new(2, 2)),
+                "{}",
+                path.display()
+            );
         } else {
             let grid = map::load_map(&path).unwrap_or_else(|e| panic!("{e}"));
             assert!(grid.free_count() > 0);
@@ -47,7 +54,9 @@ fn every_valid_file_is_read() {
 
 #[test]
 fn line_endings_and_byte_order_marks_do_not_matter() {
-    let read = |name: &str| map::load_map(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/valid").join(name));
+    let read = |name: &str| {
+        map::load_map(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/valid").join(name))
+    };
     let expected = plain();
     for name in ["crlf.txt", "no-final-newline.txt", "byte-order-mark.txt", "plain.txt"] {
         assert_eq!(read(name).unwrap().named(expected.name()), expected, "{name}");
@@ -72,7 +81,8 @@ fn every_invalid_file_gets_the_expected_error() {
         };
         assert!(error.to_string().contains(&name), "the error names the file: {error}");
         assert!(!error.help.is_empty());
-        let place = error.at.map_or("whole file".to_owned(), |(line, column)| format!("{line}:{column}"));
+        let place =
+            error.at.map_or("whole file".to_owned(), |(line, column)| format!("{line}:{column}"));
         report += &format!("{name}: {place}: {} [{}]\n", error.problem, error.help);
     }
     let expected = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/invalid-errors.txt");
@@ -137,7 +147,11 @@ fn fourrooms_is_the_11_by_11_map_enlarged_eight_times() {
     ];
     for y in 0..88 {
         for x in 0..88 {
-            assert_eq!(grid.is_free(Cell::new(x, y)), small[y / 8].as_bytes()[x / 8] == b'.', "({x}, {y})");
+            assert_eq!(
+                grid.is_free(Cell::new(x, y)),
+                small[y / 8].as_bytes()[x / 8] == b'.',
+                "({x}, {y})"
+            );
         }
     }
 }
@@ -176,8 +190,8 @@ impl Obstacles {
     }
 }
 
-/// Returns the number of obstacles that the straight line between the centres of `a` and `b` crosses, each of which
-/// requires a detour. The line is sampled at every tenth of a cell.
+/// Returns the number of obstacles that the straight line between the centres of `a` and `b`
+/// crosses, each of which requires a detour. The line is sampled at every tenth of a cell.
 fn obstacles_between(grid: &Grid, obstacles: &Obstacles, a: Cell, b: Cell) -> usize {
     let ([ax, ay], [bx, by]) = (a.centre(), b.centre());
     let samples = 10 * a.x.abs_diff(b.x).max(a.y.abs_diff(b.y)).max(1);
@@ -194,9 +208,9 @@ fn obstacles_between(grid: &Grid, obstacles: &Obstacles, a: Cell, b: Cell) -> us
     met.len()
 }
 
-/// An obstacle (an 8-connected group of wall cells) requires a detour if the straight line from start to goal crosses
-/// it. Checks every pair of free cells on one colour of a chessboard, so that every other line runs next to a checked
-/// one.
+/// An obstacle (an 8-connected group of wall cells) requires a detour if the straight line from
+/// start to goal crosses it. Checks every pair of free cells on one colour of a chessboard, so that
+/// every other line runs next to a checked one.
 #[test]
 fn no_task_of_the_city_has_more_than_nine_obstacles() {
     let grid = built_in("city");
@@ -212,8 +226,8 @@ fn no_task_of_the_city_has_more_than_nine_obstacles() {
     assert!(most >= 8, "the city is not nearly empty: {most}");
 }
 
-/// Within ten steps of the start, a cell of a dead end is nearer to the goal than the start and everything around it;
-/// the detour takes more than 80 steps.
+/// Within ten steps of the start, a cell of a dead end is nearer to the goal than the start and
+/// everything around it; the detour takes more than 80 steps.
 #[test]
 fn the_trap_is_a_local_optimum() {
     let grid = built_in("trap");
@@ -228,16 +242,24 @@ fn the_trap_is_a_local_optimum() {
     };
     let end = *near.iter().min_by(|a, b| straight(**a).total_cmp(&straight(**b))).unwrap();
     assert!(straight(end) < straight(start));
-    // Nothing within ten steps of that cell is nearer either: it is a local optimum, and the start lies in its basin.
+    // Nothing within ten steps of that cell is nearer either: it is a local optimum, and the start
+    // lies in its basin.
     let around = search.steps_from(end).to_vec();
-    assert!(grid.free_cells().filter(|c| around[grid.index(*c)] <= 10).all(|c| straight(c) >= straight(end)));
+    assert!(
+        grid.free_cells()
+            .filter(|c| around[grid.index(*c)] <= 10)
+            .all(|c| straight(c) >= straight(end))
+    );
 }
 
 /// Generates maps of up to `most` by `most` cells with at least one free cell.
 fn grids(most: usize) -> impl Strategy<Value = Grid> {
     (1..=most, 1..=most)
         .prop_flat_map(|(w, h)| {
-            (Just(w), prop::collection::vec(prop::sample::select(vec![b'.', b'#', b'S', b'G']), w * h))
+            (
+                Just(w),
+                prop::collection::vec(prop::sample::select(vec![b'.', b'#', b'S', b'G']), w * h),
+            )
         })
         .prop_filter("a free cell", |(_, cells)| cells.iter().any(|c| *c != b'#'))
         .prop_map(|(width, cells)| {
@@ -338,7 +360,8 @@ fn agents_slide_along_walls_and_are_moved_out_of_them() {
 }
 
 fn shared(file: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/movingai").join(file);
+    let path =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/movingai").join(file);
     if path.is_file() {
         return Some(path);
     }
@@ -359,7 +382,12 @@ fn a_printed_map_and_a_scenario_on_it_are_read() {
     }
     let tasks = map::parse_scenario_bytes("city.scen", scenario.as_bytes(), &read).unwrap();
     assert_eq!(tasks.len(), cells.len());
-    assert!(tasks.iter().zip(&cells).all(|(task, cell)| task.start == *cell && task.optimal_octile == 12.5));
+    assert!(
+        tasks
+            .iter()
+            .zip(&cells)
+            .all(|(task, cell)| task.start == *cell && task.optimal_octile == 12.5)
+    );
 }
 
 #[test]
@@ -398,7 +426,10 @@ fn real_maps_and_scenarios_are_read() {
         for task in tasks.iter().step_by(7) {
             let steps = f64::from(search.steps_from(task.start)[grid.index(task.goal)]);
             // A diagonal counts sqrt 2 in an octile length, and 1 in a step count.
-            assert!(steps <= task.optimal_octile + 1e-6 && task.optimal_octile <= steps * 2f64.sqrt() + 1e-6);
+            assert!(
+                steps <= task.optimal_octile + 1e-6
+                    && task.optimal_octile <= steps * 2f64.sqrt() + 1e-6
+            );
         }
     }
 }
@@ -410,7 +441,12 @@ fn random_maps_are_connected_and_reproducible_and_differ_by_seed() {
         for seed in 0..20 {
             let grid = random(kind, None, seed);
             assert_eq!((grid.width(), grid.height()), (side, side));
-            assert_eq!(StepSearch::new(&grid).components(&grid).sizes.len(), 1, "{} in one piece", grid.name());
+            assert_eq!(
+                StepSearch::new(&grid).components(&grid).sizes.len(),
+                1,
+                "{} in one piece",
+                grid.name()
+            );
             assert_eq!(grid, random(kind, None, seed));
             assert_ne!(grid, random(kind, None, seed + 1).named(grid.name()));
             shares.push(grid.free_count());
@@ -430,7 +466,8 @@ fn perfect_mazes_have_one_path_between_any_two_cells_and_the_size_asked_for() {
         assert_eq!(StepSearch::new(&grid).components(&grid).sizes.len(), 1);
         let on_a_crossing = |cell: &Cell| cell.x.is_multiple_of(2) && cell.y.is_multiple_of(2);
         assert!(!grid.free_cells().any(|cell| on_a_crossing(&cell)), "walls are one cell thick");
-        let at_the_edge = |cell: Cell| cell.x == 0 || cell.y == 0 || cell.x == size - 1 || cell.y == size - 1;
+        let at_the_edge =
+            |cell: Cell| cell.x == 0 || cell.y == 0 || cell.x == size - 1 || cell.y == size - 1;
         assert!(!grid.free_cells().any(at_the_edge), "walls surround it");
     }
     for (kind, size) in [(RandomMapKind::Maze, 23), (RandomMapKind::City, 60)] {

@@ -1,5 +1,5 @@
-//! Rivals that learn from rewards: they learn what they can, reproducibly, and planners work over them.
-//! Whether runs repeat is also tested for the goal-distance gradient with D given.
+//! Rivals that learn from rewards: they learn what they can, reproducibly, and planners work over
+//! them. Whether runs repeat is also tested for the goal-distance gradient with D given.
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
@@ -51,7 +51,8 @@ fn every_rival_learns_a_small_empty_map() {
         let mut run = trainer(rival, empty(8), 1, 2);
         train_to(&mut run, 2_500);
         let found = run.evaluate(&run.tasks(20)).unwrap();
-        let (success, straight) = (found.greedy.success.unwrap(), found.straight.unwrap().success.unwrap());
+        let (success, straight) =
+            (found.greedy.success.unwrap(), found.straight.unwrap().success.unwrap());
         assert_eq!(straight, 1.0, "nothing is in the way");
         assert!(success >= 0.85, "{rival}: {success}");
         // D is in steps, also where the reward is a distance.
@@ -105,7 +106,10 @@ fn planners_work_over_a_rival() {
         train_to(&mut run, 4_000);
         let found = run.evaluate(&run.tasks(15)).unwrap();
         let (planned, bridges) = (found.planned.unwrap().success.unwrap(), found.bridges.unwrap());
-        assert!(bridges.candidates > 30 && bridges.edges > bridges.candidates, "{planner}: {bridges:?}");
+        assert!(
+            bridges.candidates > 30 && bridges.edges > bridges.candidates,
+            "{planner}: {bridges:?}"
+        );
         assert!(planned >= least, "{planner}: planned {planned}");
     }
 }
@@ -117,7 +121,8 @@ fn distances_are_finite_before_and_after_training() {
         for updates in [0, 300] {
             train_to(&mut run, updates);
             let mut distances = vec![0.0; 3];
-            let (states, goals) = ([0.5, 0.5, 14.5, 8.5, 3.0, 3.0], [14.5, 8.5, 0.5, 0.5, 3.0, 3.0]);
+            let (states, goals) =
+                ([0.5, 0.5, 14.5, 8.5, 3.0, 3.0], [14.5, 8.5, 0.5, 0.5, 3.0, 3.0]);
             let policy = run.policy().unwrap();
             policy.distances(&states, &goals, &mut distances, &mut Scratch::default());
             assert!(distances.iter().all(|d| d.is_finite() && *d >= 0.0), "{rival}: {distances:?}");
@@ -137,6 +142,9 @@ fn networks_are_kept_between_methods_of_the_same_values_only() {
         train_to(&mut run, 250);
         kept.networks
     };
-    assert_eq!(["her", "her+sorb", "ddpg-distance", "ddpg"].map(&mut change), [true, true, false, false]);
+    assert_eq!(
+        ["her", "her+sorb", "ddpg-distance", "ddpg"].map(&mut change),
+        [true, true, false, false]
+    );
     assert!(!change("gdg"));
 }

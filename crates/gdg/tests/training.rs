@@ -52,7 +52,10 @@ fn map_of(trainer: &Trainer) -> &Arc<Grid> {
 }
 
 /// Switches to the same maze on another map.
-fn change_map(trainer: &mut Trainer, map: &Arc<Grid>) -> Result<train::WorldChange, train::TrainError> {
+fn change_map(
+    trainer: &mut Trainer,
+    map: &Arc<Grid>,
+) -> Result<train::WorldChange, train::TrainError> {
     let maze = PointMaze::downcast_ref(trainer.world()).unwrap().with_map(map.clone());
     trainer.change_world(&maze)
 }
@@ -68,7 +71,8 @@ fn full_state(trainer: &Trainer) -> Vec<(String, Vec<u64>)> {
             Array::U64(v) => v.clone(),
         }
     };
-    let mut all: Vec<_> = store.arrays().iter().map(|(name, array)| (name.clone(), bits(array))).collect();
+    let mut all: Vec<_> =
+        store.arrays().iter().map(|(name, array)| (name.clone(), bits(array))).collect();
     for (name, text) in store.texts() {
         let text = if name == "trainer" { without_time(text) } else { text.clone() };
         all.push((name.clone(), text.bytes().map(u64::from).collect()));
@@ -92,7 +96,8 @@ fn assert_same(a: &Trainer, b: &Trainer) {
 
 #[test]
 fn the_same_seed_gives_the_same_run_and_another_seed_a_different_one() {
-    let mut runs = [trainer(settings(), 1, 1), trainer(settings(), 1, 1), trainer(settings(), 2, 1)];
+    let mut runs =
+        [trainer(settings(), 1, 1), trainer(settings(), 1, 1), trainer(settings(), 2, 1)];
     runs.iter_mut().for_each(|run| train_to(run, 450));
     assert_same(&runs[0], &runs[1]);
     assert!(full_state(&runs[0]) != full_state(&runs[2]));
@@ -100,7 +105,8 @@ fn the_same_seed_gives_the_same_run_and_another_seed_a_different_one() {
 
 #[test]
 fn the_number_of_threads_does_not_change_the_run() {
-    let mut runs = [trainer(settings(), 3, 1), trainer(settings(), 3, 2), trainer(settings(), 3, 4)];
+    let mut runs =
+        [trainer(settings(), 3, 1), trainer(settings(), 3, 2), trainer(settings(), 3, 4)];
     runs.iter_mut().for_each(|run| train_to(run, 450));
     assert_same(&runs[0], &runs[1]);
     assert_same(&runs[0], &runs[2]);
@@ -139,7 +145,8 @@ fn a_resumed_run_without_checks_of_the_model_or_ways_out_continues_bitwise() {
     continues_bitwise_with(|learn| learn.model_check = false);
 }
 
-/// Checks that runs resume exactly after a `change` of their settings, and that it makes a difference.
+/// Checks that runs resume exactly after a `change` of their settings, and that it makes a
+/// difference.
 fn continues_bitwise_with(change: impl Fn(&mut LearnSettings)) {
     let other = || {
         let mut settings = settings();
@@ -241,7 +248,10 @@ fn a_checkpoint_is_described_without_being_loaded() {
     run.record_evaluation(100, evaluation.clone());
     train::save(&run, &SaveTo::Replace(path.clone())).unwrap();
     let found = train::describe(&path).unwrap();
-    assert_eq!((found.updates, found.success, &found.run), (120, Some(evaluation.success(100)), run.run()));
+    assert_eq!(
+        (found.updates, found.success, &found.run),
+        (120, Some(evaluation.success(100)), run.run())
+    );
     assert_eq!(found.title, map_of(&run).name());
     assert_eq!(found.bytes, std::fs::metadata(&path).unwrap().len());
     std::fs::write(&path, b"not a checkpoint at all").unwrap();
@@ -259,7 +269,10 @@ fn a_setting_that_applies_immediately_changes_nothing_else() {
     };
     let graphs = |run: &Trainer| -> Vec<_> {
         let (arrays, _) = run.save().unwrap().into_parts();
-        arrays.into_iter().filter(|(name, _)| name.starts_with("graph.") || name.starts_with("bridge.")).collect()
+        arrays
+            .into_iter()
+            .filter(|(name, _)| name.starts_with("graph.") || name.starts_with("bridge."))
+            .collect()
     };
     let (before, replay, graph) = (learned(&run), run.replay().snapshot(), graphs(&run));
     assert!(graph.iter().any(|(name, _)| name.starts_with("graph.")), "the run has a graph by now");
@@ -297,17 +310,22 @@ fn changing_any_setting_keeps_the_documented_state() {
             (_, list) if list.starts_with('[') => "[1.0,3.0]".to_owned(),
             ("buffer_size", _) => "6000".to_owned(),
             ("batch_size" | "hidden", _) => "8".to_owned(),
-            (_, number) if number.parse::<u64>().is_ok() => (number.parse::<u64>().unwrap() + 1).to_string(),
+            (_, number) if number.parse::<u64>().is_ok() => {
+                (number.parse::<u64>().unwrap() + 1).to_string()
+            }
             (_, number) => (number.parse::<f64>().unwrap() * 0.5 + 0.12).to_string(),
         };
         // Two of the defaults already add up to their joint maximum.
-        let Ok(settings) = train::with_setting(&base, &name, &other) else { panic!("{name} can be {other}") };
+        let Ok(settings) = train::with_setting(&base, &name, &other) else {
+            panic!("{name} can be {other}")
+        };
         assert_ne!(settings, base, "{name}");
         let mut run = trainer(base.clone(), 5, 1);
         train_to(&mut run, 20);
         let stored = run.replay().len();
         assert!(
-            run.candidates().len() > BridgeSettings { verify_edges: false, ..base.bridge.clone() }.max_candidates()
+            run.candidates().len()
+                > BridgeSettings { verify_edges: false, ..base.bridge.clone() }.max_candidates()
         );
         let kept = run.change_run(Run { settings, ..run.run().clone() }).unwrap();
         let effect = train::Setting::named(&name).unwrap().effect;
@@ -354,12 +372,19 @@ fn files_that_are_not_checkpoints_are_refused() {
     train_to(&mut run, 10);
     train::save(&run, &SaveTo::Replace(whole.clone())).unwrap();
     let bytes = std::fs::read(&whole).unwrap();
-    let text = |path: &Path| train::load(path, &Registry::builtin(), 1).err().expect("an error").to_string();
+    let text = |path: &Path| {
+        train::load(path, &Registry::builtin(), 1).err().expect("an error").to_string()
+    };
     assert!(text(&folder.path().join("missing")).contains("cannot be read"));
     assert!(text(&write("text", b"hello")).contains("not a checkpoint"));
     assert!(text(&write("empty", b"")).contains("is empty"));
-    assert!(text(&write("cut", &bytes[..bytes.len() / 2])).contains("its size differs from what its header says"));
-    let foreign = safetensors::serialize(Vec::<(String, safetensors::tensor::TensorView)>::new(), None).unwrap();
+    assert!(
+        text(&write("cut", &bytes[..bytes.len() / 2]))
+            .contains("its size differs from what its header says")
+    );
+    let foreign =
+        safetensors::serialize(Vec::<(String, safetensors::tensor::TensorView)>::new(), None)
+            .unwrap();
     assert!(text(&write("foreign", &foreign)).contains("not a checkpoint"));
     // A header with other network sizes than those saved.
     let mut changed = bytes.clone();
@@ -387,7 +412,8 @@ fn two_rooms_are_learned() {
     assert!(greedy >= 0.6, "greedy {greedy}");
 }
 
-/// Shows that the test above detects learning: networks that hardly change stay far below its thresholds.
+/// Shows that the test above detects learning: networks that hardly change stay far below its
+/// thresholds.
 #[test]
 fn two_rooms_are_not_learned_by_frozen_networks() {
     let mut idle = settings();
@@ -402,7 +428,8 @@ fn learned_distances_bend_around_the_wall() {
     let mut run = trainer(settings(), 12, 2);
     train_to(&mut run, 4_000);
     let policy = run.policy().unwrap();
-    let distance = |from: [f32; 2], to: [f32; 2]| policy.distance(&from, &to, &mut Scratch::default());
+    let distance =
+        |from: [f32; 2], to: [f32; 2]| policy.distance(&from, &to, &mut Scratch::default());
     // Close to each other, with the wall between: 2 steps through it, 17 around it.
     let (through, round) = (distance([9.5, 0.5], [11.5, 0.5]), distance([9.5, 0.5], [7.5, 0.5]));
     assert!(through > 8.0, "across the wall D is {through}");
@@ -426,7 +453,10 @@ fn without_a_warm_up_the_first_update_waits_for_a_transition() {
     let mut eager = settings();
     eager.train.learning_starts = 0;
     let mut run = trainer(eager, 14, 1);
-    assert_eq!([run.tick().unwrap(), run.tick().unwrap(), run.tick().unwrap()], [Tick::Step, Tick::Step, Tick::Update]);
+    assert_eq!(
+        [run.tick().unwrap(), run.tick().unwrap(), run.tick().unwrap()],
+        [Tick::Step, Tick::Step, Tick::Update]
+    );
 }
 
 #[test]
@@ -435,10 +465,15 @@ fn the_paper_preset_makes_one_update_per_step_after_each_episode() {
     let mut settings = Preset::Paper.settings();
     settings.train.learning_starts = 0;
     let run = Run { method: Method::default(), preset: Preset::Paper, seed: 1, settings };
-    let mut run = Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 1).unwrap();
+    let mut run =
+        Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 1).unwrap();
     let episode = u64::from(run.episode_steps());
     for tick in 0..2 * episode {
-        assert_eq!(run.tick().unwrap(), if tick < episode { Tick::Step } else { Tick::Update }, "tick {tick}");
+        assert_eq!(
+            run.tick().unwrap(),
+            if tick < episode { Tick::Step } else { Tick::Update },
+            "tick {tick}"
+        );
     }
     assert_eq!(run.tick().unwrap(), Tick::Step, "the next episode begins");
     assert_eq!((run.counters().updates, run.counters().episodes), (episode, 1));
@@ -454,10 +489,12 @@ fn farthest_goal(near_goals: f32) -> f32 {
     let mut farthest = 0.0f32;
     for _ in 0..60 {
         run.tick().unwrap();
-        let starts = run.rollout().agents().iter().zip(run.rollout().env().states().chunks_exact(2));
+        let starts =
+            run.rollout().agents().iter().zip(run.rollout().env().states().chunks_exact(2));
         let begins = starts.filter(|(agent, _)| agent.steps == 0 && run.counters().episodes > 0);
         for (agent, at) in begins {
-            farthest = (agent.goal[0] - at[0]).abs().max((agent.goal[1] - at[1]).abs()).max(farthest);
+            farthest =
+                (agent.goal[0] - at[0]).abs().max((agent.goal[1] - at[1]).abs()).max(farthest);
         }
     }
     farthest
@@ -509,7 +546,11 @@ fn the_same_networks_learn_a_moved_door() {
     train_to(&mut run, 6_000);
     let found = run.evaluate(&run.tasks(20)).unwrap();
     let planned = found.planned.unwrap().success.unwrap();
-    assert!(planned >= 0.9 && found.bridges.unwrap().false_edges == Some(0), "planned {planned}, {:?}", found.bridges);
+    assert!(
+        planned >= 0.9 && found.bridges.unwrap().false_edges == Some(0),
+        "planned {planned}, {:?}",
+        found.bridges
+    );
 }
 
 #[test]
@@ -531,21 +572,29 @@ fn distances_lengthened_by_new_walls_are_relearned_quickly() {
     };
     let (soon, late) = (after(true, 0.5), after(false, 0.95));
     // Through the new door it takes 18 steps.
-    assert!(soon > 9.0 && soon > 1.1 * late, "{soon} after a thousand updates, {late} by behaviour and an expectile");
+    assert!(
+        soon > 9.0 && soon > 1.1 * late,
+        "{soon} after a thousand updates, {late} by behaviour and an expectile"
+    );
 }
 
 #[test]
 fn two_walled_cells_in_one_room_leave_the_distances_of_the_other_alone() {
     let mut run = trainer(settings(), 15, 2);
     train_to(&mut run, 3_000);
-    let places: Vec<[f32; 2]> = (0..20).map(|i| [12.5 + (i * 3 % 8) as f32, 0.5 + (i * 7 % 11) as f32]).collect();
+    let places: Vec<[f32; 2]> =
+        (0..20).map(|i| [12.5 + (i * 3 % 8) as f32, 0.5 + (i * 7 % 11) as f32]).collect();
     let distances = |run: &Trainer| -> Vec<f32> {
         let (policy, mut scratch) = (run.policy().unwrap(), Scratch::default());
-        let pairs = places.iter().flat_map(|from| places.iter().map(move |to| (from, to))).filter(|(a, b)| a != b);
+        let pairs = places
+            .iter()
+            .flat_map(|from| places.iter().map(move |to| (from, to)))
+            .filter(|(a, b)| a != b);
         pairs.map(|(from, to)| policy.distance(from, to, &mut scratch)).collect()
     };
     let before = distances(&run);
-    let map = map_of(&run).with_cells([(Cell::new(4, 4), false), (Cell::new(5, 4), false)]).unwrap();
+    let map =
+        map_of(&run).with_cells([(Cell::new(4, 4), false), (Cell::new(5, 4), false)]).unwrap();
     change_map(&mut run, &Arc::new(map)).unwrap();
     train_to(&mut run, 4_000);
     let after = distances(&run);
@@ -562,7 +611,10 @@ fn undoing_an_edit_restores_the_transitions_that_it_removed() {
     let closed = change_map(&mut run, &door_above()).unwrap();
     assert!(closed.transitions_removed > 0 && closed.transitions_restored == 0, "{closed:?}");
     let undone = change_map(&mut run, &before).unwrap();
-    assert_eq!((undone.transitions_removed, undone.transitions_restored), (0, closed.transitions_removed));
+    assert_eq!(
+        (undone.transitions_removed, undone.transitions_restored),
+        (0, closed.transitions_removed)
+    );
 }
 
 #[test]
@@ -604,8 +656,10 @@ fn without_restarts_no_agent_is_ever_moved() {
 fn from_one_start_everything_is_explored() {
     let text = format!("S{}", &TWO_ROOMS[1..]);
     let map = parse_map("one-start", text.as_bytes()).unwrap();
-    let run = Run { method: Method::default(), preset: Preset::Default, seed: 2, settings: settings() };
-    let mut run = Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 2).unwrap();
+    let run =
+        Run { method: Method::default(), preset: Preset::Default, seed: 2, settings: settings() };
+    let mut run =
+        Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 2).unwrap();
     assert!(
         run.world().states().iter().all(|v| *v < 1.0),
         "all agents start in the corner: {:?}",
@@ -623,7 +677,10 @@ fn from_one_start_everything_is_explored() {
 /// Returns a maze with corridors and walls one cell wide, and a start in a corner.
 fn perfect_maze(size: usize) -> Arc<Grid> {
     let maze = random(RandomMapKind::Perfect, Some(size), 1);
-    let rows = maze.free().chunks(maze.width()).map(|row| row.iter().map(|free| if *free { '.' } else { '#' }));
+    let rows = maze
+        .free()
+        .chunks(maze.width())
+        .map(|row| row.iter().map(|free| if *free { '.' } else { '#' }));
     let text: Vec<String> = rows.map(String::from_iter).collect();
     Arc::new(parse_map("maze", text.join("\n").replacen('.', "S", 1).as_bytes()).unwrap())
 }
@@ -633,19 +690,22 @@ fn a_maze_with_corridors_one_cell_wide_is_learned_from_one_cell() {
     let mut settings = settings();
     settings.bridge.candidates = 300;
     let run = Run { method: Method::default(), preset: Preset::Default, seed: 4, settings };
-    let mut run = Trainer::new(run, &PointMaze::new(perfect_maze(21), 0), &Registry::builtin(), 2).unwrap();
+    let mut run =
+        Trainer::new(run, &PointMaze::new(perfect_maze(21), 0), &Registry::builtin(), 2).unwrap();
     train_to(&mut run, 4_000);
     let found = run.evaluate(&run.tasks(20)).unwrap();
     let planned = found.planned.unwrap().success.unwrap();
     assert!(planned >= 0.85, "planned {planned}");
 }
 
-/// Returns the success rate of the actor alone on `map` after `updates` with the default preset and a `change`.
+/// Returns the success rate of the actor alone on `map` after `updates` with the default preset and
+/// a `change`.
 fn greedy_after(updates: u64, map: &Arc<Grid>, change: impl Fn(&mut LearnSettings)) -> f64 {
     let mut settings = Settings::default();
     change(&mut settings.learn);
     let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings };
-    let mut run = Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
+    let mut run =
+        Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
     train_to(&mut run, updates);
     run.evaluate(&run.tasks(20)).unwrap().greedy.success.unwrap()
 }
@@ -685,8 +745,11 @@ const CLUTTER: &str = "
 #[test]
 fn an_actor_that_clutter_blocks_is_shown_the_way_out() {
     let map = Arc::new(parse_map("clutter", CLUTTER.trim().as_bytes()).unwrap());
-    let greedy =
-        |helped| greedy_after(6_000, &map, |learn| (learn.unblock_actor, learn.model_check) = (helped, helped));
+    let greedy = |helped| {
+        greedy_after(6_000, &map, |learn| {
+            (learn.unblock_actor, learn.model_check) = (helped, helped);
+        })
+    };
     let (with, without) = (greedy(true), greedy(false));
     assert!(without < with - 0.05, "with ways out {with}, without {without}");
 }
@@ -698,7 +761,8 @@ fn a_maze_with_corridors_one_cell_wide_is_explored_from_one_cell() {
         let mut settings = settings();
         settings.bridge.frontier_epsilon = frontier;
         let run = Run { method: Method::default(), preset: Preset::Default, seed: 2, settings };
-        let mut run = Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
+        let mut run =
+            Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
         train_to(&mut run, 2_000);
         run.world().coverage().unwrap()
     };
@@ -716,7 +780,9 @@ fn excursions_lead_to_the_frontier_and_go_on_after_a_resume() {
         run.tick().unwrap();
     }
     let goals = |run: &Trainer| -> Vec<Option<Vec<f32>>> {
-        (0..run.rollout().agents().len()).map(|i| run.rollout().excursions().destination(i)).collect()
+        (0..run.rollout().agents().len())
+            .map(|i| run.rollout().excursions().destination(i))
+            .collect()
     };
     let pursued = goals(&run);
     assert!(pursued.iter().any(Option::is_some), "every goal begins with an excursion");
@@ -727,8 +793,14 @@ fn excursions_lead_to_the_frontier_and_go_on_after_a_resume() {
     let (arrays, texts) = store.into_parts();
     let mut former = Store::default();
     let older = |name: &str| !name.starts_with("excursions") && !name.starts_with("places");
-    arrays.into_iter().filter(|(name, _)| older(name)).for_each(|(name, array)| former.put(name, array));
-    texts.into_iter().filter(|(name, _)| older(name)).for_each(|(name, text)| former.put_text(name, text));
+    arrays
+        .into_iter()
+        .filter(|(name, _)| older(name))
+        .for_each(|(name, array)| former.put(name, array));
+    texts
+        .into_iter()
+        .filter(|(name, _)| older(name))
+        .for_each(|(name, text)| former.put_text(name, text));
     let mut resumed = Trainer::load(&former, &Registry::builtin(), 1).unwrap();
     assert!(goals(&resumed).iter().all(Option::is_none));
     train_to(&mut resumed, 20);

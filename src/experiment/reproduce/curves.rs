@@ -58,15 +58,21 @@ pub fn panels(figure: &Figure, methods: &[MethodResults]) -> Vec<Panel> {
     let over = Axis::of(methods);
     let success = |e: &Evaluation| e.success_rate();
     let left = |of: fn(&TaskOutcome) -> Option<f64>| move |e: &Evaluation| of(&marked(e)?);
-    let steps = |outcome: &TaskOutcome| (outcome.left_steps != u32::MAX).then(|| f64::from(outcome.left_steps));
+    let steps = |outcome: &TaskOutcome| {
+        (outcome.left_steps != u32::MAX).then(|| f64::from(outcome.left_steps))
+    };
     let straight = |outcome: &TaskOutcome| outcome.left_straight.map(f64::from);
     match figure.shows {
-        Shows::Success | Shows::CompleteSuccess | Shows::CompleteSuccessAndGripPath => vec![Panel {
-            measure: "success",
-            labels: [over.label(), "success rate"],
-            top: Some(1.0),
-            curves: curves(methods, |method, result| training(over, &method.plan, result, &success)),
-        }],
+        Shows::Success | Shows::CompleteSuccess | Shows::CompleteSuccessAndGripPath => {
+            vec![Panel {
+                measure: "success",
+                labels: [over.label(), "success rate"],
+                top: Some(1.0),
+                curves: curves(methods, |method, result| {
+                    training(over, &method.plan, result, &success)
+                }),
+            }]
+        }
         Shows::SuccessByDistance => vec![Panel {
             measure: "success",
             labels: ["steps from start to goal", "success rate"],
@@ -78,13 +84,17 @@ pub fn panels(figure: &Figure, methods: &[MethodResults]) -> Vec<Panel> {
                 measure: "steps_left",
                 labels: [over.label(), "steps left to the goal"],
                 top: None,
-                curves: curves(methods, |method, result| training(over, &method.plan, result, &left(steps))),
+                curves: curves(methods, |method, result| {
+                    training(over, &method.plan, result, &left(steps))
+                }),
             },
             Panel {
                 measure: "straight_left",
                 labels: [over.label(), "straight line left (cells)"],
                 top: None,
-                curves: curves(methods, |method, result| training(over, &method.plan, result, &left(straight))),
+                curves: curves(methods, |method, result| {
+                    training(over, &method.plan, result, &left(straight))
+                }),
             },
         ],
         Shows::Bridge | Shows::Paths => Vec::new(),
@@ -100,7 +110,8 @@ enum Axis {
 }
 
 impl Axis {
-    /// Returns the axis for jobs of these lengths: episodes or steps if any method trains for a number of them.
+    /// Returns the axis for jobs of these lengths: episodes or steps if any method trains for a
+    /// number of them.
     fn of(methods: &[MethodResults]) -> Self {
         let any = |is: fn(Length) -> bool| methods.iter().any(|method| is(method.plan.length));
         if any(|length| matches!(length, Length::Episodes(_))) {
@@ -131,8 +142,8 @@ impl Axis {
     }
 }
 
-/// Returns, for each seed, the place on the horizontal axis from which on the curve stays at `value`; `None` if it does
-/// not at the end.
+/// Returns, for each seed, the place on the horizontal axis from which on the curve stays at
+/// `value`; `None` if it does not at the end.
 pub fn stays_at(curve: &Curve, value: f64) -> BTreeMap<u64, Option<u64>> {
     let mut from = BTreeMap::new();
     for point in &curve.points {
@@ -151,7 +162,10 @@ fn marked(evaluation: &Evaluation) -> Option<TaskOutcome> {
 }
 
 /// Collects the points of all seeds of every method.
-fn curves(methods: &[MethodResults], points: impl Fn(&MethodResults, &JobResult) -> Vec<(u64, f64)>) -> Vec<Curve> {
+fn curves(
+    methods: &[MethodResults],
+    points: impl Fn(&MethodResults, &JobResult) -> Vec<(u64, f64)>,
+) -> Vec<Curve> {
     let curve = |method: &MethodResults| {
         let mut all: Vec<Point> = Vec::new();
         for result in &method.results {
@@ -168,16 +182,24 @@ fn curves(methods: &[MethodResults], points: impl Fn(&MethodResults, &JobResult)
 }
 
 /// Returns a measure at every evaluation.
-fn training(axis: Axis, plan: &Plan, result: &JobResult, of: &dyn Fn(&Evaluation) -> Option<f64>) -> Vec<(u64, f64)> {
+fn training(
+    axis: Axis,
+    plan: &Plan,
+    result: &JobResult,
+    of: &dyn Fn(&Evaluation) -> Option<f64>,
+) -> Vec<(u64, f64)> {
     let marks = plan.marks();
     let complete = marks.len() == result.evaluations.len();
-    let (episodes, env_steps) = result.measured.as_ref().map_or((0, 0), |m| (m.episodes, m.env_steps));
+    let (episodes, env_steps) =
+        result.measured.as_ref().map_or((0, 0), |m| (m.episodes, m.env_steps));
     let at = |(i, updates): (usize, u64)| match axis {
         Axis::Updates => updates,
         _ if axis.counts(plan.length) && complete => marks[i],
-        // Not counted at each evaluation: they come about equally fast. To two digits, so that seeds with about as many
-        // share their points.
-        Axis::Episodes => two_digits(updates as f64 / result.updates.max(1) as f64 * episodes as f64),
+        // Not counted at each evaluation: they come about equally fast. To two digits, so that
+        // seeds with about as many share their points.
+        Axis::Episodes => {
+            two_digits(updates as f64 / result.updates.max(1) as f64 * episodes as f64)
+        }
         Axis::Steps => two_digits(updates as f64 / result.updates.max(1) as f64 * env_steps as f64),
     };
     let evaluations = result.evaluations.iter().enumerate();
@@ -192,8 +214,9 @@ fn two_digits(value: f64) -> u64 {
 
 /// Returns the success rate at each distance in the last evaluation.
 fn by_distance(result: &JobResult) -> Vec<(u64, f64)> {
-    let score =
-        |evaluation: &Evaluation| -> Score { evaluation.planned.as_ref().unwrap_or(&evaluation.greedy).clone() };
+    let score = |evaluation: &Evaluation| -> Score {
+        evaluation.planned.as_ref().unwrap_or(&evaluation.greedy).clone()
+    };
     let Some(score) = result.last().map(score) else { return Vec::new() };
     let of = |d: &gdg::train::DistanceScore| Some((d.distance()?.0.round() as u64, d.success?));
     score.by_distance.iter().filter_map(of).collect()
@@ -212,7 +235,12 @@ mod tests {
     #[test]
     fn a_curve_stays_complete_from_the_last_time_that_it_became_so() {
         let point = |x, one, other| Point { x, values: vec![(1, one), (2, other)] };
-        let points = vec![point(10, 1.0, 0.2), point(20, 0.9, 1.0), point(30, 1.0, 1.0), point(40, 1.0, 0.8)];
+        let points = vec![
+            point(10, 1.0, 0.2),
+            point(20, 0.9, 1.0),
+            point(30, 1.0, 1.0),
+            point(40, 1.0, 0.8),
+        ];
         let curve = Curve { entry: &super::super::methods::DEFAULT, points };
         assert_eq!(stays_at(&curve, 1.0), BTreeMap::from([(1, Some(30)), (2, None)]));
     }

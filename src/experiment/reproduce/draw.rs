@@ -72,7 +72,8 @@ pub fn svg(drawing: &Drawing) -> Result<String, Report> {
 /// It cannot be drawn or encoded.
 pub fn png(drawing: &Drawing) -> Result<Vec<u8>, Report> {
     let pictures = drawing.placed().map(|(panel, at)| (&panel.picture, at));
-    let drawn = png::draw(drawing.size(), pictures, |canvas| paint(&canvas.into_drawing_area(), drawing));
+    let drawn =
+        png::draw(drawing.size(), pictures, |canvas| paint(&canvas.into_drawing_area(), drawing));
     let picture = drawn.ok_or_else(|| miette!("the figure is too large"))?;
     let picture = picture.map_err(|error| miette!("the figure cannot be drawn: {error}"))?;
     picture.to_png().into_diagnostic()
@@ -97,7 +98,10 @@ impl Drawing<'_> {
     /// Returns the size of the largest map.
     fn panel_size(&self) -> (u32, u32) {
         let sizes = || self.maps.iter().flatten().map(|panel| panel.picture.size());
-        (sizes().map(|s| s.0).max().unwrap_or(0) as u32, sizes().map(|s| s.1).max().unwrap_or(0) as u32)
+        (
+            sizes().map(|s| s.0).max().unwrap_or(0) as u32,
+            sizes().map(|s| s.1).max().unwrap_or(0) as u32,
+        )
     }
 
     /// Returns every map with the place of its upper left corner.
@@ -108,7 +112,8 @@ impl Drawing<'_> {
         rows.flat_map(move |(row, panels)| {
             panels.iter().enumerate().map(move |(column, panel)| {
                 let x = MARGIN + column as u32 * (width + MARGIN);
-                let y = above + 2 * MARGIN + LINE + LINE + row as u32 * (height + 2 * LINE + MARGIN);
+                let y =
+                    above + 2 * MARGIN + LINE + LINE + row as u32 * (height + 2 * LINE + MARGIN);
                 (panel, (x as i32, y as i32))
             })
         })
@@ -125,14 +130,19 @@ fn letters(bold: bool) -> TextStyle<'static> {
 }
 
 /// Draws everything but pictures.
-fn paint<B: DrawingBackend>(root: &DrawingArea<B, Shift>, drawing: &Drawing) -> Result<(), DrawError<B>> {
+fn paint<B: DrawingBackend>(
+    root: &DrawingArea<B, Shift>,
+    drawing: &Drawing,
+) -> Result<(), DrawError<B>> {
     let margin = MARGIN as i32;
     root.draw(&Text::new(drawing.title, (margin, margin), letters(true)))?;
     if !drawing.panels.is_empty() {
         let (_, below) = root.split_vertically(MARGIN + LINE);
         let (below, _) = below.split_vertically(CHART.1 + MARGIN);
         let (charts, legend) = below.split_horizontally(drawing.panels.len() as u32 * CHART.0);
-        for (area, panel) in charts.split_evenly((1, drawing.panels.len().max(1))).iter().zip(drawing.panels) {
+        for (area, panel) in
+            charts.split_evenly((1, drawing.panels.len().max(1))).iter().zip(drawing.panels)
+        {
             chart(area, panel)?;
         }
         if let Some(panel) = drawing.panels.first() {
@@ -154,10 +164,14 @@ pub fn tick(value: f64) -> String {
     }
 }
 
-fn chart<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel) -> Result<(), DrawError<B>> {
+fn chart<B: DrawingBackend>(
+    area: &DrawingArea<B, Shift>,
+    panel: &Panel,
+) -> Result<(), DrawError<B>> {
     let points = || panel.curves.iter().flat_map(|curve| &curve.points);
     let last = points().map(|point| point.x as f64).fold(1.0, f64::max);
-    let highest = panel.top.unwrap_or_else(|| points().map(|point| point.range().1).fold(1.0, f64::max));
+    let highest =
+        panel.top.unwrap_or_else(|| points().map(|point| point.range().1).fold(1.0, f64::max));
     let mut chart = ChartBuilder::on(area)
         .margin(MARGIN)
         .x_label_area_size(44)
@@ -178,15 +192,20 @@ fn chart<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel) -> Resu
         .draw()?;
     for curve in &panel.curves {
         let (up, down) = (curve.points.iter(), curve.points.iter().rev());
-        let band = up.map(|p| (p.x as f64, p.range().1)).chain(down.map(|p| (p.x as f64, p.range().0)));
-        chart.draw_series([Polygon::new(band.collect::<Vec<_>>(), colour(curve.entry.colour).mix(BAND))])?;
+        let band =
+            up.map(|p| (p.x as f64, p.range().1)).chain(down.map(|p| (p.x as f64, p.range().0)));
+        chart.draw_series([Polygon::new(
+            band.collect::<Vec<_>>(),
+            colour(curve.entry.colour).mix(BAND),
+        )])?;
     }
     for (i, curve) in panel.curves.iter().enumerate() {
         let own = colour(curve.entry.colour);
         let means: Vec<(f64, f64)> = curve.points.iter().map(|p| (p.x as f64, p.mean())).collect();
         chart.draw_series(LineSeries::new(means.clone(), own.stroke_width(2)))?;
         let symbol = |at: &(f64, f64)| EmptyElement::at(*at) + Symbol { number: i, colour: own };
-        chart.draw_series(means.iter().step_by(means.len().div_ceil(MARKERS).max(1)).map(symbol))?;
+        chart
+            .draw_series(means.iter().step_by(means.len().div_ceil(MARKERS).max(1)).map(symbol))?;
     }
     Ok(())
 }
@@ -225,7 +244,10 @@ impl<B: DrawingBackend> plotters::element::Drawable<B> for Symbol {
     }
 }
 
-fn paint_legend<B: DrawingBackend>(area: &DrawingArea<B, Shift>, curves: &[Curve]) -> Result<(), DrawError<B>> {
+fn paint_legend<B: DrawingBackend>(
+    area: &DrawingArea<B, Shift>,
+    curves: &[Curve],
+) -> Result<(), DrawError<B>> {
     for (i, curve) in curves.iter().enumerate() {
         let (y, own) = ((2 * MARGIN + i as u32 * LINE) as i32, colour(curve.entry.colour));
         area.draw(&PathElement::new([(0, y), (30, y)], own.stroke_width(2)))?;
@@ -292,15 +314,25 @@ mod tests {
         let panels = [panel()];
         let drawing = Drawing { title: "A title", panels: &panels, maps: &[] };
         let text = svg(&drawing).expect("a drawing");
-        for part in ["A title", "updates", "success rate", ENTRIES[0].title, ENTRIES[1].title, "#D55E00", "#0072B2"] {
+        for part in [
+            "A title",
+            "updates",
+            "success rate",
+            ENTRIES[0].title,
+            ENTRIES[1].title,
+            "#D55E00",
+            "#0072B2",
+        ] {
             assert!(text.contains(part), "{part}");
         }
         let file = png(&drawing).expect("a picture");
-        let mut reader = ::png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a PNG");
+        let mut reader =
+            ::png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a PNG");
         let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
         let frame = reader.next_frame(&mut pixels).expect("pixels");
         assert_eq!((frame.width, frame.height), drawing.size());
-        let count = |(r, g, b): Rgb| pixels.chunks_exact(3).filter(|pixel| **pixel == [r, g, b]).count();
+        let count =
+            |(r, g, b): Rgb| pixels.chunks_exact(3).filter(|pixel| **pixel == [r, g, b]).count();
         assert!(count((255, 255, 255)) > 100_000 && count((0, 0, 0)) > 100, "letters on white");
         assert!(ENTRIES.iter().all(|entry| count(entry.colour) > 300), "lines");
     }

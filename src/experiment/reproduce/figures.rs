@@ -1,8 +1,8 @@
 //! The paper's figures: what each shows, of which methods and how long they train.
 
 use super::methods::{
-    ARM_DDPG_DISTANCE, ARM_GDG, ARM_GDG_BRIDGE, ARM_GDG_DISTANCE, ARM_HER, DDPG, DDPG_DISTANCE, DEFAULT, DEFAULT_GDG,
-    Entry, GDG, GDG_BRIDGE, HER, RANDOM, SORB,
+    ARM_DDPG_DISTANCE, ARM_GDG, ARM_GDG_BRIDGE, ARM_GDG_DISTANCE, ARM_HER, DDPG, DDPG_DISTANCE,
+    DEFAULT, DEFAULT_GDG, Entry, GDG, GDG_BRIDGE, HER, RANDOM, SORB,
 };
 use crate::cli::{self, BudgetArg};
 use crate::experiment::plan::{Length, Plan};
@@ -13,7 +13,8 @@ const MAX_STEPS: u32 = 500;
 /// Distances of the paths in Figure 5, in steps.
 pub const PATH_DISTANCES: [u32; 4] = [90, 120, 150, 180];
 
-/// Environment steps for the arm, and between two evaluations: multiples of the number of agents, who step at once.
+/// Environment steps for the arm, and between two evaluations: multiples of the number of agents,
+/// who step at once.
 const ARM: ArmSteps = ArmSteps { quick: 3_000, paper: 10_000, every: 40 };
 
 /// The same with the wall.
@@ -139,10 +140,14 @@ pub const FIGURES: [Figure; 7] = [
 impl Figure {
     /// Returns what it shows.
     pub fn title(&self) -> &'static str {
-        cli::FIGURES.iter().find(|(name, _)| *name == self.name).map_or(self.name, |(_, title)| title)
+        cli::FIGURES
+            .iter()
+            .find(|(name, _)| *name == self.name)
+            .map_or(self.name, |(_, title)| title)
     }
 
-    /// Returns what a job of `method` does under `budget`. Figures on the same map have the same plans and share jobs.
+    /// Returns what a job of `method` does under `budget`. Figures on the same map have the same
+    /// plans and share jobs.
     pub fn plan(&self, budget: BudgetArg, method: &str) -> Plan {
         match self.world {
             "fetch-reach" => ARM.plan(budget),
@@ -157,15 +162,21 @@ impl Figure {
             _ => (20_000, 100_000),
         };
         let length = match budget {
-            // With batches of one agent's steps and no tricks, the paper's updates are cheaper and it needs more of them.
-            BudgetArg::Quick if ["gdg", "gdg-bridge"].contains(&method) => Length::Updates(4 * updates),
+            // With batches of one agent's steps and no tricks, the paper's updates are cheaper and
+            // it needs more of them.
+            BudgetArg::Quick if ["gdg", "gdg-bridge"].contains(&method) => {
+                Length::Updates(4 * updates)
+            }
             BudgetArg::Quick => Length::Updates(updates),
             // Our default needs a small part of what the paper's methods train for.
-            BudgetArg::Paper if ["default", "default-gdg"].contains(&method) => Length::Updates(5 * updates),
+            BudgetArg::Paper if ["default", "default-gdg"].contains(&method) => {
+                Length::Updates(5 * updates)
+            }
             BudgetArg::Paper => Length::Episodes(episodes),
         };
         // The paper tests every 20,000 episodes.
-        let evaluations = if let Length::Episodes(episodes) = length { episodes / 20_000 } else { 10 };
+        let evaluations =
+            if let Length::Episodes(episodes) = length { episodes / 20_000 } else { 10 };
         let plan = Plan { max_steps: Some(MAX_STEPS), ..Plan::new(length, evaluations, 10) };
         match self.world {
             "city" => Plan { last_tasks: 100, walks: PATH_DISTANCES.to_vec(), ..plan },

@@ -45,7 +45,10 @@ struct Walk {
 /// Returns one row of panels: both views of the walk of each method.
 pub fn rows(methods: &[MethodResults]) -> Vec<Vec<MapPanel>> {
     let walk = |method: &MethodResults| {
-        Walk::new(method.entry.title, method.results.first()?.measured.as_ref()?.long_walk.as_ref()?)
+        Walk::new(
+            method.entry.title,
+            method.results.first()?.measured.as_ref()?.long_walk.as_ref()?,
+        )
     };
     let walks: Vec<Walk> = methods.iter().filter_map(walk).collect();
     let bounds = bounds(&walks);
@@ -79,7 +82,8 @@ impl Walk {
 fn bounds(walks: &[Walk]) -> [Position; 2] {
     let (low, high) = (fetch_reach::WALL.low.as_vec3(), fetch_reach::WALL.high.as_vec3());
     // The wall reaches far beyond all paths along x.
-    let (mut least, mut most) = ([f32::INFINITY, low.y, low.z], [f32::NEG_INFINITY, high.y, high.z]);
+    let (mut least, mut most) =
+        ([f32::INFINITY, low.y, low.z], [f32::NEG_INFINITY, high.y, high.z]);
     for walk in walks {
         for at in walk.path.iter().chain(&walk.plan).chain([&walk.goal]) {
             for axis in 0..3 {
@@ -101,13 +105,21 @@ impl View {
         let scale = PANEL_PIXELS as f32 / longest;
         let pixels = self.axes.map(|axis| ((size(axis) * scale).round() as usize).max(1));
         let place = |at: &Position| [(most[left] - at[left]) * scale, (most[up] - at[up]) * scale];
-        let line =
-            |stops: &[Position], colour, width| PolyLine { stops: stops.iter().map(place).collect(), colour, width };
+        let line = |stops: &[Position], colour, width| PolyLine {
+            stops: stops.iter().map(place).collect(),
+            colour,
+            width,
+        };
         let goal = Dot::new(place(&walk.goal), GOAL);
         let start: Vec<Position> = walk.path.first().copied().into_iter().collect();
-        let planned = if walk.plan.is_empty() { Vec::new() } else { [start.clone(), walk.plan.clone()].concat() };
+        let planned = if walk.plan.is_empty() {
+            Vec::new()
+        } else {
+            [start.clone(), walk.plan.clone()].concat()
+        };
         let waypoints = walk.plan.iter().take(walk.plan.len().saturating_sub(1));
-        let mut dots: Vec<Dot> = waypoints.map(|at| Dot { radius: 3, ..Dot::new(place(at), PLAN) }).collect();
+        let mut dots: Vec<Dot> =
+            waypoints.map(|at| Dot { radius: 3, ..Dot::new(place(at), PLAN) }).collect();
         dots.extend(start.iter().map(|at| Dot::new(place(at), START)));
         dots.push(goal);
         MapPanel {
@@ -124,7 +136,10 @@ impl View {
 
     /// Draws the wall, and the table in profile.
     fn ground(&self, pixels: [usize; 2], place: &impl Fn(&Position) -> [f32; 2]) -> Picture {
-        let (low, high) = (fetch_reach::WALL.low.as_vec3().to_array(), fetch_reach::WALL.high.as_vec3().to_array());
+        let (low, high) = (
+            fetch_reach::WALL.low.as_vec3().to_array(),
+            fetch_reach::WALL.high.as_vec3().to_array(),
+        );
         let ([left, bottom], [right, top]) = (place(&high), place(&low));
         // Left and up have the highest coordinates.
         let (columns, rows) = (left..right, bottom..top);
@@ -153,15 +168,20 @@ mod tests {
     #[test]
     fn the_path_leads_over_the_wall_from_right_to_left() {
         let walks = [walk(Vec::new())];
-        let panels: Vec<MapPanel> = VIEWS.iter().map(|view| view.panel(&walks[0], bounds(&walks))).collect();
-        assert_eq!((panels[0].title.as_str(), panels[0].caption.as_str()), ("GDG: from behind", "reached in 2 steps"));
+        let panels: Vec<MapPanel> =
+            VIEWS.iter().map(|view| view.panel(&walks[0], bounds(&walks))).collect();
+        assert_eq!(
+            (panels[0].title.as_str(), panels[0].caption.as_str()),
+            ("GDG: from behind", "reached in 2 steps")
+        );
         let path = &panels[0].lines[1].stops;
         assert!(path[0][0] > path[1][0] && path[1][0] > path[2][0], "{path:?}");
         assert!(path[1][1] < path[0][1], "up is up: {path:?}");
         // Below the top of the path: free, then the wall down to the table.
         let (columns, _) = panels[0].picture.size();
         let column = path[1][0] as usize;
-        let seen: Vec<Rgb> = panels[0].picture.pixels().iter().skip(column).step_by(columns).copied().collect();
+        let seen: Vec<Rgb> =
+            panels[0].picture.pixels().iter().skip(column).step_by(columns).copied().collect();
         let mut kinds = seen.clone();
         kinds.dedup();
         assert_eq!(kinds, [FLOOR, WALL, TABLE]);
@@ -173,10 +193,14 @@ mod tests {
         let walks = [walk(vec![[1.4, 0.75, 0.85], [1.34, 0.86, 0.5]])];
         for view in VIEWS {
             let panel = view.panel(&walks[0], bounds(&walks));
-            assert_eq!(panel.dots.iter().map(|dot| dot.colour).collect::<Vec<_>>(), [PLAN, START, GOAL]);
+            assert_eq!(
+                panel.dots.iter().map(|dot| dot.colour).collect::<Vec<_>>(),
+                [PLAN, START, GOAL]
+            );
             let (width, height) = panel.picture.size();
-            let within =
-                |at: &[f32; 2]| at[0] >= 0.0 && at[0] <= width as f32 && at[1] >= 0.0 && at[1] <= height as f32;
+            let within = |at: &[f32; 2]| {
+                at[0] >= 0.0 && at[0] <= width as f32 && at[1] >= 0.0 && at[1] <= height as f32
+            };
             assert!(panel.lines.iter().flat_map(|line| &line.stops).all(within), "{}", view.name);
         }
     }

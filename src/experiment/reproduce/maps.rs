@@ -1,4 +1,5 @@
-//! Figures 2 and 5: pictures of the map with distances, plans and paths; panels of the arm's are in `grip`.
+//! Figures 2 and 5: pictures of the map with distances, plans and paths; panels of the arm's are in
+//! `grip`.
 
 use super::MethodResults;
 use super::figures::{Figure, Shows};
@@ -24,7 +25,9 @@ pub fn rows(figure: &Figure, methods: &[MethodResults]) -> Vec<Vec<MapPanel>> {
         let title = method.entry.title;
         match figure.shows {
             Shows::Bridge => Some(bridge_row(&map, title, measured.bridge.as_ref()?)),
-            Shows::Paths => Some(measured.walks.iter().map(|walk| path_panel(&map, title, walk)).collect()),
+            Shows::Paths => {
+                Some(measured.walks.iter().map(|walk| path_panel(&map, title, walk)).collect())
+            }
             _ => None,
         }
     };
@@ -50,12 +53,17 @@ fn picture(map: &Grid, colour: impl Fn(usize) -> Rgb) -> Picture {
     picture
 }
 
-/// Returns the four panels of Figure 2: D(s,.), D(.,g), their sum with the bridge point, and the walk.
+/// Returns the four panels of Figure 2: D(s,.), D(.,g), their sum with the bridge point, and the
+/// walk.
 fn bridge_row(map: &Grid, title: &str, bridge: &Bridge) -> Vec<MapPanel> {
     let scale = scale(map) as f32;
     let to_pixels = |at: [f32; 2]| at.map(|v| v * scale);
-    let sum: Vec<Option<f32>> =
-        bridge.from_start.iter().zip(&bridge.to_goal).map(|(from, to)| Some(from.as_ref()? + to.as_ref()?)).collect();
+    let sum: Vec<Option<f32>> = bridge
+        .from_start
+        .iter()
+        .zip(&bridge.to_goal)
+        .map(|(from, to)| Some(from.as_ref()? + to.as_ref()?))
+        .collect();
     let ends = |walk: &Walked| {
         let start = walk.path.first().map(|at| Dot::new(to_pixels(*at), START));
         start.into_iter().chain([Dot::new(to_pixels(walk.goal), GOAL)]).collect::<Vec<_>>()
@@ -80,18 +88,28 @@ fn bridge_row(map: &Grid, title: &str, bridge: &Bridge) -> Vec<MapPanel> {
         ),
         None => format!("none in {} tasks, {} candidates", bridge.searches, bridge.tried),
     };
-    let plan = [bridge.walk.path.first().copied().into_iter().collect(), bridge.walk.plan.clone()].concat();
+    let plan = [bridge.walk.path.first().copied().into_iter().collect(), bridge.walk.plan.clone()]
+        .concat();
     let line = |stops: &[[f32; 2]], colour, width| PolyLine {
         stops: stops.iter().map(|at| to_pixels(*at)).collect(),
         colour,
         width,
     };
-    let searched = format!("D(s,g) {direct:.2}; searched {}", counted(bridge.searches as u64, "task"));
+    let searched =
+        format!("D(s,g) {direct:.2}; searched {}", counted(bridge.searches as u64, "task"));
     let from = panel(format!("{title}: D(s, .)"), searched, &bridge.from_start);
-    let to = panel(format!("{title}: D(., g)"), format!("true steps {}", bridge.walk.shortest), &bridge.to_goal);
+    let to = panel(
+        format!("{title}: D(., g)"),
+        format!("true steps {}", bridge.walk.shortest),
+        &bridge.to_goal,
+    );
     let mut both = panel(format!("{title}: D(s, .) + D(., g)"), numbers, &sum);
     both.dots.extend(found);
-    let mut walk = panel(format!("{title}: the plan and the walk"), walk_caption(&bridge.walk), &bridge.to_goal);
+    let mut walk = panel(
+        format!("{title}: the plan and the walk"),
+        walk_caption(&bridge.walk),
+        &bridge.to_goal,
+    );
     walk.lines = vec![line(&plan, PLAN, 5), line(&bridge.walk.path, WALKED, 2)];
     walk.dots.extend(found);
     walk.text = text(map, &bridge.walk, bridge.found.map(|found| found.point));
@@ -101,14 +119,21 @@ fn bridge_row(map: &Grid, title: &str, bridge: &Bridge) -> Vec<MapPanel> {
 /// Colours free cells by distance, light near and dark far, with contour lines.
 fn field(map: &Grid, values: &[Option<f32>]) -> Picture {
     let finite = || values.iter().flatten().copied();
-    let (nearest, farthest) = (finite().fold(f32::INFINITY, f32::min), finite().fold(1.0, f32::max));
+    let (nearest, farthest) =
+        (finite().fold(f32::INFINITY, f32::min), finite().fold(1.0, f32::max));
     let scale = scale(map);
     let columns = map.width() * scale;
     let share = |value: f32| (value - nearest) / (farthest - nearest).max(1e-3);
     let mut picture = picture(map, |cell| {
-        values.get(cell).copied().flatten().map_or(WALL, |value| distance_colour(colorous::VIRIDIS, share(value)))
+        values
+            .get(cell)
+            .copied()
+            .flatten()
+            .map_or(WALL, |value| distance_colour(colorous::VIRIDIS, share(value)))
     });
-    let of_pixel = |i: usize| values[(i / columns / scale) * map.width() + i % columns / scale].unwrap_or(f32::NAN);
+    let of_pixel = |i: usize| {
+        values[(i / columns / scale) * map.width() + i % columns / scale].unwrap_or(f32::NAN)
+    };
     let pixels: Vec<f32> = (0..columns * map.height() * scale).map(of_pixel).collect();
     let interval = contour_interval(&pixels, columns, LINE_SPACING);
     for i in contour_lines(&pixels, columns, interval).into_iter().flat_map(|line| line.pixels) {
@@ -127,7 +152,8 @@ fn walk_caption(walk: &Walked) -> String {
 fn path_panel(map: &Grid, title: &str, walk: &Walked) -> MapPanel {
     let scale = scale(map) as f32;
     let to_pixels = |at: &[f32; 2]| at.map(|v| v * scale);
-    let path = PolyLine { stops: walk.path.iter().map(to_pixels).collect(), colour: PATH, width: 3 };
+    let path =
+        PolyLine { stops: walk.path.iter().map(to_pixels).collect(), colour: PATH, width: 3 };
     let start = walk.path.first().map(|at| Dot::new(to_pixels(at), START));
     MapPanel {
         title: format!("{title}: {} steps", walk.distance),
@@ -147,9 +173,11 @@ fn text(map: &Grid, walk: &Walked, bridge: Option<[f32; 2]>) -> String {
     let mut characters = vec![' '; columns * rows];
     for (i, character) in characters.iter_mut().enumerate() {
         let (left, top) = (i % columns * CELLS.0, i / columns * CELLS.1);
-        let cells = (top..(top + CELLS.1).min(map.height()))
-            .flat_map(|y| (left..(left + CELLS.0).min(map.width())).map(move |x| y * map.width() + x));
-        let (free, all) = cells.fold((0, 0), |(free, all), cell| (free + usize::from(map.free()[cell]), all + 1));
+        let cells = (top..(top + CELLS.1).min(map.height())).flat_map(|y| {
+            (left..(left + CELLS.0).min(map.width())).map(move |x| y * map.width() + x)
+        });
+        let (free, all) =
+            cells.fold((0, 0), |(free, all), cell| (free + usize::from(map.free()[cell]), all + 1));
         if 2 * free < all {
             *character = '#';
         }
@@ -162,7 +190,10 @@ fn text(map: &Grid, walk: &Walked, bridge: Option<[f32; 2]>) -> String {
     bridge.into_iter().for_each(|at| put(at, 'b'));
     walk.path.first().into_iter().for_each(|at| put(*at, 'S'));
     put(walk.goal, 'G');
-    characters.chunks(columns).map(|row| row.iter().collect::<String>().trim_end().to_owned() + "\n").collect()
+    characters
+        .chunks(columns)
+        .map(|row| row.iter().collect::<String>().trim_end().to_owned() + "\n")
+        .collect()
 }
 
 #[cfg(test)]
@@ -172,7 +203,10 @@ mod tests {
 
     #[test]
     fn a_path_is_drawn_as_characters() {
-        let map = parse_map("map", b"......##\n......##\n......##\n......##\n........\n........\n........\n........\n");
+        let map = parse_map(
+            "map",
+            b"......##\n......##\n......##\n......##\n........\n........\n........\n........\n",
+        );
         let walk = Walked {
             distance: 7,
             shortest: 7,

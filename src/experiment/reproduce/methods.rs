@@ -23,7 +23,8 @@ pub struct Entry {
     pub colour: Rgb,
 }
 
-/// SoRB's environment, in which the paper compares its methods, adds noise to all actions (preset `paper` has it too).
+/// SoRB's environment, in which the paper compares its methods, adds noise to all actions (preset
+/// `paper` has it too).
 const NOISE: &str = "env_noise=1";
 
 /// Our default.
@@ -47,12 +48,23 @@ pub const DEFAULT_GDG: Entry = Entry {
 };
 
 /// The paper's method with bridge points, as published.
-pub const GDG_BRIDGE: Entry =
-    Entry { name: "gdg-bridge", title: "GDG, bridges", preset: "paper", set: &[], colour: (0, 114, 178), ..DEFAULT };
+pub const GDG_BRIDGE: Entry = Entry {
+    name: "gdg-bridge",
+    title: "GDG, bridges",
+    preset: "paper",
+    set: &[],
+    colour: (0, 114, 178),
+    ..DEFAULT
+};
 
 /// The same without them.
-pub const GDG: Entry =
-    Entry { name: "gdg", title: "GDG", planner: Planner::None, colour: (86, 180, 233), ..GDG_BRIDGE };
+pub const GDG: Entry = Entry {
+    name: "gdg",
+    title: "GDG",
+    planner: Planner::None,
+    colour: (86, 180, 233),
+    ..GDG_BRIDGE
+};
 
 /// A rival that learns from sparse rewards, with hindsight.
 pub const HER: Entry = Entry {
@@ -66,21 +78,34 @@ pub const HER: Entry = Entry {
 };
 
 /// The same without hindsight.
-pub const DDPG: Entry = Entry { name: "ddpg", title: "DDPG", learner: "ddpg", colour: (230, 159, 0), ..HER };
+pub const DDPG: Entry =
+    Entry { name: "ddpg", title: "DDPG", learner: "ddpg", colour: (230, 159, 0), ..HER };
 
 /// The same with the straight line as reward.
-pub const DDPG_DISTANCE: Entry =
-    Entry { name: "ddpg-distance", title: "DDPG, distance", learner: "ddpg-distance", colour: (204, 121, 167), ..HER };
+pub const DDPG_DISTANCE: Entry = Entry {
+    name: "ddpg-distance",
+    title: "DDPG, distance",
+    learner: "ddpg-distance",
+    colour: (204, 121, 167),
+    ..HER
+};
 
 /// SoRB as published: search over the distances of a value function.
-pub const SORB: Entry = Entry { name: "sorb", title: "SoRB on HER", planner: Planner::Sorb, colour: (0, 0, 0), ..HER };
+pub const SORB: Entry =
+    Entry { name: "sorb", title: "SoRB on HER", planner: Planner::Sorb, colour: (0, 0, 0), ..HER };
 
 /// Random actions.
-pub const RANDOM: Entry = Entry { name: "random", title: "random", learner: "random", colour: (150, 150, 150), ..GDG };
+pub const RANDOM: Entry =
+    Entry { name: "random", title: "random", learner: "random", colour: (150, 150, 150), ..GDG };
 
 /// The arm: D is given as the straight line.
-pub const ARM_GDG_DISTANCE: Entry =
-    Entry { name: "gdg-distance", title: "GDG, distance", learner: "gdg-distance", colour: (213, 94, 0), ..ARM_GDG };
+pub const ARM_GDG_DISTANCE: Entry = Entry {
+    name: "gdg-distance",
+    title: "GDG, distance",
+    learner: "gdg-distance",
+    colour: (213, 94, 0),
+    ..ARM_GDG
+};
 
 /// The arm: V = -|s - g| is given, so Q is regressed on -|s' - g| at the next state s'.
 pub const ARM_DDPG_DISTANCE: Entry = Entry { set: &["discount=0"], ..DDPG_DISTANCE };
@@ -117,13 +142,19 @@ mod tests {
     #[test]
     fn names_and_colours_differ_within_a_figure_and_settings_are_valid() {
         let registry = Registry::builtin();
-        assert!([DEFAULT, GDG_BRIDGE, GDG, RANDOM].iter().all(|entry| entry.preset(&registry).is_some()));
+        assert!(
+            [DEFAULT, GDG_BRIDGE, GDG, RANDOM]
+                .iter()
+                .all(|entry| entry.preset(&registry).is_some())
+        );
         for figure in &FIGURES {
             let names: BTreeSet<_> = figure.methods.iter().map(|entry| entry.name).collect();
             let colours: BTreeSet<_> = figure.methods.iter().map(|entry| entry.colour).collect();
             let all = figure.methods.len();
             assert_eq!((names.len(), colours.len()), (all, all), "{}", figure.name);
-            for (entry, preset) in figure.methods.iter().filter_map(|entry| Some((entry, entry.preset(&registry)?))) {
+            for (entry, preset) in
+                figure.methods.iter().filter_map(|entry| Some((entry, entry.preset(&registry)?)))
+            {
                 let set: Vec<String> = entry.set.iter().map(|text| (*text).to_owned()).collect();
                 let overrides = Overrides { set: &set, ..Overrides::default() };
                 assert!(settings_from(preset, &overrides).is_ok(), "{}", entry.name);

@@ -43,7 +43,8 @@ impl Drawn {
         } else {
             (curves_json(&panels, methods, !maps.is_empty())?, curves_csv(&panels)?)
         };
-        let paths = (!panels.is_empty() && !maps.is_empty()).then(|| positions_csv(methods)).transpose()?;
+        let paths =
+            (!panels.is_empty() && !maps.is_empty()).then(|| positions_csv(methods)).transpose()?;
         let drawing = Drawing { title: figure.title(), panels: &panels, maps: &maps };
         let (svg, png) = (draw::svg(&drawing)?, draw::png(&drawing)?);
         Ok(Self { figure, panels, maps, data, csv, paths, svg, png })
@@ -64,12 +65,17 @@ impl Drawn {
             "data": self.data,
         });
         // Paths and distances of all cells are long lists of numbers.
-        let json =
-            if self.maps.is_empty() { serde_json::to_string_pretty(&data) } else { serde_json::to_string(&data) };
+        let json = if self.maps.is_empty() {
+            serde_json::to_string_pretty(&data)
+        } else {
+            serde_json::to_string(&data)
+        };
         let json = json.into_diagnostic()? + "\n";
         folder.write(&format!("data/{name}.json"), json.as_bytes())?;
         folder.write(&format!("data/{name}.csv"), &self.csv)?;
-        self.paths.iter().try_for_each(|paths| folder.write(&format!("data/{}", paths_file(name)), paths))?;
+        self.paths
+            .iter()
+            .try_for_each(|paths| folder.write(&format!("data/{}", paths_file(name)), paths))?;
         folder.write(&format!("figures/{name}.svg"), self.svg.as_bytes())?;
         folder.write(&format!("figures/{name}.png"), &self.png)
     }
@@ -110,10 +116,15 @@ fn about(method: &MethodResults) -> Value {
 }
 
 /// Returns the curves and, if asked for, what was measured at the end.
-fn curves_json(panels: &[Panel], methods: &[MethodResults], with_measured: bool) -> Result<Value, Report> {
+fn curves_json(
+    panels: &[Panel],
+    methods: &[MethodResults],
+    with_measured: bool,
+) -> Result<Value, Report> {
     let point = |point: &Point| {
         let (least, most) = point.range();
-        let seeds: BTreeMap<String, f64> = point.values.iter().map(|(s, value)| (s.to_string(), *value)).collect();
+        let seeds: BTreeMap<String, f64> =
+            point.values.iter().map(|(s, value)| (s.to_string(), *value)).collect();
         json!({"x": point.x, "mean": point.mean(), "min": least, "max": most, "seeds": seeds})
     };
     let curve = |curve: &curves::Curve| json!({"method": curve.entry.name, "points": curve.points.iter().map(point).collect::<Vec<_>>()});
@@ -132,7 +143,9 @@ fn curves_json(panels: &[Panel], methods: &[MethodResults], with_measured: bool)
 /// Writes a line per value: measure, method, seed, place on the horizontal axis, value.
 fn curves_csv(panels: &[Panel]) -> Result<Vec<u8>, Report> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(["measure", "method", "seed", panels[0].labels[0], "value"]).into_diagnostic()?;
+    writer
+        .write_record(["measure", "method", "seed", panels[0].labels[0], "value"])
+        .into_diagnostic()?;
     for panel in panels {
         for curve in &panel.curves {
             for point in &curve.points {
@@ -174,7 +187,9 @@ fn measured_json(methods: &[MethodResults]) -> Result<Value, Report> {
 /// Writes a line per step of every walk.
 fn measured_csv(methods: &[MethodResults]) -> Result<Vec<u8>, Report> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(["method", "seed", "distance", "reached", "step", "x", "y"]).into_diagnostic()?;
+    writer
+        .write_record(["method", "seed", "distance", "reached", "step", "x", "y"])
+        .into_diagnostic()?;
     for (method, MeasuredMethod { seed, measured, .. }) in methods.iter().zip(measured(methods)) {
         let walks = measured.walks.iter().chain(measured.bridge.iter().map(|bridge| &bridge.walk));
         for walk in walks {

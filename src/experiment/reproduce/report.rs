@@ -25,7 +25,12 @@ const GRIP: &str = "The arm starts on one side of the wall, the goal is on the o
      its waypoints.";
 
 /// Returns the report, with the sections of all figures.
-pub fn report(arguments: &str, sections: &[String], missing: &[String], unavailable: &[&str]) -> String {
+pub fn report(
+    arguments: &str,
+    sections: &[String],
+    missing: &[String],
+    unavailable: &[&str],
+) -> String {
     let mut out = format!(
         "# \"Reinforcement Learning with Goal-Distance Gradient\", reproduced\n\nMade by gdg-tui {} with\n\n```sh\n\
          gdg-tui {arguments}\n```\n\nLines are means over seeds, bands reach from the worst to the best seed. Success: the \
@@ -40,8 +45,11 @@ pub fn report(arguments: &str, sections: &[String], missing: &[String], unavaila
     }
     if !missing.is_empty() {
         let missing: Vec<String> = missing.iter().map(|name| format!("`{name}`")).collect();
-        out +=
-            &format!("\n**Not complete**: {} missing: {}.\n", counted(missing.len() as u64, "job"), missing.join(", "));
+        out += &format!(
+            "\n**Not complete**: {} missing: {}.\n",
+            counted(missing.len() as u64, "job"),
+            missing.join(", ")
+        );
     }
     sections.iter().for_each(|section| out += section);
     out
@@ -76,7 +84,11 @@ fn numbers(point: Option<&Point>, digits: usize) -> String {
     let Some(point) = point else { return "-".to_owned() };
     let (least, most) = point.range();
     let mean = format!("{:.digits$}", point.mean());
-    if point.values.len() == 1 { mean } else { format!("{mean} ({least:.digits$} to {most:.digits$})") }
+    if point.values.len() == 1 {
+        mean
+    } else {
+        format!("{mean} ({least:.digits$} to {most:.digits$})")
+    }
 }
 
 /// Returns how a method was run: learner and planner, preset, changed settings, length, seeds.
@@ -94,19 +106,30 @@ fn run(method: &MethodResults) -> String {
 }
 
 /// Returns the last values of every method, beside the paper's.
-fn training_table(figure: &Figure, methods: &[MethodResults], panels: &[Panel], what: &str) -> String {
+fn training_table(
+    figure: &Figure,
+    methods: &[MethodResults],
+    panels: &[Panel],
+    what: &str,
+) -> String {
     let digits = |panel: &Panel| if panel.top.is_some() { 3 } else { 1 };
     let titles: Vec<&str> = panels.iter().map(|panel| panel.labels[1]).collect();
-    let complete = [Shows::CompleteSuccess, Shows::CompleteSuccessAndGripPath].contains(&figure.shows);
+    let complete =
+        [Shows::CompleteSuccess, Shows::CompleteSuccessAndGripPath].contains(&figure.shows);
     let complete = panels.first().filter(|_| complete);
-    let column = complete.map_or(String::new(), |panel| format!("1.00 from ({}) | ", panel.labels[0]));
+    let column =
+        complete.map_or(String::new(), |panel| format!("1.00 from ({}) | ", panel.labels[0]));
     let mut out = format!(
         "| method | paper | ours: {} | {column}environment steps | run |\n|---|---|{}---:|---|\n",
         titles.join(" | ours: "),
         "---:|".repeat(panels.len() + usize::from(complete.is_some()))
     );
     for method in methods {
-        let paper = figure.paper.iter().find(|(name, _)| *name == method.entry.name).map_or("-", |(_, text)| text);
+        let paper = figure
+            .paper
+            .iter()
+            .find(|(name, _)| *name == method.entry.name)
+            .map_or("-", |(_, text)| text);
         let curve = |panel: &Panel| {
             let curve = panel.curves.iter().find(|curve| curve.entry.name == method.entry.name);
             numbers(curve.and_then(|curve| curve.points.last()), digits(panel))
@@ -115,11 +138,19 @@ fn training_table(figure: &Figure, methods: &[MethodResults], panels: &[Panel], 
         let measured = method.results.iter().filter_map(|result| result.measured.as_ref());
         let steps = measured.map(|measured| measured.env_steps).max().unwrap_or(0);
         let (title, run) = (method.entry.title, run(method));
-        let of = |panel: &Panel| Some(panel.curves.iter().find(|curve| curve.entry.name == method.entry.name)?.clone());
-        let from = complete.and_then(of).map_or(String::new(), |curve| format!("{} | ", complete_from(&curve)));
+        let of = |panel: &Panel| {
+            Some(panel.curves.iter().find(|curve| curve.entry.name == method.entry.name)?.clone())
+        };
+        let from = complete
+            .and_then(of)
+            .map_or(String::new(), |curve| format!("{} | ", complete_from(&curve)));
         out += &format!("| {title} | {paper} | {} | {from}{steps} | {run} |\n", values.join(" | "));
     }
-    let note = if complete.is_some() { " 1.00 from: the first evaluation from which on all are 1.00." } else { "" };
+    let note = if complete.is_some() {
+        " 1.00 from: the first evaluation from which on all are 1.00."
+    } else {
+        ""
+    };
     format!("Ours: {what}.{note}\n\n{out}")
 }
 
@@ -127,20 +158,30 @@ fn training_table(figure: &Figure, methods: &[MethodResults], panels: &[Panel], 
 fn complete_from(curve: &Curve) -> String {
     let from = stays_at(curve, 1.0);
     let places: Vec<u64> = from.values().flatten().copied().collect();
-    let (Some(first), Some(last)) = (places.iter().min(), places.iter().max()) else { return "-".to_owned() };
+    let (Some(first), Some(last)) = (places.iter().min(), places.iter().max()) else {
+        return "-".to_owned();
+    };
     let range = if first == last { first.to_string() } else { format!("{first} to {last}") };
-    if places.len() == from.len() { range } else { format!("{range} ({} of {} seeds)", places.len(), from.len()) }
+    if places.len() == from.len() {
+        range
+    } else {
+        format!("{range} ({} of {} seeds)", places.len(), from.len())
+    }
 }
 
 /// Returns success at every distance.
 fn distance_table(methods: &[MethodResults], panels: &[Panel]) -> String {
     let Some(panel) = panels.first() else { return String::new() };
-    let mut distances: Vec<u64> = panel.curves.iter().flat_map(|c| &c.points).map(|point| point.x).collect();
+    let mut distances: Vec<u64> =
+        panel.curves.iter().flat_map(|c| &c.points).map(|point| point.x).collect();
     distances.sort_unstable();
     distances.dedup();
     let head: String = distances.iter().map(|steps| format!(" {steps} steps |")).collect();
     let tasks = methods.first().map_or(0, |method| method.plan.last_tasks);
-    let mut out = format!("Ours, {} at each distance:\n\n| method |{head}\n|---|", counted(tasks.into(), "task"));
+    let mut out = format!(
+        "Ours, {} at each distance:\n\n| method |{head}\n|---|",
+        counted(tasks.into(), "task")
+    );
     out += &("---:|".repeat(distances.len()) + "\n");
     for curve in &panel.curves {
         let at = |x: &u64| numbers(curve.points.iter().find(|point| point.x == *x), 2);

@@ -29,8 +29,11 @@ pub fn charts(panels: &[Panel]) -> String {
 }
 
 fn chart(panel: &Panel, coloured: bool) -> String {
-    let points: Vec<Vec<(f64, f64)>> =
-        panel.curves.iter().map(|curve| curve.points.iter().map(|p| (p.x as f64, p.mean())).collect()).collect();
+    let points: Vec<Vec<(f64, f64)>> = panel
+        .curves
+        .iter()
+        .map(|curve| curve.points.iter().map(|p| (p.x as f64, p.mean())).collect())
+        .collect();
     let all = || points.iter().flatten();
     let last = all().map(|p| p.0).fold(1.0, f64::max);
     let highest = panel.top.unwrap_or_else(|| all().map(|p| p.1).fold(1.0, f64::max));
@@ -50,14 +53,20 @@ fn chart(panel: &Panel, coloured: bool) -> String {
     // Names of axes and methods are around the chart, where no line crosses them.
     let mut screen = Buffer::empty(Rect::new(0, 0, SIZE.0, SIZE.1));
     let [above, middle, below] =
-        Layout::vertical([Constraint::Length(1), Constraint::Fill(1), Constraint::Length(1)]).areas(screen.area);
-    let [ground, legend] = Layout::horizontal([Constraint::Fill(1), Constraint::Length(LEGEND)]).areas(middle);
+        Layout::vertical([Constraint::Length(1), Constraint::Fill(1), Constraint::Length(1)])
+            .areas(screen.area);
+    let [ground, legend] =
+        Layout::horizontal([Constraint::Fill(1), Constraint::Length(LEGEND)]).areas(middle);
     Chart::new(data.collect()).x_axis(axis(last)).y_axis(axis(highest)).render(ground, &mut screen);
     Line::from(panel.labels[1]).render(above, &mut screen);
-    Line::from(panel.labels[0]).right_aligned().render(Rect { width: ground.width, ..below }, &mut screen);
+    Line::from(panel.labels[0])
+        .right_aligned()
+        .render(Rect { width: ground.width, ..below }, &mut screen);
     for ((curve, letter), row) in methods().zip(legend.rows()) {
         let symbol = if coloured { "──".to_owned() } else { letter.to_string() };
-        Line::from(format!("  {symbol} {}", curve.entry.title)).style(of(curve.entry.colour)).render(row, &mut screen);
+        Line::from(format!("  {symbol} {}", curve.entry.title))
+            .style(of(curve.entry.colour))
+            .render(row, &mut screen);
     }
     text(&screen, coloured)
 }
@@ -97,14 +106,31 @@ mod tests {
 
     #[test]
     fn a_chart_shows_axes_legend_and_a_line_per_method() {
-        let points =
-            |value| vec![Point { x: 0, values: vec![(1, value)] }, Point { x: 40_000, values: vec![(1, value)] }];
+        let points = |value| {
+            vec![
+                Point { x: 0, values: vec![(1, value)] },
+                Point { x: 40_000, values: vec![(1, value)] },
+            ]
+        };
         let curve = |i: usize, value| Curve { entry: &ENTRIES[i], points: points(value) };
         // The first curve lies at the top, where names of axis and methods must not be.
         let curves = vec![curve(0, 1.0), curve(1, 0.1)];
-        let panel = Panel { measure: "success", labels: ["updates", "success rate"], top: Some(1.0), curves };
+        let panel = Panel {
+            measure: "success",
+            labels: ["updates", "success rate"],
+            top: Some(1.0),
+            curves,
+        };
         let plain = chart(&panel, false);
-        for part in ["updates", "success rate", "a default (ours)", "b GDG, bridges", "40k", "aaaaaaaa", "bbbbbbbb"] {
+        for part in [
+            "updates",
+            "success rate",
+            "a default (ours)",
+            "b GDG, bridges",
+            "40k",
+            "aaaaaaaa",
+            "bbbbbbbb",
+        ] {
             assert!(plain.contains(part), "{part}: {plain}");
         }
         assert!(plain.lines().any(|line| line.trim() == "success rate"), "{plain}");

@@ -65,46 +65,22 @@ impl App {
             }
             Action::Follow => self.follow_next(),
             Action::Field(forward) => {
-                self.show_field(self.screen.field.cycle(forward, |field| self.screen.has_field(field)));
+                self.show_field(
+                    self.screen.field.cycle(forward, |field| self.screen.has_field(field)),
+                );
             }
-            Action::Toggle(overlay) if overlay.needs_bridges() && !self.screen.run().method.plans() => {
-                let key = self.screen.keymap.key_of(Action::Method);
-                self.say(&format!("{} has no bridges: {key} chooses another method", self.screen.run().method.name()));
-            }
-            Action::Toggle(overlay) => {
-                let shown = self.screen.overlays.toggle(overlay);
-                self.act_in_scene(action);
-                let tried = |status| scene::edge_count(&self.screen, status) > 0;
-                let none = overlay == Overlay::Edges
-                    && shown
-                    && ![EdgeStatus::Confirmed, EdgeStatus::Demoted].into_iter().any(tried);
-                let more = if none { ", but agents have not tried any yet" } else { "" };
-                self.say(&format!("{} {}{more}", overlay.name(), if shown { "shown" } else { "hidden" }));
-            }
-            Action::Marker => {
-                let all = Marker::ALL;
-                let at = all.iter().position(|m| *m == self.screen.marker).unwrap_or(0);
-                self.screen.marker = all[(at + 1) % all.len()];
-                let none = self.screen.marker == Marker::Pixels && self.screen.picture_character().is_none();
-                let more = match self.screen.theme.depth {
-                    ColourDepth::Mono => ", once there are colours: without them, the map is drawn in characters",
-                    _ if none => " (not supported here: as auto)",
-                    _ => "",
-                };
-                self.say(&format!("marker: {}{more}", self.screen.marker.name()));
-            }
+            Action::Toggle(overlay) => self.toggle_overlay(overlay),
+            Action::Marker => self.change_marker(),
             Action::Back => self.step_through_time(false),
             Action::Forth => self.step_through_time(true),
             Action::Theme => self.open_picker(lists::themes(self.screen.theme.name)),
             Action::Show(pane) => self.show(pane),
             Action::NextPane => self.show_next(),
             Action::Maximise => self.screen.maximised = !self.screen.maximised,
-            Action::Scroll(by) => self.screen.scrolled = self.screen.scrolled.saturating_add_signed(-by),
-            Action::LogScale => {
-                self.screen.log_scale = !self.screen.log_scale;
-                let scale = if self.screen.log_scale { "logarithmic scales" } else { "linear scales" };
-                self.say(&format!("curves of losses and distances on {scale}"));
+            Action::Scroll(by) => {
+                self.screen.scrolled = self.screen.scrolled.saturating_add_signed(-by);
             }
+            Action::LogScale => self.change_curve_scale(),
             Action::OpenMap => self.pick_map(None),
             Action::RandomMap => self.open_picker(lists::random_maps()),
             Action::Save => {
@@ -113,13 +89,12 @@ impl App {
             Action::SaveAs => self.ask_save_as(),
             Action::Load => self.pick_checkpoint(),
             Action::Resume => self.resume_offered(),
-            Action::Autosave => {
-                let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 turns autosave off");
-                self.open_prompt(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
-            }
+            Action::Autosave => self.ask_autosave(),
             Action::Export => self.open_picker(lists::exports(self.screen.scene())),
             Action::ExportFilm => self.choose(Choice::Export(ExportKind::Film)),
-            Action::Compare => self.notify(&format!("in a shell: {COMPARISON} shows both on the same map")),
+            Action::Compare => {
+                self.notify(&format!("in a shell: {COMPARISON} shows both on the same map"));
+            }
             Action::Tour => self.ask_tour(),
             Action::NextTourStep => self.next_tour_step(),
             Action::EndTour => self.end_tour(),
@@ -138,6 +113,58 @@ impl App {
         }
     }
 
+    /// Shows or hides an overlay.
+    fn toggle_overlay(&mut self, overlay: Overlay) {
+        if overlay.needs_bridges() && !self.screen.run().method.plans() {
+            let key = self.screen.keymap.key_of(Action::Method);
+            let method = self.screen.run().method.name();
+            return self.say(&format!("{method} has no bridges: {key} chooses another method"));
+        }
+        let shown = self.screen.overlays.toggle(overlay);
+        self.act_in_scene(Action::Toggle(overlay));
+        let tried = |status| scene::edge_count(&self.screen, status) > 0;
+        let none = overlay == Overlay::Edges
+            && shown
+            && ![EdgeStatus::Confirmed, EdgeStatus::Demoted].into_iter().any(tried);
+        let more = if none { ", but agents have not tried any yet" } else { "" };
+        self.say(&format!("{} {}{more}", overlay.name(), if shown { "shown" } else { "hidden" }));
+    }
+
+    /// Draws the map with the next marker.
+    fn change_marker(&mut self) {
+        let all = Marker::ALL;
+        let at = all.iter().position(|m| *m == self.screen.marker).unwrap_or(0);
+        self.screen.marker = all[(at + 1) % all.len()];
+        let none =
+            self.screen.marker == Marker::Pixels && self.screen.picture_character().is_none();
+        let more = match self.screen.theme.depth {
+            ColourDepth::Mono => {
+                ", once there are colours: without them, the map is drawn in characters"
+            }
+            _ if none => " (not supported here: as auto)",
+            _ => "",
+        };
+        self.say(&format!("marker: {}{more}", self.screen.marker.name()));
+    }
+
+    /// Switches the curves between linear and logarithmic scales.
+    fn change_curve_scale(&mut self) {
+        self.screen.log_scale = !self.screen.log_scale;
+        let scale = if self.screen.log_scale { "logarithmic scales" } else { "linear scales" };
+        self.say(&format!("curves of losses and distances on {scale}"));
+    }
+
+    /// Asks for the interval of autosaves.
+    fn ask_autosave(&mut self) {
+        let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 turns autosave off");
+        self.open_prompt(Prompt::new(
+            Question::Autosave,
+            "autosave interval in minutes",
+            hint,
+            now,
+        ));
+    }
+
     /// Colours the scene by a field.
     pub fn show_field(&mut self, field: Field) {
         self.screen.field = field;
@@ -151,7 +178,11 @@ impl App {
             SceneKind::Maze => SceneKind::Arm,
             SceneKind::Arm => SceneKind::Maze,
         };
-        self.notify(&format!("{} has no {}, which \"{name}\" is for", self.screen.title(), other.noun()));
+        self.notify(&format!(
+            "{} has no {}, which \"{name}\" is for",
+            self.screen.title(),
+            other.noun()
+        ));
     }
 
     fn toggle_pause(&mut self) {
@@ -170,13 +201,17 @@ impl App {
     }
 
     fn change_speed(&mut self, faster: bool) {
-        // Without a limit, the next slower speed is the first one below the actual rate. A method that does not learn has a
-        // limit of its own.
+        // Without a limit, the next slower speed is the first one below the actual rate. A method
+        // that does not learn has a limit of its own.
         let learns = self.screen.snapshot.learns;
-        let rate = Some(self.screen.snapshot.rates.0).filter(|rate| (!faster || !learns) && *rate > 0.0);
+        let rate =
+            Some(self.screen.snapshot.rates.0).filter(|rate| (!faster || !learns) && *rate > 0.0);
         let now = self.screen.snapshot.speed.or(rate).unwrap_or(f64::INFINITY);
         let speed = if faster {
-            SPEEDS.into_iter().find(|speed| *speed > now).or(SPEEDS.last().copied().filter(|_| !learns))
+            SPEEDS
+                .into_iter()
+                .find(|speed| *speed > now)
+                .or(SPEEDS.last().copied().filter(|_| !learns))
         } else {
             SPEEDS.into_iter().rev().find(|speed| *speed < now).or(Some(SPEEDS[0]))
         };
@@ -201,8 +236,10 @@ impl App {
     fn follow(&mut self, agent: Option<usize>) {
         self.screen.following = agent;
         self.command(Command::Follow(self.screen.following));
-        let who =
-            self.screen.following.map_or("the walking agent @".to_owned(), |agent| format!("exploring agent {agent}"));
+        let who = self
+            .screen
+            .following
+            .map_or("the walking agent @".to_owned(), |agent| format!("exploring agent {agent}"));
         self.notify(&format!("following {who}"));
         self.screen.pane = Pane::Walk;
     }
@@ -228,7 +265,10 @@ impl App {
         if self.return_to_present() {
             return;
         }
-        if self.close_in_scene() || std::mem::take(&mut self.screen.maximised) || self.screen.offer.take().is_some() {
+        if self.close_in_scene()
+            || std::mem::take(&mut self.screen.maximised)
+            || self.screen.offer.take().is_some()
+        {
             return;
         }
         if self.screen.following.is_some() {
@@ -289,7 +329,8 @@ impl App {
     }
 }
 
-/// Whether an action shows or changes something that the past does not have: it returns to the present.
+/// Whether an action shows or changes something that the past does not have: it returns to the
+/// present.
 fn is_about_present(action: Action) -> bool {
     use Action as A;
     matches!(

@@ -15,7 +15,10 @@ use gdg::env::{WORLDS, WorldKind, maze};
 use gdg::files::check_name;
 use gdg::map::{Grid, is_size, size_limits};
 use gdg::text::{NumberError, parse_count, parse_real};
-use gdg::train::{ConfigError, Effect, Run, Setting, is_checkpoint, list_settings, settings_in_world, with_setting};
+use gdg::train::{
+    ConfigError, Effect, Run, Setting, is_checkpoint, list_settings, settings_in_world,
+    with_setting,
+};
 
 /// Why an answer is not accepted.
 #[derive(Debug, thiserror::Error)]
@@ -71,7 +74,9 @@ impl App {
                 }
                 let opens_settings = choice == Choice::Act(Action::Settings);
                 self.choose(choice);
-                if let (true, Some(Dialog::Pick(settings))) = (opens_settings, self.screen.dialogs.last_mut()) {
+                if let (true, Some(Dialog::Pick(settings))) =
+                    (opens_settings, self.screen.dialogs.last_mut())
+                {
                     // Its words may name a setting.
                     settings.search_names(&typed);
                 }
@@ -81,7 +86,9 @@ impl App {
                 let typed = typed.trim().to_owned();
                 let warned = prompt.error.as_deref() == Some(FILE_EXISTS);
                 let safe = if warned { Ok(()) } else { check_new_file(&prompt.question, &typed) };
-                if let Err(error) = safe.and_then(|()| self.apply_answer(&prompt.question.clone(), &typed)) {
+                if let Err(error) =
+                    safe.and_then(|()| self.apply_answer(&prompt.question.clone(), &typed))
+                {
                     prompt.error = Some(error.to_string());
                     self.screen.dialogs.push(Dialog::Ask(prompt));
                 }
@@ -95,10 +102,14 @@ impl App {
             Choice::SaveFirst(then) => self.save_then(*then),
             Choice::Act(action) => self.act(action),
             Choice::Setting(name) => self.ask_setting(name),
-            Choice::Method(method) if method.learner != self.screen.run().method.learner && self.is_worth_saving() => {
+            Choice::Method(method)
+                if method.learner != self.screen.run().method.learner && self.is_worth_saving() =>
+            {
                 self.open_picker(lists::method_choices(self.latest.unsaved_updates(), method));
             }
-            Choice::Method(method) | Choice::MethodUnsaved(method) => self.change_run(|run| run.set_method(method)),
+            Choice::Method(method) | Choice::MethodUnsaved(method) => {
+                self.change_run(|run| run.set_method(method));
+            }
             Choice::Preset(preset) => {
                 let settings = self.screen.settings_of(preset);
                 self.change_run(|run| (run.preset, run.settings) = (preset, settings));
@@ -133,7 +144,8 @@ impl App {
             }
             Choice::ContinueOn(map, file) => {
                 file.as_deref().inspect(|file| remember_map(file));
-                let new = self.screen.maze.editor.record(&self.screen.maze.map.clone(), (*map).clone());
+                let new =
+                    self.screen.maze.editor.record(&self.screen.maze.map.clone(), (*map).clone());
                 self.change_map_or_say(new, Some("the map stays as it is"));
             }
             Choice::Load(path) if self.is_worth_saving() => {
@@ -199,12 +211,19 @@ impl App {
     pub(super) fn offer_map(&mut self, map: &Arc<Grid>, file: Option<&Path>) {
         let is_worth_saving = self.is_worth_saving();
         if self.screen.scene() != SceneKind::Maze {
-            return self.open_picker(lists::map_switch_choices(map, file, None, None, is_worth_saving));
+            return self.open_picker(lists::map_switch_choices(
+                map,
+                file,
+                None,
+                None,
+                is_worth_saving,
+            ));
         }
         let (width, height) = (self.screen.maze.map.width(), self.screen.maze.map.height());
         // Cells beyond the new map become walls, to keep agents out.
         let fitted = map.resized(width, height).and_then(|fitted| {
-            let walls: Vec<_> = fitted.free_cells().filter(|c| !map.contains(*c)).map(|c| (c, false)).collect();
+            let walls: Vec<_> =
+                fitted.free_cells().filter(|c| !map.contains(*c)).map(|c| (c, false)).collect();
             fitted.with_cells(walls)
         });
         let now = self.screen.maze.map.clone();
@@ -216,7 +235,9 @@ impl App {
         let Some(Dialog::Pick(picker)) = self.screen.dialogs.last() else { return };
         let Some(Choice::Setting(name)) = picker.choice().cloned() else { return };
         let defaults = list_settings(&self.screen.settings_of(self.screen.run().preset));
-        let Some((_, value)) = defaults.into_iter().find(|(known, _)| *known == name) else { return };
+        let Some((_, value)) = defaults.into_iter().find(|(known, _)| *known == name) else {
+            return;
+        };
         match with_setting(&self.screen.run().settings, &name, &value) {
             Ok(settings) if settings == self.screen.run().settings => {
                 self.notify(&format!("{name} has its default already"));
@@ -228,10 +249,13 @@ impl App {
 
     /// Asks for a setting's new value; a switch that costs nothing is turned over at once.
     fn ask_setting(&mut self, name: String) {
-        let value = list_settings(&self.screen.run().settings).into_iter().find(|(known, _)| *known == name);
+        let value = list_settings(&self.screen.run().settings)
+            .into_iter()
+            .find(|(known, _)| *known == name);
         let value = value.map(|(_, value)| value).unwrap_or_default();
         let setting = Setting::named(&name);
-        if setting.is_some_and(|setting| setting.is_switch() && setting.effect == Effect::Immediate) {
+        if setting.is_some_and(|setting| setting.is_switch() && setting.effect == Effect::Immediate)
+        {
             let other = if value == "true" { "false" } else { "true" };
             if let Ok(settings) = with_setting(&self.screen.run().settings, &name, other) {
                 self.change_run(|run| run.settings = settings);
@@ -245,7 +269,11 @@ impl App {
     }
 
     pub(in crate::tui) fn ask_size(&mut self, question: Question) {
-        let title = if question == Question::NewMap { "size of the empty map" } else { "new size of the map" };
+        let title = if question == Question::NewMap {
+            "size of the empty map"
+        } else {
+            "new size of the map"
+        };
         let now = format!("{} x {}", self.screen.maze.map.width(), self.screen.maze.map.height());
         self.open_prompt(Prompt::new(question, title, "columns x rows, e.g. 40 x 30", now));
     }
@@ -262,7 +290,8 @@ impl App {
                     return Err(AnswerError::NoName);
                 }
                 let path = checkpoint_file(typed);
-                check_name(&path).map_err(|error| AnswerError::Unwritable("the file".to_owned(), error))?;
+                check_name(&path)
+                    .map_err(|error| AnswerError::Unwritable("the file".to_owned(), error))?;
                 self.save_under(path);
             }
             Question::SaveMap => self.save_map(typed)?,
@@ -290,7 +319,8 @@ impl App {
                     minutes => Ok(minutes?),
                 }?;
                 let is_valid = (0.0..=1e6).contains(&minutes);
-                self.autosave_minutes = is_valid.then_some(minutes).ok_or(AnswerError::NoMinutes)?;
+                self.autosave_minutes =
+                    is_valid.then_some(minutes).ok_or(AnswerError::NoMinutes)?;
                 self.autosaved = std::time::Instant::now();
             }
         }
@@ -317,8 +347,11 @@ fn check_new_file(question: &Question, typed: &str) -> Result<(), AnswerError> {
 
 /// Parses the columns and rows of a map.
 fn size(typed: &str) -> Result<(usize, usize), AnswerError> {
-    let numbers: Vec<usize> =
-        typed.split(|c: char| !c.is_ascii_digit()).filter(|n| !n.is_empty()).filter_map(|n| n.parse().ok()).collect();
+    let numbers: Vec<usize> = typed
+        .split(|c: char| !c.is_ascii_digit())
+        .filter(|n| !n.is_empty())
+        .filter_map(|n| n.parse().ok())
+        .collect();
     match numbers[..] {
         [width, height] if is_size(width, height) => Ok((width, height)),
         [_, _] => Err(AnswerError::NoMapSize),

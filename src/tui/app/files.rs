@@ -27,7 +27,12 @@ const MAX_BYTES: u64 = 1 << 20;
 
 impl App {
     pub(super) fn ask_save_as(&mut self) {
-        let stem = self.saving.path().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let stem = self
+            .saving
+            .path()
+            .file_stem()
+            .map(|s| s.to_string_lossy().into_owned())
+            .unwrap_or_default();
         let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
         self.open_prompt(Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem));
     }
@@ -61,21 +66,34 @@ impl App {
         let path = Path::new(name);
         let movingai = has_extension(path, "map");
         let marks = self.screen.maze.map.starts().len() + self.screen.maze.map.goals().len();
-        let text = if movingai { print_movingai(&self.screen.maze.map) } else { print_ascii(&self.screen.maze.map) };
-        write_atomically(path, text.as_bytes()).map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
-        let lost = if movingai && marks > 0 { " (without starts and goals, which the format lacks)" } else { "" };
+        let text = if movingai {
+            print_movingai(&self.screen.maze.map)
+        } else {
+            print_ascii(&self.screen.maze.map)
+        };
+        write_atomically(path, text.as_bytes())
+            .map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
+        let lost = if movingai && marks > 0 {
+            " (without starts and goals, which the format lacks)"
+        } else {
+            ""
+        };
         self.screen.maze.kept_map = self.screen.maze.map.clone();
         self.notify(&format!("wrote {name}{lost}"));
         remember_map(path);
         Ok(())
     }
 
-    /// Lists the maps in `folder`, or by default recent maps, built-in maps and those in the current folder.
+    /// Lists the maps in `folder`, or by default recent maps, built-in maps and those in the
+    /// current folder.
     pub fn pick_map(&mut self, folder: Option<&Path>) {
         let here = folder.unwrap_or(Path::new(".")).to_owned();
         let here = here.canonicalize().unwrap_or(here);
-        let entries: Vec<(PathBuf, bool)> =
-            files_in(&here).into_iter().map(|path| (path.clone(), path.is_dir())).filter(is_folder_or_map).collect();
+        let entries: Vec<(PathBuf, bool)> = files_in(&here)
+            .into_iter()
+            .map(|path| (path.clone(), path.is_dir()))
+            .filter(is_folder_or_map)
+            .collect();
         let recent = folder.is_none().then(recent_maps);
         self.open_picker(lists::maps(&here, &entries, recent.as_deref()));
     }
@@ -97,29 +115,37 @@ impl App {
 pub(super) fn checkpoint_file(name: &str) -> PathBuf {
     // A dot within a name does not begin an extension.
     let path = Path::new(name);
-    let path = if has_extension(path, "safetensors") { path.to_owned() } else { format!("{name}.safetensors").into() };
+    let path = if has_extension(path, "safetensors") {
+        path.to_owned()
+    } else {
+        format!("{name}.safetensors").into()
+    };
     let plain = path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
     if plain { Path::new(SAVES).join(path) } else { path }
 }
 
 /// Returns the files and folders in `folder`, sorted by name; none if it cannot be read.
 fn files_in(folder: &Path) -> Vec<PathBuf> {
-    let mut files: Vec<PathBuf> = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|f| f.path()).collect();
+    let mut files: Vec<PathBuf> =
+        std::fs::read_dir(folder).into_iter().flatten().flatten().map(|f| f.path()).collect();
     files.sort();
     files
 }
 
-/// Returns whether to list a file (or folder, if `is_folder`) for opening a map: not a text of another kind.
+/// Returns whether to list a file (or folder, if `is_folder`) for opening a map: not a text of
+/// another kind.
 fn is_folder_or_map((path, is_folder): &(PathBuf, bool)) -> bool {
     let has = |extension| has_extension(path, extension);
     let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_LISTED_BYTES);
-    !is_hidden(path) && (*is_folder || has("map") || has("txt") && small() && load_map(path).is_ok())
+    !is_hidden(path)
+        && (*is_folder || has("map") || has("txt") && small() && load_map(path).is_ok())
 }
 
 /// Returns recently opened or written maps that still exist.
 fn recent_maps() -> Vec<PathBuf> {
     let text = recent_path().and_then(|file| read_text(&file, MAX_BYTES).ok());
-    let recent: Vec<PathBuf> = text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
+    let recent: Vec<PathBuf> =
+        text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
     recent.into_iter().filter(|path| path.exists()).collect()
 }
 

@@ -27,10 +27,17 @@ impl App {
             return self.act(action);
         }
         let drawing = self.screen.maze.editor.is_drawing();
-        let pressed =
-            matches!(mouse.kind, MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left));
-        if let Some(at) =
-            self.screen.layout.charts.iter().find_map(|chart| chart.value_at(at)).filter(|_| pressed && !drawing)
+        let pressed = matches!(
+            mouse.kind,
+            MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left)
+        );
+        if let Some(at) = self
+            .screen
+            .layout
+            .charts
+            .iter()
+            .find_map(|chart| chart.value_at(at))
+            .filter(|_| pressed && !drawing)
         {
             return self.look_at_curves(at);
         }
@@ -42,9 +49,13 @@ impl App {
         }
     }
 
-    /// Has a click move the tour on; returns whether that is all it does. The click that ends the tour sets a goal.
+    /// Has a click move the tour on; returns whether that is all it does. The click that ends the
+    /// tour sets a goal.
     fn moves_tour_on(&mut self, kind: MouseEventKind) -> bool {
-        let Some(tour) = self.screen.tour.as_ref().filter(|_| !self.screen.maze.editor.is_open()) else { return false };
+        let Some(tour) = self.screen.tour.as_ref().filter(|_| !self.screen.maze.editor.is_open())
+        else {
+            return false;
+        };
         let last = tour.is_last();
         match kind {
             MouseEventKind::Down(MouseButton::Left) => self.act(Action::NextTourStep),
@@ -78,13 +89,17 @@ impl App {
         match (self.screen.dialogs.last_mut(), kind) {
             (Some(Dialog::Help(help)), MouseEventKind::ScrollUp) => help.scroll(-3),
             (Some(Dialog::Help(help)), MouseEventKind::ScrollDown) => help.scroll(3),
-            (Some(Dialog::Help(_)), MouseEventKind::Down(_)) => match self.screen.layout.click(at) {
-                Some(Click::Act(action)) => self.act(action),
-                _ => self.dismiss(),
-            },
+            (Some(Dialog::Help(_)), MouseEventKind::Down(_)) => {
+                match self.screen.layout.click(at) {
+                    Some(Click::Act(action)) => self.act(action),
+                    _ => self.dismiss(),
+                }
+            }
             (Some(Dialog::Pick(picker)), MouseEventKind::ScrollUp) => picker.move_selection(-1),
             (Some(Dialog::Pick(picker)), MouseEventKind::ScrollDown) => picker.move_selection(1),
-            (Some(Dialog::Pick(picker)), MouseEventKind::Down(MouseButton::Left)) if rows.contains(at) => {
+            (Some(Dialog::Pick(picker)), MouseEventKind::Down(MouseButton::Left))
+                if rows.contains(at) =>
+            {
                 // A click below the last item picks nothing.
                 let row = first + usize::from(at.y - rows.y);
                 if picker.select(row) {

@@ -1,4 +1,5 @@
-//! The line over the map: the newest saved run of the map, or, the first time, what there is to see.
+//! The line over the map: the newest saved run of the map, or, the first time, what there is to
+//! see.
 
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -23,7 +24,8 @@ pub struct Offer {
     since: Instant,
 }
 
-/// The search for a saved run, on its own thread: a folder with many large checkpoints takes a while.
+/// The search for a saved run, on its own thread: a folder with many large checkpoints takes a
+/// while.
 pub type Search = JoinHandle<Option<Description>>;
 
 /// Starts looking for the newest saved run of the world with this title.
@@ -39,7 +41,11 @@ impl App {
     /// Offers a saved run, and logs it for later.
     pub fn offer(&mut self, found: Description) {
         let updates = grouped(found.updates);
-        let text = format!("a run of {updates} updates, seed {}, is saved in {}", found.run.seed, found.file.display());
+        let text = format!(
+            "a run of {updates} updates, seed {}, is saved in {}",
+            found.run.seed,
+            found.file.display()
+        );
         self.screen.log.record(&text, self.screen.snapshot.moment());
         self.screen.offer = Some(Offer { found, since: Instant::now() });
     }
@@ -62,7 +68,8 @@ impl App {
         }
     }
 
-    /// Collects what the search has found and withdraws an old offer; returns whether the screen changes.
+    /// Collects what the search has found and withdraws an old offer; returns whether the screen
+    /// changes.
     pub(super) fn on_offer_tick(&mut self) -> bool {
         if let Some(search) = self.search.take_if(|search| search.is_finished()) {
             // A search that failed has nothing to offer.

@@ -8,7 +8,8 @@ use gdg::train::FilmFrame;
 use gdg::viewer::Request;
 
 impl App {
-    /// Goes back to the frame before the moment shown, or forth to the one after it; from the last one to the present.
+    /// Goes back to the frame before the moment shown, or forth to the one after it; from the last
+    /// one to the present.
     pub(super) fn step_through_time(&mut self, forth: bool) {
         let film = self.screen.snapshot.film.clone();
         let shown = self.screen.past.as_ref().map(|frame| frame.updates);
@@ -24,10 +25,12 @@ impl App {
                 let next = film.iter().find(|frame| frame.updates > shown).cloned();
                 self.look_at(next);
             }
-            (false, shown) => match film.iter().rfind(|frame| shown.is_none_or(|shown| frame.updates < shown)) {
-                Some(frame) => self.look_at(Some(frame.clone())),
-                None => self.say("this is the first picture of the film"),
-            },
+            (false, shown) => {
+                match film.iter().rfind(|frame| shown.is_none_or(|shown| frame.updates < shown)) {
+                    Some(frame) => self.look_at(Some(frame.clone())),
+                    None => self.say("this is the first picture of the film"),
+                }
+            }
         }
     }
 
@@ -36,8 +39,11 @@ impl App {
         if let Some(problem) = self.cannot_look_back() {
             return self.say(&problem);
         }
-        let along = |frame: &FilmFrame| (crate::tui::render::curves::along(&self.screen, frame.updates) - at).abs();
-        let nearest = self.screen.snapshot.film.iter().min_by(|a, b| along(a).total_cmp(&along(b))).cloned();
+        let along = |frame: &FilmFrame| {
+            (crate::tui::render::curves::along(&self.screen, frame.updates) - at).abs()
+        };
+        let nearest =
+            self.screen.snapshot.film.iter().min_by(|a, b| along(a).total_cmp(&along(b))).cloned();
         self.look_at(nearest);
     }
 

@@ -64,7 +64,8 @@ impl Saving {
         }
     }
 
-    /// Chooses the file for the run in `snapshot`: a file belongs to the run that wrote or loaded it.
+    /// Chooses the file for the run in `snapshot`: a file belongs to the run that wrote or loaded
+    /// it.
     pub fn start_run(&mut self, snapshot: &Snapshot) {
         let Snapshot { title, run, saved, .. } = snapshot;
         self.then = None;
@@ -138,10 +139,11 @@ impl App {
         self.command(Command::Autosave(self.saving.to.path().to_owned(), self.notes()));
     }
 
-    /// Returns whether anything has changed since the latest autosave. What has not needs no other copy, which would take
-    /// the place of an older one.
+    /// Returns whether anything has changed since the latest autosave. What has not needs no other
+    /// copy, which would take the place of an older one.
     pub(in crate::tui) fn has_something_to_autosave(&self) -> bool {
-        let changed = self.latest.unsaved_updates() > 0 && self.autosaved_as != Some(self.what_is_autosaved());
+        let changed = self.latest.unsaved_updates() > 0
+            && self.autosaved_as != Some(self.what_is_autosaved());
         changed && self.autosaving_as.is_none()
     }
 
@@ -155,7 +157,8 @@ impl App {
         (self.latest.run.clone(), self.latest.updates(), self.screen.maze.map.clone())
     }
 
-    /// Returns whether enough is unsaved to be worth asking about: training, or any edit of the map.
+    /// Returns whether enough is unsaved to be worth asking about: training, or any edit of the
+    /// map.
     pub(in crate::tui) fn is_worth_saving(&self) -> bool {
         let updates = self.latest.updates().max(1);
         let seconds = self.latest.seconds * self.latest.unsaved_updates() as f64 / updates as f64;
@@ -209,7 +212,10 @@ impl App {
     pub(super) fn on_saving(&mut self, before: &Snapshot) {
         let now = self.latest.clone();
         if let Some((_, path)) = &now.saved
-            && before.saved.as_ref().is_none_or(|(_, earlier)| !std::sync::Arc::ptr_eq(earlier, path))
+            && before
+                .saved
+                .as_ref()
+                .is_none_or(|(_, earlier)| !std::sync::Arc::ptr_eq(earlier, path))
         {
             self.saving.to = SaveTo::Replace(path.to_path_buf());
             self.screen.maze.kept_map = self.screen.maze.map.clone();
@@ -223,7 +229,12 @@ impl App {
         }
         if now.save_failed.0 > before.save_failed.0 && self.saving.quit_state == QuitState::Saving {
             self.saving.quit_state = QuitState::Asking;
-            let stem = self.saving.path().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+            let stem = self
+                .saving
+                .path()
+                .file_stem()
+                .map(|s| s.to_string_lossy().into_owned())
+                .unwrap_or_default();
             let title = "not saved: save elsewhere and quit (Esc cancels)";
             let mut prompt = Prompt::new(Question::SaveAs, title, "", stem);
             prompt.error = Some(now.save_failed.1.clone());
@@ -257,7 +268,8 @@ impl App {
         self.screen.dialogs.push(Dialog::Pick(dialog));
     }
 
-    /// Handles a signal to end the program: unsaved training worth asking about will be saved on closing.
+    /// Handles a signal to end the program: unsaved training worth asking about will be saved on
+    /// closing.
     pub fn on_signal(&mut self) {
         self.catch_up();
         if self.is_worth_saving() && self.saving.named.is_none() {
@@ -271,8 +283,8 @@ impl App {
         self.saving.named.clone()
     }
 
-    /// Ends training, and saves if that is requested and not yet done. The summary says how much is not saved if the
-    /// run `is_kept` at all.
+    /// Ends training, and saves if that is requested and not yet done. The summary says how much is
+    /// not saved if the run `is_kept` at all.
     pub fn close(mut self, is_kept: bool) -> ClosedRun {
         // Decided before: what closing itself reports changes nothing.
         self.catch_up();
@@ -287,7 +299,8 @@ impl App {
         let trainer = engine.stop();
         let snapshot = snapshots.borrow().clone();
         let to = match (&snapshot.saved, &screen.snapshot.saved) {
-            // A save that the screen has not seen any more was the run's first: the file is its own by now.
+            // A save that the screen has not seen any more was the run's first: the file is its own
+            // by now.
             (Some((_, path)), None) => SaveTo::Replace(path.to_path_buf()),
             _ => saving.to,
         };
@@ -305,7 +318,9 @@ impl App {
             }
             None if wanted || worth_saving => {
                 let lost = grouped(snapshot.unsaved_updates());
-                let problem = format!("the trainer hung or crashed: {lost} updates since the last save are lost");
+                let problem = format!(
+                    "the trainer hung or crashed: {lost} updates since the last save are lost"
+                );
                 saved = Err(miette::miette!(help = logging::hint(), "{problem}"));
             }
             Some(_) if is_kept && (worth_saving || snapshot.saved.is_some()) => {
@@ -318,9 +333,14 @@ impl App {
             _ => {}
         }
         if let Some((updates, path)) = &snapshot.saved {
-            summary += &format!("\nsaved {} at update {}", path.display(), grouped(snapshot.learned(*updates)));
+            summary += &format!(
+                "\nsaved {} at update {}",
+                path.display(),
+                grouped(snapshot.learned(*updates))
+            );
         }
-        let kept_by_user = saved.is_ok() && !failed && (wanted || (snapshot.saved.is_some() && !worth_saving));
+        let kept_by_user =
+            saved.is_ok() && !failed && (wanted || (snapshot.saved.is_some() && !worth_saving));
         for path in snapshot.autosaves.iter() {
             if kept_by_user {
                 // What the user saved is newer.
@@ -339,8 +359,13 @@ impl App {
     }
 }
 
-/// Saves to the requested file; if that fails, tries another one and returns the error. Returns the file written.
-fn save_somewhere(trainer: &Trainer, to: &SaveTo, summary: &mut String) -> (Option<PathBuf>, Result<(), Report>) {
+/// Saves to the requested file; if that fails, tries another one and returns the error. Returns the
+/// file written.
+fn save_somewhere(
+    trainer: &Trainer,
+    to: &SaveTo,
+    summary: &mut String,
+) -> (Option<PathBuf>, Result<(), Report>) {
     let first = match train::save(trainer, to) {
         Ok(path) => {
             *summary += &format!("\nsaved {}", path.display());

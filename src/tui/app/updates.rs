@@ -31,7 +31,9 @@ impl App {
             self.tour_requested &= !notice.is_error;
             if notice.is_error { self.report(&notice.text) } else { self.notify(&notice.text) }
         }
-        if let (Phase::Failed(error), true) = (&self.latest.phase, before.phase != self.latest.phase) {
+        if let (Phase::Failed(error), true) =
+            (&self.latest.phase, before.phase != self.latest.phase)
+        {
             self.on_training_failed(&error.clone());
         }
         if before.phase.is_training() && self.latest.phase == Phase::Done {
@@ -43,8 +45,8 @@ impl App {
         }
     }
 
-    /// Shows the latest snapshot, which came after `before`; on a frozen screen, only what the user has decided. A new run
-    /// is shown in any case.
+    /// Shows the latest snapshot, which came after `before`; on a frozen screen, only what the user
+    /// has decided. A new run is shown in any case.
     fn show_snapshot(&mut self, before: &Snapshot) {
         let is_new_run = self.latest.generation != before.generation;
         if self.screen.frozen && !is_new_run {
@@ -85,8 +87,14 @@ impl App {
 
     /// Shows what quitting would lose by now in an open question.
     fn update_quit_question(&mut self) {
-        let asks = |picker: &Picker| picker.items().any(|item| item.choice == Choice::Quit { save: false });
-        let Some(open) = self.screen.dialogs.iter().position(|d| matches!(d, Dialog::Pick(picker) if asks(picker)))
+        let asks = |picker: &Picker| {
+            picker.items().any(|item| item.choice == Choice::Quit { save: false })
+        };
+        let Some(open) = self
+            .screen
+            .dialogs
+            .iter()
+            .position(|d| matches!(d, Dialog::Pick(picker) if asks(picker)))
         else {
             return;
         };
@@ -100,9 +108,15 @@ impl App {
         let snapshot = &self.screen.snapshot;
         let Some((updates, e)) = snapshot.evaluations.last() else { return };
         let updates = snapshot.learned(*updates);
-        let error = e.distance_error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
+        let error = e
+            .distance_error
+            .map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
         // Training goes on while tasks are walked.
-        let at = if updates == snapshot.updates() { String::new() } else { format!(" at {}", grouped(updates)) };
+        let at = if updates == snapshot.updates() {
+            String::new()
+        } else {
+            format!(" at {}", grouped(updates))
+        };
         let text = format!("evaluated{at}: {}{error}", e.success(updates));
         self.screen.log.record(&text, snapshot.moment());
     }
@@ -111,7 +125,8 @@ impl App {
     pub(in crate::tui) fn freeze(&mut self, frozen: bool) {
         self.screen.frozen = frozen;
         if !frozen {
-            let (snapshot, view) = (self.snapshots().borrow().clone(), self.views().borrow().clone());
+            let (snapshot, view) =
+                (self.snapshots().borrow().clone(), self.views().borrow().clone());
             self.on_snapshot(snapshot);
             self.on_view(view);
         }
@@ -123,7 +138,8 @@ impl App {
         if self.screen.frozen && self.screen.past.is_none() {
             return;
         }
-        // Follow goals chosen by the walking agent itself, but not those older than the latest goal request.
+        // Follow goals chosen by the walking agent itself, but not those older than the latest goal
+        // request.
         let (visits, latest) = (self.screen.on_arrival == OnArrival::Visit, self.goal_requests);
         match view {
             View::Maze(view) => {
@@ -148,12 +164,14 @@ impl App {
         }
     }
 
-    /// Says so if no path leads from the walking agent to the goal: once for each goal and state of the map.
+    /// Says so if no path leads from the walking agent to the goal: once for each goal and state of
+    /// the map.
     fn warn_of_cut_off_goal(&mut self) {
         let view = self.screen.maze.view.clone();
         let no_path = view.goal.1 == self.goal_requests && view.walk.shortest.is_none();
-        let warned =
-            |(goal, cut_off): &(u64, Arc<Vec<bool>>)| *goal == view.goal.1 && Arc::ptr_eq(cut_off, &view.cut_off);
+        let warned = |(goal, cut_off): &(u64, Arc<Vec<bool>>)| {
+            *goal == view.goal.1 && Arc::ptr_eq(cut_off, &view.cut_off)
+        };
         if no_path && view.cut_off.contains(&true) && !self.warned_of.as_ref().is_some_and(warned) {
             self.warned_of = Some((view.goal.1, view.cut_off.clone()));
             self.notify("no path leads from @ to G: walls separate them");
@@ -163,7 +181,8 @@ impl App {
     /// Handles the passing of time; returns whether the screen changes.
     pub fn on_tick(&mut self) -> bool {
         self.on_failures();
-        let due = self.autosave_minutes > 0.0 && self.autosaved.elapsed().as_secs_f64() > 60.0 * self.autosave_minutes;
+        let due = self.autosave_minutes > 0.0
+            && self.autosaved.elapsed().as_secs_f64() > 60.0 * self.autosave_minutes;
         if due {
             self.autosaved = Instant::now();
             if self.has_something_to_autosave() {

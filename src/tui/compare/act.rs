@@ -21,7 +21,10 @@ impl Comparison {
             }
             Action::StartHere => {
                 let screen = &self.sides[0].app.screen;
-                self.start_race(screen.maze.inspecting.unwrap_or(screen.maze.goal), screen.maze.goal);
+                self.start_race(
+                    screen.maze.inspecting.unwrap_or(screen.maze.goal),
+                    screen.maze.goal,
+                );
             }
             Action::NewStart => {
                 let goal = self.sides[0].app.screen.maze.goal;
@@ -33,9 +36,13 @@ impl Comparison {
                 self.notify(&format!("at the goal both @ will {}", self.race.on_arrival.name()));
             }
             Action::Axis => self.axis = self.axis.next(),
-            Action::Larger(side) => self.larger = Some(side).filter(|side| self.larger != Some(*side)),
+            Action::Larger(side) => {
+                self.larger = Some(side).filter(|side| self.larger != Some(*side));
+            }
             Action::NextLarger => {
-                self.larger = self.larger.map_or(Some(0), |side| Some(side + 1).filter(|next| *next < LETTERS.len()));
+                self.larger = self
+                    .larger
+                    .map_or(Some(0), |side| Some(side + 1).filter(|next| *next < LETTERS.len()));
             }
             Action::Help => self.sides[0].app.act(action),
             Action::Redraw => self.terminal_request = Some(TerminalRequest::Redraw),
@@ -68,7 +75,8 @@ impl Comparison {
 
     /// Pauses both, or resumes both if neither trains.
     fn toggle_pause(&mut self) {
-        let trains = self.sides.each_ref().map(|side| side.app.snapshots().borrow().phase.is_training());
+        let trains =
+            self.sides.each_ref().map(|side| side.app.snapshots().borrow().phase.is_training());
         let any = trains.contains(&true);
         for (side, _) in self.sides.iter_mut().zip(trains).filter(|(_, trains)| *trains == any) {
             side.app.act(Action::TogglePause);
@@ -77,7 +85,8 @@ impl Comparison {
 
     /// Colours both maps by the next field that both have.
     fn next_field(&mut self, forward: bool) {
-        let both_have = |field: Field| self.sides.iter().all(|side| side.app.screen.has_field(field));
+        let both_have =
+            |field: Field| self.sides.iter().all(|side| side.app.screen.has_field(field));
         let field = self.sides[0].app.screen.field.cycle(forward, both_have);
         self.sides.iter_mut().for_each(|side| side.app.show_field(field));
     }

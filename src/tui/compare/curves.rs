@@ -74,7 +74,9 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
     let (run, mono) = (app.screen.run(), app.screen.theme.depth == ColourDepth::Mono);
     let points = |value: &dyn Fn(&Evaluation) -> Option<f64>| {
         let evaluations = app.screen.snapshot.evaluations.iter();
-        let point = |(updates, e): &(u64, Evaluation)| Some((comparison.axis.of(pace.at(*updates as f64)), value(e)?));
+        let point = |(updates, e): &(u64, Evaluation)| {
+            Some((comparison.axis.of(pace.at(*updates as f64)), value(e)?))
+        };
         evaluations.filter_map(point).collect()
     };
     // Without colours, other characters tell the sides apart: the second one is dotted.
@@ -83,12 +85,19 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
     // Not every terminal draws colours faintly by itself.
     let page = app.screen.theme.page.map_or((0, 0, 0), |(_, page)| page);
     let fainter = match style.fg {
-        Some(Color::Rgb(r, g, b)) => style.fg(app.screen.theme.colour(blend((r, g, b), page, FAINT))),
+        Some(Color::Rgb(r, g, b)) => {
+            style.fg(app.screen.theme.colour(blend((r, g, b), page, FAINT)))
+        }
         _ => style,
     };
     let name = format!("{} {}", LETTERS[own], run.method.name());
     let faint = fainter.add_modifier(Modifier::DIM);
-    let actor = Curve { name: "greedy".to_owned(), style: faint, marker, points: points(&|e| e.greedy.success) };
+    let actor = Curve {
+        name: "greedy".to_owned(),
+        style: faint,
+        marker,
+        points: points(&|e| e.greedy.success),
+    };
     if run.method.plans() {
         let planned = points(&|e| e.planned.as_ref()?.success);
         vec![Curve { name, style: style.patch(BOLD), marker, points: planned }, actor]
@@ -100,11 +109,13 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
 /// Draws the chart; a click on its title changes the axis.
 pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     let all: Vec<Curve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
-    let names =
-        all.iter().map(|curve| Span::styled(format!("  {} {}", curves::symbol(curve.marker), curve.name), curve.style));
+    let names = all.iter().map(|curve| {
+        Span::styled(format!("  {} {}", curves::symbol(curve.marker), curve.name), curve.style)
+    });
     let title = Span::styled(format!(" success over {}", comparison.axis.name()), BOLD);
     let lines = chart::heading(title, names, area.width);
-    let [head, body] = Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
+    let [head, body] =
+        Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
     layout.add(head, Click::Act(Action::Axis));
     frame.render_widget(Paragraph::new(lines), head);
     if all.iter().all(|curve| curve.points.is_empty()) {

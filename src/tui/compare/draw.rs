@@ -50,9 +50,13 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
         return layout;
     }
     let rows = (area.height / CURVES_DIVISOR).clamp(CURVES_ROWS.0, CURVES_ROWS.1);
-    let [head, body, below, foot] =
-        Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(rows), Constraint::Length(1)])
-            .areas(area);
+    let [head, body, below, foot] = Layout::vertical([
+        Constraint::Length(1),
+        Constraint::Min(0),
+        Constraint::Length(rows),
+        Constraint::Length(1),
+    ])
+    .areas(area);
     header(frame, head, comparison, &mut layout);
     let share = |side: usize| match comparison.larger {
         Some(larger) if larger == side => Constraint::Fill(LARGER.0),
@@ -61,7 +65,8 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     };
     // Equally large sides show their maps in the same size.
     let gap = 1 + u16::from(comparison.larger.is_none() && body.width.is_multiple_of(2));
-    let [left, line, right] = Layout::horizontal([share(0), Constraint::Length(gap), share(1)]).areas(body);
+    let [left, line, right] =
+        Layout::horizontal([share(0), Constraint::Length(gap), share(1)]).areas(body);
     frame.render_widget(Block::new().borders(Borders::LEFT), line);
     let areas = [left, right];
     let facts = [0, 1].map(|own| facts(&comparison.sides[own], comparison.race.results(own)));
@@ -91,11 +96,16 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
 /// Says how much room is needed.
 fn too_small(frame: &mut Frame, area: Rect) {
     let (width, height) = MIN_SIZE;
-    let text =
-        format!("a comparison needs {width} x {height} characters: this terminal has {} x {}", area.width, area.height);
+    let text = format!(
+        "a comparison needs {width} x {height} characters: this terminal has {} x {}",
+        area.width, area.height
+    );
     let rows = (text.len() as u16).div_ceil(area.width.max(1)).min(area.height);
     let middle = area.centered_vertically(Constraint::Length(rows));
-    frame.render_widget(Paragraph::new(text).wrap(Wrap { trim: true }).alignment(Alignment::Center), middle);
+    frame.render_widget(
+        Paragraph::new(text).wrap(Wrap { trim: true }).alignment(Alignment::Center),
+        middle,
+    );
 }
 
 fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
@@ -105,7 +115,11 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
     bar.push(Span::styled(" gdg-tui compare ", BOLD.patch(REVERSED)), act(Action::Help));
     bar.push(Span::styled(format!(" {} ", screen.maze.map.name()), BOLD), None);
     bar.push(Span::raw(format!("seed {} ", screen.run().seed)), None);
-    let phase = if matches!(screen.snapshot.phase, Phase::Failed(_)) { "stopped".to_owned() } else { screen.phase() };
+    let phase = if matches!(screen.snapshot.phase, Phase::Failed(_)) {
+        "stopped".to_owned()
+    } else {
+        screen.phase()
+    };
     bar.push(Span::styled(format!(" {phase} "), BOLD), act(Action::TogglePause));
     bar.push(Span::styled(" nothing is saved", DIM), None);
     bar.draw(frame, area, layout);
@@ -117,8 +131,14 @@ fn training_side(comparison: &Comparison) -> &Screen {
     if b.snapshot.phase.is_training() && !a.snapshot.phase.is_training() { b } else { a }
 }
 
-/// Draws a side, with its facts beside the map or in as many rows below it; returns where the map is.
-fn draw_side(frame: &mut Frame, area: Rect, side: &mut Side, (facts, rows): (&[Fact], u16)) -> ScreenLayout {
+/// Draws a side, with its facts beside the map or in as many rows below it; returns where the map
+/// is.
+fn draw_side(
+    frame: &mut Frame,
+    area: Rect,
+    side: &mut Side,
+    (facts, rows): (&[Fact], u16),
+) -> ScreenLayout {
     let Side { app, title, cache, .. } = side;
     let screen = &app.screen;
     let mut layout = ScreenLayout::new(frame.area());
@@ -126,19 +146,25 @@ fn draw_side(frame: &mut Frame, area: Rect, side: &mut Side, (facts, rows): (&[F
         Phase::Failed(error) => format!("stopped: {error} "),
         _ => String::new(),
     };
-    let block = Block::new().borders(Borders::TOP).title(Span::styled(format!(" {title} {stopped}"), BOLD));
+    let block =
+        Block::new().borders(Borders::TOP).title(Span::styled(format!(" {title} {stopped}"), BOLD));
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    let [inner, meaning] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(inner);
-    let beside = Layout::horizontal([Constraint::Min(0), Constraint::Length(FACTS_WIDTH)]).areas(inner);
+    let [inner, meaning] =
+        Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(inner);
+    let beside =
+        Layout::horizontal([Constraint::Min(0), Constraint::Length(FACTS_WIDTH)]).areas(inner);
     let below = Layout::vertical([Constraint::Min(0), Constraint::Length(rows)]).areas(inner);
     // The map as large as possible.
     let scale = |[room, _]: [Rect; 2]| {
         let frame = MapFrame::fit(room, &screen.maze.map, screen.marker, Viewport::default());
         frame.map_or(0.0, |frame| frame.scale())
     };
-    let ([room, known], lines) =
-        if scale(beside) >= scale(below) { (beside, column(facts)) } else { (below, text(facts, inner.width)) };
+    let ([room, known], lines) = if scale(beside) >= scale(below) {
+        (beside, column(facts))
+    } else {
+        (below, text(facts, inner.width))
+    };
     layout.map_pane = room;
     map::draw(frame, room, screen, &mut layout, cache);
     minimap::draw(frame, room, screen, &mut layout);
@@ -151,8 +177,14 @@ fn draw_side(frame: &mut Frame, area: Rect, side: &mut Side, (facts, rows): (&[F
 fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     match comparison.notice() {
         Some((text, notice)) => {
-            footer::draw_notice(frame, area, training_side(comparison), Notice { text: &text, ..notice });
+            footer::draw_notice(
+                frame,
+                area,
+                training_side(comparison),
+                Notice { text: &text, ..notice },
+            );
         }
-        None => footer::keys(training_side(comparison), Mode::Comparing, area.width).draw(frame, area, layout),
+        None => footer::keys(training_side(comparison), Mode::Comparing, area.width)
+            .draw(frame, area, layout),
     }
 }

@@ -18,7 +18,8 @@ pub struct Fact {
     place: Place,
 }
 
-/// Facts that begin a line of text of their own, so that those of both sides are next to each other.
+/// Facts that begin a line of text of their own, so that those of both sides are next to each
+/// other.
 const FIRST: [&str; 2] = ["success", "D error"];
 
 /// How a fact follows the others in text.
@@ -38,18 +39,22 @@ impl Fact {
     }
 }
 
-/// Returns the facts about a side, the most important first; `races` are those that its agent finished at the goal, and
-/// all that are over.
+/// Returns the facts about a side, the most important first; `races` are those that its agent
+/// finished at the goal, and all that are over.
 pub fn facts(side: &Side, (arrived, races): (u32, u32)) -> Vec<Fact> {
     let (snapshot, walk) = (&side.app.screen.snapshot, &side.app.screen.maze.view.walk);
     let mut facts = vec![
         Fact::new("steps", short(snapshot.counters.env_steps as f64)),
         Fact::new("updates", short(snapshot.counters.updates as f64)),
-        Fact { place: Place::NamelessAside, ..Fact::new("rate", format!("{}/s", short(snapshot.rates.0))) },
+        Fact {
+            place: Place::NamelessAside,
+            ..Fact::new("rate", format!("{}/s", short(snapshot.rates.0)))
+        },
     ];
     let success = side.app.screen.success();
     let rate = |rate: f64| format!("{rate:.2}");
-    let value = success.map_or("-".to_owned(), |s| s.planned.or(s.greedy).map_or("no tasks".to_owned(), rate));
+    let value = success
+        .map_or("-".to_owned(), |s| s.planned.or(s.greedy).map_or("no tasks".to_owned(), rate));
     facts.push(Fact { style: BOLD, ..Fact::new("success", value) });
     let unknown = || "-".to_owned();
     // What is not known yet has its place already: what follows does not move.
@@ -60,7 +65,10 @@ pub fn facts(side: &Side, (arrived, races): (u32, u32)) -> Vec<Fact> {
     facts.push(Fact::new("races", format!("{arrived}/{races}")));
     let latest = snapshot.evaluations.last();
     let error = latest.and_then(|(_, evaluation)| evaluation.distance_error);
-    facts.push(Fact::new("D error", error.map_or_else(unknown, |error| format!("{:.0} %", 100.0 * error.mape))));
+    facts.push(Fact::new(
+        "D error",
+        error.map_or_else(unknown, |error| format!("{:.0} %", 100.0 * error.mape)),
+    ));
     let updates = latest.map_or_else(unknown, |(updates, _)| short(*updates as f64));
     facts.push(Fact { place: Place::Aside, ..Fact::new("at update", updates) });
     let state = match walk {
@@ -69,7 +77,10 @@ pub fn facts(side: &Side, (arrived, races): (u32, u32)) -> Vec<Fact> {
         _ => "walking",
     };
     facts.push(Fact::new(state, walk.steps.to_string()));
-    facts.extend(walk.shortest.map(|steps| Fact { place: Place::Aside, ..Fact::new("shortest", steps.to_string()) }));
+    facts.extend(
+        walk.shortest
+            .map(|steps| Fact { place: Place::Aside, ..Fact::new("shortest", steps.to_string()) }),
+    );
     facts
 }
 
@@ -99,7 +110,8 @@ pub fn text(facts: &[Fact], width: u16) -> Vec<Line<'static>> {
         }
         let has_room = |line: &&mut Line| {
             let is_first = FIRST.contains(&group[0].name);
-            line.spans.is_empty() || !is_first && line.width() + 1 + parts.width() <= usize::from(width)
+            line.spans.is_empty()
+                || !is_first && line.width() + 1 + parts.width() <= usize::from(width)
         };
         match lines.last_mut().filter(has_room) {
             Some(line) if line.spans.is_empty() => *line = parts,

@@ -24,7 +24,8 @@ impl Comparison {
         let cell = self.sides[own].app.screen.layout.map.as_ref();
         let cell = cell.and_then(|frame| frame.cell_at(at, &self.sides[own].app.screen.maze.map));
         if mouse.kind == MouseEventKind::Down(MouseButton::Right) {
-            let start = cell.and_then(|cell| self.sides[own].app.screen.maze.map.nearest_free(cell));
+            let start =
+                cell.and_then(|cell| self.sides[own].app.screen.maze.map.nearest_free(cell));
             if let Some(start) = start {
                 self.start_race(start, self.race.goal());
             }

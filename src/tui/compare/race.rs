@@ -23,7 +23,8 @@ pub struct Race {
     goal: Cell,
     /// What follows once both have arrived or lost.
     pub on_arrival: OnArrival,
-    /// The goal request of each side that began the race: what was published before it is of an earlier race.
+    /// The goal request of each side that began the race: what was published before it is of an
+    /// earlier race.
     requests: [u64; 2],
     /// Whether each side has arrived, once that is decided.
     arrived: [Option<bool>; 2],
@@ -100,7 +101,8 @@ impl Race {
         }
     }
 
-    /// Returns one of the map's own starts, or else a random cell, from which a path leads to `goal`.
+    /// Returns one of the map's own starts, or else a random cell, from which a path leads to
+    /// `goal`.
     pub fn random_start(&mut self, goal: Cell) -> Cell {
         let starts = self.map.starts().to_vec();
         self.draw_connected(starts, goal).unwrap_or_else(|| self.connected_cell(goal))

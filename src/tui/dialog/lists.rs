@@ -19,14 +19,16 @@ use gdg::learn::LEARNERS;
 use gdg::map::{BUILTIN, Grid, RandomMapKind};
 use gdg::text::{fitted, grouped, padded};
 use gdg::train::{
-    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting, list_settings,
+    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting,
+    list_settings,
 };
 use gdg::viewer::Field;
 
 /// Columns of a setting's value in the list; longer ones are shown in full below it.
 const VALUE_WIDTH: usize = 12;
 
-/// Lists all actions that make sense on this screen, by name, and after them what colours can show, and all settings.
+/// Lists all actions that make sense on this screen, by name, and after them what colours can show,
+/// and all settings.
 pub fn actions(screen: &Screen) -> Picker {
     let (keymap, scene) = (&screen.keymap, screen.scene());
     let here = |b: &&Binding| {
@@ -46,10 +48,11 @@ pub fn actions(screen: &Screen) -> Picker {
         let detail = format!("setting: {}", setting.below[0]);
         Item { detail, marked: false, ..setting }.within("settings")
     });
-    let fields = Field::ALL.into_iter().filter(|field| screen.has_field(*field)).map(|field| Item {
-        words: field.words().to_owned(),
-        ..Item::new(format!("colours: {}", field.name()), "", Choice::Field(field))
-    });
+    let fields =
+        Field::ALL.into_iter().filter(|field| screen.has_field(*field)).map(|field| Item {
+            words: field.words().to_owned(),
+            ..Item::new(format!("colours: {}", field.name()), "", Choice::Field(field))
+        });
     let items = bindings().filter(named).map(item).chain(fields).chain(settings).collect();
     let mut picker = Picker::new("find an action", items);
     picker.keeps_groups = true;
@@ -58,21 +61,27 @@ pub fn actions(screen: &Screen) -> Picker {
 
 /// Lists the themes.
 pub fn themes(now: ThemeName) -> Picker {
-    let items = ThemeName::ALL.map(|name| Item::new(name.name(), name.about(), Choice::Theme(name))).to_vec();
+    let items = ThemeName::ALL
+        .map(|name| Item::new(name.name(), name.about(), Choice::Theme(name)))
+        .to_vec();
     Picker::new("theme", items).selecting(|choice| *choice == Choice::Theme(now))
 }
 
 /// Lists the methods: those with a name, then all other combinations.
 pub fn methods(now: &Method) -> Picker {
     let named = |named: &NamedMethod| {
-        Item::new(named.name, named.about, Choice::Method(named.into())).within("methods with a name")
+        Item::new(named.name, named.about, Choice::Method(named.into()))
+            .within("methods with a name")
     };
     let all = LEARNERS.iter().flat_map(|learner| Planner::ALL.map(|planner| (learner, planner)));
     let others = all.filter_map(|(learner, planner)| {
         let method = Method { learner: learner.name.to_owned(), planner };
-        let about = format!("learner {}, planner {}: {}", learner.name, planner.name(), planner.about());
+        let about =
+            format!("learner {}, planner {}: {}", learner.name, planner.name(), planner.about());
         let is_named = METHODS.iter().any(|named| Method::from(named) == method);
-        (!is_named).then(|| Item::new(method.name(), about, Choice::Method(method)).within("LEARNER+PLANNER"))
+        (!is_named).then(|| {
+            Item::new(method.name(), about, Choice::Method(method)).within("LEARNER+PLANNER")
+        })
     });
     let title = "continue with method (data is kept, networks where they fit)";
     let items = METHODS.iter().map(named).chain(others).collect();
@@ -81,14 +90,16 @@ pub fn methods(now: &Method) -> Picker {
 
 /// Lists the presets.
 pub fn presets(now: Preset) -> Picker {
-    let items = Preset::ALL.map(|preset| Item::new(preset.name(), preset.about(), Choice::Preset(preset)));
+    let items =
+        Preset::ALL.map(|preset| Item::new(preset.name(), preset.about(), Choice::Preset(preset)));
     let title = "continue with preset (data is kept, networks are reset)";
     Picker::new(title, items.to_vec()).selecting(|choice| *choice == Choice::Preset(now))
 }
 
 /// Lists the settings of `run` by group, with a mark where they differ from those of its preset.
 pub fn settings(screen: &Screen) -> Picker {
-    let mut picker = Picker::new("change a setting (* differs from its default)", setting_items(screen));
+    let mut picker =
+        Picker::new("change a setting (* differs from its default)", setting_items(screen));
     picker.button = Some((Action::ResetSetting, "default"));
     picker
 }
@@ -96,7 +107,9 @@ pub fn settings(screen: &Screen) -> Picker {
 /// Describes the settings of the run shown.
 pub fn setting_items(screen: &Screen) -> Vec<Item> {
     let run = screen.run();
-    let values = list_settings(&run.settings).into_iter().zip(list_settings(&screen.settings_of(run.preset)));
+    let values = list_settings(&run.settings)
+        .into_iter()
+        .zip(list_settings(&screen.settings_of(run.preset)));
     let all = SETTINGS.iter().zip(values);
     let items = all.map(|(setting, ((_, now), (_, default)))| Item {
         marked: screen.changed_settings.contains(setting.name),
@@ -110,7 +123,11 @@ fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> 
     let Setting { name, group, about, unit, range, effect, former, .. } = setting;
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let former = former.map_or(String::new(), |former| format!(" Formerly {former}."));
-    let of = if preset == Preset::Default { String::new() } else { format!(" in the preset {}", preset.name()) };
+    let of = if preset == Preset::Default {
+        String::new()
+    } else {
+        format!(" in the preset {}", preset.name())
+    };
     let below = vec![
         format!("{about}.{former}"),
         format!("Now {now}{unit}; {default} by default{of}. Possible: {range}."),
@@ -129,19 +146,26 @@ pub fn random_maps() -> Picker {
 
 /// Lists the kinds of exports.
 pub fn exports(scene: SceneKind) -> Picker {
-    let items = ExportKind::ALL.map(|kind| Item::new(kind.name(scene), kind.file_type(), Choice::Export(kind)));
+    let items = ExportKind::ALL
+        .map(|kind| Item::new(kind.name(scene), kind.file_type(), Choice::Export(kind)));
     Picker::new("export", items.to_vec())
 }
 
 /// Asks whether to save before quitting.
-pub fn quit_choices(unsaved_updates: u64, is_map_edited: bool, file: &Path, autosaves: &[PathBuf]) -> Picker {
+pub fn quit_choices(
+    unsaved_updates: u64,
+    is_map_edited: bool,
+    file: &Path,
+    autosaves: &[PathBuf],
+) -> Picker {
     let map = if is_map_edited { " and map edits" } else { "" };
     let lost = match autosaves.last().and_then(|path| path.file_name()) {
         Some(name) => format!("keeps the autosave {}, not what came later", name.to_string_lossy()),
         None => format!("{} unsaved updates{map} are lost", grouped(unsaved_updates)),
     };
     let items = vec![
-        Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }).on('y'),
+        Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true })
+            .on('y'),
         Item::new("quit without saving", lost, Choice::Quit { save: false }).on('n'),
         Item::new("cancel", "", Choice::Nothing).on('c'),
     ];
@@ -155,23 +179,36 @@ pub fn load_choices(unsaved_updates: u64, file: PathBuf) -> Picker {
     Picker::new("load a checkpoint without saving this run?", items)
 }
 
-/// Asks whether to continue with `method`, which needs other networks, although this run is not saved.
+/// Asks whether to continue with `method`, which needs other networks, although this run is not
+/// saved.
 pub fn method_choices(unsaved_updates: u64, method: Method) -> Picker {
     let lost = format!("{} unsaved updates are lost", grouped(unsaved_updates));
-    let items = leave_items(&format!("continue with {}", method.name()), lost, Choice::MethodUnsaved(method));
+    let items = leave_items(
+        &format!("continue with {}", method.name()),
+        lost,
+        Choice::MethodUnsaved(method),
+    );
     Picker::new("discard the networks, which are not saved?", items)
 }
 
 /// Returns the answers to whether to `leave` an unsaved run, with what is `lost` by it.
 fn leave_items(leave: &str, lost: String, choice: Choice) -> Vec<Item> {
-    vec![save_first(leave, choice.clone()), Item::new(format!("yes, {leave}"), lost, choice).on('y'), stay()]
+    vec![
+        save_first(leave, choice.clone()),
+        Item::new(format!("yes, {leave}"), lost, choice).on('y'),
+        stay(),
+    ]
 }
 
-/// Asks whether to leave this run for the guided tour, and offers to save it if it `is_worth_saving`.
+/// Asks whether to leave this run for the guided tour, and offers to save it if it
+/// `is_worth_saving`.
 pub fn tour_choices(unsaved_updates: u64, is_worth_saving: bool) -> Picker {
     let lost = match unsaved_updates {
         0 => "a new run on the four rooms, about 90 seconds".to_owned(),
-        n => format!("a new run on the four rooms, about 90 seconds; {} unsaved updates are lost", grouped(n)),
+        n => format!(
+            "a new run on the four rooms, about 90 seconds; {} unsaved updates are lost",
+            grouped(n)
+        ),
     };
     let mut items = vec![Item::new("take the tour", lost, Choice::Tour).on('y'), stay()];
     if is_worth_saving {
@@ -184,15 +221,24 @@ pub fn tour_choices(unsaved_updates: u64, is_worth_saving: bool) -> Picker {
 pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     let items = vec![
         // A long detail is fine: the selected item is shown in full below the list.
-        Item::new("save and quit", format!("to {}; {problem}; {hint}", file.display()), Choice::Quit { save: true })
-            .on('y'),
-        Item::new("stay", "to inspect, save, change a setting or load a checkpoint", Choice::Nothing).on('n'),
+        Item::new(
+            "save and quit",
+            format!("to {}; {problem}; {hint}", file.display()),
+            Choice::Quit { save: true },
+        )
+        .on('y'),
+        Item::new(
+            "stay",
+            "to inspect, save, change a setting or load a checkpoint",
+            Choice::Nothing,
+        )
+        .on('n'),
     ];
     Picker::new(title, items)
 }
 
-/// Asks how to switch to `map`, which may come from a `file`, from map `now`, if the world has one; `fitted` is `map` at
-/// the size of `now`. Offers to save this run first if it `is_worth_saving`.
+/// Asks how to switch to `map`, which may come from a `file`, from map `now`, if the world has one;
+/// `fitted` is `map` at the size of `now`. Offers to save this run first if it `is_worth_saving`.
 pub fn map_switch_choices(
     map: &Arc<Grid>,
     file: Option<&Path>,
@@ -201,11 +247,15 @@ pub fn map_switch_choices(
     is_worth_saving: bool,
 ) -> Picker {
     let file = file.map(Path::to_owned);
-    let mut items = start_choices("it", &Choice::StartOn(map.clone(), file.clone()), is_worth_saving);
+    let mut items =
+        start_choices("it", &Choice::StartOn(map.clone(), file.clone()), is_worth_saving);
     let size = now.map(|now| (now.width(), now.height()));
     if size == Some((map.width(), map.height())) {
         let same = Choice::ContinueOn(map.clone(), file);
-        items.insert(0, Item::new("continue on it", "the same networks learn the new walls", same).on('c'));
+        items.insert(
+            0,
+            Item::new("continue on it", "the same networks learn the new walls", same).on('c'),
+        );
     } else if let (Some((width, height)), Some(fitted)) = (size, fitted) {
         let label = format!("continue on it, cropped or padded to {width} x {height}");
         let fitted = Choice::ContinueOn(Arc::new(fitted), file);
@@ -215,8 +265,8 @@ pub fn map_switch_choices(
     Picker::new(format!("{} ({} x {})", map.name(), map.width(), map.height()), items)
 }
 
-/// Asks whether to start a new run in the world called `name`, and offers to save this one first if it
-/// `is_worth_saving`.
+/// Asks whether to start a new run in the world called `name`, and offers to save this one first if
+/// it `is_worth_saving`.
 pub fn world_switch_choices(name: &'static str, is_worth_saving: bool) -> Picker {
     let mut items = start_choices(name, &Choice::StartIn(name), is_worth_saving);
     items.push(stay());
@@ -225,7 +275,8 @@ pub fn world_switch_choices(name: &'static str, is_worth_saving: bool) -> Picker
 
 /// Asks whether to start the run again with another seed, although it is worth saving.
 pub fn restart_choices(seed: u64) -> Picker {
-    let mut items = start_choices(&format!("this map with seed {seed}"), &Choice::Restart(seed), true);
+    let mut items =
+        start_choices(&format!("this map with seed {seed}"), &Choice::Restart(seed), true);
     items.push(stay());
     Picker::new(format!("restart with seed {seed}"), items)
 }
@@ -245,7 +296,8 @@ fn start_choices(place: &str, start: &Choice, is_worth_saving: bool) -> Vec<Item
 
 /// Returns an item that saves this run before `choice`.
 fn save_first(then: &str, choice: Choice) -> Item {
-    Item::new(format!("save this run, then {then}"), "", Choice::SaveFirst(Box::new(choice))).on('s')
+    Item::new(format!("save this run, then {then}"), "", Choice::SaveFirst(Box::new(choice)))
+        .on('s')
 }
 
 /// Returns an item that changes nothing.
@@ -253,17 +305,27 @@ fn stay() -> Item {
     Item::new("no, stay", "", Choice::Nothing).on('n')
 }
 
-/// Lists the maps in `folder`, given its `entries` and whether each is a folder. If `recent` is given, recent and
-/// built-in maps and other worlds come first.
+/// Lists the maps in `folder`, given its `entries` and whether each is a folder. If `recent` is
+/// given, recent and built-in maps and other worlds come first.
 pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf]>) -> Picker {
     let mut items = Vec::new();
     if let Some(recent) = recent {
-        let item = |path: &PathBuf| Item::new(path.display().to_string(), "recent", Choice::OpenMap(path.clone()));
+        let item = |path: &PathBuf| {
+            Item::new(path.display().to_string(), "recent", Choice::OpenMap(path.clone()))
+        };
         items.extend(recent.iter().map(item));
-        items.extend(BUILTIN.iter().map(|(name, _)| Item::new(*name, "built in", Choice::OpenBuiltin(name))));
-        items.push(Item::new("random map", "maze, city or perfect maze", Choice::Act(Action::RandomMap)));
+        items.extend(
+            BUILTIN.iter().map(|(name, _)| Item::new(*name, "built in", Choice::OpenBuiltin(name))),
+        );
+        items.push(Item::new(
+            "random map",
+            "maze, city or perfect maze",
+            Choice::Act(Action::RandomMap),
+        ));
         let worlds = WORLDS.iter().filter(|kind| kind.create.is_some());
-        items.extend(worlds.map(|kind| Item::new(kind.name, kind.about, Choice::OpenWorld(kind.name))));
+        items.extend(
+            worlds.map(|kind| Item::new(kind.name, kind.about, Choice::OpenWorld(kind.name))),
+        );
     }
     items.push(Item::new("..", "folder", Choice::Folder(folder.join(".."))));
     for (path, is_folder) in entries {
@@ -277,17 +339,25 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf
     Picker::new(format!("open a map: {}", folder.display()), items)
 }
 
-/// Lists checkpoints, latest first, with dates in `zone`; those that cannot be loaded come last, with the reason.
-pub fn checkpoints(mut found: Vec<Result<Description, CheckpointError>>, zone: &TimeZone) -> Picker {
+/// Lists checkpoints, latest first, with dates in `zone`; those that cannot be loaded come last,
+/// with the reason.
+pub fn checkpoints(
+    mut found: Vec<Result<Description, CheckpointError>>,
+    zone: &TimeZone,
+) -> Picker {
     found.sort_by_key(|d| std::cmp::Reverse(d.as_ref().ok().and_then(|d| d.written)));
-    let name = |file: &Path| file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = |file: &Path| {
+        file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
+    };
     let item = |found: &Result<Description, CheckpointError>| match found {
         Ok(d) if !SceneKind::draws(&d.world) => {
             let why = format!("cannot be drawn: continue it with --no-ui; {}", about(d, zone));
             Item::new(name(&d.file), why, Choice::Nothing)
         }
         Ok(d) => Item::new(name(&d.file), about(d, zone), Choice::Load(d.file.clone())),
-        Err(e) => Item::new(name(&e.file), format!("cannot be loaded: {}", e.problem), Choice::Nothing),
+        Err(e) => {
+            Item::new(name(&e.file), format!("cannot be loaded: {}", e.problem), Choice::Nothing)
+        }
     };
     Picker::new("load a checkpoint", found.iter().map(item).collect())
 }
@@ -300,7 +370,8 @@ fn about(d: &Description, zone: &TimeZone) -> String {
         (_, None) => "no tasks".to_owned(),
     });
     let written = d.written.and_then(|at| Timestamp::try_from(at).ok());
-    let date = written.map_or(String::new(), |at| at.to_zoned(zone.clone()).strftime("%F %R").to_string());
+    let date =
+        written.map_or(String::new(), |at| at.to_zoned(zone.clone()).strftime("%F %R").to_string());
     let (method, megabytes) = (d.run.method.name(), d.bytes as f64 / 1e6);
     format!("{date}, {success}, {} updates, {} {method}, {megabytes:.1} MB", d.updates, d.title)
 }

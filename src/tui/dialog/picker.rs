@@ -38,8 +38,19 @@ pub struct Item {
 impl Item {
     /// Creates an item.
     pub fn new(label: impl Into<String>, detail: impl Into<String>, choice: Choice) -> Self {
-        let (group, below, name, words, marked, key) = ("", Vec::new(), "", String::new(), false, None);
-        Self { label: label.into(), detail: detail.into(), group, below, name, words, marked, key, choice }
+        let (group, below, name, words, marked, key) =
+            ("", Vec::new(), "", String::new(), false, None);
+        Self {
+            label: label.into(),
+            detail: detail.into(),
+            group,
+            below,
+            name,
+            words,
+            marked,
+            key,
+            choice,
+        }
     }
 
     /// Makes a key pick the item.
@@ -71,7 +82,8 @@ pub struct Picker {
     pub title: String,
     /// What else can be done with the selected item.
     pub button: Option<(Action, &'static str)>,
-    /// Whether a search lists the matches group by group, instead of the best ones of all groups first.
+    /// Whether a search lists the matches group by group, instead of the best ones of all groups
+    /// first.
     pub keeps_groups: bool,
     items: Vec<Item>,
     typed: Input,
@@ -81,8 +93,8 @@ pub struct Picker {
 }
 
 impl Picker {
-    /// Creates a list of all `items`, with the first one selected. If an item has a key, the list is a question:
-    /// answered by keys instead of being searched.
+    /// Creates a list of all `items`, with the first one selected. If an item has a key, the list
+    /// is a question: answered by keys instead of being searched.
     pub fn new(title: impl Into<String>, items: Vec<Item>) -> Self {
         let shown = (0..items.len()).collect();
         let (title, typed) = (title.into(), Input::default());
@@ -130,7 +142,10 @@ impl Picker {
 
     /// Returns the number of rows without a search text.
     pub fn most_rows(&self) -> usize {
-        let titles = self.items.chunk_by(|a, b| a.group == b.group).filter(|group| !group[0].group.is_empty());
+        let titles = self
+            .items
+            .chunk_by(|a, b| a.group == b.group)
+            .filter(|group| !group[0].group.is_empty());
         self.items.len() + titles.count()
     }
 
@@ -173,7 +188,8 @@ impl Picker {
             KeyCode::PageUp => self.move_selection(-PAGE),
             KeyCode::PageDown => self.move_selection(PAGE),
             KeyCode::Char(c) if self.is_question() => {
-                let at = self.items.iter().position(|item| item.key == Some(c.to_ascii_lowercase()));
+                let at =
+                    self.items.iter().position(|item| item.key == Some(c.to_ascii_lowercase()));
                 self.selected = at.unwrap_or(self.selected);
                 return at.is_some();
             }
@@ -209,7 +225,8 @@ impl Picker {
 
     fn filter(&mut self) {
         let ranking = Ranking::new(self.typed.value());
-        let scored = self.items.iter().enumerate().filter_map(|(i, item)| Some((i, ranking.score(item)?)));
+        let scored =
+            self.items.iter().enumerate().filter_map(|(i, item)| Some((i, ranking.score(item)?)));
         let mut scored: Vec<(usize, u32)> = scored.collect();
         // An abbreviation is a guess, for when no word matches.
         if scored.iter().any(|(_, score)| *score > Ranking::GUESS) {
@@ -232,7 +249,8 @@ mod tests {
     use super::*;
 
     fn picker() -> Picker {
-        let item = |label: &str, detail: &str| Item::new(label, detail, Choice::Setting(label.to_owned()));
+        let item =
+            |label: &str, detail: &str| Item::new(label, detail, Choice::Setting(label.to_owned()));
         Picker::new(
             "settings",
             vec![
@@ -257,15 +275,27 @@ mod tests {
         assert_eq!(picker.choice(), Some(&Choice::Setting("learning_rate".to_owned())));
         picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
         press(&mut picker, "accuracy");
-        assert_eq!(picker.choice(), Some(&Choice::Setting("loss".to_owned())), "details are searched too");
+        assert_eq!(
+            picker.choice(),
+            Some(&Choice::Setting("loss".to_owned())),
+            "details are searched too"
+        );
         picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
         press(&mut picker, "loss");
-        assert_eq!(picker.choice(), Some(&Choice::Setting("loss".to_owned())), "the exact name comes first");
+        assert_eq!(
+            picker.choice(),
+            Some(&Choice::Setting("loss".to_owned())),
+            "the exact name comes first"
+        );
         press(&mut picker, "zzz");
         assert_eq!(picker.choice(), None);
         picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
         press(&mut picker, "/accuracy");
-        assert_eq!(picker.choice(), Some(&Choice::Setting("loss".to_owned())), "the slash starts the search");
+        assert_eq!(
+            picker.choice(),
+            Some(&Choice::Setting("loss".to_owned())),
+            "the slash starts the search"
+        );
     }
 
     #[test]
@@ -283,7 +313,8 @@ mod tests {
     fn a_list_can_keep_its_groups_while_it_is_searched() {
         let item = |label: &str, group| Item::new(label, "", Choice::Nothing).within(group);
         for (keeps_groups, first) in [(true, "the seed"), (false, "seed")] {
-            let mut picker = Picker::new("all", vec![item("the seed", ""), item("seed", "settings")]);
+            let mut picker =
+                Picker::new("all", vec![item("the seed", ""), item("seed", "settings")]);
             picker.keeps_groups = keeps_groups;
             press(&mut picker, "seed");
             assert_eq!(picker.item().map(|item| item.label.as_str()), Some(first));
@@ -294,7 +325,9 @@ mod tests {
     #[test]
     fn the_selection_stays_within_the_list() {
         let mut picker = picker();
-        let selected = |picker: &Picker| picker.rows().iter().position(|row| matches!(row, Row::Item(_, true)));
+        let selected = |picker: &Picker| {
+            picker.rows().iter().position(|row| matches!(row, Row::Item(_, true)))
+        };
         picker.move_selection(-5);
         assert_eq!(selected(&picker), Some(0));
         picker.move_selection(99);
@@ -305,8 +338,11 @@ mod tests {
     #[test]
     fn items_are_grouped_until_they_are_searched() {
         let item = |label: &str, group| Item { group, ..Item::new(label, "", Choice::Nothing) };
-        let mut picker = Picker::new("settings", vec![item("hidden", "networks"), item("tau", "targets")]);
-        let titles = |picker: &Picker| picker.rows().iter().filter(|row| matches!(row, Row::Title(_))).count();
+        let mut picker =
+            Picker::new("settings", vec![item("hidden", "networks"), item("tau", "targets")]);
+        let titles = |picker: &Picker| {
+            picker.rows().iter().filter(|row| matches!(row, Row::Title(_))).count()
+        };
         assert_eq!((titles(&picker), picker.rows().len()), (2, 4));
         assert!(!picker.select(2), "a title");
         assert!(picker.select(3));
@@ -322,7 +358,9 @@ mod tests {
             Item::new("no", "", Choice::Nothing).on('n'),
         ];
         let mut picker = Picker::new("quit?", items);
-        let press = |picker: &mut Picker, c| picker.on_key(KeyEvent::new(KeyCode::Char(c), KeyModifiers::NONE));
+        let press = |picker: &mut Picker, c| {
+            picker.on_key(KeyEvent::new(KeyCode::Char(c), KeyModifiers::NONE))
+        };
         assert!(!press(&mut picker, 'x'), "no answer");
         assert!(press(&mut picker, 'n'));
         assert_eq!(picker.choice(), Some(&Choice::Nothing));

@@ -75,9 +75,12 @@ impl Prompt {
     /// Handles a key.
     pub fn on_key(&mut self, key: KeyEvent) {
         self.error = None;
-        let types = matches!(key.code, KeyCode::Char(_)) && !key.modifiers.contains(KeyModifiers::CONTROL);
+        let types =
+            matches!(key.code, KeyCode::Char(_)) && !key.modifiers.contains(KeyModifiers::CONTROL);
         self.touch(types);
-        if self.typed.value().chars().count() < MAX_CHARACTERS || !matches!(key.code, KeyCode::Char(_)) {
+        if self.typed.value().chars().count() < MAX_CHARACTERS
+            || !matches!(key.code, KeyCode::Char(_))
+        {
             self.typed.handle_event(&Event::Key(key));
         }
     }
@@ -105,7 +108,8 @@ pub fn cursor_column(input: &Input) -> usize {
 /// Inserts the first line of `text`, as much of it as fits.
 pub fn insert_first_line(input: &mut Input, text: &str) {
     let room = MAX_CHARACTERS.saturating_sub(input.value().chars().count());
-    for c in text.lines().next().unwrap_or_default().chars().filter(|c| !c.is_control()).take(room) {
+    for c in text.lines().next().unwrap_or_default().chars().filter(|c| !c.is_control()).take(room)
+    {
         input.handle(InputRequest::InsertChar(c));
     }
 }

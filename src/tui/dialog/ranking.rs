@@ -2,14 +2,15 @@
 
 use super::Item;
 
-/// Scores of a typed word that is a whole word, or begins one: in an item's name, among the other words it is found by,
-/// and in its details; and of one within a word of the name.
+/// Scores of a typed word that is a whole word, or begins one: in an item's name, among the other
+/// words it is found by, and in its details; and of one within a word of the name.
 const NAME: [u32; 2] = [100, 70];
 const WORDS: [u32; 2] = [90, 60];
 const DETAIL: [u32; 2] = [30, 20];
 const WITHIN_NAME: u32 = 40;
 
-/// Extra score of a name that begins with a typed word, and of a word both in the name and among the others.
+/// Extra score of a name that begins with a typed word, and of a word both in the name and among
+/// the others.
 const FIRST: u32 = 5;
 const IN_BOTH: u32 = 10;
 
@@ -31,12 +32,13 @@ impl Ranking {
     pub fn new(typed: &str) -> Self {
         let typed = typed.trim().to_lowercase();
         let all: Vec<String> = typed.split_whitespace().map(str::to_owned).collect();
-        let telling: Vec<String> = all.iter().filter(|word| !FILLERS.contains(&word.as_str())).cloned().collect();
+        let telling: Vec<String> =
+            all.iter().filter(|word| !FILLERS.contains(&word.as_str())).cloned().collect();
         Self { typed, words: if telling.is_empty() { all } else { telling } }
     }
 
-    /// Returns how well `item` matches, or `None` if it does not. Every typed word must match, or the typed letters must
-    /// abbreviate the name.
+    /// Returns how well `item` matches, or `None` if it does not. Every typed word must match, or
+    /// the typed letters must abbreviate the name.
     pub fn score(&self, item: &Item) -> Option<u32> {
         let name = item.label.to_lowercase();
         if self.typed.is_empty() {
@@ -69,14 +71,17 @@ impl Ranking {
     }
 }
 
-/// Returns whether each letter begins a word of `name`, in their order, or directly follows the letter before.
+/// Returns whether each letter begins a word of `name`, in their order, or directly follows the
+/// letter before.
 fn abbreviates(letters: &str, name: &str) -> bool {
-    let (letters, name): (Vec<char>, Vec<char>) = (letters.chars().collect(), name.chars().collect());
+    let (letters, name): (Vec<char>, Vec<char>) =
+        (letters.chars().collect(), name.chars().collect());
     // The places after each match of the letters so far.
     let mut ends = vec![0];
     for (n, letter) in letters.iter().enumerate() {
         let begins_word = |i: usize| i == 0 || !name[i - 1].is_alphanumeric();
-        let matches = |i: usize| name[i] == *letter && (begins_word(i) || n > 0 && ends.contains(&i));
+        let matches =
+            |i: usize| name[i] == *letter && (begins_word(i) || n > 0 && ends.contains(&i));
         let first = ends.iter().min().copied().unwrap_or(name.len());
         ends = (first..name.len()).filter(|i| matches(*i)).map(|i| i + 1).collect();
     }
@@ -85,10 +90,11 @@ fn abbreviates(letters: &str, name: &str) -> bool {
 
 /// Returns the score of a word in a text: `[whole, begins]`.
 fn in_words(text: &str, typed: &str, [whole, begins]: [u32; 2]) -> Option<u32> {
-    let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_' && c != '@').flat_map(|word| {
-        // The parts of a setting's name count as words, too.
-        std::iter::once(word).chain(word.split('_'))
-    });
+    let mut words =
+        text.split(|c: char| !c.is_alphanumeric() && c != '_' && c != '@').flat_map(|word| {
+            // The parts of a setting's name count as words, too.
+            std::iter::once(word).chain(word.split('_'))
+        });
     let best = |word: &str| match word {
         _ if word == typed => Some(whole),
         _ if word.starts_with(typed) => Some(begins),
@@ -106,9 +112,12 @@ mod tests {
         for letters in ["lr", "lera", "learn", "r"] {
             assert!(abbreviates(letters, "learning_rate"), "{letters}");
         }
-        for (letters, name) in
-            [("lrt", "learning_rate"), ("lr", "layers"), ("sac", "steps at most"), ("lr", "rate, learning")]
-        {
+        for (letters, name) in [
+            ("lrt", "learning_rate"),
+            ("lr", "layers"),
+            ("sac", "steps at most"),
+            ("lr", "rate, learning"),
+        ] {
             assert!(!abbreviates(letters, name), "{letters} {name}");
         }
     }

@@ -56,12 +56,17 @@ fn chart(
             .label(name.as_str())
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], colour.stroke_width(2)));
     }
-    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.3)).draw()
+    chart
+        .configure_series_labels()
+        .background_style(WHITE.mix(0.8))
+        .border_style(BLACK.mix(0.3))
+        .draw()
 }
 
 fn series(name: &str, snapshot: &Snapshot, value: impl Fn(&Evaluation) -> Option<f64>) -> Series {
     // What another method reached is not this one's.
-    let own = |at: u64| snapshot.methods.name(at).is_none_or(|name| name == snapshot.run.method.name());
+    let own =
+        |at: u64| snapshot.methods.name(at).is_none_or(|name| name == snapshot.run.method.name());
     let evaluations = snapshot.evaluations.iter().filter(|(at, _)| own(*at));
     let points = evaluations.filter_map(|(at, e)| Some((snapshot.learned(*at) as f64, value(e)?)));
     (name.to_owned(), points.collect())
@@ -70,7 +75,8 @@ fn series(name: &str, snapshot: &Snapshot, value: impl Fn(&Evaluation) -> Option
 fn success(snapshot: &Snapshot) -> Vec<Series> {
     let planned = series("planned", snapshot, |e| e.planned.as_ref()?.success);
     let greedy = series("greedy", snapshot, |e| e.greedy.success);
-    let coverage = snapshot.coverage().into_iter().map(|(at, share)| (snapshot.learned(at) as f64, share));
+    let coverage =
+        snapshot.coverage().into_iter().map(|(at, share)| (snapshot.learned(at) as f64, share));
     vec![planned, greedy, ("coverage".to_owned(), coverage.collect())]
 }
 
@@ -82,16 +88,19 @@ fn errors(snapshot: &Snapshot) -> Vec<Series> {
 
 fn losses(screen: &Screen) -> Series {
     let snapshot = &screen.snapshot;
-    let loss = |p: &CurvePoint| (snapshot.learned(p.updates) as f64, f64::from(p.losses[0].max(1e-9)).log10());
+    let loss = |p: &CurvePoint| {
+        (snapshot.learned(p.updates) as f64, f64::from(p.losses[0].max(1e-9)).log10())
+    };
     let points = snapshot.curve.iter().map(loss);
     ("critic".to_owned(), points.collect())
 }
 
-/// Writes one line per evaluation and per point of the curves of losses and coverage, in order, with the method at the
-/// end: updates are those done by a learner.
+/// Writes one line per evaluation and per point of the curves of losses and coverage, in order,
+/// with the method at the end: updates are those done by a learner.
 pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let distances = screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
+    let distances =
+        screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
     let mut head = vec!["updates".to_owned()];
     head.extend(["critic_loss", "model_loss", "actor_loss"].map(str::to_owned));
     head.extend(["coverage", "greedy", "planned", "error", "error_of_graph"].map(str::to_owned));
@@ -105,7 +114,10 @@ pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
     head.push("method".to_owned());
     let snapshot = &screen.snapshot;
     let updates_and_method = |updates: u64| {
-        let method = snapshot.methods.name(updates).map_or_else(|| screen.run().method.name(), str::to_owned);
+        let method = snapshot
+            .methods
+            .name(updates)
+            .map_or_else(|| screen.run().method.name(), str::to_owned);
         (snapshot.learned(updates).to_string(), method)
     };
     let mut lines: Vec<(u64, Vec<String>)> = Vec::new();

@@ -17,7 +17,11 @@ const HEIGHT: usize = 16;
 ///
 /// # Errors
 /// Errors of the encoder.
-pub fn png_of(screen: &Buffer, area: Rect, page: PageColours) -> Result<Vec<u8>, png::EncodingError> {
+pub fn png_of(
+    screen: &Buffer,
+    area: Rect,
+    page: PageColours,
+) -> Result<Vec<u8>, png::EncodingError> {
     picture_of(screen, area, page).to_png()
 }
 
@@ -41,7 +45,8 @@ pub fn picture_of(screen: &Buffer, area: Rect, page: PageColours) -> Picture {
                     // Bold letters are drawn twice, a pixel apart.
                     let letter = cell.symbol().chars().all(char::is_alphanumeric);
                     let set = dot(column) || bold && letter && column > 0 && dot(column - 1);
-                    let at = (usize::from(y) * HEIGHT + row) * columns + usize::from(x) * WIDTH + column;
+                    let at =
+                        (usize::from(y) * HEIGHT + row) * columns + usize::from(x) * WIDTH + column;
                     picture.pixels_mut()[at] = if set { front } else { back };
                 }
             }
@@ -50,7 +55,8 @@ pub fn picture_of(screen: &Buffer, area: Rect, page: PageColours) -> Picture {
     picture
 }
 
-/// The dots of a braille character. The font is not used for these, as it draws unset dots as rings.
+/// The dots of a braille character. The font is not used for these, as it draws unset dots as
+/// rings.
 struct Dots(u32);
 
 impl Dots {
@@ -121,7 +127,10 @@ mod tests {
         let frame = reader.next_frame(&mut pixels).expect("pixels");
         assert_eq!((frame.width, frame.height), (16, 16));
         let at = |x: usize, y: usize| &pixels[3 * (y * 16 + x)..3 * (y * 16 + x) + 3];
-        assert_eq!((at(3, 0), at(3, 7), at(3, 8)), (&[200, 10, 20][..], &[200, 10, 20][..], &[1, 2, 3][..]));
+        assert_eq!(
+            (at(3, 0), at(3, 7), at(3, 8)),
+            (&[200, 10, 20][..], &[200, 10, 20][..], &[1, 2, 3][..])
+        );
         assert!((8..16).any(|x| at(x, 8) == [200, 10, 20]), "the letter is drawn");
     }
 }

@@ -56,14 +56,20 @@ pub fn svg_of(screen: &Buffer, area: Rect, page: PageColours) -> String {
 }
 
 fn block((x, y): (f32, f32), (width, height): (f32, f32), rgb: Rgb) -> Rectangle {
-    Rectangle::new().set("x", x).set("y", y).set("width", width).set("height", height).set("fill", hex(rgb))
+    Rectangle::new()
+        .set("x", x)
+        .set("y", y)
+        .set("width", width)
+        .set("height", height)
+        .set("fill", hex(rgb))
 }
 
 fn hex((r, g, b): Rgb) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// Returns a block element as rectangles within a character (left, top, width, height), as fonts draw it with gaps.
+/// Returns a block element as rectangles within a character (left, top, width, height), as fonts
+/// draw it with gaps.
 fn parts(symbol: &str) -> Option<Vec<(f32, f32, f32, f32)>> {
     const QUADRANTS: [(char, u8); 15] = [
         ('\u{2598}', 1),
@@ -85,7 +91,9 @@ fn parts(symbol: &str) -> Option<Vec<(f32, f32, f32, f32)>> {
     let c = symbol.chars().next()?;
     if let Some((_, mask)) = QUADRANTS.iter().find(|(q, _)| *q == c) {
         let own = (0..4u8).filter(|i| mask >> i & 1 == 1);
-        return Some(own.map(|i| (f32::from(i % 2) / 2.0, f32::from(i / 2) / 2.0, 0.5, 0.5)).collect());
+        return Some(
+            own.map(|i| (f32::from(i % 2) / 2.0, f32::from(i / 2) / 2.0, 0.5, 0.5)).collect(),
+        );
     }
     // Lower blocks of an eighth to seven eighths.
     let eighths = u32::from(c).checked_sub(0x2580).filter(|n| (1..8).contains(n))? as f32 / 8.0;

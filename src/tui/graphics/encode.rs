@@ -33,14 +33,14 @@ impl Encoder {
         self.protocol
     }
 
-    /// Chooses colours for a picture (red, green, blue and one more byte, pixel by pixel) if the protocol has few of them
-    /// and the present ones do not fit; returns whether they have changed.
+    /// Chooses colours for a picture (red, green, blue and one more byte, pixel by pixel) if the
+    /// protocol has few of them and the present ones do not fit; returns whether they have changed.
     pub fn adapt(&mut self, pixels: &[u8]) -> bool {
         self.protocol == Protocol::Sixel && self.palette.adapt(pixels)
     }
 
-    /// Writes a patch at its place: `pixels` are red, green, blue and one more byte, row by row; as a sixel picture, with
-    /// what is known of its `bands`.
+    /// Writes a patch at its place: `pixels` are red, green, blue and one more byte, row by row; as
+    /// a sixel picture, with what is known of its `bands`.
     ///
     /// # Errors
     /// Errors of the PNG encoder.
@@ -57,14 +57,19 @@ impl Encoder {
             Protocol::Iterm2 => {
                 let data = png(pixels, size)?;
                 let (columns, rows) = (area.width, area.height);
-                write!(out, "\x1b]1337;File=inline=1;size={};width={columns};height={rows};", data.len())?;
+                write!(
+                    out,
+                    "\x1b]1337;File=inline=1;size={};width={columns};height={rows};",
+                    data.len()
+                )?;
                 write!(out, "preserveAspectRatio=0;doNotMoveCursor=1:{}\x07", STANDARD.encode(data))
             }
             Protocol::Sixel => self.palette.encode(out, pixels, size, bands),
         }
     }
 
-    /// Deletes a patch of which nothing may be left. In other protocols than kitty's, text replaces pictures.
+    /// Deletes a patch of which nothing may be left. In other protocols than kitty's, text replaces
+    /// pictures.
     pub fn delete(&self, out: &mut Vec<u8>, at: Position) {
         if self.protocol == Protocol::Kitty {
             out.extend(format!("\x1b_Ga=d,d=I,i={},q=2\x1b\\", kitty_id(at)).bytes());
@@ -75,7 +80,8 @@ impl Encoder {
 /// Writes a picture, a PNG file in base64, at the cursor.
 fn kitty(out: &mut Vec<u8>, area: Rect, data: &str) -> std::io::Result<()> {
     let (id, columns, rows) = (kitty_id(area.as_position()), area.width, area.height);
-    // Replaces the picture of the same number; q=2 asks for no answer, C=1 leaves the cursor where it is.
+    // Replaces the picture of the same number; q=2 asks for no answer, C=1 leaves the cursor where
+    // it is.
     let mut head = format!("a=T,f=100,i={id},p=1,q=2,C=1,c={columns},r={rows},z={KITTY_LAYER},");
     let mut chunks = data.as_bytes().chunks(KITTY_CHUNK_BYTES).peekable();
     while let Some(chunk) = chunks.next() {
@@ -100,7 +106,12 @@ fn kitty_id(at: Position) -> u32 {
 fn png(pixels: &[u8], (width, height): (u32, u32)) -> std::io::Result<Vec<u8>> {
     let (pixels, _) = pixels.as_chunks::<4>();
     let mut colours = vec![0; 3 * pixels.len()];
-    colours.as_chunks_mut::<3>().0.iter_mut().zip(pixels).for_each(|(to, [r, g, b, _])| *to = [*r, *g, *b]);
+    colours
+        .as_chunks_mut::<3>()
+        .0
+        .iter_mut()
+        .zip(pixels)
+        .for_each(|(to, [r, g, b, _])| *to = [*r, *g, *b]);
     let mut file = Vec::with_capacity(colours.len() / 2);
     let mut encoder = png::Encoder::new(&mut file, width, height);
     encoder.set_color(png::ColorType::Rgb);
@@ -128,7 +139,9 @@ mod tests {
         });
         let mut out = Vec::new();
         let picture: (&[u8], _) = (&noise.collect::<Vec<u8>>(), (80, 40));
-        Encoder::new(protocol).patch(&mut out, AREA, picture, &mut Bands::default()).expect("encoded");
+        Encoder::new(protocol)
+            .patch(&mut out, AREA, picture, &mut Bands::default())
+            .expect("encoded");
         String::from_utf8(out).expect("text")
     }
 
@@ -146,8 +159,10 @@ mod tests {
         assert!(chunks.len() > 2 && chunks[1].contains("c=40,r=2") && chunks[1].contains("m=1;"));
         let last = chunks[chunks.len() - 1];
         assert!(last.starts_with("q=2,m=0;"), "{last}");
-        let data: String =
-            chunks[1..].iter().map(|c| c.split_once(';').expect("data").1.trim_end_matches("\x1b\\")).collect();
+        let data: String = chunks[1..]
+            .iter()
+            .map(|c| c.split_once(';').expect("data").1.trim_end_matches("\x1b\\"))
+            .collect();
         assert_eq!(decoded(&data), (80, 40));
         assert!(chunks[1..].iter().all(|chunk| chunk.len() < KITTY_CHUNK_BYTES + 100));
     }
@@ -156,7 +171,11 @@ mod tests {
     fn iterm2_gets_a_picture_of_its_size_in_characters() {
         let text = encoded(Protocol::Iterm2);
         let (head, data) = text.trim_end_matches('\x07').split_once(':').expect("data");
-        assert!(head.starts_with("\x1b[5;4H\x1b]1337;File=inline=1;") && head.contains("width=40;height=2;"), "{head}");
+        assert!(
+            head.starts_with("\x1b[5;4H\x1b]1337;File=inline=1;")
+                && head.contains("width=40;height=2;"),
+            "{head}"
+        );
         assert_eq!(decoded(data), (80, 40));
     }
 
@@ -165,7 +184,9 @@ mod tests {
         let mut out = Vec::new();
         Encoder::new(Protocol::Kitty).delete(&mut out, AREA.as_position());
         let id = format!("i={},", kitty_id(AREA.as_position()));
-        assert!(String::from_utf8_lossy(&out).contains(&id) && encoded(Protocol::Kitty).contains(&id));
+        assert!(
+            String::from_utf8_lossy(&out).contains(&id) && encoded(Protocol::Kitty).contains(&id)
+        );
         let ids = [(0, 1), (1, 0), (1, 1), (999, 499)].map(|(x, y)| kitty_id(Position::new(x, y)));
         assert!((0..4).all(|i| !ids[..i].contains(&ids[i])), "{ids:?}");
     }

@@ -1,7 +1,7 @@
 //! What pictures are on the screen, and what has to be sent to show others.
 //!
-//! A picture is cut into patches, rectangles of whole characters, around the text that lies over it. Only patches that
-//! differ from what the terminal shows are sent.
+//! A picture is cut into patches, rectangles of whole characters, around the text that lies over
+//! it. Only patches that differ from what the terminal shows are sent.
 
 use std::time::{Duration, Instant};
 
@@ -15,19 +15,20 @@ use super::{Graphics, Picture, Protocol, Redraw};
 /// Columns and rows of a whole patch: small, since little moves from frame to frame.
 const PATCH: (u16, u16) = (8, 4);
 
-/// Of sixels, xterm keeps 16 pictures of at most 1000 x 1000 pixels: a picture is cut into at most so many patches, at
-/// most so wide.
+/// Of sixels, xterm keeps 16 pictures of at most 1000 x 1000 pixels: a picture is cut into at most
+/// so many patches, at most so wide.
 const SIXEL_PATCHES: u16 = 12;
 const SIXEL_PIXELS: u16 = 1000;
 
-/// After drawing and sending a picture, the next one waits for this multiple of the time that it took, but not longer
-/// than [`LONGEST_REST`]: so long that training, if it runs, loses less than 5 % of its speed; and otherwise so that a slow
-/// terminal is not sent more than it can read.
+/// After drawing and sending a picture, the next one waits for this multiple of the time that it
+/// took, but not longer than [`LONGEST_REST`]: so long that training, if it runs, loses less than 5
+/// % of its speed; and otherwise so that a slow terminal is not sent more than it can read.
 const REST_FACTOR: u32 = 1;
 const TRAINING_REST_FACTOR: u32 = 25;
 const LONGEST_REST: Duration = Duration::from_secs(1);
 
-/// For so long after the user has done something, what it changes is shown as if nothing were training.
+/// For so long after the user has done something, what it changes is shown as if nothing were
+/// training.
 const AWAKE: Duration = Duration::from_millis(300);
 
 /// A patch on the screen.
@@ -45,7 +46,8 @@ impl Patch {
         Self { area, pixels: Vec::new(), bands: Bands::default() }
     }
 
-    /// Takes over the pixels of a part of a picture of the patch's size; returns whether they have changed.
+    /// Takes over the pixels of a part of a picture of the patch's size; returns whether they have
+    /// changed.
     fn show(&mut self, part: &Part) -> bool {
         let size = 4 * part.width * part.height;
         let mut has_changed = self.pixels.len() != size;
@@ -53,7 +55,9 @@ impl Patch {
             self.bands.clear();
             self.pixels.resize(size, 0);
         }
-        for (row, (own, new)) in self.pixels.chunks_exact_mut(4 * part.width).zip(part.rows()).enumerate() {
+        for (row, (own, new)) in
+            self.pixels.chunks_exact_mut(4 * part.width).zip(part.rows()).enumerate()
+        {
             if own != new {
                 own.copy_from_slice(new);
                 self.bands.forget(row);
@@ -96,10 +100,14 @@ impl Patches {
         self.is_behind
     }
 
-    /// Has pictures stay as they are for a while: the latest ones took some time to draw, and the terminal to read until
-    /// `end`.
+    /// Has pictures stay as they are for a while: the latest ones took some time to draw, and the
+    /// terminal to read until `end`.
     pub fn rest(&mut self, end: Instant, took: Duration, is_training: bool) {
-        let factor = if is_training && !is_ahead(self.awake_until) { TRAINING_REST_FACTOR } else { REST_FACTOR };
+        let factor = if is_training && !is_ahead(self.awake_until) {
+            TRAINING_REST_FACTOR
+        } else {
+            REST_FACTOR
+        };
         self.resting_until = Some(end + LONGEST_REST.min(factor * took));
     }
 
@@ -123,23 +131,33 @@ impl Patches {
         self.awake_until = Some(Instant::now() + AWAKE);
     }
 
-    /// Returns the bytes that show `pictures` where `screen` reserves places for them, and nowhere else.
+    /// Returns the bytes that show `pictures` where `screen` reserves places for them, and nowhere
+    /// else.
     ///
     /// # Errors
     /// Errors of the encoder.
-    pub fn update(&mut self, pictures: &[&Picture], screen: &Buffer, graphics: Graphics) -> std::io::Result<Vec<u8>> {
+    pub fn update(
+        &mut self,
+        pictures: &[&Picture],
+        screen: &Buffer,
+        graphics: Graphics,
+    ) -> std::io::Result<Vec<u8>> {
         let mut out = Vec::with_capacity(self.bytes);
         let is_resting = self.is_resting();
         let mut before = std::mem::take(&mut self.shown);
         let wanted: Vec<(Rect, &Picture)> = pictures
             .iter()
-            .flat_map(|picture| cut(picture, screen, graphics).into_iter().map(move |area| (area, *picture)))
+            .flat_map(|picture| {
+                cut(picture, screen, graphics).into_iter().map(move |area| (area, *picture))
+            })
             .collect();
         let is_new = |area: &Rect| !before.iter().any(|patch| patch.area == *area);
         // What is gone goes first: a patch in its place may have the same number.
-        before.iter().filter(|patch| !wanted.iter().any(|(area, _)| *area == patch.area)).for_each(|patch| {
-            self.encoder.delete(&mut out, patch.area.as_position());
-        });
+        before.iter().filter(|patch| !wanted.iter().any(|(area, _)| *area == patch.area)).for_each(
+            |patch| {
+                self.encoder.delete(&mut out, patch.area.as_position());
+            },
+        );
         self.is_behind = false;
         if is_resting && !wanted.iter().any(|(area, _)| is_new(area)) {
             before.retain(|patch| wanted.iter().any(|(area, _)| *area == patch.area));
@@ -203,15 +221,20 @@ fn patch_size(area: Rect, graphics: Graphics) -> (u16, u16) {
     let (across, down) = graphics.character;
     let columns = (SIXEL_PIXELS / across).clamp(1, area.width.max(1));
     let beside = area.width.div_ceil(columns).max(1);
-    let rows = area.height.div_ceil((SIXEL_PATCHES / beside).max(1)).clamp(1, (SIXEL_PIXELS / down).max(1));
+    let rows = area
+        .height
+        .div_ceil((SIXEL_PATCHES / beside).max(1))
+        .clamp(1, (SIXEL_PIXELS / down).max(1));
     // Equally wide ones.
     (area.width.div_ceil(beside).max(1), rows)
 }
 
-/// Adds the parts of `area` without text: all of it, or what is above, beside and below, and between.
+/// Adds the parts of `area` without text: all of it, or what is above, beside and below, and
+/// between.
 fn free_parts(area: Rect, screen: &Buffer, parts: &mut Vec<Rect>) {
     let is_text = |at: &Position| !Picture::owns(&screen[*at]);
-    let text = area.positions().filter(is_text).map(|at| Rect::new(at.x, at.y, 1, 1)).reduce(Rect::union);
+    let text =
+        area.positions().filter(is_text).map(|at| Rect::new(at.x, at.y, 1, 1)).reduce(Rect::union);
     let Some(text) = text else { return parts.push(area) };
     let (left, right) = (text.x, text.right());
     let above = Rect { height: text.y - area.y, ..area };
@@ -222,7 +245,9 @@ fn free_parts(area: Rect, screen: &Buffer, parts: &mut Vec<Rect>) {
     for y in text.y..text.bottom() {
         let is_free = |x: &u16| Picture::owns(&screen[(*x, y)]);
         let row: Vec<u16> = (left..right).filter(is_free).collect();
-        parts.extend(row.chunk_by(|a, b| a + 1 == *b).map(|run| Rect::new(run[0], y, run.len() as u16, 1)));
+        parts.extend(
+            row.chunk_by(|a, b| a + 1 == *b).map(|run| Rect::new(run[0], y, run.len() as u16, 1)),
+        );
     }
 }
 
@@ -268,7 +293,8 @@ mod tests {
     const AREA: Rect = Rect::new(2, 1, 40, 20);
 
     fn picture(area: Rect, (across, down): (u16, u16)) -> Picture {
-        let mut pixmap = Pixmap::new(u32::from(area.width * across), u32::from(area.height * down)).expect("a size");
+        let mut pixmap = Pixmap::new(u32::from(area.width * across), u32::from(area.height * down))
+            .expect("a size");
         pixmap.fill(Color::BLACK);
         Picture { area, pixmap }
     }
@@ -281,7 +307,9 @@ mod tests {
 
     /// Returns what is on the screen: how many patches cover each character.
     fn covered(patches: &Patches) -> Vec<u32> {
-        let of = |at: Position| patches.shown.iter().filter(|patch| patch.area.contains(at)).count() as u32;
+        let of = |at: Position| {
+            patches.shown.iter().filter(|patch| patch.area.contains(at)).count() as u32
+        };
         SCREEN.positions().map(of).collect()
     }
 
@@ -291,10 +319,16 @@ mod tests {
 
     #[test]
     fn a_picture_is_covered_once_and_sent_once() {
-        let (picture, mut patches) = (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
+        let (picture, mut patches) =
+            (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
         let screen = screen(&[&picture]);
-        assert_eq!(sent(&mut patches, &[&picture], &screen).matches("a=T").count(), 25, "five by five");
-        let expected: Vec<u32> = SCREEN.positions().map(|at| u32::from(AREA.contains(at))).collect();
+        assert_eq!(
+            sent(&mut patches, &[&picture], &screen).matches("a=T").count(),
+            25,
+            "five by five"
+        );
+        let expected: Vec<u32> =
+            SCREEN.positions().map(|at| u32::from(AREA.contains(at))).collect();
         assert_eq!(covered(&patches), expected);
         assert_eq!(sent(&mut patches, &[&picture], &screen), "", "nothing has changed");
         patches.forget();
@@ -303,7 +337,8 @@ mod tests {
 
     #[test]
     fn only_what_has_changed_is_sent() {
-        let (mut picture, mut patches) = (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
+        let (mut picture, mut patches) =
+            (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
         let screen = screen(&[&picture]);
         sent(&mut patches, &[&picture], &screen);
         // In the patch in the middle.
@@ -316,7 +351,8 @@ mod tests {
 
     #[test]
     fn text_over_a_picture_wins() {
-        let (picture, mut patches) = (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
+        let (picture, mut patches) =
+            (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
         let mut with_text = screen(&[&picture]);
         sent(&mut patches, &[&picture], &with_text);
         // Even blanks, such as those of a dialog.
@@ -325,9 +361,11 @@ mod tests {
         with_text[(20, 6)].reset();
         let text = sent(&mut patches, &[&picture], &with_text);
         assert_eq!(text.matches("a=d").count(), 3, "the patches below the text");
-        let is_text =
-            |at: Position| at.y == 5 && (10..15).contains(&at.x) || [(30, 12), (20, 6)].contains(&(at.x, at.y));
-        let expected: Vec<u32> = SCREEN.positions().map(|at| u32::from(AREA.contains(at) && !is_text(at))).collect();
+        let is_text = |at: Position| {
+            at.y == 5 && (10..15).contains(&at.x) || [(30, 12), (20, 6)].contains(&(at.x, at.y))
+        };
+        let expected: Vec<u32> =
+            SCREEN.positions().map(|at| u32::from(AREA.contains(at) && !is_text(at))).collect();
         assert_eq!(covered(&patches), expected);
         // Without text, all of it is back, and without pictures, nothing is left.
         sent(&mut patches, &[&picture], &screen(&[&picture]));
@@ -338,7 +376,8 @@ mod tests {
 
     #[test]
     fn a_terminal_that_cannot_follow_is_sent_less_but_no_text_is_hidden() {
-        let (mut picture, mut patches) = (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
+        let (mut picture, mut patches) =
+            (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
         let mut screen = screen(&[&picture]);
         sent(&mut patches, &[&picture], &screen);
         patches.rest(Instant::now(), Duration::from_mins(1), false);
@@ -353,7 +392,10 @@ mod tests {
     #[test]
     fn training_comes_first_unless_the_user_does_something() {
         let mut patches = Patches::new(Protocol::Kitty);
-        assert_eq!([true, false].map(|trains| patches.redraw(trains)), [Redraw::Moving, Redraw::All]);
+        assert_eq!(
+            [true, false].map(|trains| patches.redraw(trains)),
+            [Redraw::Moving, Redraw::All]
+        );
         patches.rest(Instant::now(), LONGEST_REST, true);
         assert_eq!([true, false].map(|trains| patches.redraw(trains)), [Redraw::Nothing; 2]);
         patches.wake();
@@ -366,7 +408,8 @@ mod tests {
 
     #[test]
     fn xterm_has_room_for_all_patches() {
-        for (width, height, character) in [(114, 57, (10, 20)), (60, 20, (6, 13)), (300, 90, (8, 16)), (1, 1, (9, 18))]
+        for (width, height, character) in
+            [(114, 57, (10, 20)), (60, 20, (6, 13)), (300, 90, (8, 16)), (1, 1, (9, 18))]
         {
             let graphics = Graphics { protocol: Protocol::Sixel, character };
             let area = Rect::new(0, 0, width, height);

@@ -1,7 +1,7 @@
 //! What the terminal answers when it is asked what it can show.
 
-/// The questions: whether it shows a kitty picture of one pixel, the size of a character, and its attributes, which every
-/// terminal answers, after everything else.
+/// The questions: whether it shows a kitty picture of one pixel, the size of a character, and its
+/// attributes, which every terminal answers, after everything else.
 pub const QUESTIONS: &[u8] = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[16t\x1b[c";
 
 /// What a terminal has answered.
@@ -23,12 +23,17 @@ impl Answer {
         let Ok(text) = std::str::from_utf8(reply) else { return };
         if let Some(text) = text.strip_prefix("\x1b_Gi=31;") {
             self.kitty = text == "OK";
-        } else if let Some(text) = text.strip_prefix("\x1b[6;").and_then(|text| text.strip_suffix('t')) {
-            let numbers = text.split_once(';').map(|(height, width)| (width.parse(), height.parse()));
+        } else if let Some(text) =
+            text.strip_prefix("\x1b[6;").and_then(|text| text.strip_suffix('t'))
+        {
+            let numbers =
+                text.split_once(';').map(|(height, width)| (width.parse(), height.parse()));
             if let Some((Ok(width), Ok(height))) = numbers {
                 self.character = Some((width, height));
             }
-        } else if let Some(text) = text.strip_prefix("\x1b[?").and_then(|text| text.strip_suffix('c')) {
+        } else if let Some(text) =
+            text.strip_prefix("\x1b[?").and_then(|text| text.strip_suffix('c'))
+        {
             self.sixel = text.split(';').skip(1).any(|attribute| attribute == "4");
             self.is_complete = true;
         }
@@ -53,8 +58,16 @@ mod tests {
         assert!(!xterm.kitty && xterm.sixel && xterm.is_complete);
         assert_eq!(xterm.character, Some((6, 13)));
         let refused = answer(&[b"\x1b_Gi=31;ENOTSUPPORTED:no", b"\x1b[?64;1;44c"]);
-        assert_eq!((refused.kitty, refused.sixel, refused.is_complete), (false, false, true), "44 is not 4");
-        assert_eq!(answer(&[b"\x1b]11;rgb:0/0/0", b"\x1bP>|tmux", b"\x1b[>1;4;0c"]), Answer::default(), "of others");
+        assert_eq!(
+            (refused.kitty, refused.sixel, refused.is_complete),
+            (false, false, true),
+            "44 is not 4"
+        );
+        assert_eq!(
+            answer(&[b"\x1b]11;rgb:0/0/0", b"\x1bP>|tmux", b"\x1b[>1;4;0c"]),
+            Answer::default(),
+            "of others"
+        );
         assert!(!answer(&[b"\x1b[?4c"]).sixel, "the first number is the kind of terminal");
     }
 }

@@ -1,7 +1,8 @@
-//! Sixel pictures, in colours that stay the same from patch to patch and from frame to frame as long as they fit.
+//! Sixel pictures, in colours that stay the same from patch to patch and from frame to frame as
+//! long as they fit.
 //!
-//! The crate `icy_sixel` finds the best colours for each picture, which takes 28 ms for the map on a screen of 200 x 60
-//! characters, and makes the same ground differ from patch to patch.
+//! The crate `icy_sixel` finds the best colours for each picture, which takes 28 ms for the map on
+//! a screen of 200 x 60 characters, and makes the same ground differ from patch to patch.
 
 use std::io::Write;
 
@@ -11,15 +12,16 @@ const COLOURS: usize = 256;
 /// Rows of pixels in one band.
 const BAND: usize = 6;
 
-/// Bits of red, green and blue by which colours are told apart, and the number of colours told apart.
+/// Bits of red, green and blue by which colours are told apart, and the number of colours told
+/// apart.
 const BITS: u32 = 6;
 const BINS: usize = 1 << (3 * BITS);
 
 /// Levels of each channel of the colours that are there whatever a picture shows.
 const SPARE_LEVELS: [u8; 3] = [0, 128, 255];
 
-/// One of so many pixels is looked at to see whether the colours still fit; and the mean squared distance in one channel
-/// up to which they do.
+/// One of so many pixels is looked at to see whether the colours still fit; and the mean squared
+/// distance in one channel up to which they do.
 const SAMPLING: usize = 61;
 const MAX_ERROR: f32 = 8.0;
 
@@ -69,8 +71,8 @@ fn squared_distance(a: [u8; 3], b: [u8; 3]) -> u32 {
 }
 
 impl Palette {
-    /// Chooses colours for a picture (red, green, blue and one more byte, pixel by pixel) unless the present ones fit;
-    /// returns whether they have changed.
+    /// Chooses colours for a picture (red, green, blue and one more byte, pixel by pixel) unless
+    /// the present ones fit; returns whether they have changed.
     pub fn adapt(&mut self, pixels: &[u8]) -> bool {
         let (pixels, _) = pixels.as_chunks::<4>();
         if !self.colours.is_empty() && self.error(pixels) <= MAX_ERROR {
@@ -83,18 +85,20 @@ impl Palette {
         }
         let mut used: Vec<[u32; 4]> = bins.into_iter().filter(|bin| bin[3] > 0).collect();
         used.sort_by_key(|bin| std::cmp::Reverse(bin[3]));
-        let spare = SPARE_LEVELS
-            .iter()
-            .flat_map(|r| SPARE_LEVELS.iter().flat_map(move |g| SPARE_LEVELS.iter().map(move |b| [*r, *g, *b])));
+        let spare = SPARE_LEVELS.iter().flat_map(|r| {
+            SPARE_LEVELS.iter().flat_map(move |g| SPARE_LEVELS.iter().map(move |b| [*r, *g, *b]))
+        });
         let popular = used.iter().map(|[r, g, b, count]| [r, g, b].map(|sum| (sum / count) as u8));
         self.colours = spare.chain(popular).take(COLOURS).collect();
         self.nearest = vec![UNKNOWN; BINS];
         true
     }
 
-    /// Returns the mean squared distance of a picture's colours from their nearest ones, in one channel.
+    /// Returns the mean squared distance of a picture's colours from their nearest ones, in one
+    /// channel.
     fn error(&mut self, pixels: &[[u8; 4]]) -> f32 {
-        let sample: Vec<[u8; 3]> = pixels.iter().step_by(SAMPLING).map(|[r, g, b, _]| [*r, *g, *b]).collect();
+        let sample: Vec<[u8; 3]> =
+            pixels.iter().step_by(SAMPLING).map(|[r, g, b, _]| [*r, *g, *b]).collect();
         let off = |rgb: &[u8; 3]| {
             let nearest = self.index(*rgb);
             squared_distance(*rgb, self.colours[nearest])
@@ -107,14 +111,15 @@ impl Palette {
     fn index(&mut self, rgb: [u8; 3]) -> usize {
         let bin = bin(rgb);
         if self.nearest[bin] == UNKNOWN {
-            let nearest = (0..self.colours.len()).min_by_key(|i| squared_distance(self.colours[*i], rgb));
+            let nearest =
+                (0..self.colours.len()).min_by_key(|i| squared_distance(self.colours[*i], rgb));
             self.nearest[bin] = nearest.unwrap_or(0) as u16;
         }
         usize::from(self.nearest[bin])
     }
 
-    /// Writes pixels (red, green, blue and one more byte, row by row) as a sixel picture at the cursor, its `bands` as they
-    /// are as far as they are known.
+    /// Writes pixels (red, green, blue and one more byte, row by row) as a sixel picture at the
+    /// cursor, its `bands` as they are as far as they are known.
     pub fn encode(
         &mut self,
         out: &mut Vec<u8>,
@@ -151,7 +156,9 @@ impl Palette {
         let indices = self.indices(pixels);
         let mut own = vec![0_u64; columns];
         for (row, indices) in indices.chunks(columns).enumerate() {
-            own.iter_mut().zip(indices).for_each(|(own, index)| *own |= u64::from(*index) << (8 * row));
+            own.iter_mut()
+                .zip(indices)
+                .for_each(|(own, index)| *own |= u64::from(*index) << (8 * row));
         }
         let (rows, mut x) = (indices.len() / columns, 0);
         for same in own.chunk_by(|a, b| a == b) {
@@ -165,7 +172,9 @@ impl Palette {
                     count += 1;
                 }
             }
-            parts[..count].iter().for_each(|(index, sixel)| lines[usize::from(*index)].push(x, *sixel, same.len()));
+            parts[..count]
+                .iter()
+                .for_each(|(index, sixel)| lines[usize::from(*index)].push(x, *sixel, same.len()));
             x += same.len();
         }
         let mut band = Band { sixels: Vec::new(), used: [false; COLOURS] };
@@ -248,11 +257,16 @@ mod tests {
 
     /// Decodes a sixel picture: each pixel's colour in per cent.
     fn decoded(text: &str) -> Vec<Vec<[u32; 3]>> {
-        let body = text.strip_prefix("\x1bP0;1q\"1;1;").and_then(|text| text.strip_suffix("\x1b\\")).expect("sixels");
-        let digits = |text: &str| text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+        let body = text
+            .strip_prefix("\x1bP0;1q\"1;1;")
+            .and_then(|text| text.strip_suffix("\x1b\\"))
+            .expect("sixels");
+        let digits =
+            |text: &str| text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
         let (width, rest) = body.split_once(';').expect("a width");
         let (height, mut rest) = rest.split_at(digits(rest));
-        let (width, height): (usize, usize) = (width.parse().expect("a number"), height.parse().expect("a number"));
+        let (width, height): (usize, usize) =
+            (width.parse().expect("a number"), height.parse().expect("a number"));
         let mut picture = vec![vec![[999; 3]; width]; height];
         let (mut colours, mut colour) = (vec![[0; 3]; COLOURS], 0);
         let (mut x, mut y) = (0, 0);
@@ -267,9 +281,13 @@ mod tests {
                 '#' => {
                     colour = number();
                     if let Some(definition) = rest.strip_prefix(";2;") {
-                        let length = definition.find(|c: char| !c.is_ascii_digit() && c != ';').expect("an end");
-                        let mut parts = definition[..length].split(';').map(|n| n.parse().expect("a number"));
-                        colours[colour] = std::array::from_fn(|_| parts.next().expect("three numbers"));
+                        let length = definition
+                            .find(|c: char| !c.is_ascii_digit() && c != ';')
+                            .expect("an end");
+                        let mut parts =
+                            definition[..length].split(';').map(|n| n.parse().expect("a number"));
+                        colours[colour] =
+                            std::array::from_fn(|_| parts.next().expect("three numbers"));
                         rest = &definition[length..];
                     }
                 }
@@ -299,22 +317,28 @@ mod tests {
     fn a_picture_is_encoded_pixel_by_pixel() {
         // Runs, single pixels, and a last band that is not full.
         let (width, height) = (23_usize, 8_usize);
-        let rgb = |i: usize| if i % width < 9 { [255, 0, 0] } else { [(i * 37 % 3 * 100) as u8, 0, 255] };
-        let pixels: Vec<u8> = (0..width * height).flat_map(|i| [rgb(i)[0], rgb(i)[1], rgb(i)[2], 255]).collect();
+        let rgb =
+            |i: usize| if i % width < 9 { [255, 0, 0] } else { [(i * 37 % 3 * 100) as u8, 0, 255] };
+        let pixels: Vec<u8> =
+            (0..width * height).flat_map(|i| [rgb(i)[0], rgb(i)[1], rgb(i)[2], 255]).collect();
         let mut out = Vec::new();
         let size = (width as u32, height as u32);
         Palette::default().encode(&mut out, &pixels, size, &mut Bands::default()).expect("encoded");
         let picture = decoded(&String::from_utf8(out).expect("text"));
         for (i, got) in picture.concat().into_iter().enumerate() {
             let expected = rgb(i).map(|channel| u32::from(channel) * 100);
-            assert!(got.iter().zip(expected).all(|(got, own)| (got * 255).abs_diff(own) <= 128), "pixel {i}: {got:?}");
+            assert!(
+                got.iter().zip(expected).all(|(got, own)| (got * 255).abs_diff(own) <= 128),
+                "pixel {i}: {got:?}"
+            );
         }
     }
 
     #[test]
     fn only_bands_that_have_changed_are_encoded_again() {
         let size = (5_u32, 20_u32);
-        let mut pixels: Vec<u8> = (0..100).flat_map(|i| [if i % 3 == 0 { 255 } else { 0 }, 0, 128, 255]).collect();
+        let mut pixels: Vec<u8> =
+            (0..100).flat_map(|i| [if i % 3 == 0 { 255 } else { 0 }, 0, 128, 255]).collect();
         let (mut palette, mut bands) = (Palette::default(), Bands::default());
         let mut sent = |pixels: &[u8], bands: &mut Bands| {
             let mut out = Vec::new();
@@ -336,11 +360,19 @@ mod tests {
 
     #[test]
     fn colours_stay_until_they_do_not_fit() {
-        let ramp = |from: u8| (0..4000).flat_map(move |i| [from + (i % 100) as u8, 40, 90, 255]).collect::<Vec<u8>>();
+        let ramp = |from: u8| {
+            (0..4000).flat_map(move |i| [from + (i % 100) as u8, 40, 90, 255]).collect::<Vec<u8>>()
+        };
         let mut palette = Palette::default();
         assert!(palette.adapt(&ramp(10)) && !palette.adapt(&ramp(10)) && !palette.adapt(&ramp(12)));
-        assert!(palette.adapt(&(0..4000).flat_map(|i| [5, (i % 200) as u8, 20, 255]).collect::<Vec<u8>>()));
+        assert!(
+            palette
+                .adapt(&(0..4000).flat_map(|i| [5, (i % 200) as u8, 20, 255]).collect::<Vec<u8>>())
+        );
         let of_ramp = palette.error(ramp(10).as_chunks().0);
-        assert!(palette.adapt(&ramp(10)) && palette.error(ramp(10).as_chunks().0) < of_ramp.min(MAX_ERROR));
+        assert!(
+            palette.adapt(&ramp(10))
+                && palette.error(ramp(10).as_chunks().0) < of_ramp.min(MAX_ERROR)
+        );
     }
 }

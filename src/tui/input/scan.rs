@@ -1,8 +1,9 @@
 //! Splits what comes from a terminal into keys, mouse events, pastes and replies.
 //!
-//! Terminals answer questions, those of other programs too, on the line that keys come from. Control strings (OSC, DCS, APC,
-//! PM, SOS) and control sequences that are no key are replies, however they are cut into reads. A key with Alt begins as they
-//! do (Alt-] and OSC are both `ESC ]`): what follows decides, and when.
+//! Terminals answer questions, those of other programs too, on the line that keys come from.
+//! Control strings (OSC, DCS, APC, PM, SOS) and control sequences that are no key are replies,
+//! however they are cut into reads. A key with Alt begins as they do (Alt-] and OSC are both `ESC
+//! ]`): what follows decides, and when.
 
 use std::time::Duration;
 
@@ -13,7 +14,8 @@ use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
 pub enum Input {
     /// What the user does.
     Event(Event),
-    /// A control sequence, or a control string without its end, with introducers of 7 bits: an answer to a question.
+    /// A control sequence, or a control string without its end, with introducers of 7 bits: an
+    /// answer to a question.
     Reply(Vec<u8>),
 }
 
@@ -23,7 +25,8 @@ const AFTER_ESCAPE: Duration = Duration::from_millis(150);
 /// ... after ESC and one character, which may be a key with Alt, ...
 const AFTER_INTRODUCER: Duration = Duration::from_millis(250);
 
-/// ... and after more than that. This is also how long keys do nothing after a sequence that never ends.
+/// ... and after more than that. This is also how long keys do nothing after a sequence that never
+/// ends.
 const WITHIN: Duration = Duration::from_secs(1);
 
 /// How long what has been taken for Esc, or a key with Alt, may turn out to have begun a sequence.
@@ -139,7 +142,9 @@ impl Scanner {
     /// Returns to a sequence that has been taken for keys, if `bytes` look like its rest.
     fn regret(&mut self, bytes: &[u8]) {
         match (self.state, bytes) {
-            (State::EscapeReported, [first, ..]) if is_introducer(*first) && (*first != b'O' || is_ss3_key(bytes)) => {
+            (State::EscapeReported, [first, ..])
+                if is_introducer(*first) && (*first != b'O' || is_ss3_key(bytes)) =>
+            {
                 self.state = State::Escape;
                 self.escape = Escape::Reported;
             }
@@ -371,7 +376,8 @@ impl Scanner {
     fn report_introducer(&mut self) {
         let character = char::from(self.held[1]);
         let shift = if character.is_uppercase() { KeyModifiers::SHIFT } else { KeyModifiers::NONE };
-        let alt = if self.escape == Escape::Together { KeyModifiers::ALT } else { KeyModifiers::NONE };
+        let alt =
+            if self.escape == Escape::Together { KeyModifiers::ALT } else { KeyModifiers::NONE };
         if self.escape == Escape::Apart {
             self.report_escape();
         }
@@ -402,10 +408,11 @@ fn is_ss3_key(rest: &[u8]) -> bool {
     matches!(rest, [b'O', last] if SS3_KEYS.contains(last))
 }
 
-/// Returns whether a control sequence that looks like a key, or the mouse, is neither: the cursor's position, and positions
-/// off the screen.
+/// Returns whether a control sequence that looks like a key, or the mouse, is neither: the cursor's
+/// position, and positions off the screen.
 fn is_reply(sequence: &[u8]) -> bool {
-    let mut numbers = sequence.split(|byte| !byte.is_ascii_digit()).filter(|number| !number.is_empty()).skip(1);
+    let mut numbers =
+        sequence.split(|byte| !byte.is_ascii_digit()).filter(|number| !number.is_empty()).skip(1);
     match sequence {
         [.., b'R'] => numbers.next().is_some(),
         [.., b'M' | b'm'] => numbers.any(|number| number.iter().all(|digit| *digit == b'0')),
@@ -479,13 +486,18 @@ mod tests {
             let shown = String::from_utf8_lossy(reply);
             assert!(keys(&read(&[reply])).is_empty(), "{shown:?}");
             let mut scanner = Scanner::default();
-            let mut one_by_one: Vec<Input> = reply.iter().flat_map(|byte| scanner.read(&[*byte])).collect();
+            let mut one_by_one: Vec<Input> =
+                reply.iter().flat_map(|byte| scanner.read(&[*byte])).collect();
             assert_eq!(scanner.patience(), None, "{shown:?} is at its end");
             one_by_one.extend(scanner.read(b"q"));
             assert_eq!(keys(&one_by_one), [character('q', NONE)], "{shown:?}");
             for at in 1..reply.len() {
                 let (first, second) = reply.split_at(at);
-                assert_eq!(keys(&read(&[first, second, b"q"])), [character('q', NONE)], "{shown:?} at {at}");
+                assert_eq!(
+                    keys(&read(&[first, second, b"q"])),
+                    [character('q', NONE)],
+                    "{shown:?} at {at}"
+                );
             }
         }
     }
@@ -496,10 +508,18 @@ mod tests {
             for at in (1..3).filter(|at| *at == 1 || reply.len() - at >= BURST) {
                 let mut scanner = Scanner::default();
                 let (first, second) = reply.split_at(at);
-                assert!(scanner.read(first).is_empty() && scanner.give_up().len() == 1, "Esc, or a key with Alt");
+                assert!(
+                    scanner.read(first).is_empty() && scanner.give_up().len() == 1,
+                    "Esc, or a key with Alt"
+                );
                 let mut found = scanner.read(second);
                 found.extend(scanner.read(b"q"));
-                assert_eq!(keys(&found), [character('q', NONE)], "{:?} at {at}", String::from_utf8_lossy(reply));
+                assert_eq!(
+                    keys(&found),
+                    [character('q', NONE)],
+                    "{:?} at {at}",
+                    String::from_utf8_lossy(reply)
+                );
             }
         }
     }
@@ -509,7 +529,10 @@ mod tests {
         for key in ['_', 'P', ']', '^', 'X', 'O', '['] {
             let shift = if key.is_uppercase() { KeyModifiers::SHIFT } else { NONE };
             let mut scanner = Scanner::default();
-            assert!(scanner.read(format!("\x1b{key}").as_bytes()).is_empty() && scanner.patience().is_some());
+            assert!(
+                scanner.read(format!("\x1b{key}").as_bytes()).is_empty()
+                    && scanner.patience().is_some()
+            );
             assert_eq!(keys(&scanner.give_up()), [character(key, ALT | shift)]);
             assert_eq!(keys(&scanner.read(b"q")), [character('q', NONE)], "then {key}");
         }
@@ -540,7 +563,8 @@ mod tests {
                 found.extend(scanner.read(key.as_bytes()));
                 found.extend(scanner.give_up());
                 found.extend(scanner.read(text.as_bytes()));
-                let typed: String = keys(&found).iter().filter_map(|(code, _)| code.as_char()).collect();
+                let typed: String =
+                    keys(&found).iter().filter_map(|(code, _)| code.as_char()).collect();
                 assert_eq!(typed, format!("{key}{text}"));
                 assert_eq!(found.len(), 1 + typed.len(), "the key Esc, and no replies");
             }
@@ -560,7 +584,9 @@ mod tests {
     #[test]
     fn keys_and_the_mouse_are_recognised() {
         let plain = |code| (code, NONE);
-        let bytes = "f\x1b[A\x1bOB \u{e9}Q\r\x03\x7f\t\x1b[Z\x1b[5~\x1b[1;5C\x1b[15~\x1b[[A\x1b[113;5u".as_bytes();
+        let bytes =
+            "f\x1b[A\x1bOB \u{e9}Q\r\x03\x7f\t\x1b[Z\x1b[5~\x1b[1;5C\x1b[15~\x1b[[A\x1b[113;5u"
+                .as_bytes();
         let expected = [
             character('f', NONE),
             plain(KeyCode::Up),
@@ -581,7 +607,9 @@ mod tests {
         ];
         assert_eq!(keys(&read(&[bytes])), expected);
         for mouse in [&b"\x1b[<0;3;4M"[..], b"\x1b[M #$", b"\x1b[32;3;4M"] {
-            assert!(matches!(&read(&[mouse])[..], [Input::Event(Event::Mouse(at))] if (at.column, at.row) == (2, 3)));
+            assert!(
+                matches!(&read(&[mouse])[..], [Input::Event(Event::Mouse(at))] if (at.column, at.row) == (2, 3))
+            );
         }
         assert!(matches!(&read(&[b"\x1b[<0;0;0M"])[..], [Input::Reply(_)]));
         assert!(read(&[b"\xff\xfe\xc3"]).is_empty());
@@ -593,7 +621,9 @@ mod tests {
             [Input::Event(Event::Paste(text))] => text.clone(),
             _ => panic!("{found:?}"),
         };
-        for parts in [&[&b"\x1b[200~a\x1b[Ab\x1b[201~"[..]][..], &[b"\x1b[20", b"0~a\x1b[Ab\x1b", b"[201~"]] {
+        for parts in
+            [&[&b"\x1b[200~a\x1b[Ab\x1b[201~"[..]][..], &[b"\x1b[20", b"0~a\x1b[Ab\x1b", b"[201~"]]
+        {
             assert_eq!(paste(&read(parts)), "a\x1b[Ab");
         }
         let mut scanner = Scanner::default();

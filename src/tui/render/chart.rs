@@ -26,8 +26,13 @@ pub struct Line<'a> {
     pub points: &'a [(f64, f64)],
 }
 
-/// Returns a chart's title, followed by the names of its curves, in lines of at most `width` columns.
-pub fn heading(title: Span<'static>, names: impl Iterator<Item = Span<'static>>, width: u16) -> Vec<TextLine<'static>> {
+/// Returns a chart's title, followed by the names of its curves, in lines of at most `width`
+/// columns.
+pub fn heading(
+    title: Span<'static>,
+    names: impl Iterator<Item = Span<'static>>,
+    width: u16,
+) -> Vec<TextLine<'static>> {
     let mut lines = vec![TextLine::from(title)];
     for name in names {
         if lines.last().is_none_or(|line| line.width() + name.width() > usize::from(width)) {
@@ -39,8 +44,8 @@ pub fn heading(title: Span<'static>, names: impl Iterator<Item = Span<'static>>,
     lines
 }
 
-/// Draws lines within the bounds `x` and `y`, the former in `x_unit`, the latter labelled with `y_labels`; returns the area
-/// of the lines.
+/// Draws lines within the bounds `x` and `y`, the former in `x_unit`, the latter labelled with
+/// `y_labels`; returns the area of the lines.
 pub fn draw<'a>(
     frame: &mut Frame,
     area: Rect,
@@ -65,11 +70,17 @@ pub fn draw<'a>(
     inner
 }
 
-/// Returns the area within a chart that ratatui leaves for lines: to the right of the labels, of which the first one below
-/// may begin under the axis, and of the axis; above the other axis and its labels.
+/// Returns the area within a chart that ratatui leaves for lines: to the right of the labels, of
+/// which the first one below may begin under the axis, and of the axis; above the other axis and
+/// its labels.
 fn lines_area(area: Rect, x_labels: &[String; 2], y_labels: &[String; 2]) -> Rect {
     let width = |label: &String| TextLine::raw(label.as_str()).width();
-    let left = y_labels.iter().map(width).chain([width(&x_labels[0]).saturating_sub(1)]).max().unwrap_or(0);
+    let left = y_labels
+        .iter()
+        .map(width)
+        .chain([width(&x_labels[0]).saturating_sub(1)])
+        .max()
+        .unwrap_or(0);
     let left = (left as u16).min(area.width / 3) + 1;
     Rect {
         x: area.x + left.min(area.width),

@@ -68,12 +68,14 @@ impl Plot {
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
     let mut plots = plots(screen);
     let columns = if area.width >= MIN_TWO_CHART_WIDTH { 2 } else { 1 };
-    let rows = usize::from((area.height / MIN_CHART_HEIGHT).max(1)).min(plots.len().div_ceil(columns));
+    let rows =
+        usize::from((area.height / MIN_CHART_HEIGHT).max(1)).min(plots.len().div_ceil(columns));
     plots.truncate(rows * columns);
     let rows = Layout::vertical(vec![Constraint::Fill(1); rows]).split(area);
     let mut plots = plots.into_iter();
     for row in rows.iter() {
-        let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).spacing(CHART_GAP).split(*row);
+        let areas =
+            Layout::horizontal(vec![Constraint::Fill(1); columns]).spacing(CHART_GAP).split(*row);
         for (area, plot) in areas.iter().zip(&mut plots) {
             layout.charts.extend(draw_plot(frame, *area, screen, &plot));
         }
@@ -82,7 +84,8 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
 
 fn plots(screen: &Screen) -> Vec<Plot> {
     let snapshot = &screen.snapshot;
-    // One part for each method. What does not learn would only be a dot where it was tried, unless it is the current one.
+    // One part for each method. What does not learn would only be a dot where it was tried, unless
+    // it is the current one.
     let stretches = snapshot.methods.stretches();
     let of = |name: &str, value: &dyn Fn(&Evaluation) -> Option<f64>| {
         let mut parts = vec![Vec::new(); stretches.len().max(1)];
@@ -95,7 +98,8 @@ fn plots(screen: &Screen) -> Vec<Plot> {
         Series { name: name.to_owned(), parts }
     };
     let loss = |i: usize| {
-        let points = snapshot.curve.iter().map(|p| (along(screen, p.updates), f64::from(p.losses[i])));
+        let points =
+            snapshot.curve.iter().map(|p| (along(screen, p.updates), f64::from(p.losses[i])));
         Series::joined(["D", "f", "mu"][i], points)
     };
     let distances = screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| by_distance(e));
@@ -107,18 +111,22 @@ fn plots(screen: &Screen) -> Vec<Plot> {
         Some((_, DistanceUnit::Centimetres)) => "success by cm",
         _ => "success by steps",
     };
-    let coverage = screen.snapshot.coverage().into_iter().map(|(at, share)| (along(screen, at), share));
+    let coverage =
+        screen.snapshot.coverage().into_iter().map(|(at, share)| (along(screen, at), share));
     let success = vec![
         of("planned", &|e| e.planned.as_ref()?.success),
         of("greedy", &|e| e.greedy.success),
         Series::joined("coverage", coverage),
     ];
-    let errors =
-        vec![of("D", &|e| Some(e.distance_error?.mape)), of("via graph", &|e| Some(e.distance_error?.graph?.mape))];
+    let errors = vec![
+        of("D", &|e| Some(e.distance_error?.mape)),
+        of("via graph", &|e| Some(e.distance_error?.graph?.mape)),
+    ];
     let errors = Plot { title: "error of D", series: errors, max: None, log: true, percent: true };
     let of_critic = Plot::loss("loss of D", loss(0));
     // True distances are known in mazes alone.
-    let [second, third] = if screen.scene() == SceneKind::Maze { [errors, of_critic] } else { [of_critic, errors] };
+    let [second, third] =
+        if screen.scene() == SceneKind::Maze { [errors, of_critic] } else { [of_critic, errors] };
     vec![
         Plot::rate("success", success),
         second,
@@ -147,16 +155,19 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
         .map(|(i, part)| (i, in_window(part)))
         .collect();
     let title = format!(" {}{}", plot.title, if log { " (log)" } else { "" });
-    let is_shown = |s: &Series| plot.series.len() > 1 && s.parts.iter().any(|part| !part.is_empty());
+    let is_shown =
+        |s: &Series| plot.series.len() > 1 && s.parts.iter().any(|part| !part.is_empty());
     let named = plot.series.iter().enumerate().filter(|(_, s)| is_shown(s));
-    let names =
-        named.map(|(i, s)| Span::styled(format!("  {} {}", symbol(marker(screen, i)), s.name), colour(screen, i)));
+    let names = named.map(|(i, s)| {
+        Span::styled(format!("  {} {}", symbol(marker(screen, i)), s.name), colour(screen, i))
+    });
     let mut lines = chart::heading(Span::styled(title, BOLD), names, area.width);
     let marks = marks(screen, [from, to]);
     if plot.max.is_some() && !marks.is_empty() {
         lines.push(Line::styled(mark_names(&marks, usize::from(area.width)), DIM));
     }
-    let [head, body] = Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
+    let [head, body] =
+        Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
     frame.render_widget(Paragraph::new(lines), head);
     let values = || shown.iter().flat_map(|(_, points)| points).map(|p| p.1);
     if values().next().is_none() {
@@ -170,7 +181,8 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
     }
     let low = if log { values().fold(f64::INFINITY, f64::min) } else { 0.0 };
     let high = plot.max.unwrap_or_else(|| values().fold(low + 1e-6, f64::max));
-    let uprights: Vec<[(f64, f64); 2]> = marks.iter().map(|(at, _)| [(*at, low), (*at, high)]).collect();
+    let uprights: Vec<[(f64, f64); 2]> =
+        marks.iter().map(|(at, _)| [(*at, low), (*at, high)]).collect();
     let label = |y: f64| {
         let y = if log { 10f64.powf(y) } else { y };
         if plot.percent {
@@ -184,20 +196,35 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
         }
     };
     let line = |style, points| chart::Line { style, marker: Marker::Braille, points };
-    let curve = |i: usize, points| chart::Line { style: colour(screen, i), marker: marker(screen, i), points };
+    let curve = |i: usize, points| chart::Line {
+        style: colour(screen, i),
+        marker: marker(screen, i),
+        points,
+    };
     // The first ones last, on top.
     let changes = uprights.iter().map(|upright| line(DIM, &upright[..]));
-    let past = screen.past.as_ref().map(|frame| along(screen, frame.updates)).filter(|at| (from..=to).contains(at));
+    let past = screen
+        .past
+        .as_ref()
+        .map(|frame| along(screen, frame.updates))
+        .filter(|at| (from..=to).contains(at));
     let past = past.map(|at| [(at, low), (at, high)]);
     let lines = changes.chain(shown.iter().rev().map(|(i, points)| curve(*i, &points[..])));
-    let cursor = Style::new().fg(screen.theme.colour(screen.theme.cursor)).add_modifier(Modifier::BOLD);
+    let cursor =
+        Style::new().fg(screen.theme.colour(screen.theme.cursor)).add_modifier(Modifier::BOLD);
     let lines = lines.chain(past.iter().map(|upright| line(cursor, &upright[..])));
-    let area = chart::draw(frame, body, ([from, to], [low, high]), (unit(screen), [label(low), label(high)]), lines);
+    let area = chart::draw(
+        frame,
+        body,
+        ([from, to], [low, high]),
+        (unit(screen), [label(low), label(high)]),
+        lines,
+    );
     Some(ChartArea { area, bounds: [from, to] })
 }
 
-/// Returns the place along the curves of a number of updates counted: the updates done by a learner or, in a run
-/// without any, the steps.
+/// Returns the place along the curves of a number of updates counted: the updates done by a learner
+/// or, in a run without any, the steps.
 pub fn along(screen: &Screen, updates: u64) -> f64 {
     if has_learned(screen) {
         return screen.snapshot.learned(updates) as f64;
@@ -271,8 +298,14 @@ pub fn colour(screen: &Screen, i: usize) -> Style {
     // Colours from the map's distance scale, the first two far apart.
     let at = [0.0, 0.6, 0.3, 0.45, 0.75, 0.15][i % 6];
     let Color::Rgb(..) = screen.theme.colour((0, 0, 0)) else {
-        return Style::new()
-            .fg([Color::Yellow, Color::Cyan, Color::Green, Color::Blue, Color::Magenta, Color::Red][i % 6]);
+        return Style::new().fg([
+            Color::Yellow,
+            Color::Cyan,
+            Color::Green,
+            Color::Blue,
+            Color::Magenta,
+            Color::Red,
+        ][i % 6]);
     };
     let rgb = screen.theme.distance_colour(at);
     // Thin lines on a light page have to be darker than areas.

@@ -19,7 +19,8 @@ use gdg::text::{display_width, fitted, padded};
 const MAX_LIST_SIZE: (u16, u16) = (112, 40);
 const MAX_PROMPT_WIDTH: u16 = 72;
 
-/// Minimum width of a list to search, and the least rows of one above the text on the selected item.
+/// Minimum width of a list to search, and the least rows of one above the text on the selected
+/// item.
 const MIN_SEARCHED_WIDTH: usize = 40;
 const MIN_ROWS: u16 = 5;
 
@@ -27,20 +28,34 @@ const MIN_ROWS: u16 = 5;
 const LABEL_MARGIN: usize = 3;
 const KEY_MARGIN: usize = 2;
 
-/// Draws a list. If any item is too long for its row, the selected item is shown in full below the list.
-pub fn draw_picker(frame: &mut Frame, area: Rect, screen: &Screen, picker: &Picker, layout: &mut ScreenLayout) {
+/// Draws a list. If any item is too long for its row, the selected item is shown in full below the
+/// list.
+pub fn draw_picker(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    picker: &Picker,
+    layout: &mut ScreenLayout,
+) {
     let width = usize::from(without_slivers(area, list_width(picker, area.width) as u16));
     let columns = width.saturating_sub(2);
     let labels = label_width(picker, columns);
     let rows = picker.rows();
     let search_rows = u16::from(!picker.is_question());
     let height = MAX_LIST_SIZE.1.min(area.height.saturating_sub(2));
-    let below = rows_below(picker, columns, labels).min(height.saturating_sub(2 + search_rows + MIN_ROWS));
-    let wanted = u16::try_from(picker.most_rows()).unwrap_or(u16::MAX).saturating_add(2 + search_rows + below);
+    let below =
+        rows_below(picker, columns, labels).min(height.saturating_sub(2 + search_rows + MIN_ROWS));
+    let wanted = u16::try_from(picker.most_rows())
+        .unwrap_or(u16::MAX)
+        .saturating_add(2 + search_rows + below);
     let dialog_area = middle(area, width as u16, height.min(wanted));
     let inner = draw_box(frame, dialog_area, &picker.title, buttons(screen, picker), layout);
-    let [line, list, below] =
-        Layout::vertical([Constraint::Length(search_rows), Constraint::Min(0), Constraint::Length(below)]).areas(inner);
+    let [line, list, below] = Layout::vertical([
+        Constraint::Length(search_rows),
+        Constraint::Min(0),
+        Constraint::Length(below),
+    ])
+    .areas(inner);
     if !picker.is_question() {
         draw_search(frame, line, picker);
     }
@@ -49,7 +64,8 @@ pub fn draw_picker(frame: &mut Frame, area: Rect, screen: &Screen, picker: &Pick
     let first = (selected + 1).saturating_sub(room);
     // The title of the first group stays in view.
     let first = if first == 1 && room > 1 && selected + 1 < room { 0 } else { first };
-    let mut lines: Vec<Line> = rows.iter().skip(first).take(room).map(|row| row_line(row, labels, columns)).collect();
+    let mut lines: Vec<Line> =
+        rows.iter().skip(first).take(room).map(|row| row_line(row, labels, columns)).collect();
     if lines.is_empty() {
         lines.push(Line::styled(" no match", DIM));
     }
@@ -68,7 +84,10 @@ fn list_width(picker: &Picker, most: u16) -> usize {
     let title = display_width(&picker.title) + 2;
     let least = if picker.is_question() { title } else { title.max(MIN_SEARCHED_WIDTH) };
     let key = if picker.is_question() { KEY_MARGIN } else { 0 };
-    (label + LABEL_MARGIN + key + detail + 1).max(least).saturating_add(2).min(usize::from(most.min(MAX_LIST_SIZE.0)))
+    (label + LABEL_MARGIN + key + detail + 1)
+        .max(least)
+        .saturating_add(2)
+        .min(usize::from(most.min(MAX_LIST_SIZE.0)))
 }
 
 /// Returns the columns of the labels in a list of `columns`.
@@ -81,9 +100,12 @@ fn room_beside(item: &Item, labels: usize, columns: usize) -> usize {
     columns.saturating_sub(display_width(&item.label).max(labels) + LABEL_MARGIN + key)
 }
 
-/// Returns the rows for the full text of any item, and a line above it; none if all items fit on their rows.
+/// Returns the rows for the full text of any item, and a line above it; none if all items fit on
+/// their rows.
 fn rows_below(picker: &Picker, columns: usize, labels: usize) -> u16 {
-    let fits = |item: &Item| item.below.is_empty() && display_width(&item.detail) <= room_beside(item, labels, columns);
+    let fits = |item: &Item| {
+        item.below.is_empty() && display_width(&item.detail) <= room_beside(item, labels, columns)
+    };
     if picker.items().all(fits) {
         return 0;
     }
@@ -129,7 +151,13 @@ fn draw_search(frame: &mut Frame, line: Rect, picker: &Picker) {
 }
 
 /// Draws a question.
-pub fn draw_prompt(frame: &mut Frame, area: Rect, screen: &Screen, prompt: &Prompt, layout: &mut ScreenLayout) {
+pub fn draw_prompt(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    prompt: &Prompt,
+    layout: &mut ScreenLayout,
+) {
     let width = without_slivers(area, MAX_PROMPT_WIDTH);
     let (text, style) = match &prompt.error {
         Some(error) => (error.as_str(), screen.theme.failure()),
@@ -137,10 +165,14 @@ pub fn draw_prompt(frame: &mut Frame, area: Rect, screen: &Screen, prompt: &Prom
     };
     let text = wrapped(text, usize::from(width.saturating_sub(2)).max(1));
     let dialog_area = middle(area, width, 4 + text.len() as u16);
-    let buttons = vec![(" Enter: accept ".to_owned(), Click::Answer), (" Esc: close ".to_owned(), Click::Close)];
+    let buttons = vec![
+        (" Enter: accept ".to_owned(), Click::Answer),
+        (" Esc: close ".to_owned(), Click::Close),
+    ];
     let inner = draw_box(frame, dialog_area, &prompt.title, buttons, layout);
     let [line, _, below] =
-        Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)]).areas(inner);
+        Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)])
+            .areas(inner);
     let (typed, cursor) = prompt.typed();
     // A long answer is scrolled to keep the cursor visible.
     let room = usize::from(line.width).saturating_sub(3);
@@ -157,8 +189,9 @@ pub fn draw_prompt(frame: &mut Frame, area: Rect, screen: &Screen, prompt: &Prom
 /// Returns the buttons of a list.
 fn buttons(screen: &Screen, picker: &Picker) -> Vec<(String, Click)> {
     let accept = if picker.button.is_some() { "change" } else { "accept" };
-    let own =
-        |(action, label): (Action, &str)| (format!(" {}: {label} ", screen.keymap.key_of(action)), Click::Act(action));
+    let own = |(action, label): (Action, &str)| {
+        (format!(" {}: {label} ", screen.keymap.key_of(action)), Click::Act(action))
+    };
     let mut buttons = vec![(format!(" Enter: {accept} "), Click::Answer)];
     buttons.extend(picker.button.map(own));
     buttons.push((" Esc: close ".to_owned(), Click::Close));
@@ -175,14 +208,20 @@ fn draw_box(
 ) -> Rect {
     let room = usize::from(dialog_area.width.saturating_sub(2));
     // Without what is in brackets if there is no room for it.
-    let title = if display_width(title) + 2 > room { title.split(" (").next().unwrap_or(title) } else { title };
+    let title = if display_width(title) + 2 > room {
+        title.split(" (").next().unwrap_or(title)
+    } else {
+        title
+    };
     let block = Block::bordered().title(format!(" {title} "));
     let inner = block.inner(dialog_area);
     frame.render_widget(Clear, dialog_area);
     frame.render_widget(block, dialog_area);
     let mut bar = ClickableLine::default();
     // How to accept and how to close are the last to go.
-    while buttons.len() > 2 && buttons.iter().map(|(label, _)| display_width(label) + 1).sum::<usize>() > room + 1 {
+    while buttons.len() > 2
+        && buttons.iter().map(|(label, _)| display_width(label) + 1).sum::<usize>() > room + 1
+    {
         buttons.remove(1);
     }
     for (n, (label, click)) in buttons.into_iter().enumerate() {
@@ -190,14 +229,21 @@ fn draw_box(
         bar.push(Span::raw(label), click);
     }
     let width = (bar.width() as u16).min(inner.width);
-    bar.draw(frame, Rect { y: dialog_area.bottom().saturating_sub(1), width, height: 1, ..inner }, layout);
+    bar.draw(
+        frame,
+        Rect { y: dialog_area.bottom().saturating_sub(1), width, height: 1, ..inner },
+        layout,
+    );
     layout.dialog = dialog_area;
     inner
 }
 
 fn set_cursor(frame: &mut Frame, line: Rect, column: usize) {
     if !line.is_empty() {
-        frame.set_cursor_position(Position::new(line.x + (column as u16).min(line.width - 1), line.y));
+        frame.set_cursor_position(Position::new(
+            line.x + (column as u16).min(line.width - 1),
+            line.y,
+        ));
     }
 }
 
@@ -214,14 +260,23 @@ mod tests {
             "e\u{301}te\u{301}",
             "\u{1f468}\u{200d}\u{1f469}\u{200d}\u{1f467}",
         ];
-        let item =
-            |name: &str| Item::new(name, "wide \u{8ff7}\u{5bae} detail".repeat(3), Choice::Setting(String::new()));
+        let item = |name: &str| {
+            Item::new(
+                name,
+                "wide \u{8ff7}\u{5bae} detail".repeat(3),
+                Choice::Setting(String::new()),
+            )
+        };
         let picker = Picker::new("maps", names.map(item).to_vec());
         let labels = label_width(&picker, 40);
         assert_eq!(labels, 8);
         for item in picker.items() {
             let line = row_line(&Row::Item(item, false), labels, 40);
-            assert_eq!(line.spans.iter().take(2).map(Span::width).sum::<usize>(), 1 + 8 + 2, "{line}");
+            assert_eq!(
+                line.spans.iter().take(2).map(Span::width).sum::<usize>(),
+                1 + 8 + 2,
+                "{line}"
+            );
             assert_eq!(line.width(), 40, "{line}");
         }
     }

@@ -31,7 +31,11 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         draw_notice(frame, Rect { y: last, ..area }, screen, notice);
     }
     if tools || notice.is_none() {
-        let bar = if tools { editing(screen, area.width) } else { keys(screen, Mode::Watching, area.width) };
+        let bar = if tools {
+            editing(screen, area.width)
+        } else {
+            keys(screen, Mode::Watching, area.width)
+        };
         bar.draw(frame, area, layout);
     }
 }
@@ -47,15 +51,19 @@ pub fn draw_notice(frame: &mut Frame, last: Rect, screen: &Screen, notice: Notic
     rows.truncate(MAX_NOTICE_ROWS.min(usize::from(last.y) + 1));
     let height = rows.len() as u16;
     let area = Rect { y: (last.y + 1).saturating_sub(height), height, ..last };
-    let lines: Vec<Line> = rows.into_iter().map(|row| Line::styled(format!(" {row}"), style)).collect();
+    let lines: Vec<Line> =
+        rows.into_iter().map(|row| Line::styled(format!(" {row}"), style)).collect();
     frame.render_widget(Clear, area);
     frame.render_widget(Paragraph::new(lines), area);
 }
 
-/// Returns the actions of `mode` that have a short name and fit: where room is short, those in the middle are left out.
+/// Returns the actions of `mode` that have a short name and fit: where room is short, those in the
+/// middle are left out.
 pub fn keys(screen: &Screen, mode: Mode, width: u16) -> ClickableLine {
     let mut keys: Vec<(Action, String)> = Vec::new();
-    for binding in bindings().filter(|b| !b.short.is_empty() && b.is_active(mode) && screen.scene().offers(b.action)) {
+    for binding in bindings()
+        .filter(|b| !b.short.is_empty() && b.is_active(mode) && screen.scene().offers(b.action))
+    {
         let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
         keys.push((binding.action, format!(" {} ", if idle { "resume" } else { binding.short })));
     }
@@ -81,7 +89,8 @@ fn editing(screen: &Screen, width: u16) -> ClickableLine {
     bar
 }
 
-/// Returns what the mouse buttons do with the editor's tool, if the line of its tools has no room to say it.
+/// Returns what the mouse buttons do with the editor's tool, if the line of its tools has no room
+/// to say it.
 pub fn untold_mouse(screen: &Screen, width: u16) -> Option<&'static str> {
     let editor = &screen.maze.editor;
     let untold = editor.is_open() && !has_room_for_mouse(screen, &tool_bar(screen, width), width);
@@ -96,7 +105,8 @@ fn has_room_for_mouse(screen: &Screen, bar: &ClickableLine, width: u16) -> bool 
     bar.width() + mouse(screen).len() <= usize::from(width)
 }
 
-/// Returns the editor's tools, followed by as many keys as fit. Where room is short, only the selected tool.
+/// Returns the editor's tools, followed by as many keys as fit. Where room is short, only the
+/// selected tool.
 fn tool_bar(screen: &Screen, width: u16) -> ClickableLine {
     let tools = |tools: &[Tool]| {
         let mut bar = ClickableLine::default();
@@ -109,11 +119,14 @@ fn tool_bar(screen: &Screen, width: u16) -> ClickableLine {
         bar
     };
     let width = usize::from(width);
-    let label_width = |action, label: &str| display_width(&screen.keymap.key_of(action)) + label.len() + 3;
+    let label_width =
+        |action, label: &str| display_width(&screen.keymap.key_of(action)) + label.len() + 3;
     let done = label_width(Action::ToggleEdit, "done");
     let all = tools(&Tool::ALL);
     let mut bar = if all.width() + done <= width { all } else { tools(&[screen.maze.editor.tool]) };
-    for (action, label) in [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")] {
+    for (action, label) in
+        [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")]
+    {
         let after = if action == Action::ToggleEdit { 0 } else { done };
         if bar.width() + label_width(action, label) + after <= width {
             key(&mut bar, screen, action, &format!(" {label} "), Style::new());

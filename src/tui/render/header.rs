@@ -19,10 +19,13 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let unsaved = screen.unsaved_updates();
     let saved = match &screen.snapshot.saved {
         _ if unsaved > 0 => " unsaved".to_owned(),
-        Some((_, path)) => path.file_name().map_or(String::new(), |f| format!(" {}", f.to_string_lossy())),
+        Some((_, path)) => {
+            path.file_name().map_or(String::new(), |f| format!(" {}", f.to_string_lossy()))
+        }
         None => String::new(),
     };
-    let speed = screen.snapshot.speed.map_or(String::new(), |speed| format!(" (at most {speed:.0}/s)"));
+    let speed =
+        screen.snapshot.speed.map_or(String::new(), |speed| format!(" (at most {speed:.0}/s)"));
     let act = |action| Some(Click::Act(action));
     let changed = screen.changed_settings.len();
     let changed = if changed > 0 { format!("({changed} changed) ") } else { String::new() };

@@ -29,14 +29,28 @@ const COMPARISON: &str = "Two methods train on the same map with the same seed, 
                           each has learned; @ walks to G with what it has learned so far, in both from the same start. \
                           Click on either map to set the goal of both. Nothing is saved.";
 
-/// Draws the help in the middle of `area`, as far down as it is scrolled or early enough to fill it.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, help: &Help, layout: &mut ScreenLayout) {
-    let modes = [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring, Mode::Settings, Mode::Help];
+/// Draws the help in the middle of `area`, as far down as it is scrolled or early enough to fill
+/// it.
+pub fn draw(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    help: &Help,
+    layout: &mut ScreenLayout,
+) {
+    let modes =
+        [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring, Mode::Settings, Mode::Help];
     draw_about(frame, area, screen, (help, screen.scene().introduction(), &modes), layout);
 }
 
 /// Draws the help of comparisons like [`draw`].
-pub fn draw_for_comparisons(frame: &mut Frame, area: Rect, screen: &Screen, help: &Help, layout: &mut ScreenLayout) {
+pub fn draw_for_comparisons(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    help: &Help,
+    layout: &mut ScreenLayout,
+) {
     draw_about(frame, area, screen, (help, COMPARISON, &[Mode::Comparing, Mode::Help]), layout);
 }
 
@@ -51,7 +65,8 @@ fn draw_about(
     let width = without_slivers(area, HELP_WIDTH);
     let entries = entries(screen, usize::from(width.saturating_sub(2)), introduction, modes);
     let text = entries.concat();
-    let all = if help.search().is_empty() { text.clone() } else { matches(&entries, help.search()) };
+    let all =
+        if help.search().is_empty() { text.clone() } else { matches(&entries, help.search()) };
     // The box keeps its size while lines are searched.
     let dialog_area = middle(area, width, (text.len() as u16 + 2).min(area.height));
     let height = usize::from(dialog_area.height.saturating_sub(2));
@@ -76,7 +91,8 @@ fn draw_about(
         let text = if bar.width() + long.len() <= room { long } else { format!(" {last}/{all} ") };
         bar.push(Span::styled(text, DIM), None);
     }
-    let foot = Rect { x: dialog_area.x + 1, width: dialog_area.width.saturating_sub(2), ..dialog_area };
+    let foot =
+        Rect { x: dialog_area.x + 1, width: dialog_area.width.saturating_sub(2), ..dialog_area };
     bar.draw(frame, Rect { y: dialog_area.bottom().saturating_sub(1), height: 1, ..foot }, layout);
     layout.help_lines = Some(first..first + height);
 }
@@ -89,21 +105,37 @@ fn matches(entries: &[Vec<Line<'static>>], typed: &str) -> Vec<Line<'static>> {
         words.iter().all(|word| text.contains(word.as_str()))
     };
     let found: Vec<Line> = entries.iter().filter(found).flatten().cloned().collect();
-    if found.is_empty() { vec![Line::styled(" no match: Esc shows everything", REVERSED)] } else { found }
+    if found.is_empty() {
+        vec![Line::styled(" no match: Esc shows everything", REVERSED)]
+    } else {
+        found
+    }
 }
 
 /// Returns all entries and titles, each as its lines, wrapped to `width`.
-fn entries(screen: &Screen, width: usize, introduction: &str, modes: &[Mode]) -> Vec<Vec<Line<'static>>> {
+fn entries(
+    screen: &Screen,
+    width: usize,
+    introduction: &str,
+    modes: &[Mode],
+) -> Vec<Vec<Line<'static>>> {
     let kind = screen.scene();
     let key = screen.keymap.key_of(Action::Palette);
-    let finds = bindings().any(|b| b.action == Action::Palette && modes.iter().any(|mode| b.is_active(*mode)));
-    let how = format!(" Where the help shows \"{key} ...\" instead of a key, type {key} and some letters.");
+    let finds = bindings()
+        .any(|b| b.action == Action::Palette && modes.iter().any(|mode| b.is_active(*mode)));
+    let how = format!(
+        " Where the help shows \"{key} ...\" instead of a key, type {key} and some letters."
+    );
     let introduction = introduction.to_owned() + if finds { &how } else { "" };
     let introduction = wrapped(&introduction, width.saturating_sub(2).max(8));
-    let mut entries = vec![introduction.into_iter().map(|line| Line::raw(format!(" {line}"))).collect::<Vec<_>>()];
-    let title = |title: &str| [vec![Line::default()], vec![Line::styled(format!(" {title}"), BOLD)]];
+    let mut entries = vec![
+        introduction.into_iter().map(|line| Line::raw(format!(" {line}"))).collect::<Vec<_>>(),
+    ];
+    let title =
+        |title: &str| [vec![Line::default()], vec![Line::styled(format!(" {title}"), BOLD)]];
     for section in SECTIONS {
-        let active = |b: &&Binding| kind.offers(b.action) && modes.iter().any(|mode| b.is_active(*mode));
+        let active =
+            |b: &&Binding| kind.offers(b.action) && modes.iter().any(|mode| b.is_active(*mode));
         let mut bindings = section.bindings.iter().filter(active).peekable();
         if bindings.peek().is_none() {
             continue;
@@ -133,7 +165,11 @@ fn entry(name: &str, meaning: &str, place: &str, width: usize) -> Vec<Line<'stat
     let names = if width >= WIDE { NAME_WIDTH } else { NARROW_NAME_WIDTH };
     let room = width.saturating_sub(names + 4).max(8);
     let mut rows = wrapped(meaning, room);
-    let tail = if rows.last().is_some_and(|row| display_width(row) + place.len() <= room) { place } else { "" };
+    let tail = if rows.last().is_some_and(|row| display_width(row) + place.len() <= room) {
+        place
+    } else {
+        ""
+    };
     if tail.is_empty() && !place.is_empty() {
         rows = wrapped(&format!("{meaning}{place}"), room);
     }

@@ -26,7 +26,8 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         .or_else(|| what_to_see(screen, width));
     let Some(line) = line else { return };
     let width = (line.width() as u16).min(area.width);
-    let area = Rect { x: area.x + (area.width - width) / 2, width, height: area.height.min(1), ..area };
+    let area =
+        Rect { x: area.x + (area.width - width) / 2, width, height: area.height.min(1), ..area };
     frame.render_widget(Clear, area);
     line.draw(frame, area, layout);
 }
@@ -35,7 +36,9 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
 fn past(screen: &Screen, width: usize) -> Option<ClickableLine> {
     let (frame, snapshot) = (screen.past.as_ref()?, &screen.snapshot);
     let [then, now] = [snapshot.learned(frame.updates), snapshot.updates()].map(grouped);
-    let success = snapshot.success_at(frame.updates).map_or(String::new(), |rate| format!(", success {rate:.2}"));
+    let success = snapshot
+        .success_at(frame.updates)
+        .map_or(String::new(), |rate| format!(", success {rate:.2}"));
     let other_goal = screen.scene() != SceneKind::Maze || shown_goal(screen) != screen.maze.goal;
     let goal = |text: &str| if other_goal { format!(": {text}") } else { String::new() };
     let (long, short) = (goal("D to the film's own goal"), goal("D to its own goal"));
@@ -53,9 +56,14 @@ fn past(screen: &Screen, width: usize) -> Option<ClickableLine> {
     let lines = texts.map(|(text, directions)| {
         let mut line = ClickableLine::default();
         let keys = [(Action::Back, ""), (Action::Forth, directions), (Action::Close, " now ")];
-        for ((action, word), before) in keys.into_iter().zip([&*format!(" {text} \u{b7} "), " ", " \u{b7} "]) {
+        for ((action, word), before) in
+            keys.into_iter().zip([&*format!(" {text} \u{b7} "), " ", " \u{b7} "])
+        {
             line.push(Span::styled(before.to_owned(), REVERSED), None);
-            line.push(Span::styled(screen.keymap.key_of(action), BOLD.patch(REVERSED)), Click::Act(action));
+            line.push(
+                Span::styled(screen.keymap.key_of(action), BOLD.patch(REVERSED)),
+                Click::Act(action),
+            );
             line.push(Span::styled(word, REVERSED), Click::Act(action));
         }
         line
@@ -63,7 +71,8 @@ fn past(screen: &Screen, width: usize) -> Option<ClickableLine> {
     fitting(lines, width)
 }
 
-/// Says what the mouse does in the editor, until it has been done, if the bottom line of `width` columns does not.
+/// Says what the mouse does in the editor, until it has been done, if the bottom line of `width`
+/// columns does not.
 fn how_to_draw(screen: &Screen, width: u16) -> Option<ClickableLine> {
     let mouse = footer::untold_mouse(screen, width).filter(|_| !screen.maze.editor.has_changed)?;
     let mut line = ClickableLine::default();
@@ -75,10 +84,15 @@ fn how_to_draw(screen: &Screen, width: u16) -> Option<ClickableLine> {
 fn offer(screen: &Screen, width: usize) -> Option<ClickableLine> {
     let found = &screen.offer.as_ref()?.found;
     let method = found.run.method.name();
-    let method = if found.run.method == screen.run().method { String::new() } else { format!("{method}: ") };
+    let method =
+        if found.run.method == screen.run().method { String::new() } else { format!("{method}: ") };
     let text = format!("{method}{}", runs::summary(found));
-    let success = found.success.and_then(|s| s.planned.or(s.greedy)).map(|success| format!(", success {success:.2}"));
-    let variants = [(success.unwrap_or_default(), true), (String::new(), true), (String::new(), false)];
+    let success = found
+        .success
+        .and_then(|s| s.planned.or(s.greedy))
+        .map(|success| format!(", success {success:.2}"));
+    let variants =
+        [(success.unwrap_or_default(), true), (String::new(), true), (String::new(), false)];
     let lines = variants.map(|(success, hides)| {
         let mut line = ClickableLine::default();
         line.push(Span::styled(format!(" {text}{success}:"), REVERSED), Click::Act(Action::Resume));
@@ -97,7 +111,8 @@ fn what_to_see(screen: &Screen, width: usize) -> Option<ClickableLine> {
         return None;
     }
     let mono = screen.theme.depth == ColourDepth::Mono;
-    let long = if mono { "@ walks to G as far as it has learned" } else { "light = few steps to G" };
+    let long =
+        if mono { "@ walks to G as far as it has learned" } else { "light = few steps to G" };
     let short = if mono { "@ walks to G" } else { "light = near G" };
     let texts = [
         (long, "click anywhere: a new goal", true),
@@ -110,7 +125,10 @@ fn what_to_see(screen: &Screen, width: usize) -> Option<ClickableLine> {
         line.push(Span::styled(format!(" {colours} \u{b7} {click} \u{b7}"), REVERSED), None);
         push_key(&mut line, screen, Action::Help, "help");
         if names_tour {
-            line.push(Span::styled("\u{b7} new here? gdg-tui tour ", REVERSED), Click::Act(Action::Tour));
+            line.push(
+                Span::styled("\u{b7} new here? gdg-tui tour ", REVERSED),
+                Click::Act(Action::Tour),
+            );
         }
         line
     });

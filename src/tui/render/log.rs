@@ -16,7 +16,9 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     for entry in screen.log.entries() {
         let when = format!(" {} at {}", clock(entry.seconds), short(entry.updates as f64));
         lines.push(Line::from(Span::styled(when, DIM)));
-        lines.extend(wrapped(&entry.text, width).into_iter().map(|text| Line::from(format!("  {text}"))));
+        lines.extend(
+            wrapped(&entry.text, width).into_iter().map(|text| Line::from(format!("  {text}"))),
+        );
     }
     if lines.is_empty() {
         lines.push(Line::styled(" no events yet", DIM));

@@ -1,4 +1,5 @@
-//! The panel beside the map: the names of its panes, the selected pane, and more panes if there is room.
+//! The panel beside the map: the names of its panes, the selected pane, and more panes if there is
+//! room.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -26,7 +27,8 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
     tabs(frame, head, screen, layout);
     // The panes beside and below the selected one, the most informative first.
-    let mut others = [Pane::Training, Pane::Curves, Pane::Walk, Pane::Legend, Pane::Log].into_iter();
+    let mut others =
+        [Pane::Training, Pane::Curves, Pane::Walk, Pane::Legend, Pane::Log].into_iter();
     let chosen = screen.pane;
     let mut next = move || others.find(|pane| *pane != chosen);
     let columns = usize::from(body.width / MIN_COLUMN_WIDTH).clamp(1, Pane::ALL.len());
@@ -45,7 +47,8 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     }
 }
 
-/// Returns the areas of panes below each other: text takes what it needs, from the top; curves and log share the rest.
+/// Returns the areas of panes below each other: text takes what it needs, from the top; curves and
+/// log share the rest.
 fn stack(area: Rect, panes: &[Pane], screen: &Screen) -> Vec<Rect> {
     let mut left = area.height;
     let height = |pane: &Pane| match lines(*pane, screen, area.width.saturating_sub(1)) {
@@ -83,7 +86,13 @@ pub fn draw_maximised(frame: &mut Frame, area: Rect, screen: &Screen, layout: &m
     draw_pane(frame, body, screen, layout, pane);
 }
 
-fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout, pane: Pane) {
+fn draw_pane(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    layout: &mut ScreenLayout,
+    pane: Pane,
+) {
     let title = match pane {
         Pane::Training => "training",
         Pane::Curves => "curves",
@@ -93,8 +102,11 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut Screen
         Pane::Log => "event log",
     };
     let style = if pane == screen.pane { BOLD } else { Style::new() };
-    let mut block = Block::new().borders(Borders::TOP | Borders::LEFT).title(Span::styled(format!(" {title} "), style));
-    let has_more = matches!(pane, Pane::Training | Pane::Walk) && !screen.maximised && pane == screen.pane;
+    let mut block = Block::new()
+        .borders(Borders::TOP | Borders::LEFT)
+        .title(Span::styled(format!(" {title} "), style));
+    let has_more =
+        matches!(pane, Pane::Training | Pane::Walk) && !screen.maximised && pane == screen.pane;
     if has_more && usize::from(area.width) <= EXPLAINED_WIDTH {
         let key = screen.keymap.key_of(Action::Maximise);
         block = block.title(Line::styled(format!(" {key} explains "), DIM).right_aligned());
@@ -104,12 +116,16 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut Screen
     match pane {
         Pane::Curves => curves::draw(frame, inner, screen, layout),
         Pane::Log => log::draw(frame, inner, screen),
-        _ => frame.render_widget(Paragraph::new(lines(pane, screen, inner.width).unwrap_or_default()), inner),
+        _ => frame.render_widget(
+            Paragraph::new(lines(pane, screen, inner.width).unwrap_or_default()),
+            inner,
+        ),
     }
     if pane == Pane::Training {
         // The lines on evaluations ask for one.
         let of_evaluations = |line: &Line| line.to_string().trim_start().starts_with("next ");
-        let row = lines(pane, screen, inner.width).unwrap_or_default().iter().position(of_evaluations);
+        let row =
+            lines(pane, screen, inner.width).unwrap_or_default().iter().position(of_evaluations);
         for row in row.into_iter().filter_map(|row| inner.rows().nth(row)) {
             layout.add(row, Click::Act(Action::Evaluate));
         }
@@ -122,8 +138,8 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut Screen
     layout.add(Rect { height: 1, ..area }, Click::Act(Action::Show(pane)));
 }
 
-/// Draws the names of the panes and their keys, the selected one reversed; close together or without keys where there is
-/// no room.
+/// Draws the names of the panes and their keys, the selected one reversed; close together or
+/// without keys where there is no room.
 fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
     let tabs = Pane::ALL.map(|pane| {
         let name = if pane == Pane::Legend { screen.scene().noun() } else { pane.name() };
@@ -137,14 +153,18 @@ fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayou
     let texts = formats.map(|format| tabs.each_ref().map(|(key, name)| format(key, name)));
     // The blank after the last one may be cut off.
     let fits = |texts: &&[String; 5]| {
-        texts.iter().map(|text| Line::raw(text).width()).sum::<usize>() <= usize::from(area.width) + 1
+        texts.iter().map(|text| Line::raw(text).width()).sum::<usize>()
+            <= usize::from(area.width) + 1
     };
     // The editor has other uses for the keys.
     let with_keys = texts.iter().find(fits).filter(|_| screen.mode() != Mode::Editing).cloned();
     let texts = with_keys.unwrap_or_else(|| tabs.map(|(_, name)| format!(" {name} ")));
     let mut bar = ClickableLine::default();
     for (pane, text) in Pane::ALL.into_iter().zip(texts) {
-        bar.push(Span::styled(text, if pane == screen.pane { REVERSED } else { DIM }), Click::Act(Action::Show(pane)));
+        bar.push(
+            Span::styled(text, if pane == screen.pane { REVERSED } else { DIM }),
+            Click::Act(Action::Show(pane)),
+        );
     }
     bar.draw(frame, area, layout);
 }

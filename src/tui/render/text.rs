@@ -21,7 +21,8 @@ pub fn explain(line: &mut Line<'static>, meanings: &[(&str, &str)]) {
     // The name may go on with what is specific to the run.
     let first = name.split_whitespace().next().unwrap_or_default();
     let known = |name: &str| meanings.iter().find(|(known, _)| *known == name);
-    if let Some((_, meaning)) = known(&name).or_else(|| known(first).filter(|_| first == "success")) {
+    if let Some((_, meaning)) = known(&name).or_else(|| known(first).filter(|_| first == "success"))
+    {
         let gap = EXPLANATION_COLUMN.saturating_sub(line.width()).max(2);
         line.push_span(Span::styled(format!("{:gap$}{meaning}", ""), DIM));
     }
@@ -60,7 +61,8 @@ pub fn wrapped(text: &str, columns: usize) -> Vec<String> {
             } else if line.is_empty() {
                 // At least one character, however wide.
                 let first = rest.chars().next().map_or(0, char::len_utf8);
-                let (part, after) = rest.split_at(rest.unicode_truncate(columns).0.len().max(first));
+                let (part, after) =
+                    rest.split_at(rest.unicode_truncate(columns).0.len().max(first));
                 line.push_str(part);
                 rest = after;
             } else {

@@ -24,7 +24,8 @@ const MARGIN_ROWS: u16 = 2;
 /// Positions that are tried across, at most.
 const TRIES: u16 = 60;
 
-/// What it costs to cover a character of the subject, to touch one, and to cover goal or agent; in rows of distance.
+/// What it costs to cover a character of the subject, to touch one, and to cover goal or agent; in
+/// rows of distance.
 const COVERED_COST: f32 = 1000.0;
 const TOUCHED_COST: f32 = 2.0;
 const HIDDEN_COST: f32 = 30.0;
@@ -39,8 +40,9 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
             sign => glyphs.symbol(*at, *sign, None),
         }
     }
-    let characters =
-        |positions: &[[f32; 2]]| positions.iter().filter_map(|at| map_frame.character_of(*at)).collect::<Vec<_>>();
+    let characters = |positions: &[[f32; 2]]| {
+        positions.iter().filter_map(|at| map_frame.character_of(*at)).collect::<Vec<_>>()
+    };
     let mut subject = characters(&tour.caption.subject);
     subject.dedup();
     let view = &screen.maze.view;
@@ -67,7 +69,8 @@ fn rows(tour: &Tour, width: u16) -> u16 {
     wrapped(&tour.caption.text, usize::from(width - MARGIN_COLUMNS)).len() as u16 + MARGIN_ROWS
 }
 
-/// Returns where the box goes: where it was, as long as it does not cover the subject; otherwise, the best place.
+/// Returns where the box goes: where it was, as long as it does not cover the subject; otherwise,
+/// the best place.
 fn place(
     area: Rect,
     tour: &Tour,
@@ -83,8 +86,14 @@ fn place(
         }
     }
     let cost = |rect: Rect| {
-        let around = Rect::new(rect.x.saturating_sub(1), rect.y.saturating_sub(1), rect.width + 2, rect.height + 2);
-        let count = |rect: Rect, of: &[Position]| of.iter().filter(|at| rect.contains(**at)).count() as f32;
+        let around = Rect::new(
+            rect.x.saturating_sub(1),
+            rect.y.saturating_sub(1),
+            rect.width + 2,
+            rect.height + 2,
+        );
+        let count =
+            |rect: Rect, of: &[Position]| of.iter().filter(|at| rect.contains(**at)).count() as f32;
         let gap = subject.first().map_or(0.0, |at| distance(rect, *at));
         COVERED_COST * count(rect, subject)
             + TOUCHED_COST * count(around, subject)
@@ -96,7 +105,9 @@ fn place(
     let stride = usize::from((area.width / TRIES).max(1));
     let places = fitting.flat_map(|(width, height)| {
         let xs = (area.x..=area.right() - width).step_by(stride);
-        xs.flat_map(move |x| (area.y..=area.bottom() - height).map(move |y| Rect { x, y, width, height }))
+        xs.flat_map(move |x| {
+            (area.y..=area.bottom() - height).map(move |y| Rect { x, y, width, height })
+        })
     });
     places.map(|rect| (rect, cost(rect))).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(rect, _)| rect)
 }
@@ -107,7 +118,8 @@ fn distance(rect: Rect, at: Position) -> f32 {
     (f32::from(across.unsigned_abs()) / 2.0).hypot(f32::from(down.unsigned_abs()))
 }
 
-/// Returns how many columns and rows a character is away from a box: negative to the left of it or above.
+/// Returns how many columns and rows a character is away from a box: negative to the left of it or
+/// above.
 fn gaps(rect: Rect, at: Position) -> (i16, i16) {
     let gap = |at: u16, from: u16, end: u16| {
         let (at, from, last) = (at as i16, from as i16, end as i16 - 1);
@@ -121,13 +133,21 @@ fn title(tour: &Tour) -> String {
 }
 
 /// Draws the box with text and keys; returns where the keys are.
-fn draw_box(frame: &mut Frame, area: Rect, screen: &Screen, tour: &Tour, layout: &mut ScreenLayout) -> Rect {
+fn draw_box(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    tour: &Tour,
+    layout: &mut ScreenLayout,
+) -> Rect {
     let title = Line::styled(title(tour), BOLD.patch(REVERSED));
-    let block = Block::bordered().border_style(border(screen)).title(title).padding(Padding::horizontal(1));
+    let block =
+        Block::bordered().border_style(border(screen)).title(title).padding(Padding::horizontal(1));
     let inner = block.inner(area);
     frame.render_widget(Clear, area);
     frame.render_widget(block, area);
-    let lines: Vec<Line> = wrapped(&tour.caption.text, usize::from(inner.width)).into_iter().map(Line::from).collect();
+    let lines: Vec<Line> =
+        wrapped(&tour.caption.text, usize::from(inner.width)).into_iter().map(Line::from).collect();
     frame.render_widget(Paragraph::new(lines), inner);
     let mut keys = ClickableLine::default();
     let next = if tour.is_last() { "done" } else { "next" };
@@ -141,8 +161,15 @@ fn draw_box(frame: &mut Frame, area: Rect, screen: &Screen, tour: &Tour, layout:
     bar
 }
 
-/// Draws an arrow on the border that faces `target`, beside the keys and the title of `title` columns.
-fn point_at(frame: &mut Frame, area: Rect, target: Position, (title, keys): (u16, Rect), style: Style) {
+/// Draws an arrow on the border that faces `target`, beside the keys and the title of `title`
+/// columns.
+fn point_at(
+    frame: &mut Frame,
+    area: Rect,
+    target: Position,
+    (title, keys): (u16, Rect),
+    style: Style,
+) {
     let (across, down) = gaps(area, target);
     let x = target.x.clamp(area.x + 1, area.right() - 2);
     let y = target.y.clamp(area.y + 1, area.bottom() - 2);
@@ -153,7 +180,9 @@ fn point_at(frame: &mut Frame, area: Rect, target: Position, (title, keys): (u16
             _ => (Position::new(area.right() - 1, y), '\u{25b6}'),
         },
         // Right of the title.
-        (_, ..0) => (Position::new(x.max(area.x + 1 + title).min(area.right() - 2), area.y), '\u{25b2}'),
+        (_, ..0) => {
+            (Position::new(x.max(area.x + 1 + title).min(area.right() - 2), area.y), '\u{25b2}')
+        }
         _ => (Position::new(x.min(keys.x - 1), area.bottom() - 1), '\u{25bc}'),
     };
     if let Some(cell) = frame.buffer_mut().cell_mut(at) {

@@ -56,7 +56,10 @@ pub fn lines(screen: &Screen, width: usize) -> Vec<Line<'static>> {
     lines.extend(seconds_left(screen).map(|seconds| fact("left", clock(seconds))));
     lines.extend([
         fact("updates", updates),
-        fact("steps", format!("{}, {}/s", count(screen, snapshot.counters.env_steps), short(steps))),
+        fact(
+            "steps",
+            format!("{}, {}/s", count(screen, snapshot.counters.env_steps), short(steps)),
+        ),
         fact("episodes", count(screen, snapshot.counters.episodes)),
         fact("replay", format!("{} of {}", short(used as f64), short(room as f64))),
     ]);
@@ -102,9 +105,13 @@ fn seconds_left(screen: &Screen) -> Option<f64> {
         .filter(|_| snapshot.rates.0 > 0.0)
         .map(|limit| limit.saturating_sub(snapshot.counters.updates) as f64 / snapshot.rates.0);
     let seconds = limits.seconds.map(|limit| (limit - snapshot.seconds).max(0.0));
-    let episodes = limits.episodes.filter(|_| snapshot.counters.episodes > 0 && snapshot.seconds > 0.0).map(|limit| {
-        limit.saturating_sub(snapshot.counters.episodes) as f64 * snapshot.seconds / snapshot.counters.episodes as f64
-    });
+    let episodes = limits
+        .episodes
+        .filter(|_| snapshot.counters.episodes > 0 && snapshot.seconds > 0.0)
+        .map(|limit| {
+            limit.saturating_sub(snapshot.counters.episodes) as f64 * snapshot.seconds
+                / snapshot.counters.episodes as f64
+        });
     [updates, seconds, episodes].into_iter().flatten().min_by(f64::total_cmp)
 }
 
@@ -114,7 +121,9 @@ fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
         let (title, columns) = distances(&evaluation.greedy.by_distance, width);
         lines.push(Line::styled(format!(" {:<10}all   {title}", "success"), BOLD));
         let score = |name: &str, score: &Score| match score.success {
-            Some(success) => fact(name, format!("{success:.2}  {}", success_bars(&score.by_distance, &columns))),
+            Some(success) => {
+                fact(name, format!("{success:.2}  {}", success_bars(&score.by_distance, &columns)))
+            }
             None => fact(name, "no tasks"),
         };
         lines.extend(evaluation.planned.as_ref().map(|planned| score("planned", planned)));
@@ -128,7 +137,9 @@ fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
         lines.push(next(screen));
         // Coverage is known between evaluations, too.
         let seen = screen.snapshot.latest_coverage();
-        lines.extend(seen.map(|seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen))));
+        lines.extend(
+            seen.map(|seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen))),
+        );
     } else {
         lines.push(Line::styled(" success", BOLD));
         lines.push(next(screen));
@@ -158,14 +169,18 @@ fn next(screen: &Screen) -> Line<'static> {
     fact("next", format!("{when}, {}: now", screen.keymap.key_of(Action::Evaluate)))
 }
 
-/// Returns the title of success by distance in a pane of `width` columns, and the width of each distance's bar: each
-/// distance by itself if there is room, or else the nearest and the farthest.
+/// Returns the title of success by distance in a pane of `width` columns, and the width of each
+/// distance's bar: each distance by itself if there is room, or else the nearest and the farthest.
 fn distances(by_distance: &[DistanceScore], width: usize) -> (String, Vec<usize>) {
     let in_cm = by_distance.iter().any(|d| d.distance_cm.is_some());
     let unit = if in_cm { "cm" } else { "steps" };
     let tested = by_distance.iter().filter(|d| d.success.is_some());
     let names: Vec<String> = tested
-        .map(|d| d.distance_steps.or(d.distance_cm).map_or("all".to_owned(), |distance| format!("{distance:.0}")))
+        .map(|d| {
+            d.distance_steps
+                .or(d.distance_cm)
+                .map_or("all".to_owned(), |distance| format!("{distance:.0}"))
+        })
         .collect();
     let each = format!("{} {unit}", names.join(" "));
     let room = width.saturating_sub(NUMBER_WIDTH);
@@ -179,10 +194,11 @@ fn distances(by_distance: &[DistanceScore], width: usize) -> (String, Vec<usize>
     (ends, Vec::new())
 }
 
-/// Returns one bar per distance that has tasks, near to far; as wide as `columns` says, with gaps, or one column each.
-/// Even the tallest bar leaves a gap to the line above.
+/// Returns one bar per distance that has tasks, near to far; as wide as `columns` says, with gaps,
+/// or one column each. Even the tallest bar leaves a gap to the line above.
 fn success_bars(by_distance: &[DistanceScore], columns: &[usize]) -> String {
-    const BARS: [char; 8] = ['_', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}'];
+    const BARS: [char; 8] =
+        ['_', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}'];
     let scores = by_distance.iter().filter_map(|d| d.success);
     let bars = scores.map(|success| BARS[(success * 7.0).round() as usize]);
     let wide = |(n, bar): (usize, char)| match columns.get(n) {
@@ -196,12 +212,19 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
     if !screen.run().method.plans() {
         return Vec::new();
     }
-    let search = screen.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
-        // Less than a step is not nothing.
-        Some(bridge) => format!("gains {:.*}, of {}", usize::from(bridge.gain < 1.0), bridge.gain, s.tried()),
-        None => format!("none of {} helps", s.tried()),
-    });
-    let edges: usize = EdgeStatus::ALL.into_iter().map(|status| scene::edge_count(screen, status)).sum();
+    let search =
+        screen.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
+            // Less than a step is not nothing.
+            Some(bridge) => format!(
+                "gains {:.*}, of {}",
+                usize::from(bridge.gain < 1.0),
+                bridge.gain,
+                s.tried()
+            ),
+            None => format!("none of {} helps", s.tried()),
+        });
+    let edges: usize =
+        EdgeStatus::ALL.into_iter().map(|status| scene::edge_count(screen, status)).sum();
     let bridges = format!("{}, {} edges", scene::candidate_count(screen), short(edges as f64));
     vec![fact("bridges", bridges), fact("search", search)]
 }
@@ -212,7 +235,9 @@ fn time(screen: &Screen) -> Option<Line<'static>> {
     let all: f64 = Stage::ALL.into_iter().map(spent).sum();
     let exploring = spent(Stage::Explore);
     let percent = |seconds: f64| format!("{:.0} %", 100.0 * seconds / all);
-    (all > 0.0).then(|| fact("learning", format!("{}, acting {}", percent(all - exploring), percent(exploring))))
+    (all > 0.0).then(|| {
+        fact("learning", format!("{}, acting {}", percent(all - exploring), percent(exploring)))
+    })
 }
 
 #[cfg(test)]
@@ -222,7 +247,10 @@ mod tests {
     #[test]
     fn meanings_fit_beside_their_numbers() {
         for (name, meaning) in MEANINGS {
-            assert!(name.len() < 10 && EXPLANATION_COLUMN + meaning.len() <= EXPLAINED_WIDTH, "{name}: {meaning}");
+            assert!(
+                name.len() < 10 && EXPLANATION_COLUMN + meaning.len() <= EXPLAINED_WIDTH,
+                "{name}: {meaning}"
+            );
         }
     }
 }

@@ -46,7 +46,13 @@ pub struct ArmState {
 }
 
 /// Draws the arm into the first area, and the line below it into the second.
-pub fn draw(frame: &mut Frame, [area, info]: [Rect; 2], scene: &ArmScene, screen: &Screen, layout: &mut ScreenLayout) {
+pub fn draw(
+    frame: &mut Frame,
+    [area, info]: [Rect; 2],
+    scene: &ArmScene,
+    screen: &Screen,
+    layout: &mut ScreenLayout,
+) {
     layout.projections = projection::arrange(area, screen);
     layout.contour_interval = contour_interval(screen);
     for projection in &layout.projections {
@@ -58,7 +64,9 @@ pub fn draw(frame: &mut Frame, [area, info]: [Rect; 2], scene: &ArmScene, screen
 /// Returns the steps between two contour lines, the same in all projections, if there are any.
 fn contour_interval(screen: &Screen) -> Option<f32> {
     let view = &screen.arm.view;
-    let shown = screen.shown_field().is_distance() && shows_field(screen) && screen.overlays.has(Overlay::Contours);
+    let shown = screen.shown_field().is_distance()
+        && shows_field(screen)
+        && screen.overlays.has(Overlay::Contours);
     let fields = view.fields.iter().zip(view.planes.iter());
     let fields: Vec<_> = fields.map(|(field, plane)| (&**field, plane.raster.pixels.0)).collect();
     contours::interval(&fields, contours::SPACING, None).filter(|_| shown)

@@ -14,13 +14,18 @@ use crate::tui::theme::{Rgb, Theme};
 use gdg::bridge::EdgeStatus;
 
 /// Returns the scale of colours, and a line per overlay with its sign.
-pub fn overlay_lines(screen: &Screen, sign_of: impl Fn(Overlay, &Screen) -> Option<(char, Rgb)>) -> Vec<Line<'static>> {
+pub fn overlay_lines(
+    screen: &Screen,
+    sign_of: impl Fn(Overlay, &Screen) -> Option<(char, Rgb)>,
+) -> Vec<Line<'static>> {
     let mut lines = vec![scale(screen, 5), heading("toggle by key or click")];
     for overlay in overlays(screen) {
         let key = screen.keymap.key_of(Action::Toggle(overlay));
         let shown = screen.overlays.has(overlay);
-        let mut line =
-            Line::from(vec![Span::raw(format!(" {key:<2}")), Span::raw(if shown { "[x] " } else { "[ ] " })]);
+        let mut line = Line::from(vec![
+            Span::raw(format!(" {key:<2}")),
+            Span::raw(if shown { "[x] " } else { "[ ] " }),
+        ]);
         line.push_span(Span::styled(overlay.name(), if shown { Style::new() } else { DIM }));
         if let Some((sign, rgb)) = sign_of(overlay, screen) {
             line.extend([Span::raw(" "), sample(screen, sign, rgb)]);
@@ -30,12 +35,17 @@ pub fn overlay_lines(screen: &Screen, sign_of: impl Fn(Overlay, &Screen) -> Opti
     lines
 }
 
-/// Returns how many edges agents have walked, failed on and not tried, with what `meanings` says after the numbers.
-pub fn edge_lines(screen: &Screen, meanings: [&'static str; 3]) -> impl Iterator<Item = Line<'static>> {
-    let kinds = [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Untried].into_iter().zip(meanings);
-    kinds
-        .zip(screen.theme.edges)
-        .map(|((status, name), rgb)| sign(screen, '\u{2500}', rgb, &format!("{} {name}", edge_count(screen, status))))
+/// Returns how many edges agents have walked, failed on and not tried, with what `meanings` says
+/// after the numbers.
+pub fn edge_lines(
+    screen: &Screen,
+    meanings: [&'static str; 3],
+) -> impl Iterator<Item = Line<'static>> {
+    let kinds =
+        [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Untried].into_iter().zip(meanings);
+    kinds.zip(screen.theme.edges).map(|((status, name), rgb)| {
+        sign(screen, '\u{2500}', rgb, &format!("{} {name}", edge_count(screen, status)))
+    })
 }
 
 /// Returns a sign and its meaning.
@@ -49,7 +59,10 @@ pub fn sample(screen: &Screen, sign: char, rgb: Rgb) -> Span<'static> {
     let style = Style::new().fg(screen.theme.colour(rgb));
     // As on the map, which is darker than a light page.
     let is_faint = page.is_some_and(|(_, ground)| distance(rgb, ground) < FAINT);
-    Span::styled(sign.to_string(), if is_faint { style.bg(screen.theme.colour(*wall)) } else { style })
+    Span::styled(
+        sign.to_string(),
+        if is_faint { style.bg(screen.theme.colour(*wall)) } else { style },
+    )
 }
 
 /// Signs that differ less from the page, summed over the channels, need another ground.

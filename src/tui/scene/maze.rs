@@ -66,7 +66,13 @@ impl MazeState {
 }
 
 /// Draws the map and everything on it into the first area, and the line below it into the second.
-pub fn draw(frame: &mut Frame, [map, info]: [Rect; 2], screen: &Screen, layout: &mut ScreenLayout, cache: &mut Cache) {
+pub fn draw(
+    frame: &mut Frame,
+    [map, info]: [Rect; 2],
+    screen: &Screen,
+    layout: &mut ScreenLayout,
+    cache: &mut Cache,
+) {
     map::draw(frame, map, screen, layout, cache);
     minimap::draw(frame, map, screen, layout);
     info::draw(frame, info, screen, layout);

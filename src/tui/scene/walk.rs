@@ -41,7 +41,11 @@ pub fn pursuit(
     format_place: impl Fn(&[f32]) -> String,
     format_steps: impl Fn(f32) -> String,
 ) -> [Line<'static>; 6] {
-    let aim = if followed.aim == followed.goal { "the goal".to_owned() } else { format_place(&followed.aim) };
+    let aim = if followed.aim == followed.goal {
+        "the goal".to_owned()
+    } else {
+        format_place(&followed.aim)
+    };
     [
         fact("D to goal", format_steps(followed.distances.1)),
         fact("target", aim),

@@ -1,9 +1,9 @@
-//! A process that restores the terminal when the program cannot do so itself: killed, or aborted because memory ran
-//! out.
+//! A process that restores the terminal when the program cannot do so itself: killed, or aborted
+//! because memory ran out.
 //!
-//! The guard is a second process of this program, reading from a pipe. On an orderly exit the program sends a word
-//! through the pipe. If the pipe closes without that word, the program has died, and the guard restores the terminal to
-//! its state when the guard started.
+//! The guard is a second process of this program, reading from a pipe. On an orderly exit the
+//! program sends a word through the pipe. If the pipe closes without that word, the program has
+//! died, and the guard restores the terminal to its state when the guard started.
 
 use std::ffi::OsStr;
 use std::io::{Read, Write};
@@ -38,7 +38,11 @@ impl Guard {
             return None;
         }
         let mut command = Command::new(own_program()?);
-        command.arg(GUARD_COMMAND).stdin(Stdio::piped()).stdout(Stdio::inherit()).stderr(Stdio::piped());
+        command
+            .arg(GUARD_COMMAND)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::inherit())
+            .stderr(Stdio::piped());
         // Where the program and its group are stopped, and killed, the guard is not.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
@@ -54,8 +58,8 @@ impl Guard {
         Some(Self { process: child, expects_pictures: false, restores: false })
     }
 
-    /// Has the guard restore the terminal after the program's end, as the terminal does not read what the program has sent it
-    /// for that.
+    /// Has the guard restore the terminal after the program's end, as the terminal does not read
+    /// what the program has sent it for that.
     pub fn take_over(&mut self) {
         self.restores = true;
     }
@@ -93,7 +97,8 @@ fn own_program() -> Option<PathBuf> {
     std::env::current_exe().ok().or_else(|| named_program(&std::env::args_os().next()?))
 }
 
-/// Returns the program by the name that it was started by, which is looked up as a shell does, if it is this one.
+/// Returns the program by the name that it was started by, which is looked up as a shell does, if
+/// it is this one.
 fn named_program(name: &OsStr) -> Option<PathBuf> {
     let name = Path::new(name);
     (name.file_name()? == env!("CARGO_PKG_NAME")).then(|| name.to_owned())
@@ -105,8 +110,8 @@ pub fn run_guard() {
     use nix::sys::signal::SigSet;
     use nix::sys::termios::{SetArg, tcgetattr, tcsetattr};
 
-    // With signals blocked, the guard outlives what ends the program, and can set the terminal's modes even from the
-    // background.
+    // With signals blocked, the guard outlives what ends the program, and can set the terminal's
+    // modes even from the background.
     let _ = SigSet::all().thread_block();
     let modes = tcgetattr(std::io::stdout()).ok();
     let ready = std::io::stderr().write_all(READY);

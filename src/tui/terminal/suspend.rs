@@ -1,4 +1,5 @@
-//! Job control: stops the program until the shell resumes it, and leaves the terminal alone while it is the shell's.
+//! Job control: stops the program until the shell resumes it, and leaves the terminal alone while
+//! it is the shell's.
 
 #[cfg(unix)]
 use std::os::fd::AsFd;
@@ -6,8 +7,8 @@ use std::os::fd::AsFd;
 #[cfg(unix)]
 use nix::unistd::{Pid, getpgid, getpgrp, getppid, getsid, tcgetpgrp};
 
-/// Whether the terminal is this program's now: in the background, it is the shell's, or that of the program that the shell
-/// runs.
+/// Whether the terminal is this program's now: in the background, it is the shell's, or that of the
+/// program that the shell runs.
 #[cfg(unix)]
 pub fn is_in_foreground(terminal: impl AsFd) -> bool {
     // Of a terminal that is gone, errors tell.
@@ -22,8 +23,9 @@ pub fn is_raw(terminal: impl AsFd) -> bool {
     tcgetattr(terminal).is_ok_and(|modes| !modes.output_flags.contains(OutputFlags::OPOST))
 }
 
-/// Whether something would resume the program: a process of the same session, but of another process group, whose descendants
-/// this program and its group are, as a shell with job control. In a terminal window of its own (`xterm -e`), there is none.
+/// Whether something would resume the program: a process of the same session, but of another
+/// process group, whose descendants this program and its group are, as a shell with job control. In
+/// a terminal window of its own (`xterm -e`), there is none.
 #[cfg(unix)]
 pub fn is_resumable() -> bool {
     let Ok(session) = getsid(None) else { return false };
@@ -59,12 +61,17 @@ fn parent(process: Pid) -> Option<Pid> {
 
     let id = sysinfo::Pid::from_u32(process.as_raw().cast_unsigned());
     let mut system = System::new();
-    system.refresh_processes_specifics(ProcessesToUpdate::Some(&[id]), false, ProcessRefreshKind::nothing());
+    system.refresh_processes_specifics(
+        ProcessesToUpdate::Some(&[id]),
+        false,
+        ProcessRefreshKind::nothing(),
+    );
     let parent = system.process(id)?.parent()?;
     Some(Pid::from_raw(parent.as_u32().cast_signed()))
 }
 
-/// Stops the process group, as the key does that the terminal's driver handles: of a script, the shell resumes all or nothing.
+/// Stops the process group, as the key does that the terminal's driver handles: of a script, the
+/// shell resumes all or nothing.
 ///
 /// # Errors
 /// Errors of the system.

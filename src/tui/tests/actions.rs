@@ -7,7 +7,9 @@ use crate::tui::tour::Tour;
 
 /// Returns whether the trainer has a binding, not only comparisons.
 fn is_of_trainer(binding: &Binding) -> bool {
-    [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring].into_iter().any(|mode| binding.is_active(mode))
+    [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring]
+        .into_iter()
+        .any(|mode| binding.is_active(mode))
 }
 
 /// Returns the whole help, page by page.
@@ -33,8 +35,14 @@ fn the_help_lists_every_action_and_sign_at_80_by_24() {
     for binding in bindings().filter(|b| is_of_trainer(b) && kind.offers(b.action)) {
         let words = format!("{}{}", binding.long, binding.when.place());
         // Long descriptions are wrapped.
-        assert!(words.split_whitespace().all(|word| help.contains(word)), "{} is missing", binding.name);
-        assert!(app.screen.keymap.display_keys(binding).iter().all(|key| help.contains(key.as_str())));
+        assert!(
+            words.split_whitespace().all(|word| help.contains(word)),
+            "{} is missing",
+            binding.name
+        );
+        assert!(
+            app.screen.keymap.display_keys(binding).iter().all(|key| help.contains(key.as_str()))
+        );
     }
     for symbol in [
         "goal",
@@ -75,7 +83,10 @@ fn state(app: &App) -> String {
             app.is_done(),
             app.terminal_request()
         ),
-        (app.screen.log.entries().len(), app.screen.log.notice().map(|notice| notice.text.to_owned())),
+        (
+            app.screen.log.entries().len(),
+            app.screen.log.notice().map(|notice| notice.text.to_owned())
+        ),
         app.screen.maze.map.free_count(),
         app.screen.tour.as_ref().map(Tour::step),
     )
@@ -83,7 +94,14 @@ fn state(app: &App) -> String {
 
 /// Returns whether an action changes nothing on this screen at once, or has nothing to act on here.
 fn is_quiet(binding: &Binding) -> bool {
-    let quiet = [Action::Undo, Action::Redo, Action::Close, Action::ZoomOff, Action::ZoomOut, Action::Scroll(1)];
+    let quiet = [
+        Action::Undo,
+        Action::Redo,
+        Action::Close,
+        Action::ZoomOff,
+        Action::ZoomOut,
+        Action::Scroll(1),
+    ];
     let of_others = [
         Action::StartHere,
         Action::NewStart,
@@ -94,7 +112,10 @@ fn is_quiet(binding: &Binding) -> bool {
     ];
     quiet.contains(&binding.action)
         || of_others.contains(&binding.action)
-        || matches!(binding.action, Action::Pan(..) | Action::Move(..) | Action::Show(_) | Action::Tool(_))
+        || matches!(
+            binding.action,
+            Action::Pan(..) | Action::Move(..) | Action::Show(_) | Action::Tool(_)
+        )
 }
 
 #[test]
@@ -118,10 +139,16 @@ fn every_key_triggers_its_action() {
             app.screen.log.dismiss();
             let before = state(&app);
             let combination = crokey::parse(key).expect("a key");
-            let crokey::OneToThree::One(code) = combination.codes else { panic!("{key} is one key") };
+            let crokey::OneToThree::One(code) = combination.codes else {
+                panic!("{key} is one key")
+            };
             press_with(&mut app, code, combination.modifiers);
             draw(&mut app, 80, 24);
-            assert!(is_quiet(binding) || state(&app) != before, "{key} does nothing for {}", binding.name);
+            assert!(
+                is_quiet(binding) || state(&app) != before,
+                "{key} does nothing for {}",
+                binding.name
+            );
         }
     }
 }
@@ -133,7 +160,9 @@ fn every_action_without_a_key_is_found_by_name() {
     for binding in bindings().filter(|b| b.keys.is_empty()) {
         press(&mut app, KeyCode::Char(':'));
         type_text(&mut app, binding.long);
-        let Some(Dialog::Pick(picker)) = app.screen.dialogs.last() else { panic!("the list is open") };
+        let Some(Dialog::Pick(picker)) = app.screen.dialogs.last() else {
+            panic!("the list is open")
+        };
         assert_eq!(picker.choice(), Some(&Choice::Act(binding.action)), "{}", binding.name);
         press(&mut app, KeyCode::Enter);
         let asks = !matches!(binding.action, Action::ExportFilm | Action::Compare);

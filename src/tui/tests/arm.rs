@@ -1,4 +1,5 @@
-//! The arm: projections, goals by mouse and keys, what makes no sense with it, and switching between worlds.
+//! The arm: projections, goals by mouse and keys, what makes no sense with it, and switching
+//! between worlds.
 
 use super::screens::check;
 use super::*;
@@ -27,7 +28,8 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> Ap
     draw(&mut app, width, height);
     let goal = app.screen.arm.goal;
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
-    let planes: Vec<_> = app.screen.layout.projections.iter().map(|projection| projection.plane).collect();
+    let planes: Vec<_> =
+        app.screen.layout.projections.iter().map(|projection| projection.plane).collect();
     let [low, high] = scene.positions();
     let field = |plane: &gdg::viewer::arm::Plane| {
         let (columns, rows) = plane.raster.pixels;
@@ -37,7 +39,11 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> Ap
             let down = top + ((i / columns) as f32 + 0.5) / rows as f32 * height;
             let at = plane.point([across, down], goal);
             let shown = (0..3).all(|i| (low[i]..=high[i]).contains(&at[i]));
-            if shown { 30.0 * (0..3).map(|i| (at[i] - goal[i]).abs()).fold(0.0, f32::max) } else { f32::NAN }
+            if shown {
+                30.0 * (0..3).map(|i| (at[i] - goal[i]).abs()).fold(0.0, f32::max)
+            } else {
+                f32::NAN
+            }
         };
         (0..columns * rows).map(value).collect::<Vec<f32>>()
     };
@@ -50,7 +56,9 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> Ap
         planes: Arc::new(planes),
         farthest: 12.0,
         pose: arm.pose(0),
-        candidates: Arc::new([[1.2, 0.7, 0.5], [1.35, 0.75, 0.7], [1.4, 0.8, 0.5]].map(candidate).to_vec()),
+        candidates: Arc::new(
+            [[1.2, 0.7, 0.5], [1.35, 0.75, 0.7], [1.4, 0.8, 0.5]].map(candidate).to_vec(),
+        ),
         path: vec![[1.35, 0.75, 0.7], goal],
         trail: vec![[1.31, 0.64, 0.47], arm.pose(0).grip],
         reach: Reach {
@@ -67,7 +75,8 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> Ap
     app.on_view(View::Arm(Arc::new(view)));
     let mut snapshot = (*app.screen.snapshot).clone();
     (snapshot.phase, snapshot.seconds, snapshot.rates) = (Phase::Running, 12.0, (80.0, 80.0));
-    (snapshot.counters.updates, snapshot.counters.env_steps, snapshot.counters.episodes) = (1_000, 1_200, 24);
+    (snapshot.counters.updates, snapshot.counters.env_steps, snapshot.counters.episodes) =
+        (1_000, 1_200, 24);
     let score = |success: f64| {
         let by_distance = [7.0, 11.5, 14.1].map(|cm| DistanceScore {
             distance_cm: Some(cm),
@@ -95,7 +104,12 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> Ap
 fn the_arm_matches_its_snapshots() {
     let plain = FetchReach::new(None, 0);
     for (width, height) in [(80, 24), (120, 40), (200, 60)] {
-        check(&format!("arm-{width}x{height}"), &mut staged_app(&plain, gdg(), width, height), width, height);
+        check(
+            &format!("arm-{width}x{height}"),
+            &mut staged_app(&plain, gdg(), width, height),
+            width,
+            height,
+        );
     }
     let mut app = staged_app(&plain, gdg(), 80, 24);
     app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
@@ -104,7 +118,10 @@ fn the_arm_matches_its_snapshots() {
     (app.screen.pane, app.screen.maximised) = (Pane::Curves, true);
     check("arm-curves-80x24", &mut app, 80, 24);
     let csv = crate::tui::export::contents(ExportKind::CurvesCsv, &app.screen).expect("a table");
-    assert!(String::from_utf8_lossy(&csv).contains(",greedy_at_7_cm,"), "groups are measured in centimetres");
+    assert!(
+        String::from_utf8_lossy(&csv).contains(",greedy_at_7_cm,"),
+        "groups are measured in centimetres"
+    );
     let mut app = staged_app(&plain, gdg(), 80, 24);
     press(&mut app, KeyCode::Char('?'));
     check("arm-help-80x24", &mut app, 80, 24);
@@ -139,12 +156,15 @@ fn a_click_sets_the_two_coordinates_that_are_shown() {
         for (n, third) in [(0, 1), (1, 0), (2, 2)] {
             app.set_arm_goal([1.3, 0.7, 0.5]);
             draw(&mut app, width, height);
-            let projection = app.screen.layout.projections[n.min(app.screen.layout.projections.len() - 1)].clone();
+            let projection = app.screen.layout.projections
+                [n.min(app.screen.layout.projections.len() - 1)]
+            .clone();
             let wanted = [1.4, 0.8, 0.6];
             let at = projection.frame.character_of(projection.flat(wanted)).expect("it is shown");
             mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
             mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
-            let (goal, third) = (app.screen.arm.goal, if height == 24 { [1, 0, 2][n] } else { third });
+            let (goal, third) =
+                (app.screen.arm.goal, if height == 24 { [1, 0, 2][n] } else { third });
             for i in 0..3 {
                 let expected = if i == third { [1.3, 0.7, 0.5][i] } else { wanted[i] };
                 assert!((goal[i] - expected).abs() < 0.03, "{n}: {goal:?}, {expected} at {i}");
@@ -184,11 +204,20 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
     let mut app = still_app();
     draw(&mut app, 200, 60);
     let free = app.screen.layout.projections[3].clone();
-    let middle = Position::new(free.frame.area.x + free.frame.area.width / 2, free.frame.area.y + 12);
+    let middle =
+        Position::new(free.frame.area.x + free.frame.area.width / 2, free.frame.area.y + 12);
     let (goal, orbit) = (app.screen.arm.goal, app.screen.arm.orbit);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), middle);
-    mouse(&mut app, MouseEventKind::Drag(MouseButton::Left), Position::new(middle.x + 5, middle.y + 2));
-    mouse(&mut app, MouseEventKind::Up(MouseButton::Left), Position::new(middle.x + 5, middle.y + 2));
+    mouse(
+        &mut app,
+        MouseEventKind::Drag(MouseButton::Left),
+        Position::new(middle.x + 5, middle.y + 2),
+    );
+    mouse(
+        &mut app,
+        MouseEventKind::Up(MouseButton::Left),
+        Position::new(middle.x + 5, middle.y + 2),
+    );
     assert!(app.screen.arm.goal == goal && app.screen.arm.orbit != orbit);
     draw(&mut app, 200, 60);
     let free = app.screen.layout.projections[3].clone();
@@ -207,7 +236,9 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
 fn what_needs_a_map_is_not_offered_and_says_why() {
     let mut app = still_app();
     draw(&mut app, 80, 24);
-    for action in [Action::ToggleEdit, Action::SaveMap, Action::NewMap, Action::Inspect, Action::Undo] {
+    for action in
+        [Action::ToggleEdit, Action::SaveMap, Action::NewMap, Action::Inspect, Action::Undo]
+    {
         app.act(action);
         let notice = app.screen.log.notice().expect("a notice").text;
         assert!(notice.starts_with("fetch-reach has no map, "), "{notice}");
@@ -248,7 +279,9 @@ fn the_arm_reaches_goals_and_goes_on_to_others() {
     // Starting at the goal, it arrives at once, whatever it has learned.
     press(&mut app, KeyCode::Char('S'));
     let first = app.screen.arm.goal;
-    wait_until(&mut app, |app| app.screen.arm.view.reach.finished.0 >= 1 && app.screen.arm.goal != first);
+    wait_until(&mut app, |app| {
+        app.screen.arm.view.reach.finished.0 >= 1 && app.screen.arm.goal != first
+    });
     let view = app.screen.arm.view.clone();
     assert!(view.planes.len() == 1 && view.fields[0].iter().any(|d| d.is_finite()), "D is shown");
     assert_eq!(view.pose.links().last().map(|[_, end]| end), Some(view.pose.grip));
@@ -275,7 +308,9 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
     wait_until(&mut app, |app| app.screen.scene() == SceneKind::Arm);
     assert_eq!(app.screen.arm.goal, goal);
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.arm.view.pose.grip[0] > 1.0 && !app.screen.arm.view.fields.is_empty());
+    wait_until(&mut app, |app| {
+        app.screen.arm.view.pose.grip[0] > 1.0 && !app.screen.arm.view.fields.is_empty()
+    });
     assert!(text(&draw(&mut app, 80, 24)).contains("fetch-reach"));
     press(&mut app, KeyCode::Char('v'));
     assert_eq!(app.screen.field, Field::FromStart);
@@ -297,7 +332,9 @@ fn maps_and_worlds_open_from_each_others_screens() {
         draw(&mut app, 80, 24);
         wait_until(&mut app, |app| match kind {
             SceneKind::Arm => !app.screen.arm.view.fields.is_empty(),
-            SceneKind::Maze => app.screen.maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster),
+            SceneKind::Maze => {
+                app.screen.maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster)
+            }
         });
     }
 }

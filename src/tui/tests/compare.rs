@@ -15,7 +15,8 @@ fn trainer(method: &str, seed: u64) -> Trainer {
     settings.learn.buffer_size = 20_000;
     settings.bridge.candidates = 40;
     let run = Run { method, preset, seed, settings };
-    Trainer::new(run, &PointMaze::new(Arc::new(rooms()), 0), &Registry::builtin(), 1).expect("a trainer")
+    Trainer::new(run, &PointMaze::new(Arc::new(rooms()), 0), &Registry::builtin(), 1)
+        .expect("a trainer")
 }
 
 fn comparison_with(methods: [&str; 2], limits: Limits) -> Comparison {
@@ -26,7 +27,10 @@ fn comparison_with(methods: [&str; 2], limits: Limits) -> Comparison {
     });
     let config = (UiConfig::default(), Keymap::new(&BTreeMap::new()).expect("the table's keys"));
     let mut comparison = Comparison::start(contestants, &config, limits).expect("a comparison");
-    comparison.apps().into_iter().for_each(|app| app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True));
+    comparison
+        .apps()
+        .into_iter()
+        .for_each(|app| app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True));
     comparison
 }
 
@@ -45,7 +49,12 @@ fn press(comparison: &mut Comparison, code: KeyCode) {
 }
 
 fn mouse(comparison: &mut Comparison, kind: MouseEventKind, at: Position) {
-    comparison.on_event(&Event::Mouse(MouseEvent { kind, column: at.x, row: at.y, modifiers: KeyModifiers::NONE }));
+    comparison.on_event(&Event::Mouse(MouseEvent {
+        kind,
+        column: at.x,
+        row: at.y,
+        modifiers: KeyModifiers::NONE,
+    }));
 }
 
 /// Returns the character that shows the centre of `cell` on a side.
@@ -97,7 +106,11 @@ fn stage(comparison: &mut Comparison) {
         let field = |i: usize| {
             let x = ((i % columns) as f32 + 0.5) / columns as f32 * width;
             let y = ((i / columns) as f32 + 0.5) / rows as f32 * height;
-            if map.is_free_at(x, y) { (1.5 + side as f32) * (x - 19.5).abs().max((y - 4.5).abs()) } else { f32::NAN }
+            if map.is_free_at(x, y) {
+                (1.5 + side as f32) * (x - 19.5).abs().max((y - 4.5).abs())
+            } else {
+                f32::NAN
+            }
         };
         let values: Vec<f32> = (0..columns * rows).map(field).collect();
         let view = MazeView {
@@ -106,7 +119,10 @@ fn stage(comparison: &mut Comparison) {
             farthest: 30.0,
             field: Arc::new(values),
             raster: Some(frame.raster),
-            exploration: Arc::new(gdg::viewer::maze::Exploration::new(&map, &vec![1; map.free().len()])),
+            exploration: Arc::new(gdg::viewer::maze::Exploration::new(
+                &map,
+                &vec![1; map.free().len()],
+            )),
             path: if side == 0 { vec![[10.5, 2.5], [19.5, 4.5]] } else { vec![[19.5, 4.5]] },
             trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
             walk: gdg::viewer::maze::Walk {
@@ -125,10 +141,16 @@ fn stage(comparison: &mut Comparison) {
 #[test]
 fn comparisons_match_their_snapshots() {
     for (width, height) in [(80, 24), (120, 40), (200, 60)] {
-        let mut comparison = comparison_with(["gdg-bridge", "gdg"], Limits { updates: Some(0), ..Limits::default() });
+        let mut comparison = comparison_with(
+            ["gdg-bridge", "gdg"],
+            Limits { updates: Some(0), ..Limits::default() },
+        );
         draw(&mut comparison, (width, height));
         stage(&mut comparison);
-        check_drawn(&format!("comparison-{width}x{height}"), &draw(&mut comparison, (width, height)));
+        check_drawn(
+            &format!("comparison-{width}x{height}"),
+            &draw(&mut comparison, (width, height)),
+        );
         if width == 80 {
             press(&mut comparison, KeyCode::Char('1'));
             draw(&mut comparison, (width, height));
@@ -150,11 +172,17 @@ fn comparisons_match_their_snapshots() {
 #[test]
 fn every_screen_size_can_be_drawn_and_small_ones_say_what_is_needed() {
     let mut comparison = comparison();
-    for size in [(1, 1), (2, 1), (1, 9), (7, 3), (40, 10), (59, 40), (60, 18), (200, 60), (400, 120)] {
+    for size in
+        [(1, 1), (2, 1), (1, 9), (7, 3), (40, 10), (59, 40), (60, 18), (200, 60), (400, 120)]
+    {
         for key in ['1', '2'] {
             press(&mut comparison, KeyCode::Char(key));
             let shown = text(&draw(&mut comparison, size));
-            assert_eq!(shown.contains("gdg-tui compare"), size.0 >= 60 && size.1 >= 18, "{size:?}: {shown}");
+            assert_eq!(
+                shown.contains("gdg-tui compare"),
+                size.0 >= 60 && size.1 >= 18,
+                "{size:?}: {shown}"
+            );
         }
         press(&mut comparison, KeyCode::Char('?'));
         draw(&mut comparison, size);
@@ -167,7 +195,9 @@ fn every_screen_size_can_be_drawn_and_small_ones_say_what_is_needed() {
 fn one_click_sets_both_goals_and_starts_both_agents_at_the_same_place() {
     let mut comparison = comparison();
     draw(&mut comparison, (80, 24));
-    for (side, goal, start) in [(0, Cell::new(2, 1), Cell::new(17, 3)), (1, Cell::new(15, 4), Cell::new(4, 0))] {
+    for (side, goal, start) in
+        [(0, Cell::new(2, 1), Cell::new(17, 3)), (1, Cell::new(15, 4), Cell::new(4, 0))]
+    {
         let at = character_of(&mut comparison, side, goal);
         mouse(&mut comparison, MouseEventKind::Down(MouseButton::Left), at);
         assert_eq!(comparison.apps().map(|app| app.screen.maze.goal), [goal; 2]);
@@ -175,7 +205,8 @@ fn one_click_sets_both_goals_and_starts_both_agents_at_the_same_place() {
         mouse(&mut comparison, MouseEventKind::Down(MouseButton::Right), at);
         wait_until(&mut comparison, |apps| {
             apps.iter().all(|app| {
-                app.screen.maze.view.walk.start == start.centre() && app.screen.maze.view.goal.0 == Some(goal)
+                app.screen.maze.view.walk.start == start.centre()
+                    && app.screen.maze.view.goal.0 == Some(goal)
             })
         });
     }
@@ -195,7 +226,13 @@ fn what_is_shown_changes_on_both_sides() {
         draw(&mut comparison, (80, 24));
         let [a, b] = comparison.apps().map(|app| {
             let screen = &app.screen;
-            (screen.field, screen.overlays, screen.maze.viewport, screen.maze.inspecting, screen.frozen)
+            (
+                screen.field,
+                screen.overlays,
+                screen.maze.viewport,
+                screen.maze.inspecting,
+                screen.frozen,
+            )
         });
         assert_eq!(a, b, "after {key}");
     }
@@ -211,7 +248,9 @@ fn what_is_shown_changes_on_both_sides() {
 fn pause_and_resume_apply_to_both() {
     let mut comparison = comparison();
     press(&mut comparison, KeyCode::Char(' '));
-    wait_until(&mut comparison, |apps| apps.iter().all(|app| app.screen.snapshot.phase == Phase::Paused));
+    wait_until(&mut comparison, |apps| {
+        apps.iter().all(|app| app.screen.snapshot.phase == Phase::Paused)
+    });
     assert!(text(&draw(&mut comparison, (80, 24))).contains("paused") && !comparison.is_training());
     let before = comparison.apps().map(|app| app.screen.snapshot.counters.updates);
     press(&mut comparison, KeyCode::Char(' '));
@@ -225,7 +264,9 @@ fn each_side_is_the_run_that_its_method_would_be_alone() {
     let limits = Limits { updates: Some(300), ..Limits::default() };
     let mut comparison = comparison_with(["gdg-bridge", "her"], limits);
     draw(&mut comparison, (80, 24));
-    wait_until(&mut comparison, |apps| apps.iter().all(|app| app.screen.snapshot.phase == Phase::Done));
+    wait_until(&mut comparison, |apps| {
+        apps.iter().all(|app| app.screen.snapshot.phase == Phase::Done)
+    });
     press(&mut comparison, KeyCode::Char('n'));
     for (method, trained) in ["gdg-bridge", "her"].into_iter().zip(comparison.stop()) {
         let trained = trained.expect("a trainer");
@@ -236,8 +277,11 @@ fn each_side_is_the_run_that_its_method_would_be_alone() {
         }
         assert_eq!((alone.counters(), alone.losses()), (trained.counters(), trained.losses()));
         let policies = [&alone, &trained].map(|trainer| trainer.policy().expect("a policy"));
-        let distances = policies
-            .map(|policy| policy.distance(&[1.5, 1.5], &[17.5, 4.5], &mut gdg::learn::Scratch::default()).to_bits());
+        let distances = policies.map(|policy| {
+            policy
+                .distance(&[1.5, 1.5], &[17.5, 4.5], &mut gdg::learn::Scratch::default())
+                .to_bits()
+        });
         assert_eq!(distances[0], distances[1], "{method}");
         assert_eq!(alone.world().states(), trained.world().states());
     }
@@ -254,14 +298,20 @@ fn quitting_asks_nothing_and_help_says_that_nothing_is_saved() {
     assert!(comparison.is_done());
     let closed = comparison.close();
     assert!(closed.saved.is_ok() && !closed.failed);
-    assert!(closed.summary.contains("A: gdg-bridge on rooms") && closed.summary.contains("B: gdg on rooms"));
+    assert!(
+        closed.summary.contains("A: gdg-bridge on rooms")
+            && closed.summary.contains("B: gdg on rooms")
+    );
     assert!(!closed.summary.contains("not saved"), "nothing ever is: {}", closed.summary);
 }
 
 #[test]
 fn both_maps_are_pictures_where_the_terminal_shows_them() {
     let mut comparison = comparison();
-    comparison.set_graphics(Some(Graphics { protocol: Protocol::Sixel, character: (8, 16) }), Redraw::All);
+    comparison.set_graphics(
+        Some(Graphics { protocol: Protocol::Sixel, character: (8, 16) }),
+        Redraw::All,
+    );
     draw(&mut comparison, (120, 40));
     let areas: Vec<_> = comparison.pictures().iter().map(|picture| picture.area).collect();
     let maps = comparison.apps().map(|app| app.screen.layout.map.as_ref().map(|map| map.area));
@@ -297,7 +347,10 @@ fn a_refused_key_does_not_hide_what_the_next_one_did() {
 #[test]
 fn contour_lines_are_as_many_steps_apart_on_both_sides() {
     for pictures in [false, true] {
-        let mut comparison = comparison_with(["gdg-bridge", "gdg"], Limits { updates: Some(0), ..Limits::default() });
+        let mut comparison = comparison_with(
+            ["gdg-bridge", "gdg"],
+            Limits { updates: Some(0), ..Limits::default() },
+        );
         if pictures {
             let graphics = Graphics { protocol: Protocol::Sixel, character: (8, 16) };
             comparison.set_graphics(Some(graphics), Redraw::All);
@@ -306,12 +359,14 @@ fn contour_lines_are_as_many_steps_apart_on_both_sides() {
         stage(&mut comparison);
         let view = comparison.apps()[1].screen.maze.view.clone();
         let farther = Arc::new(view.field.iter().map(|steps| 4.0 * steps).collect::<Vec<f32>>());
-        comparison.on_view(1, &View::Maze(Arc::new(MazeView { field: farther, ..(*view).clone() })));
+        comparison
+            .on_view(1, &View::Maze(Arc::new(MazeView { field: farther, ..(*view).clone() })));
         draw(&mut comparison, (120, 40));
         draw(&mut comparison, (120, 40));
         let intervals = |app: &mut App| {
             let layout = &app.screen.layout;
-            [layout.own_contour_interval, layout.contour_interval].map(|interval| interval.expect("contour lines"))
+            [layout.own_contour_interval, layout.contour_interval]
+                .map(|interval| interval.expect("contour lines"))
         };
         let [a, b] = comparison.apps().map(intervals);
         assert!(a[0] < b[0], "the second side's distances are longer: {a:?} {b:?}");

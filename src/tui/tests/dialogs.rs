@@ -51,7 +51,9 @@ fn errors_are_shown_in_full_and_in_their_own_colour() {
 #[test]
 fn the_footer_keeps_its_ends_where_room_is_short() {
     let mut app = app();
-    for (width, shown) in [(60, ["Space pause", "? help", "q quit"]), (40, ["Space pause", "? help", "q quit"])] {
+    for (width, shown) in
+        [(60, ["Space pause", "? help", "q quit"]), (40, ["Space pause", "? help", "q quit"])]
+    {
         let terminal = draw(&mut app, width, 20);
         let footer = text(&terminal).lines().last().expect("a footer").to_owned();
         assert!(shown.iter().all(|part| footer.contains(part)), "{width} columns: {footer}");
@@ -148,7 +150,8 @@ fn an_evaluation_can_be_asked_for_even_while_training_is_paused() {
     wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Paused);
     let shown = text(&draw(&mut app, 80, 24));
     assert!(shown.contains("next      paused, y: now"), "{shown}");
-    let (before, updates) = (app.screen.snapshot.evaluations.len(), app.screen.snapshot.counters.updates);
+    let (before, updates) =
+        (app.screen.snapshot.evaluations.len(), app.screen.snapshot.counters.updates);
     press(&mut app, KeyCode::Char('y'));
     wait_until(&mut app, |app| app.screen.snapshot.evaluations.len() > before);
     assert_eq!(app.screen.snapshot.evaluations.last().map(|(at, _)| *at), Some(updates));
@@ -169,7 +172,9 @@ fn learners_show_only_the_losses_they_have() {
 #[test]
 fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
     let folder = tempfile::tempdir().expect("a folder");
-    let start = |app: &App| Choice::StartOn(Arc::new(Grid::empty("hall", 30, app.screen.maze.map.height())), None);
+    let start = |app: &App| {
+        Choice::StartOn(Arc::new(Grid::empty("hall", 30, app.screen.maze.map.height())), None)
+    };
     std::fs::write(folder.path().join("file"), b"").expect("written");
     for (place, works) in [("run.safetensors", true), ("file/run.safetensors", false)] {
         let path = folder.path().join(place);
@@ -215,7 +220,8 @@ fn a_changed_setting_is_named_with_its_old_and_new_value() {
     let before = run.settings.learn.batch_size;
     run.settings.learn.batch_size = 16;
     app.command(gdg::engine::Command::Change(Box::new(run.clone())));
-    let logged = |app: &App, text: &str| app.screen.log.entries().iter().any(|entry| entry.text == text);
+    let logged =
+        |app: &App, text: &str| app.screen.log.entries().iter().any(|entry| entry.text == text);
     wait_until(&mut app, |app| logged(app, &format!("batch_size {before} -> 16")));
     run.settings.learn.hidden = 8;
     app.command(gdg::engine::Command::Change(Box::new(run)));
@@ -282,7 +288,8 @@ fn an_autosave_that_fails_is_tried_again_in_a_paused_run() {
     let folder = tempfile::tempdir().expect("a folder");
     let blocked = folder.path().join("runs");
     std::fs::write(&blocked, "a file, where a folder is needed").expect("a file");
-    let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(blocked.join("run.safetensors")));
+    let mut app =
+        app_saving_to(rooms(), gdg(), Limits::default(), Some(blocked.join("run.safetensors")));
     wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
     press(&mut app, KeyCode::Char(' '));
     wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
@@ -314,7 +321,10 @@ fn an_old_error_goes_away_when_a_dialog_opens_and_a_new_one_stays() {
     let mut app = app();
     app.report("the disk is full");
     press(&mut app, KeyCode::Char('n'));
-    assert!(app.screen.log.notice().is_some_and(|notice| notice.is_error), "it stays while nothing covers the map");
+    assert!(
+        app.screen.log.notice().is_some_and(|notice| notice.is_error),
+        "it stays while nothing covers the map"
+    );
     press(&mut app, KeyCode::Char('o'));
     assert!(app.screen.log.notice().is_none());
     app.report("the disk is still full");
@@ -329,7 +339,8 @@ fn a_map_is_recent_once_it_has_been_opened() {
     let mut app = app();
     app.choose(Choice::OpenMap(file.clone()));
     let Some(Dialog::Pick(question)) = app.screen.dialogs.last() else { panic!("a question") };
-    let starts = |item: &Item| matches!(&item.choice, Choice::StartOn(_, Some(from)) if *from == file);
+    let starts =
+        |item: &Item| matches!(&item.choice, Choice::StartOn(_, Some(from)) if *from == file);
     assert!(question.items().any(starts), "what is picked records the file");
 }
 
@@ -338,9 +349,21 @@ fn facts_about_a_cell_are_not_cut_on_narrow_screens() {
     let mut app = staged_app(80, 24);
     let cell = app.screen.maze.map.free_cells().last().expect("a free cell");
     for (truth, visits, expected) in [
-        (Some(80), Some(7), format!(" cell {},{}: D 100.4, true 80 (+26 %), 7 visits", cell.x, cell.y)),
-        (Some(80), Some(12_345), format!(" cell {},{}: D 100.4, true 80 (+26 %), 12.3k visits", cell.x, cell.y)),
-        (Some(0), Some(99), format!(" {},{}: D 100.4, true 0 (+100.4 steps), 99 visits", cell.x, cell.y)),
+        (
+            Some(80),
+            Some(7),
+            format!(" cell {},{}: D 100.4, true 80 (+26 %), 7 visits", cell.x, cell.y),
+        ),
+        (
+            Some(80),
+            Some(12_345),
+            format!(" cell {},{}: D 100.4, true 80 (+26 %), 12.3k visits", cell.x, cell.y),
+        ),
+        (
+            Some(0),
+            Some(99),
+            format!(" {},{}: D 100.4, true 0 (+100.4 steps), 99 visits", cell.x, cell.y),
+        ),
         (Some(0), Some(12_345), format!(" {},{}: D 100.4, true 0 (+100.4 steps)", cell.x, cell.y)),
     ] {
         let mut view = (*app.screen.maze.view).clone();
@@ -367,7 +390,10 @@ fn a_restart_with_another_seed_offers_to_save_what_would_be_lost() {
         press(&mut app, KeyCode::Esc);
         press(&mut app, KeyCode::Char('R'));
         press(&mut app, KeyCode::Enter);
-        assert!(text(&draw(&mut app, 80, 24)).contains("start a new run on this map with seed 2 without saving"));
+        assert!(
+            text(&draw(&mut app, 80, 24))
+                .contains("start a new run on this map with seed 2 without saving")
+        );
         press(&mut app, KeyCode::Char(answer));
         if answer == 'n' {
             assert!(app.screen.dialogs.is_empty() && app.screen.run().seed == 1, "nothing happens");
@@ -403,6 +429,9 @@ fn headers_are_not_cut_within_a_word() {
     for width in [40, 44, 48, 60, 80] {
         let shown = text(&draw(&mut app, width, 16));
         let header = shown.lines().next().unwrap_or_default().trim_end();
-        assert!(["training", "unsaved"].iter().any(|end| header.ends_with(end)), "{width}: {header}");
+        assert!(
+            ["training", "unsaved"].iter().any(|end| header.ends_with(end)),
+            "{width}: {header}"
+        );
     }
 }

@@ -11,12 +11,19 @@ fn a_saved_run_is_offered_and_resumed_by_key_or_click() {
         let found = saved_run(folder.path(), &app);
         app.offer(found.clone());
         let shown = text(&draw(&mut app, 120, 40));
-        assert!(shown.contains("gdg: 0 updates, seed 1, saved just now: r resumes  Esc hides"), "{shown}");
+        assert!(
+            shown.contains("gdg: 0 updates, seed 1, saved just now: r resumes  Esc hides"),
+            "{shown}"
+        );
         if by_key {
             press(&mut app, KeyCode::Char('r'));
         } else {
             let row = shown.lines().position(|line| line.contains("resumes")).expect("a line");
-            let column = shown.lines().nth(row).and_then(|line| line.split("resumes").next()).expect("a line");
+            let column = shown
+                .lines()
+                .nth(row)
+                .and_then(|line| line.split("resumes").next())
+                .expect("a line");
             let at = Position::new(column.chars().count() as u16, row as u16);
             mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
         }
@@ -31,7 +38,12 @@ fn a_saved_run_is_offered_and_resumed_by_key_or_click() {
 fn a_resumed_run_goes_on_with_its_goal() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("own.safetensors");
-    let mut app = app_saving_to(rooms(), gdg(), Limits { updates: Some(0), ..Limits::default() }, Some(path.clone()));
+    let mut app = app_saving_to(
+        rooms(),
+        gdg(),
+        Limits { updates: Some(0), ..Limits::default() },
+        Some(path.clone()),
+    );
     let own = Cell::new(3, 4);
     assert_ne!(app.screen.maze.goal, own);
     app.set_goal(own);
@@ -64,7 +76,10 @@ fn the_first_run_says_what_there_is_to_see_until_it_is_used() {
         let mut app = app();
         app.screen.first_run = true;
         let shown = text(&draw(&mut app, 80, 24));
-        assert!(shown.contains(" light = near G \u{b7} click: a new goal \u{b7} ? help "), "{shown}");
+        assert!(
+            shown.contains(" light = near G \u{b7} click: a new goal \u{b7} ? help "),
+            "{shown}"
+        );
         by(&mut app);
         (app.screen.first_run, app)
     };
@@ -78,7 +93,10 @@ fn the_first_run_says_what_there_is_to_see_until_it_is_used() {
     let (shown, mut app) = start(&|app| press(app, KeyCode::Char(' ')));
     assert!(shown, "pausing is no use of goals");
     let wide = text(&draw(&mut app, 200, 60));
-    assert!(wide.contains(" light = few steps to G \u{b7} click anywhere: a new goal \u{b7} ? help "), "{wide}");
+    assert!(
+        wide.contains(" light = few steps to G \u{b7} click anywhere: a new goal \u{b7} ? help "),
+        "{wide}"
+    );
     app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
     assert!(text(&draw(&mut app, 80, 24)).contains(" @ walks to G \u{b7}"));
     draw(&mut app, 5, 3);
@@ -86,7 +104,8 @@ fn the_first_run_says_what_there_is_to_see_until_it_is_used() {
 
 #[test]
 fn the_first_walk_starts_at_the_maps_own_start() {
-    let map = parse_map("start", b"..........\n.......S..\n..........\nG.........\n").expect("a map");
+    let map =
+        parse_map("start", b"..........\n.......S..\n..........\nG.........\n").expect("a map");
     let mut app = app_on(map, gdg());
     wait_until(&mut app, |app| app.screen.maze.view.walk.steps > 0);
     assert_eq!(app.screen.maze.view.walk.start, Cell::new(7, 1).centre());
@@ -94,12 +113,17 @@ fn the_first_walk_starts_at_the_maps_own_start() {
 
 #[test]
 fn a_goal_without_a_path_is_said_and_drawn() {
-    let map = parse_map("cut", b"..........#...\n.......S..#...\n..........#...\nG.........#...\n").expect("a map");
+    let map = parse_map("cut", b"..........#...\n.......S..#...\n..........#...\nG.........#...\n")
+        .expect("a map");
     let mut app = app_on(map, gdg());
     app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
     draw(&mut app, 80, 24);
-    let said = |app: &App| app.screen.log.entries().iter().filter(|e| e.text.starts_with("no path leads")).count();
-    wait_until(&mut app, |app| app.screen.maze.view.cut_off.contains(&true) && app.screen.maze.view.walk.steps > 0);
+    let said = |app: &App| {
+        app.screen.log.entries().iter().filter(|e| e.text.starts_with("no path leads")).count()
+    };
+    wait_until(&mut app, |app| {
+        app.screen.maze.view.cut_off.contains(&true) && app.screen.maze.view.walk.steps > 0
+    });
     assert_eq!(said(&app), 0, "@ and G are on the same side");
     wait_until(&mut app, |app| !app.screen.maze.view.path.is_empty());
     // Agents hide some of the marks.
@@ -123,7 +147,9 @@ fn a_goal_without_a_path_is_said_and_drawn() {
 #[test]
 fn what_changes_nothing_is_answered() {
     let mut app = app();
-    let notice = |app: &App| app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
+    let notice = |app: &App| {
+        app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default()
+    };
     press(&mut app, KeyCode::Char('u'));
     assert_eq!(notice(&app), "nothing to undo");
     app.act(Action::Redo);
@@ -137,7 +163,9 @@ fn what_changes_nothing_is_answered() {
 #[test]
 fn undone_and_redone_steps_are_named_with_what_they_change() {
     let mut app = app();
-    let says = |app: &App, text: &str| app.screen.log.notice().is_some_and(|notice| notice.text.starts_with(text));
+    let says = |app: &App, text: &str| {
+        app.screen.log.notice().is_some_and(|notice| notice.text.starts_with(text))
+    };
     app.act(Action::ToggleEdit);
     app.act(Action::Apply);
     wait_until(&mut app, |app| says(app, "1 cell walled"));
@@ -163,11 +191,20 @@ fn on_narrow_screens_a_line_says_how_to_draw_until_something_is_drawn() {
     let hint = "drag: walls, right drag: floor";
     let rows = |app: &mut App, width| {
         let shown = text(&draw(app, width, 24));
-        shown.lines().enumerate().filter(|(_, row)| row.contains(hint)).map(|(y, _)| y).collect::<Vec<_>>()
+        shown
+            .lines()
+            .enumerate()
+            .filter(|(_, row)| row.contains(hint))
+            .map(|(y, _)| y)
+            .collect::<Vec<_>>()
     };
     assert_eq!(rows(&mut app, 80), Vec::<usize>::new(), "the editor is closed");
     app.act(Action::ToggleEdit);
-    assert_eq!((rows(&mut app, 80), rows(&mut app, 140)), (vec![1], vec![23]), "over the map, or beside the tools");
+    assert_eq!(
+        (rows(&mut app, 80), rows(&mut app, 140)),
+        (vec![1], vec![23]),
+        "over the map, or beside the tools"
+    );
     app.act(Action::Apply);
     wait_until(&mut app, |app| app.screen.maze.editor.has_changed);
     assert_eq!((rows(&mut app, 80), rows(&mut app, 140)), (vec![], vec![23]));
@@ -185,7 +222,12 @@ fn escape_leads_back_from_an_explorer_to_the_walking_agent() {
     assert_eq!(app.screen.following, Some(1));
     press(&mut app, KeyCode::Esc);
     assert_eq!(app.screen.following, None);
-    assert!(app.screen.log.notice().is_some_and(|notice| notice.text == "following the walking agent @"));
+    assert!(
+        app.screen
+            .log
+            .notice()
+            .is_some_and(|notice| notice.text == "following the walking agent @")
+    );
 }
 
 #[test]
@@ -193,7 +235,10 @@ fn the_summary_fits_into_80_columns() {
     let mut app = app();
     wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
     let summary = app.screen.summary();
-    assert!(summary.starts_with("gdg-bridge on rooms, seed ") && summary.contains(" updates in "), "{summary}");
+    assert!(
+        summary.starts_with("gdg-bridge on rooms, seed ") && summary.contains(" updates in "),
+        "{summary}"
+    );
     // Enough room for millions of updates on a map with a longer name.
     assert!(summary.lines().all(|line| line.len() < 60), "{summary}");
 }
@@ -228,7 +273,9 @@ fn pausing_and_single_updates_are_answered_exactly() {
     let mut app = app_with(rooms(), gdg(), limits);
     wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Done);
     press(&mut app, KeyCode::Char('.'));
-    wait_until(&mut app, |app| app.screen.log.notice().is_some_and(|notice| notice.text.starts_with("no step")));
+    wait_until(&mut app, |app| {
+        app.screen.log.notice().is_some_and(|notice| notice.text.starts_with("no step"))
+    });
 }
 
 #[test]
@@ -236,12 +283,17 @@ fn random_steps_are_no_updates_and_their_success_is_not_the_methods() {
     let mut app = app();
     wait_until(&mut app, |app| app.screen.snapshot.evaluation().is_some());
     let own = app.screen.run().clone();
-    let run = |name: &str| Command::Change(Box::new(Run { method: name.parse().expect("a method"), ..own.clone() }));
+    let run = |name: &str| {
+        Command::Change(Box::new(Run { method: name.parse().expect("a method"), ..own.clone() }))
+    };
     app.command(run("random"));
     wait_until(&mut app, |app| !app.screen.snapshot.learns);
     let (updates, counted) = (app.screen.snapshot.updates(), app.screen.snapshot.counters.updates);
     // It may have stepped before the first snapshot.
-    assert!(updates <= counted && app.screen.success().is_none(), "the success was another method's");
+    assert!(
+        updates <= counted && app.screen.success().is_none(),
+        "the success was another method's"
+    );
     let began = Instant::now();
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > counted + 20);
     assert_eq!(app.screen.snapshot.updates(), updates, "random learns nothing");
@@ -261,13 +313,21 @@ fn clicks_on_walls_and_scales_of_curves_are_answered() {
     let mut app = app();
     draw(&mut app, 80, 24);
     let map = app.screen.maze.map.clone();
-    let wall = (0..map.width() * map.height()).map(|i| map.cell(i)).find(|cell| !map.is_free(*cell)).expect("a wall");
+    let wall = (0..map.width() * map.height())
+        .map(|i| map.cell(i))
+        .find(|cell| !map.is_free(*cell))
+        .expect("a wall");
     let at = character_of(&app, wall);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-    let notice = |app: &App| app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
+    let notice = |app: &App| {
+        app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default()
+    };
     let goal = app.screen.maze.goal;
     assert!(map.is_free(goal));
-    assert!(notice(&app).ends_with(&format!("is a wall: G is at the nearest free cell, {},{}", goal.x, goal.y)));
+    assert!(
+        notice(&app)
+            .ends_with(&format!("is a wall: G is at the nearest free cell, {},{}", goal.x, goal.y))
+    );
     press(&mut app, KeyCode::Char('g'));
     assert_eq!(notice(&app), "curves of losses and distances on logarithmic scales");
 }
@@ -278,7 +338,9 @@ fn at_the_goal_the_error_of_d_is_in_steps() {
     draw(&mut app, 120, 40);
     press(&mut app, KeyCode::Char('i'));
     let goal = app.screen.maze.goal;
-    wait_until(&mut app, |app| app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == goal));
+    wait_until(&mut app, |app| {
+        app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == goal)
+    });
     let shown = text(&draw(&mut app, 120, 40));
     let line = shown.lines().find(|line| line.contains("true 0")).expect("a line about the cell");
     assert!(line.contains("true 0 (+") && line.contains(" steps)"), "{line}");
@@ -295,7 +357,12 @@ fn a_key_without_a_meaning_names_help_and_the_list_of_commands() {
     // It hides no error.
     app.report("the disk is full");
     press(&mut app, KeyCode::F(9));
-    assert!(app.screen.log.notice().is_some_and(|notice| notice.is_error && notice.text == "the disk is full"));
+    assert!(
+        app.screen
+            .log
+            .notice()
+            .is_some_and(|notice| notice.is_error && notice.text == "the disk is full")
+    );
 }
 
 #[test]

@@ -41,7 +41,8 @@ fn what_is_unsaved_behind_a_frozen_screen_is_asked_about_and_saved_on_a_signal()
 fn nothing_is_asked_about_where_nothing_is_unsaved() {
     let mut app = staged_app(80, 24);
     train_frozen(&mut app, 0.0, |latest| {
-        latest.saved = Some((latest.counters.updates, Arc::new(PathBuf::from("saves/kept.safetensors"))));
+        latest.saved =
+            Some((latest.counters.updates, Arc::new(PathBuf::from("saves/kept.safetensors"))));
     });
     press(&mut app, KeyCode::Char('q'));
     assert!(app.is_done());
@@ -87,5 +88,8 @@ fn settings_changed_one_after_the_other_on_a_frozen_screen_are_all_kept() {
         wait_until(&mut app, is_set);
     }
     let settings = train::list_settings(&app.screen.run().settings);
-    assert!(settings.contains(&("expectile".to_owned(), "0.7".to_owned())), "the first change is kept");
+    assert!(
+        settings.contains(&("expectile".to_owned(), "0.7".to_owned())),
+        "the first change is kept"
+    );
 }

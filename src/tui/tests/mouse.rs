@@ -8,7 +8,8 @@ use crate::tui::render::MIN_SCREEN;
 
 /// Clicks on the first place that shows `text`.
 fn click(app: &mut App, (width, height): (u16, u16), text: &str) {
-    let at = place_of(app, (width, height), text).unwrap_or_else(|| panic!("{text:?} is not shown"));
+    let at =
+        place_of(app, (width, height), text).unwrap_or_else(|| panic!("{text:?} is not shown"));
     mouse(app, MouseEventKind::Down(MouseButton::Left), at);
     mouse(app, MouseEventKind::Up(MouseButton::Left), at);
 }
@@ -46,9 +47,11 @@ fn every_key_in_the_footer_is_clickable() {
 
 #[test]
 fn the_header_shows_the_run_and_a_click_changes_it() {
-    for (text, title) in
-        [("gdg-bridge", "continue with method"), ("default", "continue with preset"), ("seed", "restart with seed")]
-    {
+    for (text, title) in [
+        ("gdg-bridge", "continue with method"),
+        ("default", "continue with preset"),
+        ("seed", "restart with seed"),
+    ] {
         let mut app = app();
         click(&mut app, SMALL, text);
         let shown = match app.screen.dialogs.last() {
@@ -81,7 +84,8 @@ fn clicks_on_a_maximised_pane_do_not_reach_the_map() {
     let goal = app.screen.maze.goal;
     press(&mut app, KeyCode::Char('z'));
     draw(&mut app, 80, 24);
-    for kind in [MouseEventKind::Down(MouseButton::Left), MouseEventKind::Down(MouseButton::Right)] {
+    for kind in [MouseEventKind::Down(MouseButton::Left), MouseEventKind::Down(MouseButton::Right)]
+    {
         mouse(&mut app, kind, Position::new(20, 12));
     }
     assert_eq!(app.screen.maze.goal, goal);
@@ -94,7 +98,10 @@ fn clicks_select_the_editor_tools() {
     click(&mut app, SMALL, "box");
     assert_eq!(app.screen.maze.editor.tool, crate::tui::scene::Tool::Rectangle);
     app.notify("8 cells walled up");
-    assert!(place_of(&mut app, SMALL, "8 cells walled up").is_some_and(|at| at.y == SMALL.1 - 2), "above the tools");
+    assert!(
+        place_of(&mut app, SMALL, "8 cells walled up").is_some_and(|at| at.y == SMALL.1 - 2),
+        "above the tools"
+    );
     click(&mut app, SMALL, "done");
     assert!(!app.screen.maze.editor.is_open());
 }
@@ -121,7 +128,8 @@ fn clicks_answer_and_close_dialogs() {
 
 /// Returns an app on a map much wider than its pane, drawn once.
 fn wide() -> App {
-    let map = parse_map("wide", format!("{}\n", ".".repeat(200)).repeat(120).as_bytes()).expect("a map");
+    let map =
+        parse_map("wide", format!("{}\n", ".".repeat(200)).repeat(120).as_bytes()).expect("a map");
     let mut app = app_on(map, gdg());
     draw(&mut app, 80, 24);
     app
@@ -143,7 +151,10 @@ fn zooming_keeps_the_place_under_the_mouse_and_can_be_reset() {
     turn_wheel(&mut app, at, 8);
     let frame = app.screen.layout.map.clone().expect("a map");
     let under = frame.cell_at(at, &app.screen.maze.map).expect("on the map");
-    assert!(under.x.abs_diff(cell.x) < 4 && under.y.abs_diff(cell.y) < 6, "{under:?} is far from {cell:?}");
+    assert!(
+        under.x.abs_diff(cell.x) < 4 && under.y.abs_diff(cell.y) < 6,
+        "{under:?} is far from {cell:?}"
+    );
     assert!(frame.raster.window[2] < 60.0, "{:?}", frame.raster.window);
     let before = frame.raster.window;
     press_with(&mut app, KeyCode::Left, KeyModifiers::SHIFT);
@@ -154,7 +165,11 @@ fn zooming_keeps_the_place_under_the_mouse_and_can_be_reset() {
         press_with(&mut app, KeyCode::Up, KeyModifiers::SHIFT);
         draw(&mut app, 80, 24);
     }
-    assert_eq!(app.screen.layout.map.clone().expect("a map").raster.window[1], 0.0, "not beyond the map");
+    assert_eq!(
+        app.screen.layout.map.clone().expect("a map").raster.window[1],
+        0.0,
+        "not beyond the map"
+    );
     press(&mut app, KeyCode::Char('0'));
     draw(&mut app, 80, 24);
     assert!(app.screen.layout.map.clone().expect("a map").raster.window[2] >= 200.0);

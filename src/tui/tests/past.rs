@@ -21,8 +21,9 @@ fn film(app: &App, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
     let (states, _) = points.states.as_chunks::<2>();
     for updates in updates {
         let share = *updates as f32 / 10_000.0;
-        let distance =
-            |at: &[f32; 2]| 30.0 * (1.0 - share) + 3.0 * share * (at[0] - 19.5).abs().max((at[1] - 4.5).abs());
+        let distance = |at: &[f32; 2]| {
+            30.0 * (1.0 - share) + 3.0 * share * (at[0] - 19.5).abs().max((at[1] - 4.5).abs())
+        };
         let distances: Vec<f32> = states.iter().map(distance).collect();
         film.add((*updates, 32 * updates), &world, &points, &distances);
     }
@@ -116,13 +117,20 @@ fn the_past_shows_its_agents_and_its_goal_and_nothing_of_the_present() {
     let buffer = terminal.backend().buffer();
     assert_eq!(buffer[goal].symbol(), "G", "the goal of the film");
     assert_ne!(buffer[character_of(&app, Cell::new(3, 1))].symbol(), "G");
-    assert!(!app.screen.layout.map.is_none_or(|frame| frame.area.positions().any(|at| buffer[at].symbol() == "@")));
+    assert!(
+        !app.screen
+            .layout
+            .map
+            .is_none_or(|frame| frame.area.positions().any(|at| buffer[at].symbol() == "@"))
+    );
 }
 
 #[test]
 fn whatever_is_about_the_present_returns_to_it() {
     let mut app = filmed_app(&[1, 2_500], 80, 24);
-    for action in [Action::NewGoal, Action::Field(true), Action::ToggleEdit, Action::NewStart, Action::Follow] {
+    for action in
+        [Action::NewGoal, Action::Field(true), Action::ToggleEdit, Action::NewStart, Action::Follow]
+    {
         app.act(Action::Back);
         assert!(shown_update(&app).is_some(), "{action:?}");
         app.act(action);
@@ -167,12 +175,20 @@ fn the_marker_on_the_curves_is_where_a_click_leads_there() {
             .area
             .positions()
             .filter(|at| {
-                terminal.backend().buffer()[*at].fg == style && terminal.backend().buffer()[*at].symbol() != " "
+                terminal.backend().buffer()[*at].fg == style
+                    && terminal.backend().buffer()[*at].symbol() != " "
             })
             .map(|at| at.x)
             .collect();
-        assert!(!marked.is_empty() && marked.iter().all(|x| *x == marked[0]), "one column: {marked:?}");
-        mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(marked[0], chart.area.y));
+        assert!(
+            !marked.is_empty() && marked.iter().all(|x| *x == marked[0]),
+            "one column: {marked:?}"
+        );
+        mouse(
+            &mut app,
+            MouseEventKind::Down(MouseButton::Left),
+            Position::new(marked[0], chart.area.y),
+        );
         assert_eq!(shown_update(&app), Some(7_500));
     }
 }
@@ -202,7 +218,9 @@ fn the_film_is_exported_from_any_moment() {
 fn the_viewer_shows_the_past_while_training_goes_on() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.film.len() > 1 && app.screen.maze.view.raster.is_some());
+    wait_until(&mut app, |app| {
+        app.screen.snapshot.film.len() > 1 && app.screen.maze.view.raster.is_some()
+    });
     type_text(&mut app, "[[");
     assert_eq!(shown_update(&app), Some(1));
     wait_until(&mut app, |app| app.screen.shown_past().is_some());
@@ -212,7 +230,8 @@ fn the_viewer_shows_the_past_while_training_goes_on() {
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates + 20);
     assert!(Arc::ptr_eq(&field, &app.screen.maze.view.field), "the past does not change");
     press(&mut app, KeyCode::Char('i'));
-    let of_then = |app: &App| app.screen.maze.view.inspected.is_some_and(|cell| cell.visits.is_none());
+    let of_then =
+        |app: &App| app.screen.maze.view.inspected.is_some_and(|cell| cell.visits.is_none());
     wait_until(&mut app, of_then);
     assert!(app.screen.maze.view.inspected.is_some_and(|cell| cell.learned.is_finite()));
     press(&mut app, KeyCode::Char('i'));
@@ -223,7 +242,9 @@ fn the_viewer_shows_the_past_while_training_goes_on() {
     wait_until(&mut app, |app| app.screen.shown_past().is_some_and(|frame| frame.updates > 1));
     assert_eq!(app.screen.snapshot.counters.updates, updates);
     press(&mut app, KeyCode::Esc);
-    wait_until(&mut app, |app| app.screen.shown_past().is_none() && app.screen.snapshot.counters.updates > updates);
+    wait_until(&mut app, |app| {
+        app.screen.shown_past().is_none() && app.screen.snapshot.counters.updates > updates
+    });
 }
 
 #[test]

@@ -20,12 +20,15 @@ fn app_with_pictures() -> App {
     app
 }
 
-/// Returns the same with nothing but the map, the field, the goal and the walking agent, once the field is on the screen.
+/// Returns the same with nothing but the map, the field, the goal and the walking agent, once the
+/// field is on the screen.
 fn app_with_field(columns: u16, rows: u16) -> App {
     let mut app = app_with_pictures();
     hide_overlays(&mut app);
     draw(&mut app, columns, rows);
-    wait_until(&mut app, |app| app.screen.maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster));
+    wait_until(&mut app, |app| {
+        app.screen.maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster)
+    });
     draw(&mut app, columns, rows);
     app
 }
@@ -38,7 +41,9 @@ fn picture(app: &App) -> &Picture {
 fn colour(app: &App, at: [f32; 2], off: [f32; 2]) -> Rgb {
     let window = app.screen.layout.map.as_ref().expect("a map").raster.window;
     let pixmap = &picture(app).pixmap;
-    let pixel = |at: f32, from: f32, shown: f32, size: u32, off: f32| ((at - from) / shown * size as f32 + off) as u32;
+    let pixel = |at: f32, from: f32, shown: f32, size: u32, off: f32| {
+        ((at - from) / shown * size as f32 + off) as u32
+    };
     let x = pixel(at[0], window[0], window[2], pixmap.width(), off[0]);
     let y = pixel(at[1], window[1], window[3], pixmap.height(), off[1]);
     let pixel = pixmap.pixel(x, y).expect("on the map");
@@ -66,7 +71,10 @@ fn a_small_map_is_drawn_pixel_by_pixel() {
     let area = app.screen.layout.map.as_ref().expect("a map").area;
     let own = picture(&app);
     assert_eq!(own.area, area);
-    assert_eq!((own.pixmap.width(), own.pixmap.height()), (8 * u32::from(area.width), 16 * u32::from(area.height)));
+    assert_eq!(
+        (own.pixmap.width(), own.pixmap.height()),
+        (8 * u32::from(area.width), 16 * u32::from(area.height))
+    );
     assert_eq!(left_to_picture(&terminal, area), area.area() as usize - left_out(&terminal, area));
     let theme = app.screen.theme;
     // The wall has sharp edges, one pixel apart.
@@ -96,7 +104,8 @@ fn the_fields_colours_are_smooth_and_its_contours_thin() {
     app.screen.overlays.toggle(Overlay::Contours);
     draw(&mut app, 200, 60);
     assert!(app.screen.layout.contour_interval.is_some());
-    let changed = picture(&app).pixmap.pixels().iter().zip(smooth.pixels()).filter(|(a, b)| a != b).count();
+    let changed =
+        picture(&app).pixmap.pixels().iter().zip(smooth.pixels()).filter(|(a, b)| a != b).count();
     let all = smooth.pixels().len();
     assert!((1..all / 8).contains(&changed), "{changed} of {all} pixels");
 }
@@ -153,7 +162,8 @@ fn text_over_the_map_wins() {
     let terminal = draw(&mut app, 80, 24);
     assert!(text(&terminal).contains("\u{250c} help"), "{}", text(&terminal));
     assert!(left_to_picture(&terminal, area) < before / 2, "the help covers most of the map");
-    let bytes = patches.update(&app.pictures(), terminal.backend().buffer(), GRAPHICS).expect("encoded");
+    let bytes =
+        patches.update(&app.pictures(), terminal.backend().buffer(), GRAPHICS).expect("encoded");
     assert!(String::from_utf8_lossy(&bytes).contains("a=d"), "what is under the help is deleted");
     // A maximised pane takes the place of the map.
     press(&mut app, KeyCode::Esc);
@@ -173,7 +183,10 @@ fn pixels_are_for_terminals_with_pictures_and_colours() {
         !app.pictures().is_empty()
     };
     for theme in [ThemeName::Dark, ThemeName::Light, ThemeName::ColourBlindSafe] {
-        assert!(shows(Marker::Auto, Some(GRAPHICS), theme) && shows(Marker::Pixels, Some(GRAPHICS), theme));
+        assert!(
+            shows(Marker::Auto, Some(GRAPHICS), theme)
+                && shows(Marker::Pixels, Some(GRAPHICS), theme)
+        );
     }
     assert!(!shows(Marker::Auto, Some(GRAPHICS), ThemeName::Mono));
     assert!(!shows(Marker::Pixels, None, ThemeName::Dark));
@@ -226,14 +239,16 @@ fn maps_with_more_cells_than_pixels_lose_no_wall() {
     let own = &picture(&app).pixmap;
     assert!(own.width() < 300, "less than a pixel for two cells");
     let row = own.height() * 3 / 4;
-    let dark = |x: u32| own.pixel(x, row).is_some_and(|pixel| pixel.green() > 38 && pixel.red() < 60);
+    let dark =
+        |x: u32| own.pixel(x, row).is_some_and(|pixel| pixel.green() > 38 && pixel.red() < 60);
     let walls = (1..own.width()).filter(|x| dark(*x) && !dark(*x - 1)).count();
     assert_eq!(walls, 12);
 }
 
 #[test]
 fn the_line_below_counts_the_cells_of_a_pixel() {
-    let map = parse_map("wide", format!("{}\n", ".".repeat(150)).repeat(150).as_bytes()).expect("a map");
+    let map =
+        parse_map("wide", format!("{}\n", ".".repeat(150)).repeat(150).as_bytes()).expect("a map");
     let mut app = app_on(map, gdg());
     assert!(text(&draw(&mut app, 80, 24)).contains("1 dot = "));
     app.set_graphics(Some(GRAPHICS), Redraw::All);

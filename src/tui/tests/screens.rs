@@ -20,7 +20,8 @@ use crate::tui::render::pane_lines;
 use gdg::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
 use gdg::engine::{FollowedAgent, NextEvaluation, Snapshot};
 use gdg::train::{
-    CheckpointError, Counters, CurvePoint, Description, DistanceError, DistanceScore, Evaluation, Score, Success,
+    CheckpointError, Counters, CurvePoint, Description, DistanceError, DistanceScore, Evaluation,
+    Score, Success,
 };
 use gdg::viewer::maze::{Exploration, Walk};
 use gdg::viewer::{Candidate, MazeView, View};
@@ -33,7 +34,12 @@ fn score(success: f64) -> Score {
         success: Some((success + 0.1 - 0.05 * f64::from(i)).clamp(0.0, 1.0)),
         spl: Some(success),
     });
-    Score { success: Some(success), spl: Some(success), steps_ratio: Some(1.1), by_distance: by_distance.collect() }
+    Score {
+        success: Some(success),
+        spl: Some(success),
+        steps_ratio: Some(1.1),
+        by_distance: by_distance.collect(),
+    }
 }
 
 /// Returns the fraction explored at a share of the run.
@@ -53,8 +59,8 @@ pub(super) fn evaluation(at: f64) -> Evaluation {
     }
 }
 
-/// Waits until the trainer, whose limit is 0 updates, has ended, and takes what it has published as seen: what follows is
-/// made up.
+/// Waits until the trainer, whose limit is 0 updates, has ended, and takes what it has published as
+/// seen: what follows is made up.
 fn ignore_trainer(app: &mut App) {
     let began = Instant::now();
     while app.snapshots().borrow().phase != Phase::Done {
@@ -64,9 +70,11 @@ fn ignore_trainer(app: &mut App) {
     app.ignore_published();
 }
 
-/// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the given size.
+/// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the
+/// given size.
 pub fn staged_app(width: u16, height: u16) -> App {
-    let mut app = app_with(rooms(), Method::default(), Limits { updates: Some(0), ..Limits::default() });
+    let mut app =
+        app_with(rooms(), Method::default(), Limits { updates: Some(0), ..Limits::default() });
     draw(&mut app, width, height);
     ignore_trainer(&mut app);
     let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
@@ -89,8 +97,10 @@ pub fn staged_app(width: u16, height: u16) -> App {
     };
     for updates in [2_500, 5_000, 7_500, 10_000] {
         let mut counters = Counters::default();
-        (counters.updates, counters.env_steps, counters.episodes) = (updates, 16 * updates, updates / 10);
-        let losses = gdg::learn::Losses { critic: 100.0 / updates as f32, model: 0.002, actor: 9.5 };
+        (counters.updates, counters.env_steps, counters.episodes) =
+            (updates, 16 * updates, updates / 10);
+        let losses =
+            gdg::learn::Losses { critic: 100.0 / updates as f32, model: 0.002, actor: 9.5 };
         let snapshot = Snapshot {
             phase: Phase::Running,
             counters,
@@ -109,14 +119,28 @@ pub fn staged_app(width: u16, height: u16) -> App {
             curve: {
                 let mut curve = app.screen.snapshot.curve.to_vec();
                 let coverage = Some(coverage(updates as f64 / 10_000.0) as f32);
-                curve.push(CurvePoint { updates, losses: [losses.critic, losses.model, losses.actor], coverage });
+                curve.push(CurvePoint {
+                    updates,
+                    losses: [losses.critic, losses.model, losses.actor],
+                    coverage,
+                });
                 Arc::new(curve)
             },
             ..(*app.screen.snapshot).clone()
         };
         app.on_snapshot(Arc::new(snapshot));
     }
-    app.on_snapshot(Arc::new(Snapshot { evaluations: Arc::new(evaluations), ..(*app.screen.snapshot).clone() }));
+    app.on_snapshot(Arc::new(Snapshot {
+        evaluations: Arc::new(evaluations),
+        ..(*app.screen.snapshot).clone()
+    }));
+    let view = staged_view(&app);
+    app.on_view(View::Maze(Arc::new(view)));
+    app
+}
+
+/// Returns what is shown of the rooms map in [`staged_app`].
+fn staged_view(app: &App) -> MazeView {
     let frame = app.screen.layout.map.clone().expect("the map is drawn");
     let field = |i: usize| {
         let (column, row) = (i % frame.raster.pixels.0, i / frame.raster.pixels.0);
@@ -128,21 +152,27 @@ pub fn staged_app(width: u16, height: u16) -> App {
     };
     let candidate = |(i, at): (usize, [f32; 2])| Candidate { at, degree: i as f32 / 4.0 };
     let candidates = [[2.5, 2.5], [6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [18.5, 1.5]];
-    let standings = [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Confirmed, EdgeStatus::Confirmed];
-    let edges = candidates.windows(2).zip(standings).map(|(ends, status)| ([ends[0], ends[1]], status));
+    let standings =
+        [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Confirmed, EdgeStatus::Confirmed];
+    let edges =
+        candidates.windows(2).zip(standings).map(|(ends, status)| ([ends[0], ends[1]], status));
     let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
     // Everything but the right end and a single cell.
     let map = &app.screen.maze.map;
     let visited = |i: usize| map.cell(i).x < 15 && map.cell(i) != Cell::new(3, 3);
     let visits: Vec<u32> = (0..map.free().len()).map(|i| u32::from(visited(i))).collect();
-    let view = MazeView {
+    MazeView {
         goal: (Some(app.screen.maze.goal), 1),
         kind: Field::Learned,
         past: None,
         farthest: values.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max),
         field: Arc::new(values),
         raster: Some(frame.raster),
-        directions: Arc::new(vec![([5.5, 2.5], [1.0, 0.0]), ([12.5, 1.5], [0.7, 0.7]), ([16.5, 1.5], [0.0, 1.0])]),
+        directions: Arc::new(vec![
+            ([5.5, 2.5], [1.0, 0.0]),
+            ([12.5, 1.5], [0.7, 0.7]),
+            ([16.5, 1.5], [0.0, 1.0]),
+        ]),
         candidates: Arc::new(candidates.into_iter().enumerate().map(candidate).collect()),
         edges: Arc::new(edges.collect()),
         cut_off: Arc::default(),
@@ -161,9 +191,7 @@ pub fn staged_app(width: u16, height: u16) -> App {
         },
         inspected: None,
         followed_steps: Some(11),
-    };
-    app.on_view(View::Maze(Arc::new(view)));
-    app
+    }
 }
 
 /// Returns the characters row by row, then each cell's style as a letter, with a legend at the end.
@@ -251,11 +279,14 @@ fn panes_match_their_snapshots() {
 #[test]
 fn all_overlays_together_match_their_snapshot() {
     let mut app = staged_app(120, 40);
-    Overlay::ALL.into_iter().filter(|o| !app.screen.overlays.has(*o)).collect::<Vec<_>>().into_iter().for_each(
-        |overlay| {
+    Overlay::ALL
+        .into_iter()
+        .filter(|o| !app.screen.overlays.has(*o))
+        .collect::<Vec<_>>()
+        .into_iter()
+        .for_each(|overlay| {
             app.screen.overlays.toggle(overlay);
-        },
-    );
+        });
     app.screen.pane = Pane::Legend;
     check("overlays-120x40", &mut app, 120, 40);
 }
@@ -271,7 +302,10 @@ fn frontier_goals_are_marked_together_with_the_agents() {
 
 #[test]
 fn what_is_unexplored_can_be_hidden_and_is_not_drawn_once_everything_is_explored() {
-    for theme in [Theme::new(ThemeName::Dark, ColourDepth::True), Theme::new(ThemeName::Mono, ColourDepth::Mono)] {
+    for theme in [
+        Theme::new(ThemeName::Dark, ColourDepth::True),
+        Theme::new(ThemeName::Mono, ColourDepth::Mono),
+    ] {
         let mut app = staged_app(80, 24);
         app.screen.theme = theme;
         let shown = picture(&draw(&mut app, 80, 24));
@@ -282,16 +316,24 @@ fn what_is_unexplored_can_be_hidden_and_is_not_drawn_once_everything_is_explored
         assert_eq!(picture(&draw(&mut app, 80, 24)), shown);
         let map = app.screen.maze.map.clone();
         let exploration = Arc::new(Exploration::new(&map, &vec![1; map.free().len()]));
-        app.on_view(View::Maze(Arc::new(MazeView { exploration, ..(*app.screen.maze.view).clone() })));
+        app.on_view(View::Maze(Arc::new(MazeView {
+            exploration,
+            ..(*app.screen.maze.view).clone()
+        })));
         assert_eq!(picture(&draw(&mut app, 80, 24)), hidden);
     }
 }
 
 #[test]
 fn dialogs_match_their_snapshots() {
-    for (name, keys) in
-        [("help", "?"), ("palette", ":goal"), ("settings", "o"), ("seed", "R"), ("export", "E"), ("colours", "T")]
-    {
+    for (name, keys) in [
+        ("help", "?"),
+        ("palette", ":goal"),
+        ("settings", "o"),
+        ("seed", "R"),
+        ("export", "E"),
+        ("colours", "T"),
+    ] {
         let mut app = staged_app(80, 24);
         type_text(&mut app, &keys[..1]);
         type_text(&mut app, &keys[1..]);
@@ -304,7 +346,14 @@ fn dialogs_match_their_snapshots() {
 
 #[test]
 fn dialogs_of_actions_without_a_key_match_their_snapshots() {
-    let actions = [Action::Method, Action::Preset, Action::NewMap, Action::ResizeMap, Action::SaveAs, Action::SaveMap];
+    let actions = [
+        Action::Method,
+        Action::Preset,
+        Action::NewMap,
+        Action::ResizeMap,
+        Action::SaveAs,
+        Action::SaveMap,
+    ];
     for action in actions.into_iter().chain([Action::Autosave]) {
         let mut app = staged_app(80, 24);
         app.act(action);
@@ -316,7 +365,8 @@ fn dialogs_of_actions_without_a_key_match_their_snapshots() {
 #[test]
 fn lists_of_files_match_their_snapshots() {
     let folder = Path::new("/home/ada/maps");
-    let entries = [("cellar.map", false), ("old", true), ("notes.pdf", false), ("rooms.txt", false)];
+    let entries =
+        [("cellar.map", false), ("old", true), ("notes.pdf", false), ("rooms.txt", false)];
     let entries = entries.map(|(name, is_folder)| (folder.join(name), is_folder));
     let recent = [PathBuf::from("/home/ada/rooms-edited.txt")];
     let description = |name: &str, days: u64, planned| Description {
@@ -343,7 +393,10 @@ fn lists_of_files_match_their_snapshots() {
     let lists = [
         ("maps", lists::maps(folder, &entries, Some(&recent))),
         ("checkpoints", lists::checkpoints(found, &TimeZone::UTC)),
-        ("other-map", lists::map_switch_choices(&other, None, Some(&rooms()), rooms().resized(20, 5), true)),
+        (
+            "other-map",
+            lists::map_switch_choices(&other, None, Some(&rooms()), rooms().resized(20, 5), true),
+        ),
     ];
     for (name, list) in lists {
         let mut app = staged_app(80, 24);
@@ -388,8 +441,9 @@ fn the_line_below_the_map_is_never_cut_off() {
     for width in 80..=120 {
         let shown = text(&draw(&mut staged_app(width, 24), width, 24));
         let line = shown.lines().nth(22).expect("the line above the footer");
-        let interval =
-            line.split_once(", a line every ").map(|(_, rest)| rest.starts_with(|c: char| c.is_ascii_digit()));
+        let interval = line
+            .split_once(", a line every ")
+            .map(|(_, rest)| rest.starts_with(|c: char| c.is_ascii_digit()));
         assert_eq!(interval.unwrap_or(false), line.contains(", a"), "{width} columns: {line}");
         assert!(width < 100 || interval.is_some(), "{width} columns: {line}");
     }
@@ -397,7 +451,9 @@ fn the_line_below_the_map_is_never_cut_off() {
 
 #[test]
 fn settings_are_found_by_their_former_names() {
-    for (former, name) in [("replay_capacity", "buffer_size"), ("warmup_env_steps", "learning_starts")] {
+    for (former, name) in
+        [("replay_capacity", "buffer_size"), ("warmup_env_steps", "learning_starts")]
+    {
         let mut picker = lists::settings(&staged_app(80, 24).screen);
         picker.paste(former);
         assert_eq!(picker.choice(), Some(&Choice::Setting(name.to_owned())));
@@ -428,7 +484,10 @@ fn cells_without_a_path_to_the_goal_match_their_snapshot() {
     let mut app = staged_app(80, 24);
     let map = app.screen.maze.map.clone();
     let cut_off = (0..map.free().len()).map(|i| map.free()[i] && map.cell(i).x < 8).collect();
-    app.on_view(View::Maze(Arc::new(MazeView { cut_off: Arc::new(cut_off), ..(*app.screen.maze.view).clone() })));
+    app.on_view(View::Maze(Arc::new(MazeView {
+        cut_off: Arc::new(cut_off),
+        ..(*app.screen.maze.view).clone()
+    })));
     check("cut-off-80x24", &mut app, 80, 24);
 }
 
@@ -458,26 +517,44 @@ fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
 fn everything_can_be_exported() {
     let mut app = staged_app(80, 24);
     press(&mut app, KeyCode::Char('?'));
-    assert!(contents(ExportKind::Film, &app.screen).expect_err("no film").to_string().contains("no film"));
+    assert!(
+        contents(ExportKind::Film, &app.screen)
+            .expect_err("no film")
+            .to_string()
+            .contains("no film")
+    );
     for kind in ExportKind::ALL.into_iter().filter(|kind| *kind != ExportKind::Film) {
         let bytes = contents(kind, &app.screen).expect("a file");
         match kind.file_type() {
             "png" => {
-                let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
-                let (width, height) = if kind == ExportKind::MapPng { (50 * 8, 22 * 16) } else { (80 * 8, 24 * 16) };
-                assert_eq!((reader.info().width, reader.info().height), (width, height), "{kind:?}");
+                let reader =
+                    png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
+                let (width, height) =
+                    if kind == ExportKind::MapPng { (50 * 8, 22 * 16) } else { (80 * 8, 24 * 16) };
+                assert_eq!(
+                    (reader.info().width, reader.info().height),
+                    (width, height),
+                    "{kind:?}"
+                );
             }
             "svg" => {
                 let text = String::from_utf8(bytes).expect("text");
-                assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{kind:?}");
-                let part = if kind == ExportKind::CurvesSvg { "relative error of D" } else { "\nG\n" };
+                assert!(
+                    text.starts_with("<svg") && text.trim_end().ends_with("</svg>"),
+                    "{kind:?}"
+                );
+                let part =
+                    if kind == ExportKind::CurvesSvg { "relative error of D" } else { "\nG\n" };
                 assert!(text.contains(part), "{kind:?} shows {part:?}");
                 assert!(!text.contains("get no reward"), "the dialog on top is left out");
             }
             _ => {
                 let text = String::from_utf8(bytes).expect("text");
                 let lines: Vec<&str> = text.lines().collect();
-                assert!(lines[0].starts_with("updates,critic_loss") && lines[0].contains("planned_at_30_steps"));
+                assert!(
+                    lines[0].starts_with("updates,critic_loss")
+                        && lines[0].contains("planned_at_30_steps")
+                );
                 assert_eq!(lines[0].split(',').nth(4), Some("coverage"));
                 let last: Vec<&str> = lines.last().expect("lines").split(',').collect();
                 assert_eq!((last[0], last.len()), ("10000", lines[0].split(',').count()));
@@ -490,10 +567,15 @@ fn everything_can_be_exported() {
 
 #[test]
 fn fields_match_their_snapshots() {
-    for field in [Field::FromStart, Field::Composed, Field::True, Field::Error, Field::Visits, Field::Plain] {
+    for field in
+        [Field::FromStart, Field::Composed, Field::True, Field::Error, Field::Visits, Field::Plain]
+    {
         let mut app = staged_app(80, 24);
         app.screen.field = field;
-        app.on_view(View::Maze(Arc::new(MazeView { kind: field, ..(*app.screen.maze.view).clone() })));
+        app.on_view(View::Maze(Arc::new(MazeView {
+            kind: field,
+            ..(*app.screen.maze.view).clone()
+        })));
         let name = field.name().replace(' ', "-").to_lowercase();
         check(&format!("field-{name}-80x24"), &mut app, 80, 24);
     }
@@ -547,26 +629,40 @@ fn the_light_theme_matches_its_snapshot() {
     let mut app = staged_app(80, 24);
     app.screen.theme = Theme::new(ThemeName::Light, ColourDepth::True);
     let terminal = draw(&mut app, 80, 24);
-    assert!(terminal.backend().buffer().content.iter().all(|cell| cell.bg != Color::Reset), "all of it is light");
+    assert!(
+        terminal.backend().buffer().content.iter().all(|cell| cell.bg != Color::Reset),
+        "all of it is light"
+    );
     check("light-80x24", &mut app, 80, 24);
 }
 
 #[test]
 fn long_and_large_maps_match_their_snapshots() {
     let shape = |width: usize, height: usize| {
-        let row =
-            |y: usize| (0..width).map(|x| if x == width / 2 && y != 1 { '#' } else { '.' }).collect::<String>() + "\n";
+        let row = |y: usize| {
+            (0..width).map(|x| if x == width / 2 && y != 1 { '#' } else { '.' }).collect::<String>()
+                + "\n"
+        };
         parse_map("shape", (0..height).map(row).collect::<String>().as_bytes()).expect("a map")
     };
     for (name, width, height) in [("long", 200, 3), ("large", 250, 200)] {
-        let mut app = app_with(shape(width, height), gdg(), Limits { updates: Some(0), ..Limits::default() });
+        let mut app =
+            app_with(shape(width, height), gdg(), Limits { updates: Some(0), ..Limits::default() });
         app.screen.overlays.toggle(Overlay::Unexplored);
         app.screen.overlays.toggle(Overlay::Agents);
         app.set_goal(Cell::new(5, 1));
         for (width, height) in SIZES {
             let shown = text(&draw(&mut app, width, height));
-            assert_eq!(shown.contains("1 dot ="), name == "large" || width < 200, "{width} x {height}: {shown}");
-            assert_eq!(shown.contains("\u{250c} training"), (width, name) != (60, "large"), "{shown}");
+            assert_eq!(
+                shown.contains("1 dot ="),
+                name == "large" || width < 200,
+                "{width} x {height}: {shown}"
+            );
+            assert_eq!(
+                shown.contains("\u{250c} training"),
+                (width, name) != (60, "large"),
+                "{shown}"
+            );
         }
     }
 }
@@ -579,13 +675,20 @@ fn of_many_edges_only_tried_ones_near_the_cursor_are_drawn() {
     let edges = |status| (0..11_000).map(|i| ([at(i), at(i + 40)], status)).collect::<Vec<_>>();
     let mut cells_changed = |edges, cursor| {
         app.screen.maze.inspecting = Some(cursor);
-        app.on_view(View::Maze(Arc::new(MazeView { edges: Arc::default(), ..(*app.screen.maze.view).clone() })));
+        app.on_view(View::Maze(Arc::new(MazeView {
+            edges: Arc::default(),
+            ..(*app.screen.maze.view).clone()
+        })));
         let before = draw(&mut app, 120, 40).backend().buffer().clone();
-        app.on_view(View::Maze(Arc::new(MazeView { edges: Arc::new(edges), ..(*app.screen.maze.view).clone() })));
+        app.on_view(View::Maze(Arc::new(MazeView {
+            edges: Arc::new(edges),
+            ..(*app.screen.maze.view).clone()
+        })));
         let after = draw(&mut app, 120, 40).backend().buffer().clone();
         // Only the map: the legend counts the edges.
         let map = app.screen.layout.map.clone().expect("a map").area;
-        let changed: Vec<Position> = map.positions().filter(|at| before[*at] != after[*at]).collect();
+        let changed: Vec<Position> =
+            map.positions().filter(|at| before[*at] != after[*at]).collect();
         (changed, map)
     };
     let (none, _) = cells_changed(edges(EdgeStatus::Untried), Cell::new(2, 2));

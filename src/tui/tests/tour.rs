@@ -76,8 +76,10 @@ fn find_bridge(app: &mut App) {
         ..SearchOutcome::default()
     };
     learn(app, squared);
-    app.screen.snapshot =
-        Arc::new(Snapshot { search: Some(Arc::new(search)), ..Snapshot::clone(&app.screen.snapshot) });
+    app.screen.snapshot = Arc::new(Snapshot {
+        search: Some(Arc::new(search)),
+        ..Snapshot::clone(&app.screen.snapshot)
+    });
 }
 
 fn caption(app: &App) -> String {
@@ -136,9 +138,14 @@ fn a_bridge_is_explained_by_its_distances_and_stays() {
     find_bridge(&mut app);
     look(&mut app);
     // 126 + 68 < 370 by squares.
-    assert!(caption(&app).contains("was 126 + 68 = 194, less than D(a,g) = 370"), "{}", caption(&app));
+    assert!(
+        caption(&app).contains("was 126 + 68 = 194, less than D(a,g) = 370"),
+        "{}",
+        caption(&app)
+    );
     let explained = app.screen.search().cloned();
-    app.screen.snapshot = Arc::new(Snapshot { search: None, ..Snapshot::clone(&app.screen.snapshot) });
+    app.screen.snapshot =
+        Arc::new(Snapshot { search: None, ..Snapshot::clone(&app.screen.snapshot) });
     look(&mut app);
     assert_eq!(app.screen.search().cloned(), explained, "later searches do not replace it");
     press(&mut app, KeyCode::Enter);
@@ -158,7 +165,11 @@ fn clicks_and_keys_move_on_and_esc_ends() {
     assert!(app.screen.maze.map.free_count() < builtin("fourrooms").expect("a map").free_count());
     press(&mut app, KeyCode::Esc);
     assert_eq!(step(&app), None);
-    assert_eq!(app.screen.maze.map.free(), builtin("fourrooms").expect("a map").free(), "the door is open");
+    assert_eq!(
+        app.screen.maze.map.free(),
+        builtin("fourrooms").expect("a map").free(),
+        "the door is open"
+    );
 }
 
 #[test]
@@ -169,7 +180,11 @@ fn the_last_click_sets_a_goal() {
     let at = character_of(&app, Cell::new(10, 80));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
     assert_eq!(step(&app), None);
-    assert!(app.screen.maze.goal.x < 14 && app.screen.maze.goal.y > 76, "{:?}", app.screen.maze.goal);
+    assert!(
+        app.screen.maze.goal.x < 14 && app.screen.maze.goal.y > 76,
+        "{:?}",
+        app.screen.maze.goal
+    );
 }
 
 #[test]
@@ -192,8 +207,14 @@ fn the_tour_is_found_by_many_words_and_starts_its_own_run() {
     let mut app = app();
     for words in ["tutorial", "demo", "introduction", "guide", "tour"] {
         type_text(&mut app, &format!(":{words}"));
-        let Some(Dialog::Pick(picker)) = app.screen.dialogs.last() else { panic!("the list is open") };
-        assert_eq!(picker.choice(), Some(&crate::tui::dialog::Choice::Act(Action::Tour)), "{words}");
+        let Some(Dialog::Pick(picker)) = app.screen.dialogs.last() else {
+            panic!("the list is open")
+        };
+        assert_eq!(
+            picker.choice(),
+            Some(&crate::tui::dialog::Choice::Act(Action::Tour)),
+            "{words}"
+        );
         press(&mut app, KeyCode::Esc);
     }
     app.act(Action::Tour);
@@ -211,11 +232,16 @@ fn check_box(app: &mut App, (width, height): (u16, u16)) {
     let at = format!("{} at {width} x {height}", tour.title());
     assert_eq!(app.screen.layout.map_pane.union(area), app.screen.layout.map_pane, "{at}");
     for position in tour.caption.subject.iter().filter_map(|at| frame.character_of(*at)) {
-        assert!(!area.contains(position), "{at}: {area:?} covers {position:?}\n{}", text(&terminal));
+        assert!(
+            !area.contains(position),
+            "{at}: {area:?} covers {position:?}\n{}",
+            text(&terminal)
+        );
     }
     let buffer = terminal.backend().buffer();
     let inner = Rect::new(area.x + 2, area.y + 1, area.width - 4, area.height - 2);
-    let rows = inner.rows().map(|row| row.positions().map(|at| buffer[at].symbol()).collect::<String>());
+    let rows =
+        inner.rows().map(|row| row.positions().map(|at| buffer[at].symbol()).collect::<String>());
     let shown = rows.flat_map(|row| row.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
     assert_eq!(shown.collect::<Vec<_>>().join(" "), tour.caption.text, "{at}");
     assert!(tour.caption.text.matches(". ").count() <= 4, "{at}: too long");

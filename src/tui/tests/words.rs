@@ -154,7 +154,10 @@ fn settings_are_found_beside_actions_and_after_them() {
     ] {
         assert_eq!(found(word).first(), Some(&Choice::Field(field)), "{word}");
     }
-    assert!(found("helicopter").is_empty(), "letters in the same order are no match for a whole word");
+    assert!(
+        found("helicopter").is_empty(),
+        "letters in the same order are no match for a whole word"
+    );
 }
 
 #[test]

@@ -22,7 +22,8 @@ const GOAL_AT_WALL: Cell = Cell::new(52, 37);
 const BEHIND_WALL: Cell = Cell::new(36, 37);
 const SAME_ROOM: Cell = Cell::new(68, 37);
 
-/// How much longer than in the same room D must be to have learned of the wall; and the least there, relative to the truth.
+/// How much longer than in the same room D must be to have learned of the wall; and the least
+/// there, relative to the truth.
 const BENT: f32 = 1.4;
 const PLAUSIBLE: f32 = 0.7;
 
@@ -33,7 +34,8 @@ const DOORS: [([Cell; 2], Cell); 2] = [
     ([Cell::new(40, 72), Cell::new(47, 79)], Cell::new(36, 76)),
 ];
 
-/// How many times as far it must be round a closed door, and how near to the old D when it is open again.
+/// How many times as far it must be round a closed door, and how near to the old D when it is open
+/// again.
 const LONGER: f32 = 2.5;
 const BACK: f32 = 1.3;
 
@@ -72,13 +74,37 @@ pub struct Caption {
 
 /// All steps.
 pub const STEPS: &[Step] = &[
-    Step { title: "No reward", reading_secs: 8.0, limit_secs: 8.0, enter: aim_at_wall, look: wandering },
+    Step {
+        title: "No reward",
+        reading_secs: 8.0,
+        limit_secs: 8.0,
+        enter: aim_at_wall,
+        look: wandering,
+    },
     Step { title: "D bends", reading_secs: 7.0, limit_secs: 25.0, enter: |_| {}, look: bending },
     Step { title: "Contours", reading_secs: 7.0, limit_secs: 10.0, enter: |_| {}, look: contour },
-    Step { title: "A bridge", reading_secs: 9.0, limit_secs: 24.0, enter: show_search, look: bridge },
+    Step {
+        title: "A bridge",
+        reading_secs: 9.0,
+        limit_secs: 24.0,
+        enter: show_search,
+        look: bridge,
+    },
     Step { title: "A plan", reading_secs: 1.5, limit_secs: 16.0, enter: aim_far, look: plan },
-    Step { title: "A door closes", reading_secs: 5.0, limit_secs: 24.0, enter: close_door, look: closed },
-    Step { title: "It opens again", reading_secs: 4.0, limit_secs: 12.0, enter: open_door, look: opened },
+    Step {
+        title: "A door closes",
+        reading_secs: 5.0,
+        limit_secs: 24.0,
+        enter: close_door,
+        look: closed,
+    },
+    Step {
+        title: "It opens again",
+        reading_secs: 4.0,
+        limit_secs: 12.0,
+        enter: open_door,
+        look: opened,
+    },
     Step { title: "Now you", reading_secs: 12.0, limit_secs: 12.0, enter: |_| {}, look: now_you },
 ];
 
@@ -102,7 +128,8 @@ fn points_along(stops: &[[f32; 2]]) -> Vec<[f32; 2]> {
     stops.windows(2).flat_map(between).collect()
 }
 
-/// Returns the steps between two positions without walls: at most one cell per step along each axis.
+/// Returns the steps between two positions without walls: at most one cell per step along each
+/// axis.
 fn straight(from: [f32; 2], to: [f32; 2]) -> f32 {
     (from[0] - to[0]).abs().max((from[1] - to[1]).abs())
 }
@@ -131,7 +158,12 @@ fn wandering(screen: &Screen, _: &mut Tour) -> Caption {
         "The white dots are agents that wander about. Nobody rewards them. Colours show what they learn: D, the number of \
          steps to G. Light is near, dark is far."
     };
-    Caption { text: text.to_owned(), subject: vec![screen.maze.goal.centre()], seen: true, ..Caption::default() }
+    Caption {
+        text: text.to_owned(),
+        subject: vec![screen.maze.goal.centre()],
+        seen: true,
+        ..Caption::default()
+    }
 }
 
 fn bending(screen: &Screen, tour: &mut Tour) -> Caption {
@@ -142,7 +174,8 @@ fn bending(screen: &Screen, tour: &mut Tour) -> Caption {
     if seen {
         keep_clearest_bridge(screen, tour);
     }
-    let then = if seen { "D has learned to go round the wall." } else { "Watch it learn about the wall." };
+    let then =
+        if seen { "D has learned to go round the wall." } else { "Watch it learn about the wall." };
     let text = format!(
         "From P, G would be {straight:.0} steps away, were there no wall. Learned so far: D = {learned:.0}. {then}"
     );
@@ -150,7 +183,8 @@ fn bending(screen: &Screen, tour: &mut Tour) -> Caption {
     Caption { text, subject, marks: vec![(behind, 'P')], seen }
 }
 
-/// Returns the positions on the contour line nearest to `near`, the nearest first, and its distance.
+/// Returns the positions on the contour line nearest to `near`, the nearest first, and its
+/// distance.
 fn contour_near(screen: &Screen, near: [f32; 2]) -> Option<(Vec<[f32; 2]>, f32)> {
     let (view, raster) = (&screen.maze.view, screen.maze.view.raster?);
     if view.kind != screen.field || !view.kind.is_distance() {
@@ -176,7 +210,10 @@ fn contour_near(screen: &Screen, near: [f32; 2]) -> Option<(Vec<[f32; 2]>, f32)>
 fn contour(screen: &Screen, tour: &mut Tour) -> Caption {
     keep_clearest_bridge(screen, tour);
     let Some((line, level)) = contour_near(screen, Cell::new(24, 24).centre()) else {
-        return Caption { text: "Contour lines connect places with the same D.".to_owned(), ..Caption::default() };
+        return Caption {
+            text: "Contour lines connect places with the same D.".to_owned(),
+            ..Caption::default()
+        };
     };
     let text = format!(
         "The dots mark a contour line: from every place on it, G is D = {level:.0} steps away. Where lines bend, D knows the \
@@ -203,12 +240,14 @@ pub struct FoundBridge {
     distances: [f32; 3],
 }
 
-/// Returns the latest search if it has found a bridge by the networks that are shown, which may be newer than its own.
+/// Returns the latest search if it has found a bridge by the networks that are shown, which may be
+/// newer than its own.
 fn found_bridge(screen: &Screen, least_gain: f32) -> Option<FoundBridge> {
     let search = screen.snapshot.search.as_ref()?;
     let at = |numbers: &[f32]| [numbers[0], numbers[1]];
     let stops = [at(&search.state), at(&search.found.as_ref()?.point), at(&search.goal)];
-    let distances = [(0, 1), (1, 2), (0, 2)].map(|(from, to)| distance(screen, &stops[from], &stops[to]).round());
+    let distances = [(0, 1), (1, 2), (0, 2)]
+        .map(|(from, to)| distance(screen, &stops[from], &stops[to]).round());
     let bridge = FoundBridge { search: search.clone(), stops, distances };
     (bridge.gain() >= least_gain).then_some(bridge)
 }
@@ -231,7 +270,8 @@ impl FoundBridge {
 
 fn bridge(screen: &Screen, tour: &mut Tour) -> Caption {
     if tour.bridge.is_none() {
-        tour.bridge = found_bridge(screen, if tour.elapsed < PATIENCE_SECS { CLEAR_GAIN } else { 1.0 });
+        tour.bridge =
+            found_bridge(screen, if tour.elapsed < PATIENCE_SECS { CLEAR_GAIN } else { 1.0 });
     }
     let Some(FoundBridge { stops, distances: [first, second, direct], .. }) = &tour.bridge else {
         let end = if tour.elapsed < PATIENCE_SECS {
@@ -239,7 +279,9 @@ fn bridge(screen: &Screen, tour: &mut Tour) -> Caption {
         } else {
             "None lately: D already takes the shortest way, so no bridge shortens it."
         };
-        let text = format!("Agents look for bridges B on the way from a to g: D(a,B) + D(B,g) < D(a,g). {end}");
+        let text = format!(
+            "Agents look for bridges B on the way from a to g: D(a,B) + D(B,g) < D(a,g). {end}"
+        );
         return Caption { text, subject: vec![screen.maze.goal.centre()], ..Caption::default() };
     };
     let tried = if is_mono(screen) { "The x" } else { "The dots around" };
@@ -268,7 +310,12 @@ fn plan(screen: &Screen, tour: &mut Tour) -> Caption {
         "G is now in the far room. {line} the plan: from bridge to bridge, each near enough to be reached reliably. @ walks it."
     );
     let seen = screen.maze.view.walk.arrived && tour.elapsed > 1.0;
-    Caption { text, subject: [vec![screen.maze.goal.centre()], path].concat(), marks: Vec::new(), seen }
+    Caption {
+        text,
+        subject: [vec![screen.maze.goal.centre()], path].concat(),
+        marks: Vec::new(),
+        seen,
+    }
 }
 
 /// Returns the cells of a door, given two of its corners.
@@ -278,8 +325,9 @@ fn cells_between([from, to]: [Cell; 2]) -> Vec<Cell> {
 
 fn close_door(app: &mut App) {
     let Some(tour) = &app.screen.tour else { return };
-    let leads_through =
-        |cells: &[Cell]| tour.route.iter().any(|at| cells.iter().any(|cell| straight(cell.centre(), *at) <= 0.5));
+    let leads_through = |cells: &[Cell]| {
+        tour.route.iter().any(|at| cells.iter().any(|cell| straight(cell.centre(), *at) <= 0.5))
+    };
     let through = DOORS.iter().find(|(corners, _)| leads_through(&cells_between(*corners)));
     let (corners, before) = through.unwrap_or(&DOORS[0]);
     let distance = distance_to_goal(&app.screen, before.centre());
@@ -344,5 +392,10 @@ fn now_you(screen: &Screen, _: &mut Tour) -> Caption {
         key(Action::Help)
     );
     let walker = screen.maze.view.trail.last().copied().unwrap_or(screen.maze.view.walk.start);
-    Caption { text, subject: vec![screen.maze.goal.centre(), walker], marks: Vec::new(), seen: true }
+    Caption {
+        text,
+        subject: vec![screen.maze.goal.centre(), walker],
+        marks: Vec::new(),
+        seen: true,
+    }
 }

@@ -19,29 +19,33 @@ pub const UNOBSERVED: u16 = u16::MAX;
 /// Distance that candidates keep from each other even where walls separate them, in goal radii.
 pub(crate) const MIN_SPACING_RADII: f32 = 1.0;
 
-/// At the maximum number of candidates, a state becomes one only at this multiple of the spacing: the others move apart
-/// for places that are out of their reach, not to fill gaps between them.
+/// At the maximum number of candidates, a state becomes one only at this multiple of the spacing:
+/// the others move apart for places that are out of their reach, not to fill gaps between them.
 pub(crate) const NEWCOMER_FACTOR: f32 = 1.5;
 
-/// Observed paths from a candidate that make its surroundings well known: a missing path is then evidence of a wall.
+/// Observed paths from a candidate that make its surroundings well known: a missing path is then
+/// evidence of a wall.
 pub(crate) const WELL_KNOWN_PATHS: usize = 8;
 
-/// A path is a detour round a wall if it takes more than this multiple of the straight line's steps ...
+/// A path is a detour round a wall if it takes more than this multiple of the straight line's steps
+/// ...
 pub(crate) const DETOUR_FACTOR: f32 = 2.0;
 
 /// ... plus this many steps.
 pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
 
-/// Candidates spread over all visited states, and the fewest steps of any trajectory from near one to near
-/// another.
+/// Candidates spread over all visited states, and the fewest steps of any trajectory from near one
+/// to near another.
 ///
-/// Candidates persist. A state farther than the spacing from all of them becomes a new one. When there are too many, the
-/// spacing grows and candidates that are now too close retire (streaming farthest-point sampling). In open space, there
-/// are too many when the graph has more paths than planning takes, otherwise only at the maximum number: between thin
-/// walls, the nearest candidate in a straight line is likely to be on the other side unless they lie close. Where many
-/// walks between them fail, the spacing shrinks again. *Near* a candidate means within a quarter of the spacing, but at
-/// most the goal radius (the environment's own criterion for having arrived) and at least half of it. The radius is this
-/// small because straight-line distance ignores thin walls and touching corners.
+/// Candidates persist. A state farther than the spacing from all of them becomes a new one. When
+/// there are too many, the spacing grows and candidates that are now too close retire (streaming
+/// farthest-point sampling). In open space, there are too many when the graph has more paths than
+/// planning takes, otherwise only at the maximum number: between thin walls, the nearest candidate
+/// in a straight line is likely to be on the other side unless they lie close. Where many walks
+/// between them fail, the spacing shrinks again. *Near* a candidate means within a quarter of the
+/// spacing, but at most the goal radius (the environment's own criterion for having arrived) and at
+/// least half of it. The radius is this small because straight-line distance ignores thin walls and
+/// touching corners.
 ///
 /// A candidate has an index, which changes when others retire, and an id, which never changes.
 #[derive(Clone, Debug)]
@@ -72,7 +76,8 @@ pub struct Candidates {
     ids: Vec<u32>,
     /// The next candidate's id.
     next_id: u32,
-    /// Observed paths from each candidate. Frozen copies share the rows that have not changed since.
+    /// Observed paths from each candidate. Frozen copies share the rows that have not changed
+    /// since.
     paths: Vec<Arc<KnownPaths>>,
     /// Each agent's recent visits: step within the episode, candidate.
     visits: Vec<VecDeque<(u32, u32)>>,
@@ -152,11 +157,12 @@ impl Candidates {
         })
     }
 
-    /// Replaces the candidates with `fresh` but continues the ids, so that outcomes of earlier walks are never
-    /// attributed to new candidates; what is known of hops of each length stays, and so does the spacing unless it begins
-    /// at another one.
+    /// Replaces the candidates with `fresh` but continues the ids, so that outcomes of earlier
+    /// walks are never attributed to new candidates; what is known of hops of each length stays,
+    /// and so does the spacing unless it begins at another one.
     pub fn reset_to(&mut self, fresh: Self) {
-        let spacing = if self.least_spacing == fresh.least_spacing { self.spacing } else { fresh.spacing };
+        let spacing =
+            if self.least_spacing == fresh.least_spacing { self.spacing } else { fresh.spacing };
         *self = Self { next_id: self.next_id, hops: self.hops, spacing, ..fresh };
     }
 
@@ -185,7 +191,8 @@ impl Candidates {
         &self.goal_index
     }
 
-    /// Returns the fewest steps of any trajectory from near `from` to near `to`, or [`UNOBSERVED`] if there is none.
+    /// Returns the fewest steps of any trajectory from near `from` to near `to`, or [`UNOBSERVED`]
+    /// if there is none.
     pub fn observed(&self, from: usize, to: usize) -> u16 {
         if from == to {
             return 0;
@@ -199,7 +206,8 @@ impl Candidates {
         self.paths[from].observed.iter().map(|(to, _)| *to as usize)
     }
 
-    /// Returns, for each candidate, those from which some trajectory reached it, in ascending order.
+    /// Returns, for each candidate, those from which some trajectory reached it, in ascending
+    /// order.
     pub fn observed_into(&self) -> Vec<Vec<u32>> {
         let mut into = vec![Vec::new(); self.len()];
         for (from, paths) in self.paths.iter().enumerate() {
@@ -228,10 +236,14 @@ impl Candidates {
         &self.hops
     }
 
-    /// Records the outcome of a walk between two candidates, given by their ids, that was `distance` steps long by D.
+    /// Records the outcome of a walk between two candidates, given by their ids, that was
+    /// `distance` steps long by D.
     pub fn record_walk(&mut self, (from, to): (u32, u32), distance: f32, arrived: bool) {
         self.hops.record(distance, arrived);
-        let (Some(row), Some(_)) = (self.index_of(from), self.index_of(to).filter(|_| from != to)) else { return };
+        let (Some(row), Some(_)) = (self.index_of(from), self.index_of(to).filter(|_| from != to))
+        else {
+            return;
+        };
         let practice = Arc::make_mut(&mut self.paths[row]).practice.entry(to).or_default();
         if arrived {
             *practice = WalkRecord { arrived: practice.arrived.saturating_add(1), failed: 0 };
@@ -262,7 +274,9 @@ impl Candidates {
         let (nearest, distance) = self.nearest(state);
         let mut near = (distance < self.near_radius()).then_some(nearest);
         let spacing = self.spacing_of_newcomers();
-        if distance > spacing || (distance > self.min_spacing && self.is_behind_a_wall(state, spacing, latest)) {
+        if distance > spacing
+            || (distance > self.min_spacing && self.is_behind_a_wall(state, spacing, latest))
+        {
             near = self.add(state, distance <= spacing);
         }
         let visits = &mut self.visits[agent];
@@ -279,7 +293,8 @@ impl Candidates {
         self.clocks[agent] = 0;
     }
 
-    /// Returns the candidate nearest to `state` and its distance, which is infinite without candidates.
+    /// Returns the candidate nearest to `state` and its distance, which is infinite without
+    /// candidates.
     fn nearest(&self, state: &[f32]) -> (usize, f32) {
         self.goal_index.nearest(&self.achieved(state)).unwrap_or((0, f32::INFINITY))
     }
@@ -289,14 +304,19 @@ impl Candidates {
         self.spec.achieved(state).collect()
     }
 
-    /// Returns the distance that a state must have from all candidates to become one: the spacing, and more if others have
-    /// to retire for it.
+    /// Returns the distance that a state must have from all candidates to become one: the spacing,
+    /// and more if others have to retire for it.
     fn spacing_of_newcomers(&self) -> f32 {
-        if self.verified && self.len() >= self.max_count { NEWCOMER_FACTOR * self.spacing } else { self.spacing }
+        if self.verified && self.len() >= self.max_count {
+            NEWCOMER_FACTOR * self.spacing
+        } else {
+            self.spacing
+        }
     }
 
-    /// Whether trajectories show that `state` is far from all candidates within `spacing`: `latest`, the candidate
-    /// that its agent visited last and the steps since, is not joined to any of them by a short path.
+    /// Whether trajectories show that `state` is far from all candidates within `spacing`:
+    /// `latest`, the candidate that its agent visited last and the steps since, is not joined to
+    /// any of them by a short path.
     fn is_behind_a_wall(&self, state: &[f32], spacing: f32, latest: Option<(usize, u32)>) -> bool {
         let Some((latest, steps)) = latest else { return false };
         if self.paths[latest].observed.len() < WELL_KNOWN_PATHS {
@@ -306,8 +326,9 @@ impl Candidates {
         !self.goal_index.any_within(&self.achieved(state), spacing, joined)
     }
 
-    /// Whether candidates `i` and `j` may be joined by a path that is not much longer than `distance`: such a path has
-    /// been observed, or too little has been observed around them to tell.
+    /// Whether candidates `i` and `j` may be joined by a path that is not much longer than
+    /// `distance`: such a path has been observed, or too little has been observed around them to
+    /// tell.
     fn may_be_joined(&self, i: usize, j: usize, distance: f32) -> bool {
         let well_known = |i: usize| self.paths[i].observed.len() >= WELL_KNOWN_PATHS;
         let longest = self.longest_way(distance);
@@ -317,13 +338,15 @@ impl Candidates {
             || f32::from(self.observed(j, i)) <= longest
     }
 
-    /// Returns the steps that a path may take over this `distance` in a straight line unless it goes round a wall.
+    /// Returns the steps that a path may take over this `distance` in a straight line unless it
+    /// goes round a wall.
     fn longest_way(&self, distance: f32) -> f32 {
         DETOUR_FACTOR * distance / self.spec.goal_radius + DETOUR_SLACK_STEPS
     }
 
-    /// Makes `state` a candidate, thinning the others if there is no room, and returns its index; `None` if it is too
-    /// close to another at the new spacing. Where it is `behind_a_wall`, only the minimum spacing counts.
+    /// Makes `state` a candidate, thinning the others if there is no room, and returns its index;
+    /// `None` if it is too close to another at the new spacing. Where it is `behind_a_wall`, only
+    /// the minimum spacing counts.
     fn add(&mut self, state: &[f32], behind_a_wall: bool) -> Option<usize> {
         while self.is_full() {
             self.move_apart();
@@ -350,7 +373,8 @@ pub(super) mod tests {
     use super::*;
     use crate::env::tests::positions;
 
-    /// Returns the spec of a line of a hundred goal radii, and settings for `candidates` candidates.
+    /// Returns the spec of a line of a hundred goal radii, and settings for `candidates`
+    /// candidates.
     pub fn line(candidates: usize) -> (Spec, BridgeSettings) {
         let spec = positions(&[(50.0, 50.0), (0.5, 50.0)]);
         (spec, BridgeSettings { candidates, ..BridgeSettings::default() })
@@ -377,17 +401,26 @@ pub(super) mod tests {
     #[test]
     fn states_behind_a_wall_become_candidates_although_others_are_near() {
         let (spec, settings) = line(200);
-        let settings = BridgeSettings { candidate_spacing: 2.5, edge_cutoff_steps: 20.0, ..settings };
+        let settings =
+            BridgeSettings { candidate_spacing: 2.5, edge_cutoff_steps: 20.0, ..settings };
         let mut candidates = Candidates::new(&spec, 1, &settings);
-        // Two corridors two units apart; the second begins where there is no wall between it and the first.
+        // Two corridors two units apart; the second begins where there is no wall between it and
+        // the first.
         walk_corridor(&mut candidates, 0.5, (40, 80));
         walk_corridor(&mut candidates, 2.5, (0, 80));
         let behind = |at: &&[f32]| at[1] == 2.5 && at[0] > 45.0;
-        assert!(candidates.points().chunks_exact(2).filter(behind).count() > 8, "{:?}", candidates.points());
+        assert!(
+            candidates.points().chunks_exact(2).filter(behind).count() > 8,
+            "{:?}",
+            candidates.points()
+        );
         let radius = spec.goal_radius;
         for (i, a) in candidates.points().chunks_exact(2).enumerate() {
             let near = |b: &[f32]| spec.goal_distance(a, b) <= MIN_SPACING_RADII * radius;
-            assert!(!candidates.points()[2 * (i + 1)..].chunks_exact(2).any(near), "some lie within the least spacing");
+            assert!(
+                !candidates.points()[2 * (i + 1)..].chunks_exact(2).any(near),
+                "some lie within the least spacing"
+            );
         }
     }
 
@@ -400,10 +433,15 @@ pub(super) mod tests {
         assert!(spacing > spec.goal_radius && ids.len() <= settings.max_candidates(), "{spacing}");
         // At other places of the same line, until gaps between candidates are filled.
         for offset in 1..20 {
-            (0..199).for_each(|i| candidates.visit(0, &[0.5 * (i as f32 + offset as f32 / 20.0), 0.5]));
+            (0..199)
+                .for_each(|i| candidates.visit(0, &[0.5 * (i as f32 + offset as f32 / 20.0), 0.5]));
             candidates.end_episode(0);
         }
-        assert_eq!((&candidates.ids[..ids.len()], candidates.spacing()), (&ids[..], spacing), "none retired");
+        assert_eq!(
+            (&candidates.ids[..ids.len()], candidates.spacing()),
+            (&ids[..], spacing),
+            "none retired"
+        );
         assert_eq!(candidates.len(), settings.max_candidates());
         candidates.visit(0, &[50.0, 40.0]);
         assert!(candidates.nearest(&[50.0, 40.0]).1 == 0.0 && candidates.spacing() > spacing);
@@ -413,7 +451,8 @@ pub(super) mod tests {
     #[test]
     fn open_space_is_not_crowded() {
         let (spec, settings) = line(200);
-        let mut candidates = Candidates::new(&spec, 1, &BridgeSettings { candidate_spacing: 2.5, ..settings });
+        let mut candidates =
+            Candidates::new(&spec, 1, &BridgeSettings { candidate_spacing: 2.5, ..settings });
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut at = [6.0f32, 6.0];
         for _ in 0..6_000 {
@@ -436,12 +475,20 @@ pub(super) mod tests {
         candidates.record_walk(hop, 2.0, false);
         candidates.record_walk(hop, 2.0, false);
         assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 0, failed: 2 });
-        assert_eq!(candidates.walk_record(1, 0), WalkRecord::default(), "the other direction is another edge");
+        assert_eq!(
+            candidates.walk_record(1, 0),
+            WalkRecord::default(),
+            "the other direction is another edge"
+        );
         candidates.record_walk(hop, 2.0, true);
         assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 1, failed: 0 });
         candidates.record_walk((hop.0, 12_345), 2.0, true);
         candidates.record_walk((hop.0, hop.0), 2.0, true);
-        assert_eq!(candidates.state().practice.len(), 4, "self-loops and unknown candidates are ignored");
+        assert_eq!(
+            candidates.state().practice.len(),
+            4,
+            "self-loops and unknown candidates are ignored"
+        );
     }
 
     #[test]
@@ -458,8 +505,14 @@ pub(super) mod tests {
         // Far enough for more candidates than the target, so that some have to retire.
         walk(&mut candidates, 60.0);
         let place = |name: u32, e: &Candidates| (0..e.len()).find(|i| e.id(*i) == name);
-        let (kept, gone): (Vec<_>, Vec<_>) = before.iter().partition(|(name, _)| place(*name, &candidates).is_some());
-        assert!(kept.len() > 1 && !gone.is_empty(), "{} stayed, {} retired", kept.len(), gone.len());
+        let (kept, gone): (Vec<_>, Vec<_>) =
+            before.iter().partition(|(name, _)| place(*name, &candidates).is_some());
+        assert!(
+            kept.len() > 1 && !gone.is_empty(),
+            "{} stayed, {} retired",
+            kept.len(),
+            gone.len()
+        );
         for (name, point) in &kept {
             let i = place(*name, &candidates).unwrap_or_default();
             assert_eq!(candidates.points()[2 * i], *point);

@@ -10,8 +10,8 @@ use crate::env::Spec;
 use crate::store::{Store, StoreError};
 use places::{NO_FRONTIER, Places};
 
-/// An excursion ends after this many steps without a new place. The way to the frontier has an additional allowance of
-/// three steps per action.
+/// An excursion ends after this many steps without a new place. The way to the frontier has an
+/// additional allowance of three steps per action.
 pub(crate) const EXCURSION_STEPS: u32 = 30;
 
 /// Share of random actions on an excursion, which free agents that the table leads in circles.
@@ -20,11 +20,12 @@ pub(crate) const RANDOM_SHARE: f32 = 0.1;
 /// Steps for which an action is held to leave a place.
 pub(crate) const HELD_STEPS: u32 = 3;
 
-/// Smallest share of an action that an agent takes per step. Half a step, held for [`HELD_STEPS`], still crosses a place.
+/// Smallest share of an action that an agent takes per step. Half a step, held for [`HELD_STEPS`],
+/// still crosses a place.
 pub(crate) const MIN_STRIDE: f32 = 0.5;
 
-/// Rounds of steps over which the share of steps on excursions is averaged: long enough for the longest, short enough to
-/// set out at once when a door opens.
+/// Rounds of steps over which the share of steps on excursions is averaged: long enough for the
+/// longest, short enough to set out at once when a door opens.
 pub(crate) const SHARE_ROUNDS: u32 = 1_000;
 
 /// Names in the store.
@@ -51,10 +52,11 @@ struct Held {
 
 /// Excursions of all agents.
 ///
-/// On an excursion, an agent follows what actions have led to before to the nearest place at the frontier, where some
-/// action may lead to a place that nobody has visited, and tries it: return first, then explore (Ecoffet et al. 2021),
-/// with optimism about what nobody has tried (R-max, Brafman and Tennenholtz 2002). This needs neither D nor the actor,
-/// which are not trained there yet.
+/// On an excursion, an agent follows what actions have led to before to the nearest place at the
+/// frontier, where some action may lead to a place that nobody has visited, and tries it: return
+/// first, then explore (Ecoffet et al. 2021), with optimism about what nobody has tried (R-max,
+/// Brafman and Tennenholtz 2002). This needs neither D nor the actor, which are not trained there
+/// yet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Excursions {
     places: Places,
@@ -70,7 +72,8 @@ pub struct Excursions {
 struct Spent {
     /// Mean share of agents on an excursion.
     share: f64,
-    /// Rounds of steps that it is a mean of, at most [`SHARE_ROUNDS`]; after that, earlier ones fade.
+    /// Rounds of steps that it is a mean of, at most [`SHARE_ROUNDS`]; after that, earlier ones
+    /// fade.
     rounds: u32,
 }
 
@@ -99,8 +102,8 @@ impl Excursions {
         self.under_way[agent].is_some()
     }
 
-    /// Whether agents have lately spent less than `share` of their steps on excursions. Goals are no measure: on a large
-    /// map, a goal is pursued for many times as long as an excursion takes.
+    /// Whether agents have lately spent less than `share` of their steps on excursions. Goals are
+    /// no measure: on a large map, a goal is pursued for many times as long as an excursion takes.
     pub fn are_due(&self, share: f32) -> bool {
         self.spent.share < f64::from(share)
     }
@@ -127,14 +130,15 @@ impl Excursions {
         self.places.has_frontier()
     }
 
-    /// Returns the centre of the place at the frontier that `agent` is heading for, as a goal, `(goal_dim)`.
+    /// Returns the centre of the place at the frontier that `agent` is heading for, as a goal,
+    /// `(goal_dim)`.
     pub fn destination(&self, agent: usize) -> Option<Vec<f32>> {
         let at = self.at[agent].filter(|_| self.is_on(agent))?;
         Some(self.places.centre(self.places.frontier_from(at)?))
     }
 
-    /// Records that `agent` is in `state` and what its held action has led to. Ends its excursion if nothing new has
-    /// been found for long or nothing is left to find.
+    /// Records that `agent` is in `state` and what its held action has led to. Ends its excursion
+    /// if nothing new has been found for long or nothing is left to find.
     pub fn arrive(&mut self, agent: usize, state: &[f32]) {
         let visited = self.places.visit(state);
         self.at[agent] = visited.map(|(place, _)| place);
@@ -161,12 +165,19 @@ impl Excursions {
         self.under_way[agent] = (!ended).then_some(excursion);
     }
 
-    /// Writes the next action of `agent` to `action`, `(action_dim)`, if it is on an excursion; returns whether it is.
+    /// Writes the next action of `agent` to `action`, `(action_dim)`, if it is on an excursion;
+    /// returns whether it is.
     pub fn act(&mut self, agent: usize, action: &mut [f32], rng: &mut ChaCha8Rng) -> bool {
-        let (Some(at), Some(excursion)) = (self.at[agent], &mut self.under_way[agent]) else { return false };
+        let (Some(at), Some(excursion)) = (self.at[agent], &mut self.under_way[agent]) else {
+            return false;
+        };
         let held = excursion.held.unwrap_or_else(|| {
             let random = rng.random::<f32>() < RANDOM_SHARE;
-            let chosen = if random { self.places.random_action(rng) } else { self.places.action_ahead(at, rng) };
+            let chosen = if random {
+                self.places.random_action(rng)
+            } else {
+                self.places.action_ahead(at, rng)
+            };
             Held { from: at, action: chosen, steps: 0 }
         });
         excursion.held = Some(Held { steps: held.steps + 1, ..held });
@@ -204,8 +215,8 @@ impl Excursions {
         store.put_json(STATE, &ExcursionsState { at, under_way, spent: self.spent })
     }
 
-    /// Restores the state that [`Self::write`] wrote, for the same number of agents in the same world. Older checkpoints
-    /// have none; they start again.
+    /// Restores the state that [`Self::write`] wrote, for the same number of agents in the same
+    /// world. Older checkpoints have none; they start again.
     ///
     /// # Errors
     /// A part is missing or does not fit.
@@ -217,9 +228,9 @@ impl Excursions {
         let ExcursionsState { at, under_way, spent } = store.json(STATE)?;
         let known = |place: &usize| *place < places.len();
         let fits = |excursion: &Excursion| {
-            let held = excursion
-                .held
-                .is_none_or(|held| known(&held.from) && held.action < 2 * spec.action_dim && held.steps <= HELD_STEPS);
+            let held = excursion.held.is_none_or(|held| {
+                known(&held.from) && held.action < 2 * spec.action_dim && held.steps <= HELD_STEPS
+            });
             held && excursion.left != Some(0)
         };
         if at.len() != self.at.len()
@@ -259,7 +270,12 @@ mod tests {
     }
 
     /// Lets four agents explore for `steps` steps and returns the number of cells visited.
-    fn explore(excursions: &mut Excursions, at: &mut [[f32; 2]; 4], steps: usize, rng: &mut ChaCha8Rng) -> usize {
+    fn explore(
+        excursions: &mut Excursions,
+        at: &mut [[f32; 2]; 4],
+        steps: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> usize {
         let mut visited = BTreeSet::new();
         for _ in 0..steps {
             for (agent, at) in at.iter_mut().enumerate() {
@@ -301,7 +317,10 @@ mod tests {
         explore(&mut excursions, &mut at, 50, &mut rng);
         explore(&mut resumed, &mut again, 50, &mut same);
         assert_eq!((resumed, again), (excursions, at));
-        assert!(Excursions::new(&plane(), 3).restore(&plane(), &store).is_err(), "another number of agents");
+        assert!(
+            Excursions::new(&plane(), 3).restore(&plane(), &store).is_err(),
+            "another number of agents"
+        );
     }
 
     #[test]

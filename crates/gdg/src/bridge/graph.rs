@@ -23,11 +23,11 @@ pub struct Edge {
     pub to: usize,
     /// D(from, to) when the graph was built, in steps.
     pub distance: f32,
-    /// Expected length in steps, with the overhead of passing a waypoint: D, or what trajectories show where D is not
-    /// to be trusted.
+    /// Expected length in steps, with the overhead of passing a waypoint: D, or what trajectories
+    /// show where D is not to be trusted.
     pub length: f32,
-    /// Planning cost in steps: the length, and more if only observed trajectories support the edge, or if walks along it
-    /// or along other edges of its length failed.
+    /// Planning cost in steps: the length, and more if only observed trajectories support the edge,
+    /// or if walks along it or along other edges of its length failed.
     pub cost: f32,
     /// Its record in practice.
     pub status: EdgeStatus,
@@ -106,7 +106,8 @@ pub struct BridgeGraph {
     first: Vec<u32>,
 }
 
-/// An edge as searches backwards from its target see it: side by side in memory, as they pass all edges for each goal.
+/// An edge as searches backwards from its target see it: side by side in memory, as they pass all
+/// edges for each goal.
 #[derive(Clone, Copy, Debug)]
 struct Incoming {
     from: u32,
@@ -115,8 +116,9 @@ struct Incoming {
 }
 
 impl BridgeGraph {
-    /// Builds the graph from the current candidates and critics: an edge i -> j where D(i,j) is below the cut-off and,
-    /// if edges need verification, some trajectory led from i to j in about D steps.
+    /// Builds the graph from the current candidates and critics: an edge i -> j where D(i,j) is
+    /// below the cut-off and, if edges need verification, some trajectory led from i to j in about
+    /// D steps.
     pub fn build(
         spec: &Spec,
         settings: &BridgeSettings,
@@ -131,13 +133,16 @@ impl BridgeGraph {
             let state = &candidates.states()[from * s..(from + 1) * s];
             let to: Vec<usize> = if settings.verify_edges {
                 let back = reversed.into_iter().map(|to| to as usize);
-                let back =
-                    back.filter(|to| settings.keep_observed_edges && candidates.observed(from, *to) == UNOBSERVED);
+                let back = back.filter(|to| {
+                    settings.keep_observed_edges && candidates.observed(from, *to) == UNOBSERVED
+                });
                 let mut to: Vec<usize> = candidates.observed_from(from).chain(back).collect();
                 to.sort_unstable();
                 to
             } else {
-                let near = candidates.goal_index().nearest_few(candidates.goal_index().goal(from), LINK_CANDIDATES);
+                let near = candidates
+                    .goal_index()
+                    .nearest_few(candidates.goal_index().goal(from), LINK_CANDIDATES);
                 near.into_iter().filter(|to| *to != from).collect()
             };
             states.clear();
@@ -149,7 +154,8 @@ impl BridgeGraph {
             distances.resize(to.len(), 0.0);
             policy.distances(&states, &goals, &mut distances, scratch);
             let found = to.iter().zip(&distances).filter_map(|(to, distance)| {
-                let Link { length, cost } = Link::new(settings, candidates, (from, *to), *distance)?;
+                let Link { length, cost } =
+                    Link::new(settings, candidates, (from, *to), *distance)?;
                 let status = EdgeStatus::from(candidates.walk_record(from, *to));
                 let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
                 let (length, cost) = (length + settings.hop_steps, cost + settings.hop_steps);
@@ -161,7 +167,12 @@ impl BridgeGraph {
     }
 
     /// Builds the graph from `edges`, which are sorted by source.
-    fn from_edges(spec: &Spec, settings: &BridgeSettings, candidates: Arc<Candidates>, edges: Vec<Edge>) -> Self {
+    fn from_edges(
+        spec: &Spec,
+        settings: &BridgeSettings,
+        candidates: Arc<Candidates>,
+        edges: Vec<Edge>,
+    ) -> Self {
         let mut first = vec![0u32; candidates.len() + 1];
         edges.iter().for_each(|e| first[e.to + 1] += 1);
         (1..first.len()).for_each(|i| first[i] += first[i - 1]);
@@ -189,16 +200,27 @@ impl BridgeGraph {
     ///
     /// # Errors
     /// Returns an error if `state` is not that of a graph with these settings.
-    pub fn from_state(spec: &Spec, settings: &BridgeSettings, state: &GraphState) -> Result<Self, StoreError> {
+    pub fn from_state(
+        spec: &Spec,
+        settings: &BridgeSettings,
+        state: &GraphState,
+    ) -> Result<Self, StoreError> {
         let mut candidates = Candidates::new(spec, 0, settings);
         candidates.restore(&state.candidates)?;
         let (ends, lengths) = (state.ends.as_chunks::<2>().0, state.lengths.as_chunks::<2>().0);
         let known = |i: &u32| (*i as usize) < candidates.len();
-        if ends.len() != lengths.len() || !ends.iter().flatten().all(known) || !ends.is_sorted_by_key(|ends| ends[0]) {
-            return Err(StoreError::inconsistent("the stored bridge graph does not fit its candidates"));
+        if ends.len() != lengths.len()
+            || !ends.iter().flatten().all(known)
+            || !ends.is_sorted_by_key(|ends| ends[0])
+        {
+            return Err(StoreError::inconsistent(
+                "the stored bridge graph does not fit its candidates",
+            ));
         }
         if !lengths.iter().flatten().all(|length| (0.0..f32::INFINITY).contains(length)) {
-            return Err(StoreError::inconsistent("the stored bridge graph has edges of impossible length"));
+            return Err(StoreError::inconsistent(
+                "the stored bridge graph has edges of impossible length",
+            ));
         }
         let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
             let (from, to) = (*from as usize, *to as usize);
@@ -240,24 +262,33 @@ impl BridgeGraph {
         &self.spec
     }
 
-    /// Returns the link of length `distance`, by D, from a state near candidate `from` to a goal near `to`; `None` if it
-    /// may not be used. Links are verified like edges, by the candidates nearest to their ends.
-    pub(super) fn link(&self, from: Option<usize>, to: Option<usize>, distance: f32) -> Option<Link> {
+    /// Returns the link of length `distance`, by D, from a state near candidate `from` to a goal
+    /// near `to`; `None` if it may not be used. Links are verified like edges, by the candidates
+    /// nearest to their ends.
+    pub(super) fn link(
+        &self,
+        from: Option<usize>,
+        to: Option<usize>,
+        distance: f32,
+    ) -> Option<Link> {
         Link::new(&self.settings, &self.candidates, (from?, to?), distance)
     }
 }
 
-/// Slack on observed steps: trajectories start and end up to a goal radius off, and exploration wanders.
+/// Slack on observed steps: trajectories start and end up to a goal radius off, and exploration
+/// wanders.
 pub(crate) const OBSERVED_SLACK_STEPS: f32 = 2.0;
 
 /// A trajectory verifies D if it took at most this multiple of D, plus the slack.
 pub(crate) const OBSERVED_FACTOR: f32 = 1.5;
 
-/// Extra cost, beyond the observed steps, of a pair that trajectories connect although D says otherwise.
+/// Extra cost, beyond the observed steps, of a pair that trajectories connect although D says
+/// otherwise.
 pub(crate) const OBSERVED_PENALTY_STEPS: f32 = 4.0;
 
-/// Extra cost of a pair that trajectories connect in the other direction alone. Only walking there shows whether that is
-/// possible; without such edges, whatever lies behind a corridor that has been walked one way would be out of reach.
+/// Extra cost of a pair that trajectories connect in the other direction alone. Only walking there
+/// shows whether that is possible; without such edges, whatever lies behind a corridor that has
+/// been walked one way would be out of reach.
 pub(crate) const REVERSED_PENALTY_STEPS: f32 = 8.0;
 
 /// A way between two places that plans may use.
@@ -265,13 +296,14 @@ pub(crate) const REVERSED_PENALTY_STEPS: f32 = 8.0;
 pub(super) struct Link {
     /// Expected length in steps.
     pub length: f32,
-    /// Planning cost in steps: higher where the length is uncertain, or where hops of this length often fail.
+    /// Planning cost in steps: higher where the length is uncertain, or where hops of this length
+    /// often fail.
     pub cost: f32,
 }
 
 impl Link {
-    /// Returns the link from near candidate `from` to near candidate `to` that is `distance` steps long by D; `None` if
-    /// it may not be used.
+    /// Returns the link from near candidate `from` to near candidate `to` that is `distance` steps
+    /// long by D; `None` if it may not be used.
     fn new(
         settings: &BridgeSettings,
         candidates: &Candidates,
@@ -280,8 +312,8 @@ impl Link {
     ) -> Option<Self> {
         let observed = candidates.observed(from, to);
         let delay = candidates.hops().failures(distance) * settings.late_after(distance);
-        let verified =
-            observed != UNOBSERVED && f32::from(observed) <= OBSERVED_FACTOR * distance + OBSERVED_SLACK_STEPS;
+        let verified = observed != UNOBSERVED
+            && f32::from(observed) <= OBSERVED_FACTOR * distance + OBSERVED_SLACK_STEPS;
         if distance < settings.edge_cutoff_steps && (verified || !settings.verify_edges) {
             return Some(Self { length: distance, cost: distance + delay });
         }
@@ -317,7 +349,14 @@ mod tests {
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..60).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
         let length = 3.0 + settings.hop_steps;
-        let edge = |i: usize| Edge { from: i, to: i + 1, distance: 3.0, length, cost, status: EdgeStatus::Untried };
+        let edge = |i: usize| Edge {
+            from: i,
+            to: i + 1,
+            distance: 3.0,
+            length,
+            cost,
+            status: EdgeStatus::Untried,
+        };
         let edges = (0..candidates.len() - 1).map(edge).collect();
         BridgeGraph::from_edges(&spec, &settings, candidates.frozen(), edges)
     }
@@ -339,7 +378,11 @@ mod tests {
         assert_eq!(link((0, 1), 2.0), known(2.0, 2.0), "D and a trajectory agree");
         assert_eq!(link((0, 1), 0.5), known(3.0, 3.0 + OBSERVED_PENALTY_STEPS), "D is too short");
         assert_eq!(link((0, 1), 50.0), known(10.0, 10.0 + OBSERVED_PENALTY_STEPS), "D is too long");
-        assert_eq!(link((1, 0), 2.0), known(3.0, 3.0 + REVERSED_PENALTY_STEPS), "seen the other way alone");
+        assert_eq!(
+            link((1, 0), 2.0),
+            known(3.0, 3.0 + REVERSED_PENALTY_STEPS),
+            "seen the other way alone"
+        );
         let strict = BridgeSettings { keep_observed_edges: false, ..settings.clone() };
         assert_eq!([0.5, 50.0].map(|d| Link::new(&strict, &candidates, (0, 1), d)), [None; 2]);
         assert_eq!(Link::new(&strict, &candidates, (1, 0), 2.0), None);
@@ -358,21 +401,28 @@ mod tests {
         let failures = candidates.hops().failures(4.5);
         assert!(failures > 1.0, "{failures}");
         assert_eq!(link(4.5).cost, 4.5 + failures * settings.late_after(4.5));
-        assert_eq!((link(4.5).length, link(3.5).cost), (4.5, 3.5), "neither longer, nor for other lengths");
+        assert_eq!(
+            (link(4.5).length, link(3.5).cost),
+            (4.5, 3.5),
+            "neither longer, nor for other lengths"
+        );
     }
 
     #[test]
     fn a_graph_round_trips_through_its_state_and_invalid_states_are_rejected() {
         let graph = row();
         let state = graph.state();
-        let again = BridgeGraph::from_state(&graph.spec, &graph.settings, &state).expect("its own state");
+        let again =
+            BridgeGraph::from_state(&graph.spec, &graph.settings, &state).expect("its own state");
         assert_eq!((again.state(), again.edges()), (state.clone(), graph.edges()));
         let wrong = [
             GraphState { ends: vec![0, 999], lengths: vec![1.0, 1.0], ..state.clone() },
             GraphState { ends: vec![1, 0, 0, 1], lengths: vec![1.0; 4], ..state.clone() },
             GraphState { lengths: Vec::new(), ..state },
         ];
-        assert!(wrong.iter().all(|s| BridgeGraph::from_state(&graph.spec, &graph.settings, s).is_err()));
+        assert!(
+            wrong.iter().all(|s| BridgeGraph::from_state(&graph.spec, &graph.settings, s).is_err())
+        );
     }
 
     #[test]
@@ -397,10 +447,18 @@ mod tests {
                 if from != to && rng.random::<f64>() < density {
                     // Whole steps, so that many paths are equally long.
                     let cost = rng.random_range(1..5) as f32;
-                    edges.push(Edge { from, to, distance: cost, length: cost, cost, status: EdgeStatus::Untried });
+                    edges.push(Edge {
+                        from,
+                        to,
+                        distance: cost,
+                        length: cost,
+                        cost,
+                        status: EdgeStatus::Untried,
+                    });
                 }
             }
-            let graph = BridgeGraph::from_edges(&line.spec, &line.settings, line.candidates.clone(), edges);
+            let graph =
+                BridgeGraph::from_edges(&line.spec, &line.settings, line.candidates.clone(), edges);
             let back = |to: &usize| {
                 let incoming = graph.edges().iter().filter(|edge| edge.to == *to);
                 incoming.map(|edge| (edge.from, edge.cost as u64)).collect::<Vec<_>>()
@@ -408,10 +466,17 @@ mod tests {
             let route = graph.route_to_candidate(0);
             let expected = dijkstra_all(&0, back);
             for i in 1..count {
-                assert_eq!(route.costs[i], expected.get(&i).map_or(f32::INFINITY, |(_, cost)| *cost as f32), "{i}");
+                assert_eq!(
+                    route.costs[i],
+                    expected.get(&i).map_or(f32::INFINITY, |(_, cost)| *cost as f32),
+                    "{i}"
+                );
                 let next = route.next[i] as usize;
                 let edge = graph.edges().iter().find(|edge| (edge.from, edge.to) == (i, next));
-                assert!(edge.map_or(next == i, |edge| route.costs[i] == edge.cost + route.costs[next]), "{i}");
+                assert!(
+                    edge.map_or(next == i, |edge| route.costs[i] == edge.cost + route.costs[next]),
+                    "{i}"
+                );
             }
         }
     }
@@ -424,7 +489,8 @@ mod tests {
         let route = graph.route_to_candidate(last);
         assert!((0..last).all(|i| route.next[i] as usize == i + 1), "{:?}", route.next);
         assert!(route.costs[0] > 4e6 * (last as f32 - 0.5), "{:?}", route.costs);
-        let again = BridgeGraph::from_state(&graph.spec, &graph.settings, &graph.state()).expect("its own state");
+        let again = BridgeGraph::from_state(&graph.spec, &graph.settings, &graph.state())
+            .expect("its own state");
         assert_eq!(again.edges(), graph.edges());
     }
 

@@ -6,11 +6,12 @@ const LENGTHS: usize = 32;
 /// Outcomes count this much less with each later one, as the actor goes on learning.
 pub(crate) const HOP_FORGETTING: f32 = 0.99;
 
-/// Outcomes of hops by D at their start: one of walls that the networks have not learned yet, and one that is too long
-/// for the actor, fail alike, and a plan should prefer shorter ones.
+/// Outcomes of hops by D at their start: one of walls that the networks have not learned yet, and
+/// one that is too long for the actor, fail alike, and a plan should prefer shorter ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HopOutcomes {
-    /// Discounted numbers of hops that arrived in time and of hops that did not, by whole steps of D.
+    /// Discounted numbers of hops that arrived in time and of hops that did not, by whole steps of
+    /// D.
     counts: [[f32; 2]; LENGTHS],
 }
 
@@ -28,7 +29,8 @@ impl HopOutcomes {
         counts[usize::from(!arrived)] += 1.0;
     }
 
-    /// Returns the expected number of failures before a hop of this length arrives: none as long as none is known.
+    /// Returns the expected number of failures before a hop of this length arrives: none as long as
+    /// none is known.
     pub fn failures(&self, distance: f32) -> f32 {
         let [arrived, failed] = self.counts[bin(distance)];
         failed / (arrived + 1.0)
@@ -36,8 +38,9 @@ impl HopOutcomes {
 
     /// Returns the failures per arrival of hops of up to `distance` steps, all lengths alike.
     pub fn failures_within(&self, distance: f32) -> f32 {
-        let [arrived, failed] =
-            self.counts[..=bin(distance)].iter().fold([0.0; 2], |[a, f], [arrived, failed]| [a + arrived, f + failed]);
+        let [arrived, failed] = self.counts[..=bin(distance)]
+            .iter()
+            .fold([0.0; 2], |[a, f], [arrived, failed]| [a + arrived, f + failed]);
         failed / (arrived + 1.0)
     }
 
@@ -46,12 +49,17 @@ impl HopOutcomes {
         self.counts.as_flattened().to_vec()
     }
 
-    /// Returns the outcomes whose [`Self::state`] was `state`; `None` if it is not the state of any.
+    /// Returns the outcomes whose [`Self::state`] was `state`; `None` if it is not the state of
+    /// any.
     pub fn from_state(state: &[f32]) -> Option<Self> {
         let (counts, []) = state.as_chunks::<2>() else { return None };
         let counts: [[f32; 2]; LENGTHS] = counts.try_into().ok()?;
         let most = 1.0 / (1.0 - HOP_FORGETTING) + 1.0;
-        counts.as_flattened().iter().all(|count| (0.0..=most).contains(count)).then_some(Self { counts })
+        counts
+            .as_flattened()
+            .iter()
+            .all(|count| (0.0..=most).contains(count))
+            .then_some(Self { counts })
     }
 }
 

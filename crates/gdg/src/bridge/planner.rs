@@ -21,7 +21,8 @@ pub enum Target {
     Candidate(usize),
 }
 
-/// One agent's walk to its goal: it commits to a waypoint until that is reached or late, then chooses the next one.
+/// One agent's walk to its goal: it commits to a waypoint until that is reached or late, then
+/// chooses the next one.
 #[derive(Clone, Debug)]
 pub struct Walker {
     route: Route,
@@ -32,8 +33,9 @@ pub struct Walker {
     distance: f32,
     /// Step at which the target becomes late.
     deadline: u32,
-    /// Cost from the last waypoint reached to the goal. The next waypoint must be closer, or the walk could oscillate
-    /// between two waypoints forever. Infinite at the start and after a late target.
+    /// Cost from the last waypoint reached to the goal. The next waypoint must be closer, or the
+    /// walk could oscillate between two waypoints forever. Infinite at the start and after a late
+    /// target.
     remaining: f32,
     /// Number of consecutive late targets.
     strikes: u32,
@@ -144,13 +146,19 @@ impl Walker {
     /// # Errors
     /// Returns an error if `state` was saved on another graph.
     pub fn from_state(graph: &BridgeGraph, state: WalkerState) -> Result<Self, StoreError> {
-        let mut named = state.links.iter().map(|(i, _)| *i as usize).chain(state.nearest).chain(state.at);
+        let mut named =
+            state.links.iter().map(|(i, _)| *i as usize).chain(state.nearest).chain(state.at);
         let mut targets = state.target.iter().chain(state.banned.iter().map(|(target, _)| target));
         let known = |i: usize| i < graph.candidates().len();
         if !named.all(known) || !targets.all(|target| target.candidate().is_none_or(known)) {
             return Err(StoreError::inconsistent("a stored walk does not fit its bridge graph"));
         }
-        let finite = state.goal.iter().chain(&state.remaining).chain([&state.distance]).all(|v| v.is_finite());
+        let finite = state
+            .goal
+            .iter()
+            .chain(&state.remaining)
+            .chain([&state.distance])
+            .all(|v| v.is_finite());
         if state.goal.len() != graph.spec().goal_dim() || !finite {
             return Err(StoreError::inconsistent("a stored walk contains values out of range"));
         }
@@ -176,8 +184,9 @@ impl Walker {
         self.hop
     }
 
-    /// Whether the next action is chosen by one step of lookahead. After a late waypoint the actor takes over until the
-    /// next one, and so on in turns: lookahead exploits errors of the dynamics model, the actor gets stuck elsewhere.
+    /// Whether the next action is chosen by one step of lookahead. After a late waypoint the actor
+    /// takes over until the next one, and so on in turns: lookahead exploits errors of the dynamics
+    /// model, the actor gets stuck elsewhere.
     pub fn looks_ahead(&self, graph: &BridgeGraph) -> bool {
         graph.settings().lookahead && self.strikes.is_multiple_of(2)
     }
@@ -200,7 +209,8 @@ impl Walker {
         }
     }
 
-    /// Advances the walk and returns the goal to give the actor in `state` for the next step, `(goal_dim)`.
+    /// Advances the walk and returns the goal to give the actor in `state` for the next step,
+    /// `(goal_dim)`.
     pub fn step<'a>(
         &'a mut self,
         state: &[f32],
@@ -229,8 +239,10 @@ impl Walker {
                     self.at = None;
                     self.remaining = f32::INFINITY;
                     self.strikes += 1;
-                    // The longer an agent is stuck, the more targets it tries before any of them again.
-                    let ban = settings.ban_steps.saturating_mul((self.strikes / BAN_STRIKES).max(1));
+                    // The longer an agent is stuck, the more targets it tries before any of them
+                    // again.
+                    let ban =
+                        settings.ban_steps.saturating_mul((self.strikes / BAN_STRIKES).max(1));
                     self.banned.push((current, self.clock.saturating_add(ban)));
                 }
                 _ => {}
@@ -243,10 +255,13 @@ impl Walker {
         self.banned.retain(|(_, until)| *until > clock);
         // An open loop continues its single plan from the waypoint reached.
         let on_plan = self.at.filter(|_| settings.open_loop);
-        let planned = on_plan.map(|at| Target::from(Some(self.route.next[at] as usize).filter(|next| *next != at)));
+        let planned = on_plan
+            .map(|at| Target::from(Some(self.route.next[at] as usize).filter(|next| *next != at)));
         let target = target.unwrap_or_else(|| {
             let (target, distance) = match planned {
-                Some(target) => (target, policy.distance(state, self.target_position(graph, target), scratch)),
+                Some(target) => {
+                    (target, policy.distance(state, self.target_position(graph, target), scratch))
+                }
                 None => self.choose_target(state, graph, policy, scratch),
             };
             self.distance = distance;
@@ -260,10 +275,11 @@ impl Walker {
 
     /// Returns the best next target and the steps to it by D.
     ///
-    /// This is the nearby candidate w that minimises D(s,w) + cost(w,g), with the delays to be expected, or the goal
-    /// itself if D(s,g) is below the cut-off and no longer than the detour. If no verified link is usable, unverified ones
-    /// count; at the goal as well, if the graph has no path there. If it still has none, the target is the goal, for as
-    /// long as one hop may take.
+    /// This is the nearby candidate w that minimises D(s,w) + cost(w,g), with the delays to be
+    /// expected, or the goal itself if D(s,g) is below the cut-off and no longer than the detour.
+    /// If no verified link is usable, unverified ones count; at the goal as well, if the graph has
+    /// no path there. If it still has none, the target is the goal, for as long as one hop may
+    /// take.
     fn choose_target(
         &mut self,
         state: &[f32],
@@ -282,28 +298,45 @@ impl Walker {
         }
         let direct = options.direct.filter(|_| self.is_allowed(Target::Goal));
         match (waypoint, direct) {
-            (Some(hop), Some(direct)) if direct.cost <= hop.total => (Target::Goal, options.to_goal),
+            (Some(hop), Some(direct)) if direct.cost <= hop.total => {
+                (Target::Goal, options.to_goal)
+            }
             (Some(hop), _) => (Target::Candidate(hop.candidate), hop.distance),
             (None, Some(_)) => (Target::Goal, options.to_goal),
-            (None, None) => (Target::Goal, options.to_goal.min(graph.settings().window_steps() as f32)),
+            (None, None) => {
+                (Target::Goal, options.to_goal.min(graph.settings().window_steps() as f32))
+            }
         }
     }
 
     /// Returns the best hop to a candidate, if any may be used.
-    fn best_waypoint(&self, state: &[f32], options: &HopOptions, graph: &BridgeGraph) -> Option<PlannedHop> {
+    fn best_waypoint(
+        &self,
+        state: &[f32],
+        options: &HopOptions,
+        graph: &BridgeGraph,
+    ) -> Option<PlannedHop> {
         let best = |verified: bool| {
             let usable = options.candidates.iter().filter_map(|hop| {
                 let cost = hop.link.map(|link| link.cost);
-                let cost = if verified { cost? } else { cost.unwrap_or(UNVERIFIED_FACTOR * hop.distance) };
+                let cost =
+                    if verified { cost? } else { cost.unwrap_or(UNVERIFIED_FACTOR * hop.distance) };
                 let (candidate, ahead) = (hop.candidate, self.route.costs[hop.candidate]);
                 let usable = (cost + ahead).is_finite()
                     && ahead < self.remaining
                     && self.is_allowed(Target::Candidate(candidate))
                     && !graph.spec().reached(state, graph.point(candidate));
-                usable.then_some(PlannedHop { candidate, distance: hop.distance, total: cost + ahead })
+                usable.then_some(PlannedHop {
+                    candidate,
+                    distance: hop.distance,
+                    total: cost + ahead,
+                })
             });
-            // A stuck agent is where the actor makes no progress: take the shortest hop away from there.
-            let key = |hop: &PlannedHop| if self.strikes >= MAX_STRIKES { hop.distance } else { hop.total };
+            // A stuck agent is where the actor makes no progress: take the shortest hop away from
+            // there.
+            let key = |hop: &PlannedHop| {
+                if self.strikes >= MAX_STRIKES { hop.distance } else { hop.total }
+            };
             usable.min_by(|a, b| key(a).total_cmp(&key(b)))
         };
         best(true).or_else(|| best(false))
@@ -338,7 +371,9 @@ mod tests {
     impl Policy for Straight {
         fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
             let pairs = states.chunks_exact(2).zip(goals.chunks_exact(2));
-            out.iter_mut().zip(pairs).for_each(|(d, (s, g))| *d = (s[0] - g[0]).abs() + (s[1] - g[1]).abs());
+            out.iter_mut()
+                .zip(pairs)
+                .for_each(|(d, (s, g))| *d = (s[0] - g[0]).abs() + (s[1] - g[1]).abs());
         }
 
         fn actions(&self, _: &[f32], _: &[f32], _: &mut [f32], _: &mut Scratch) {}
@@ -352,19 +387,26 @@ mod tests {
         candidates.end_episode(0);
         candidates.visit(0, &[84.0, 0.5]);
         let mut scratch = Scratch::default();
-        let graph = BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
+        let graph =
+            BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
         let route = graph.route(&[85.0, 0.5], &Straight, &mut scratch);
         assert!(route.costs[0].is_infinite(), "{:?}", route.costs);
         let (mut walker, mut at) = (Walker::new(route), 2.0);
         walker.step(&[at, 0.5], &graph, &Straight, &mut scratch);
-        assert!(matches!(walker.target(), Some(Target::Candidate(_))) && walker.route().costs[0].is_finite());
+        assert!(
+            matches!(walker.target(), Some(Target::Candidate(_)))
+                && walker.route().costs[0].is_finite()
+        );
         let mut walker = Walker::from_state(&graph, walker.state()).expect("its own state");
         for _ in 0..100 {
             let aim = walker.step(&[at, 0.5], &graph, &Straight, &mut scratch)[0];
             at += (aim - at).clamp(-1.0, 1.0);
         }
         assert_eq!(at, 85.0);
-        assert!(graph.route_by_unverified_links(walker.route(), &Straight, &mut scratch).is_none(), "once is enough");
+        assert!(
+            graph.route_by_unverified_links(walker.route(), &Straight, &mut scratch).is_none(),
+            "once is enough"
+        );
     }
 
     #[test]
@@ -376,7 +418,10 @@ mod tests {
         let mut walker = Walker::new(graph.route(&[99.0, 0.5], &Straight, &mut scratch));
         let longest = settings.late_after(settings.window_steps() as f32) as u32;
         for _ in 0..=longest {
-            assert_eq!((walker.strikes, walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch)[0]), (0, 99.0));
+            assert_eq!(
+                (walker.strikes, walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch)[0]),
+                (0, 99.0)
+            );
         }
         walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch);
         assert_eq!(walker.strikes, 1);
@@ -390,8 +435,10 @@ mod tests {
         (0..160).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
         candidates.end_episode(0);
         let mut scratch = Scratch::default();
-        let graph = BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
-        let (mut walker, mut at) = (Walker::new(graph.route(&[79.0, 0.5], &Straight, &mut scratch)), 1.0);
+        let graph =
+            BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
+        let (mut walker, mut at) =
+            (Walker::new(graph.route(&[79.0, 0.5], &Straight, &mut scratch)), 1.0);
         let mut hops = 0;
         while at < 79.0 {
             let aim = walker.step(&[at, 0.5], &graph, &Straight, &mut scratch)[0];
@@ -408,7 +455,8 @@ mod tests {
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..80).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
         let mut scratch = Scratch::default();
-        let graph = BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
+        let graph =
+            BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
         let mut walker = Walker::new(graph.route(&[39.0, 0.5], &Straight, &mut scratch));
         let mut bans = [0; 2 * BAN_STRIKES as usize + 1];
         while walker.strikes < 2 * BAN_STRIKES {

@@ -38,7 +38,8 @@ impl SearchOutcome {
 
 /// Draws candidates b at random until D(s,g) > D(s,b) + D(b,g) or `budget` have been tried.
 ///
-/// `states` are the candidates `(candidates, state_dim)`, `points` the same as goals `(candidates, goal_dim)`.
+/// `states` are the candidates `(candidates, state_dim)`, `points` the same as goals `(candidates,
+/// goal_dim)`.
 pub fn search(
     (state, goal): (&[f32], &[f32]),
     (states, points): (&[f32], &[f32]),
@@ -48,24 +49,35 @@ pub fn search(
     scratch: &mut Scratch,
 ) -> SearchOutcome {
     let (s, g) = (state.len(), goal.len());
-    let mut outcome = SearchOutcome { state: state.to_vec(), goal: goal.to_vec(), budget, ..SearchOutcome::default() };
+    let mut outcome = SearchOutcome {
+        state: state.to_vec(),
+        goal: goal.to_vec(),
+        budget,
+        ..SearchOutcome::default()
+    };
     let candidates = states.len() / s;
     if candidates == 0 {
         return outcome;
     }
     let drawn: Vec<usize> = (0..budget).map(|_| rng.random_range(0..candidates)).collect();
-    // Evaluate all candidates in one batch, then judge them in the order drawn: the result is the same as one by one.
+    // Evaluate all candidates in one batch, then judge them in the order drawn: the result is the
+    // same as one by one.
     let mut from: Vec<f32> = state.repeat(budget);
     from.extend(drawn.iter().flat_map(|i| &states[i * s..(i + 1) * s]));
-    let mut to: Vec<f32> = drawn.iter().flat_map(|i| &points[i * g..(i + 1) * g]).copied().collect();
+    let mut to: Vec<f32> =
+        drawn.iter().flat_map(|i| &points[i * g..(i + 1) * g]).copied().collect();
     let tried = to.clone();
     to.extend(goal.repeat(budget));
     let mut distances = vec![0.0; 2 * budget];
     policy.distances(&from, &to, &mut distances, scratch);
     let direct = policy.distance(state, goal, scratch);
-    let mut gains = distances[..budget].iter().zip(&distances[budget..]).map(|(to_b, from_b)| direct - to_b - from_b);
+    let mut gains = distances[..budget]
+        .iter()
+        .zip(&distances[budget..])
+        .map(|(to_b, from_b)| direct - to_b - from_b);
     let found = gains.by_ref().enumerate().find(|(_, gain)| *gain > 0.0);
-    outcome.found = found.map(|(i, gain)| BridgePoint { point: tried[i * g..(i + 1) * g].to_vec(), gain });
+    outcome.found =
+        found.map(|(i, gain)| BridgePoint { point: tried[i * g..(i + 1) * g].to_vec(), gain });
     outcome.rejected = tried[..found.map_or(budget, |(i, _)| i) * g].to_vec();
     outcome
 }

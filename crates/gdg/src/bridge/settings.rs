@@ -53,15 +53,15 @@ impl Planner {
 /// Settings of bridge candidates, edges, search and planning.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BridgeSettings {
-    /// Target number of bridge candidates. Between thin walls, on large maps and where many walks between them fail, there
-    /// are up to eight times as many (three times without `verify_edges`).
+    /// Target number of bridge candidates. Between thin walls, on large maps and where many walks
+    /// between them fail, there are up to eight times as many (three times without `verify_edges`).
     pub candidates: usize,
     /// Minimum distance between candidates, in goal radii; it grows when there would be too many.
     pub candidate_spacing: f32,
     /// An edge needs D below this, in steps.
     pub edge_cutoff_steps: f32,
-    /// Overhead of passing a waypoint, in steps beyond D to it and D from it: D ends a goal radius before its goal,
-    /// short of where the next hop starts.
+    /// Overhead of passing a waypoint, in steps beyond D to it and D from it: D ends a goal radius
+    /// before its goal, short of where the next hop starts.
     pub hop_steps: f32,
     /// Whether an edge also needs a stored trajectory from one end to the other in about D steps.
     pub verify_edges: bool,
@@ -75,25 +75,27 @@ pub struct BridgeSettings {
     pub late_factor: f32,
     /// ... plus this many steps.
     pub late_slack_steps: f32,
-    /// Steps for which a late waypoint is banned, times the number of complete runs of `BAN_STRIKES` late ones in a row (at
-    /// least 1).
+    /// Steps for which a late waypoint is banned, times the number of complete runs of
+    /// `BAN_STRIKES` late ones in a row (at least 1).
     pub ban_steps: u32,
-    /// Probability that an episode's first goal is a bridge point (Algorithm 1's epsilon; method gdg-bridge).
+    /// Probability that an episode's first goal is a bridge point (Algorithm 1's epsilon; method
+    /// gdg-bridge).
     pub bridge_epsilon: f32,
     /// Candidates that one bridge search may try (Algorithm 2's number of searches).
     pub search_budget: usize,
-    /// Whether to plan once and follow the plan to its end, instead of replanning at every waypoint.
+    /// Whether to plan once and follow the plan to its end, instead of replanning at every
+    /// waypoint.
     pub open_loop: bool,
-    /// Probability that an agent walks to a new goal through the bridge graph, which trains the actor on the waypoints it
-    /// will be given and confirms or demotes edges.
+    /// Probability that an agent walks to a new goal through the bridge graph, which trains the
+    /// actor on the waypoints it will be given and confirms or demotes edges.
     pub planned_episodes: f32,
-    /// Share of their steps that agents spend on exploring beyond the frontier of what has been visited. Automatic: high
-    /// while there is anything left to try.
+    /// Share of their steps that agents spend on exploring beyond the frontier of what has been
+    /// visited. Automatic: high while there is anything left to try.
     pub frontier_epsilon: Auto<f32>,
     /// Whether planning and evaluation use the running averages of critics and actor.
     pub averaged_weights: bool,
-    /// Whether agents that follow a plan choose their actions by one step of lookahead, D(f(s, a), g), over the actor's
-    /// action and a fixed set of others.
+    /// Whether agents that follow a plan choose their actions by one step of lookahead, D(f(s, a),
+    /// g), over the actor's action and a fixed set of others.
     #[serde(default)]
     pub lookahead: bool,
 }
@@ -141,14 +143,15 @@ impl BridgeSettings {
         }
     }
 
-    /// Returns the presets `tuned` and `sb3` of rivals: without excursions, which are no part of what they are compared
-    /// for, and with a larger overhead of waypoints, as their distances are less exact.
+    /// Returns the presets `tuned` and `sb3` of rivals: without excursions, which are no part of
+    /// what they are compared for, and with a larger overhead of waypoints, as their distances are
+    /// less exact.
     pub fn rivals() -> Self {
         Self { frontier_epsilon: Auto::Given(0.0), hop_steps: 1.0, ..Self::default() }
     }
 
-    /// Returns the settings that plan on the same candidates as SoRB does (Eysenbach et al. 2019, algorithm 1 and
-    /// section 3): edges wherever D is below the cut-off, one plan at the start.
+    /// Returns the settings that plan on the same candidates as SoRB does (Eysenbach et al. 2019,
+    /// algorithm 1 and section 3): edges wherever D is below the cut-off, one plan at the start.
     #[must_use]
     fn sorb(&self) -> Self {
         Self {
@@ -174,16 +177,22 @@ impl BridgeSettings {
         }
     }
 
-    /// Whether bridge candidates are the same with these settings as with `other`: compares all that
-    /// [`super::Candidates::new`] reads.
+    /// Whether bridge candidates are the same with these settings as with `other`: compares all
+    /// that [`super::Candidates::new`] reads.
     pub(crate) fn makes_same_candidates(&self, other: &Self) -> bool {
-        let read = |s: &Self| (s.candidates, s.candidate_spacing, s.edge_cutoff_steps, s.verify_edges);
+        let read =
+            |s: &Self| (s.candidates, s.candidate_spacing, s.edge_cutoff_steps, s.verify_edges);
         read(self) == read(other)
     }
 
-    /// Returns the share of steps to spend on excursions beyond the frontier, given whether any action is left to try.
+    /// Returns the share of steps to spend on excursions beyond the frontier, given whether any
+    /// action is left to try.
     pub fn frontier_share(&self, has_frontier: bool) -> f32 {
-        self.frontier_epsilon.given().unwrap_or(if has_frontier { FRONTIER_SHARE } else { EXPLORED_SHARE })
+        self.frontier_epsilon.given().unwrap_or(if has_frontier {
+            FRONTIER_SHARE
+        } else {
+            EXPLORED_SHARE
+        })
     }
 
     /// Returns the maximum number of candidates.
@@ -197,7 +206,8 @@ impl BridgeSettings {
         self.late_factor * distance + self.late_slack_steps
     }
 
-    /// Returns the number of steps within which a trajectory from one candidate to another is recorded.
+    /// Returns the number of steps within which a trajectory from one candidate to another is
+    /// recorded.
     pub fn window_steps(&self) -> usize {
         (2.0 * self.edge_cutoff_steps).ceil() as usize
     }
@@ -218,7 +228,10 @@ impl BridgeSettings {
             ("late_slack_steps", within(self.late_slack_steps, 1.0, 1e6)),
             ("bridge_epsilon", within(self.bridge_epsilon, 0.0, 1.0)),
             ("planned_episodes", within(self.planned_episodes, 0.0, 1.0)),
-            ("frontier_epsilon", self.frontier_epsilon.given().is_none_or(|share| within(share, 0.0, 1.0))),
+            (
+                "frontier_epsilon",
+                self.frontier_epsilon.given().is_none_or(|share| within(share, 0.0, 1.0)),
+            ),
             ("search_budget", (1..=100_000).contains(&self.search_budget)),
         ];
         checks.iter().find(|(_, ok)| !ok).map_or(Ok(()), |(name, _)| Err(OutOfRange(name)))

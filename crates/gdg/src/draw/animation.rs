@@ -1,5 +1,5 @@
-//! Animated PNG files (APNG). Each frame stores what has changed since the one before: the smallest rectangle around it,
-//! transparent where nothing has.
+//! Animated PNG files (APNG). Each frame stores what has changed since the one before: the smallest
+//! rectangle around it, transparent where nothing has.
 
 use png::{BlendOp, Encoder, EncodingError};
 
@@ -15,11 +15,16 @@ pub struct Animation<'a> {
 }
 
 impl<'a> Animation<'a> {
-    /// Begins an animation of `frames` pictures of one size in an empty `file`, which says first how many there are.
+    /// Begins an animation of `frames` pictures of one size in an empty `file`, which says first
+    /// how many there are.
     ///
     /// # Errors
     /// Errors of the encoder.
-    pub fn begin(file: &'a mut Vec<u8>, (columns, rows): (usize, usize), frames: usize) -> Result<Self, EncodingError> {
+    pub fn begin(
+        file: &'a mut Vec<u8>,
+        (columns, rows): (usize, usize),
+        frames: usize,
+    ) -> Result<Self, EncodingError> {
         let mut encoder = Encoder::new(file, columns as u32, rows as u32);
         encoder.set_color(png::ColorType::Rgba);
         encoder.set_depth(png::BitDepth::Eight);
@@ -37,7 +42,8 @@ impl<'a> Animation<'a> {
         let writer = &mut self.writer;
         // The first frame covers the whole picture, and has its place already.
         if self.drawn.is_some() {
-            // From the corner, every size is possible: the position still is that of the frame before.
+            // From the corner, every size is possible: the position still is that of the frame
+            // before.
             writer.set_frame_position(0, 0)?;
             writer.set_frame_dimension(area[2], area[3])?;
             writer.set_frame_position(area[0], area[1])?;
@@ -59,15 +65,19 @@ impl<'a> Animation<'a> {
     }
 }
 
-/// Returns the smallest rectangle (left, top, width, height in pixels) around what differs from `before`, and its
-/// pixels as red, green, blue and opacity: transparent where they are the same.
+/// Returns the smallest rectangle (left, top, width, height in pixels) around what differs from
+/// `before`, and its pixels as red, green, blue and opacity: transparent where they are the same.
 fn changes(before: Option<&Picture>, now: &Picture) -> ([u32; 4], Vec<u8>) {
     let (columns, rows) = now.size();
     let same = |at: usize| before.is_some_and(|before| before.pixels()[at] == now.pixels()[at]);
-    let changed = (0..columns * rows).filter(|at| !same(*at)).map(|at| (at % columns, at / columns));
-    let bounds = changed.fold(None, |bounds: Option<[usize; 4]>, (x, y)| {
-        Some(bounds.map_or([x, y, x, y], |[x0, y0, x1, y1]| [x0.min(x), y0.min(y), x1.max(x), y1.max(y)]))
-    });
+    let changed =
+        (0..columns * rows).filter(|at| !same(*at)).map(|at| (at % columns, at / columns));
+    let bounds =
+        changed.fold(None, |bounds: Option<[usize; 4]>, (x, y)| {
+            Some(bounds.map_or([x, y, x, y], |[x0, y0, x1, y1]| {
+                [x0.min(x), y0.min(y), x1.max(x), y1.max(y)]
+            }))
+        });
     // A frame has at least one pixel.
     let [left, top, right, bottom] = bounds.unwrap_or([0; 4]);
     let mut pixels = Vec::with_capacity(4 * (right - left + 1) * (bottom - top + 1));

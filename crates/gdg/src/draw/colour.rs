@@ -5,7 +5,8 @@ use colorous::Gradient;
 /// Red, green, blue.
 pub type Rgb = (u8, u8, u8);
 
-/// Returns the colour of a distance, given as a share of the farthest shown: near is light, far is dark.
+/// Returns the colour of a distance, given as a share of the farthest shown: near is light, far is
+/// dark.
 pub fn distance_colour(gradient: Gradient, share: f32) -> Rgb {
     // The darkest end is left out, as walls and the background use it.
     sample(gradient, 0.95 - 0.85 * share.clamp(0.0, 1.0))
@@ -24,11 +25,14 @@ pub fn lightness((r, g, b): Rgb) -> f32 {
 
 /// Returns the colour `share` of the way from one to another.
 pub fn blend(from: Rgb, to: Rgb, share: f32) -> Rgb {
-    let mix = |from: u8, to: u8| (f32::from(from) + share * (f32::from(to) - f32::from(from))).round() as u8;
+    let mix = |from: u8, to: u8| {
+        (f32::from(from) + share * (f32::from(to) - f32::from(from))).round() as u8
+    };
     (mix(from.0, to.0), mix(from.1, to.1), mix(from.2, to.2))
 }
 
-/// Returns the colour of a contour line on `ground`: darker on light ground, lighter on dark ground.
+/// Returns the colour of a contour line on `ground`: darker on light ground, lighter on dark
+/// ground.
 pub fn contour(ground: Rgb) -> Rgb {
     let to = if lightness(ground) > 0.4 { (0, 0, 0) } else { (255, 255, 255) };
     blend(ground, to, 0.45)

@@ -1,30 +1,34 @@
-//! Contour lines of a field of values, one a pixel: marching squares (Lorensen and Cline 1987, in the plane) with a
-//! pixel's middle at each corner.
+//! Contour lines of a field of values, one a pixel: marching squares (Lorensen and Cline 1987, in
+//! the plane) with a pixel's middle at each corner.
 //!
-//! The crate `contour` does not fit: it closes its lines along the border of the field, and so would outline every wall.
+//! The crate `contour` does not fit: it closes its lines along the border of the field, and so
+//! would outline every wall.
 
 /// One contour line, or a piece of it between walls.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContourLine {
     /// The value along it.
     pub level: f32,
-    /// The pixels it passes, from one end to the other: each touches the next, and none of them can be left out.
+    /// The pixels it passes, from one end to the other: each touches the next, and none of them can
+    /// be left out.
     pub pixels: Vec<usize>,
 }
 
-/// Returns how far apart the values of neighbouring lines have to be for the lines to be `spacing` pixels apart or more,
-/// on average: 1, 2 or 5 times a power of ten, at least 1. `field` has rows of `columns` pixels; NaN pixels do not count.
+/// Returns how far apart the values of neighbouring lines have to be for the lines to be `spacing`
+/// pixels apart or more, on average: 1, 2 or 5 times a power of ten, at least 1. `field` has rows
+/// of `columns` pixels; NaN pixels do not count.
 pub fn contour_interval(field: &[f32], columns: usize, spacing: f32) -> f32 {
     round_up(f64::from(spacing) * mean_slope(field, columns))
 }
 
-/// Returns the mean length of the gradient, per pixel. By the coarea formula, the lines' length in pixels is this over
-/// their interval, times the number of pixels.
+/// Returns the mean length of the gradient, per pixel. By the coarea formula, the lines' length in
+/// pixels is this over their interval, times the number of pixels.
 fn mean_slope(field: &[f32], columns: usize) -> f64 {
     let (mut sum, mut count) = (0.0, 0_u32);
     for (i, value) in field.iter().enumerate() {
         let right = field.get(i + 1).filter(|_| !(i + 1).is_multiple_of(columns));
-        let rises = [right, field.get(i + columns)].map(|other| other.map_or(f32::NAN, |other| other - value));
+        let rises = [right, field.get(i + columns)]
+            .map(|other| other.map_or(f32::NAN, |other| other - value));
         let mut known = rises.into_iter().filter(|rise| rise.is_finite()).peekable();
         if known.peek().is_some() {
             sum += known.map(|rise| f64::from(rise).powi(2)).sum::<f64>().sqrt();
@@ -41,13 +45,15 @@ fn round_up(least: f64) -> f32 {
     steps.into_iter().find(|step| *step >= least).unwrap_or(steps[3]) as f32
 }
 
-/// Returns the lines at all positive multiples of `interval` in `field`, which has rows of `columns` pixels. Lines end at
-/// NaN pixels, and at cliffs, where several of them would coincide: neither has lines along it.
+/// Returns the lines at all positive multiples of `interval` in `field`, which has rows of
+/// `columns` pixels. Lines end at NaN pixels, and at cliffs, where several of them would coincide:
+/// neither has lines along it.
 pub fn contour_lines(field: &[f32], columns: usize, interval: f32) -> Vec<ContourLine> {
     let crossings = Crossings::new(field, columns, interval);
     let line = |borders: Vec<usize>| {
         let level = crossings.level(borders[0]);
-        let pixels = thinned(borders.into_iter().map(|border| crossings.nearer_pixel(border)), columns);
+        let pixels =
+            thinned(borders.into_iter().map(|border| crossings.nearer_pixel(border)), columns);
         ContourLine { level, pixels }
     };
     crossings.lines().into_iter().map(line).collect()
@@ -58,32 +64,37 @@ pub fn contour_lines(field: &[f32], columns: usize, interval: f32) -> Vec<Contou
 pub struct ContourPath {
     /// The value along it.
     pub level: f32,
-    /// Where it passes from one square of four pixels to the next, in pixels: the middle of the first one is at 0.5, 0.5.
-    /// A closed line ends where it begins.
+    /// Where it passes from one square of four pixels to the next, in pixels: the middle of the
+    /// first one is at 0.5, 0.5. A closed line ends where it begins.
     pub points: Vec<[f32; 2]>,
 }
 
-/// Returns the same lines as [`contour_lines`], for pictures of a finer resolution than that of `field`.
+/// Returns the same lines as [`contour_lines`], for pictures of a finer resolution than that of
+/// `field`.
 pub fn contour_paths(field: &[f32], columns: usize, interval: f32) -> Vec<ContourPath> {
     let crossings = Crossings::new(field, columns, interval);
     let path = |borders: Vec<usize>| {
         let (first, last) = (borders[0], borders[borders.len() - 1]);
         let is_closed = borders.len() > 2 && crossings.links[last].contains(&Some(first as u32));
         let all = borders.iter().copied().chain(is_closed.then_some(first));
-        ContourPath { level: crossings.level(first), points: all.map(|border| crossings.point(border)).collect() }
+        ContourPath {
+            level: crossings.level(first),
+            points: all.map(|border| crossings.point(border)).collect(),
+        }
     };
     crossings.lines().into_iter().map(path).collect()
 }
 
-/// Where lines cross the borders between neighbouring pixels. Border `2 i` is between pixel `i` and the one to its right,
-/// `2 i + 1` between it and the one below.
+/// Where lines cross the borders between neighbouring pixels. Border `2 i` is between pixel `i` and
+/// the one to its right, `2 i + 1` between it and the one below.
 struct Crossings<'a> {
     field: &'a [f32],
     columns: usize,
     interval: f32,
     /// The level of the line that crosses each border, in intervals; 0 if none does.
     levels: Vec<u32>,
-    /// The crossings of the same line before and after: above and below (or left and right of) the two pixels.
+    /// The crossings of the same line before and after: above and below (or left and right of) the
+    /// two pixels.
     links: Vec<[Option<u32>; 2]>,
 }
 
@@ -113,13 +124,15 @@ impl<'a> Crossings<'a> {
     fn link_within_square(&mut self, i: usize) {
         let corners = [i, i + 1, i + self.columns + 1, i + self.columns];
         // Top, right, bottom, left; each with the side on which the square is.
-        let mut borders = [(2 * i, 1), (2 * corners[1] + 1, 0), (2 * corners[3], 0), (2 * i + 1, 1)];
+        let mut borders =
+            [(2 * i, 1), (2 * corners[1] + 1, 0), (2 * corners[3], 0), (2 * i + 1, 1)];
         let levels = borders.map(|(border, _)| self.levels[border]);
         let level = levels.into_iter().max().unwrap_or(0);
         if level == 0 {
             return;
         }
-        // At a saddle, two lines keep the corners apart that are on the other side of the level than the middle.
+        // At a saddle, two lines keep the corners apart that are on the other side of the level
+        // than the middle.
         if levels == [level; 4] {
             let middle = corners.iter().map(|corner| self.field[*corner] / 4.0).sum::<f32>();
             let is_above = |value: f32| value >= level as f32 * self.interval;
@@ -156,11 +169,14 @@ impl<'a> Crossings<'a> {
         lines
     }
 
-    /// Returns the crossings after `border` on one side of it, up to the end of the line or back around to it.
+    /// Returns the crossings after `border` on one side of it, up to the end of the line or back
+    /// around to it.
     fn follow(&self, border: usize, side: usize, done: &mut [bool]) -> Vec<usize> {
         let mut passed = Vec::new();
         let (mut from, mut next) = (border, self.links[border][side]);
-        while let Some(at) = next.map(|at| at as usize).filter(|at| !std::mem::replace(&mut done[*at], true)) {
+        while let Some(at) =
+            next.map(|at| at as usize).filter(|at| !std::mem::replace(&mut done[*at], true))
+        {
             passed.push(at);
             let [one, other] = self.links[at];
             next = if one == Some(from as u32) { other } else { one };
@@ -173,9 +189,11 @@ impl<'a> Crossings<'a> {
         self.levels[border] as f32 * self.interval
     }
 
-    /// Returns the pixels on both sides of `border`, and the share of the way between them at which the line crosses it.
+    /// Returns the pixels on both sides of `border`, and the share of the way between them at which
+    /// the line crosses it.
     fn crossing(&self, border: usize) -> (usize, usize, f32) {
-        let (from, to) = (border / 2, border / 2 + if border.is_multiple_of(2) { 1 } else { self.columns });
+        let (from, to) =
+            (border / 2, border / 2 + if border.is_multiple_of(2) { 1 } else { self.columns });
         (from, to, (self.level(border) - self.field[from]) / (self.field[to] - self.field[from]))
     }
 
@@ -188,7 +206,8 @@ impl<'a> Crossings<'a> {
     /// Returns where the line crosses `border`, in pixels.
     fn point(&self, border: usize) -> [f32; 2] {
         let (from, to, share) = self.crossing(border);
-        let [from, to] = [from, to].map(|i| [(i % self.columns) as f32 + 0.5, (i / self.columns) as f32 + 0.5]);
+        let [from, to] =
+            [from, to].map(|i| [(i % self.columns) as f32 + 0.5, (i / self.columns) as f32 + 0.5]);
         [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])]
     }
 }
@@ -198,8 +217,8 @@ fn band(value: f32, interval: f32) -> Option<i32> {
     value.is_finite().then(|| (value / interval).floor() as i32)
 }
 
-/// Returns the only positive level between the values of neighbouring pixels, by their bands; 0 if there is none, and if
-/// there are several.
+/// Returns the only positive level between the values of neighbouring pixels, by their bands; 0 if
+/// there is none, and if there are several.
 fn level_between(a: Option<i32>, b: Option<i32>) -> u32 {
     match (a, b) {
         (Some(a), Some(b)) if a.abs_diff(b) == 1 => a.max(b).max(0).unsigned_abs(),
@@ -207,10 +226,12 @@ fn level_between(a: Option<i32>, b: Option<i32>) -> u32 {
     }
 }
 
-/// Leaves out the pixels of a line without which those before and after still touch, such as the corners of its steps.
+/// Leaves out the pixels of a line without which those before and after still touch, such as the
+/// corners of its steps.
 fn thinned(pixels: impl Iterator<Item = usize>, columns: usize) -> Vec<usize> {
-    let touch =
-        |a: usize, b: usize| (a % columns).abs_diff(b % columns) <= 1 && (a / columns).abs_diff(b / columns) <= 1;
+    let touch = |a: usize, b: usize| {
+        (a % columns).abs_diff(b % columns) <= 1 && (a / columns).abs_diff(b / columns) <= 1
+    };
     let mut thin: Vec<usize> = Vec::new();
     for pixel in pixels {
         if matches!(thin[..], [.., before, _] if touch(before, pixel)) {
@@ -238,18 +259,21 @@ mod tests {
         line.pixels.iter().map(|i| (i % COLUMNS, i / COLUMNS)).collect()
     }
 
-    /// Returns whether some square of two by two pixels is all line, or some neighbours of a line do not touch.
+    /// Returns whether some square of two by two pixels is all line, or some neighbours of a line
+    /// do not touch.
     fn is_thick_or_torn(line: &ContourLine) -> bool {
         let own = positions(line);
-        let thick =
-            own.iter().any(|(x, y)| [(x + 1, *y), (*x, y + 1), (x + 1, y + 1)].iter().all(|other| own.contains(other)));
+        let thick = own.iter().any(|(x, y)| {
+            [(x + 1, *y), (*x, y + 1), (x + 1, y + 1)].iter().all(|other| own.contains(other))
+        });
         thick || own.windows(2).any(|p| p[0].0.abs_diff(p[1].0).max(p[0].1.abs_diff(p[1].1)) != 1)
     }
 
     #[test]
     fn lines_on_a_plane_are_straight_and_where_it_reaches_their_levels() {
         let lines = contour_lines(&field(|x, _| 3.0 * x + 1.0), COLUMNS, 20.0);
-        let at: Vec<(f32, usize)> = lines.iter().map(|line| (line.level, line.pixels[0] % COLUMNS)).collect();
+        let at: Vec<(f32, usize)> =
+            lines.iter().map(|line| (line.level, line.pixels[0] % COLUMNS)).collect();
         assert_eq!(at, [(20.0, 6), (40.0, 13), (60.0, 20), (80.0, 26), (100.0, 33)]);
         for line in &lines {
             let column = line.pixels[0] % COLUMNS;
@@ -267,8 +291,11 @@ mod tests {
             let lines = contour_lines(&field(value), COLUMNS, 7.0);
             assert!(!lines.is_empty() && !lines.iter().any(is_thick_or_torn), "slope {a}, {b}");
             for line in &lines {
-                let off = |(x, y): &(usize, usize)| (value(*x as f32, *y as f32) - line.level).abs();
-                assert!(positions(line).iter().all(|at| off(at) <= 0.5 * (a.abs() + b.abs()) + 1e-4));
+                let off =
+                    |(x, y): &(usize, usize)| (value(*x as f32, *y as f32) - line.level).abs();
+                assert!(
+                    positions(line).iter().all(|at| off(at) <= 0.5 * (a.abs() + b.abs()) + 1e-4)
+                );
             }
         }
     }
@@ -280,7 +307,11 @@ mod tests {
         assert_eq!(whole.iter().map(|line| line.level).collect::<Vec<_>>().len(), 2);
         for line in whole {
             let own = positions(line);
-            assert!(own.iter().all(|(x, y)| ((*x as f32 - 20.0).hypot(*y as f32 - 15.0) - line.level).abs() <= 0.75));
+            assert!(
+                own.iter()
+                    .all(|(x, y)| ((*x as f32 - 20.0).hypot(*y as f32 - 15.0) - line.level).abs()
+                        <= 0.75)
+            );
             let [first, last] = [own[0], own[own.len() - 1]];
             assert!(first.0.abs_diff(last.0) <= 1 && first.1.abs_diff(last.1) <= 1, "closed");
             assert!(!is_thick_or_torn(line));
@@ -299,7 +330,12 @@ mod tests {
         let circle = paths.iter().find(|path| path.level == 10.0).expect("a circle");
         assert!(circle.points.iter().all(|at| off(*at) < 0.03), "far closer than a pixel");
         assert_eq!(circle.points.first(), circle.points.last(), "closed");
-        assert!(circle.points.windows(2).all(|ends| (ends[0][0] - ends[1][0]).hypot(ends[0][1] - ends[1][1]) < 1.5));
+        assert!(
+            circle
+                .points
+                .windows(2)
+                .all(|ends| (ends[0][0] - ends[1][0]).hypot(ends[0][1] - ends[1][1]) < 1.5)
+        );
         let open = &contour_paths(&field(|x, _| x), COLUMNS, 30.0)[0];
         assert_eq!(open.points.len(), 30);
         assert!(open.points.iter().all(|at| at[0] == 30.5) && open.points[0] != open.points[29]);
@@ -309,10 +345,13 @@ mod tests {
     fn a_wall_interrupts_lines_and_has_none_along_it() {
         let wall = |y: f32| y == 12.0;
         // Across the wall, distances differ by a lot.
-        let value = |x: f32, y: f32| if wall(y) { f32::NAN } else { x + if y > 12.0 { 203.0 } else { 0.0 } };
+        let value = |x: f32, y: f32| {
+            if wall(y) { f32::NAN } else { x + if y > 12.0 { 203.0 } else { 0.0 } }
+        };
         let lines = contour_lines(&field(value), COLUMNS, 10.0);
         let levels = |above: bool| {
-            let own = lines.iter().filter(|line| positions(line).iter().all(|(_, y)| (*y < 12) == above));
+            let own =
+                lines.iter().filter(|line| positions(line).iter().all(|(_, y)| (*y < 12) == above));
             own.map(|line| (line.level, line.pixels.len())).collect::<Vec<_>>()
         };
         assert_eq!(levels(true), [(10.0, 12), (20.0, 12), (30.0, 12)]);
@@ -322,19 +361,30 @@ mod tests {
 
     #[test]
     fn a_passage_one_pixel_wide_has_a_mark_at_each_level() {
-        let lines = contour_lines(&field(|x, y| if y == 4.0 { x } else { f32::NAN }), COLUMNS, 10.0);
-        assert_eq!(lines.iter().map(positions).collect::<Vec<_>>(), [[(10, 4)], [(20, 4)], [(30, 4)]]);
+        let lines =
+            contour_lines(&field(|x, y| if y == 4.0 { x } else { f32::NAN }), COLUMNS, 10.0);
+        assert_eq!(
+            lines.iter().map(positions).collect::<Vec<_>>(),
+            [[(10, 4)], [(20, 4)], [(30, 4)]]
+        );
     }
 
     #[test]
     fn a_cliff_has_no_lines_along_it() {
-        assert_eq!(contour_lines(&field(|x, _| if x < 20.0 { 5.0 } else { 95.0 }), COLUMNS, 10.0), []);
+        assert_eq!(
+            contour_lines(&field(|x, _| if x < 20.0 { 5.0 } else { 95.0 }), COLUMNS, 10.0),
+            []
+        );
     }
 
     #[test]
     fn lines_at_a_saddle_do_not_cross() {
         let lines = contour_lines(&[0.0, 12.0, 11.0, 1.0], 2, 10.0);
-        assert_eq!(lines.iter().map(|line| line.pixels.len()).collect::<Vec<_>>(), [1, 1], "around a pixel each");
+        assert_eq!(
+            lines.iter().map(|line| line.pixels.len()).collect::<Vec<_>>(),
+            [1, 1],
+            "around a pixel each"
+        );
     }
 
     #[test]
@@ -345,16 +395,25 @@ mod tests {
         // Zoomed in four times.
         assert_eq!([0.25, 2.5].map(interval), [2.0, 20.0]);
         assert_eq!(contour_interval(&[f32::NAN; 4], 2, 6.0), 1.0, "nothing is known");
-        assert_eq!([0.0, 1.0, 1.1, 2.0, 4.9, 5.1, 11.0].map(round_up), [1.0, 1.0, 2.0, 2.0, 5.0, 10.0, 20.0]);
+        assert_eq!(
+            [0.0, 1.0, 1.1, 2.0, 4.9, 5.1, 11.0].map(round_up),
+            [1.0, 1.0, 2.0, 2.0, 5.0, 10.0, 20.0]
+        );
         let cone = field(|x, y| 7.0 * (x - 20.0).hypot(y - 15.0));
         let of_lines = contour_lines(&cone, COLUMNS, contour_interval(&cone, COLUMNS, 6.0));
         let pixels: usize = of_lines.iter().map(|line| line.pixels.len()).sum();
-        assert!(pixels > 0 && pixels * 6 <= cone.len(), "{pixels} of {} pixels are lines", cone.len());
+        assert!(
+            pixels > 0 && pixels * 6 <= cone.len(),
+            "{pixels} of {} pixels are lines",
+            cone.len()
+        );
     }
 
     #[test]
     fn fields_without_room_or_values_have_no_lines() {
-        for (field, columns) in [(vec![], 1), (vec![3.0], 1), (vec![f32::INFINITY, 4.0, f32::NAN, 1e38], 2)] {
+        for (field, columns) in
+            [(vec![], 1), (vec![3.0], 1), (vec![f32::INFINITY, 4.0, f32::NAN, 1e38], 2)]
+        {
             assert_eq!(contour_lines(&field, columns, 5.0), []);
         }
     }

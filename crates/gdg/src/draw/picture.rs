@@ -72,15 +72,20 @@ impl Picture {
         }
     }
 
-    /// Writes text from an upper left corner to the right; characters that the font lacks are left out.
+    /// Writes text from an upper left corner to the right; characters that the font lacks are left
+    /// out.
     pub fn text(&mut self, text: &str, [left, top]: [usize; 2], colour: Rgb) {
         let (columns, _) = self.size();
         for (i, letter) in text.chars().enumerate() {
-            let Some(letter) = get_raster(letter, FontWeight::Regular, TEXT_HEIGHT) else { continue };
+            let Some(letter) = get_raster(letter, FontWeight::Regular, TEXT_HEIGHT) else {
+                continue;
+            };
             for (row, shares) in letter.rows().enumerate() {
                 for (column, share) in shares.iter().enumerate().filter(|(_, share)| **share > 0) {
                     let x = left + i * text_size("i")[0] + column;
-                    if let Some(pixel) = self.pixels.get_mut((top + row) * columns + x).filter(|_| x < columns) {
+                    if let Some(pixel) =
+                        self.pixels.get_mut((top + row) * columns + x).filter(|_| x < columns)
+                    {
                         *pixel = blend(*pixel, colour, f32::from(*share) / 255.0);
                     }
                 }

@@ -18,8 +18,8 @@ pub enum Ground {
     Outside,
     /// Nothing but wall.
     Wall,
-    /// Several cells, of which at least half are wall, or which a wall crosses from side to side, however thin;
-    /// represented by the free position nearest to its centre.
+    /// Several cells, of which at least half are wall, or which a wall crosses from side to side,
+    /// however thin; represented by the free position nearest to its centre.
     Crossed([f32; 2]),
     /// Free; represented by the free position nearest to its centre.
     Free([f32; 2]),
@@ -42,7 +42,8 @@ impl Raster {
         if map.is_free_at(x, y) && x1 - x0 <= 1.0 {
             return Ground::Free([x, y]);
         }
-        // A pixel covers the cells whose centres lie in it, and at least the one that contains its own centre.
+        // A pixel covers the cells whose centres lie in it, and at least the one that contains its
+        // own centre.
         let span = |from: f32, middle: f32, to: f32, max: usize| {
             let first = (from + 0.5) as usize;
             let end = ((to + 0.5) as usize).min(max);
@@ -56,7 +57,9 @@ impl Raster {
         let free: Vec<bool> = cells.iter().map(|c| map.is_free(*c)).collect();
         let off = |c: &[f32; 2]| (c[0] - x).powi(2) + (c[1] - y).powi(2);
         let all_free = cells.iter().zip(&free).filter(|(_, free)| **free).map(|(c, _)| c.centre());
-        let Some(nearest) = all_free.min_by(|a, b| off(a).total_cmp(&off(b))) else { return Ground::Wall };
+        let Some(nearest) = all_free.min_by(|a, b| off(a).total_cmp(&off(b))) else {
+            return Ground::Wall;
+        };
         let count = free.iter().filter(|free| **free).count();
         let mostly_wall = 2 * count <= free.len();
         if mostly_wall || count < free.len() && is_crossed(&free, (columns, rows)) {
@@ -71,13 +74,15 @@ impl Raster {
         (self.window[2] / self.pixels.0 as f32).max(self.window[3] / self.pixels.1 as f32)
     }
 
-    /// Returns the pixels that show free ground, by index row by row, and the position that represents each.
+    /// Returns the pixels that show free ground, by index row by row, and the position that
+    /// represents each.
     pub fn free_ground(&self, map: &Grid) -> (Vec<usize>, Vec<[f32; 2]>) {
         let (columns, rows) = self.pixels;
-        let free = (0..columns * rows).filter_map(|i| match self.ground(map, i % columns, i / columns) {
-            Ground::Free(position) | Ground::Crossed(position) => Some((i, position)),
-            Ground::Wall | Ground::Outside => None,
-        });
+        let free =
+            (0..columns * rows).filter_map(|i| match self.ground(map, i % columns, i / columns) {
+                Ground::Free(position) | Ground::Crossed(position) => Some((i, position)),
+                Ground::Wall | Ground::Outside => None,
+            });
         free.unzip()
     }
 
@@ -86,12 +91,16 @@ impl Raster {
         let [left, top, width, height] = self.window;
         let column = (x - left) / width * self.pixels.0 as f32;
         let row = (y - top) / height * self.pixels.1 as f32;
-        let inside = column >= 0.0 && row >= 0.0 && (column as usize) < self.pixels.0 && (row as usize) < self.pixels.1;
+        let inside = column >= 0.0
+            && row >= 0.0
+            && (column as usize) < self.pixels.0
+            && (row as usize) < self.pixels.1;
         inside.then_some((column as usize, row as usize))
     }
 }
 
-/// Returns whether a wall crosses a block of cells, given row by row: connects opposite sides, or cuts off a corner.
+/// Returns whether a wall crosses a block of cells, given row by row: connects opposite sides, or
+/// cuts off a corner.
 fn is_crossed(free: &[bool], (columns, rows): (usize, usize)) -> bool {
     let mut seen = free.to_vec();
     for from in 0..free.len() {
@@ -103,13 +112,16 @@ fn is_crossed(free: &[bool], (columns, rows): (usize, usize)) -> bool {
             }
             let (x, y) = (i % columns, i / columns);
             cells += 1;
-            for (side, at) in sides.iter_mut().zip([x == 0, y == 0, x + 1 == columns, y + 1 == rows]) {
+            for (side, at) in
+                sides.iter_mut().zip([x == 0, y == 0, x + 1 == columns, y + 1 == rows])
+            {
                 *side |= at;
             }
             // Walls that touch at their corners let nobody through.
             let beside = x.saturating_sub(1)..(x + 2).min(columns);
             reached.extend(
-                (y.saturating_sub(1)..(y + 2).min(rows)).flat_map(|y| beside.clone().map(move |x| y * columns + x)),
+                (y.saturating_sub(1)..(y + 2).min(rows))
+                    .flat_map(|y| beside.clone().map(move |x| y * columns + x)),
             );
         }
         let [left, top, right, bottom] = sides;

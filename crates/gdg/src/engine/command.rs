@@ -10,7 +10,8 @@ use crate::env::Environment;
 use crate::files;
 use crate::text::{counted, grouped, sanitized};
 use crate::train::{
-    self, CheckpointError, Limits, Loaded, Notes, Run, SaveTo, TrainError, Trainer, list_settings, memory,
+    self, CheckpointError, Limits, Loaded, Notes, Run, SaveTo, TrainError, Trainer, list_settings,
+    memory,
 };
 
 /// Number of autosaved checkpoints to keep.
@@ -44,7 +45,8 @@ pub enum Command {
     Autosave(PathBuf, Notes),
     /// Continue in an edited world; the notice of what has changed begins with this text.
     ChangeWorld(MakeWorld, &'static str),
-    /// Continue with other settings, method or preset; keeps the data and, where they fit, the networks.
+    /// Continue with other settings, method or preset; keeps the data and, where they fit, the
+    /// networks.
     Change(Box<Run>),
     /// Start a new run, possibly in another world.
     StartRun(Box<Run>, MakeWorld),
@@ -66,8 +68,8 @@ enum CommandError {
     NotLoaded(CheckpointError),
 }
 
-/// Returns a file's stem without what an autosave added: a run resumed from `rooms-auto-5000` autosaves to
-/// `rooms-auto-9000`.
+/// Returns a file's stem without what an autosave added: a run resumed from `rooms-auto-5000`
+/// autosaves to `rooms-auto-9000`.
 fn without_autosave_suffix(stem: &str) -> &str {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
     match stem.rsplit_once("-auto-") {
@@ -80,7 +82,8 @@ fn without_autosave_suffix(stem: &str) -> &str {
 fn changes(before: &Run, after: &Run) -> String {
     let (old, new) = (list_settings(&before.settings), list_settings(&after.settings));
     let settings = old.iter().zip(&new).filter(|(old, new)| old != new);
-    let mut settings: Vec<String> = settings.map(|((name, old), (_, new))| format!("{name} {old} -> {new}")).collect();
+    let mut settings: Vec<String> =
+        settings.map(|((name, old), (_, new))| format!("{name} {old} -> {new}")).collect();
     if settings.len() > MAX_NAMED_CHANGES {
         settings = vec![counted(settings.len() as u64, "setting")];
     }
@@ -102,8 +105,13 @@ fn activity(command: &Command) -> &'static str {
 }
 
 impl Worker {
-    /// Continues in an edited world and returns a notice for the user, which begins with what was `done`.
-    fn change_world(&mut self, world: &dyn Environment, done: &str) -> Result<String, CommandError> {
+    /// Continues in an edited world and returns a notice for the user, which begins with what was
+    /// `done`.
+    fn change_world(
+        &mut self,
+        world: &dyn Environment,
+        done: &str,
+    ) -> Result<String, CommandError> {
         let change = self.trainer.change_world(world)?;
         self.current.title = self.trainer.world().title().into();
         // A running evaluation of the old world says nothing about the new one.
@@ -112,7 +120,9 @@ impl Worker {
         let warning = change.warning.map_or(String::new(), |warning| format!("; {warning}"));
         let removed = match change.transitions_removed as u64 {
             0 => String::new(),
-            removed => format!("; forgot {} that would now end elsewhere", counted(removed, "transition")),
+            removed => {
+                format!("; forgot {} that would now end elsewhere", counted(removed, "transition"))
+            }
         };
         Ok(format!("{done}{}{removed}{warning}", change.summary))
     }
@@ -123,12 +133,15 @@ impl Worker {
         let what = changes(self.trainer.run(), &run);
         let kept = self.trainer.change_run(run)?;
         self.current.run = Arc::new(self.trainer.run().clone());
-        (self.current.methods, self.current.learns) = (self.trainer.history().methods().clone(), self.trainer.learns());
+        (self.current.methods, self.current.learns) =
+            (self.trainer.history().methods().clone(), self.trainer.learns());
         (self.evaluation, self.next_evaluation_at) = (None, None);
         self.refresh_snapshot(true)?;
         let then = match (kept.networks, kept.agents) {
             _ if !self.current.learns => "; agents step at random, nothing is learned",
-            (true, true) if self.current.phase == Phase::Done => "; the limit of the run is reached",
+            (true, true) if self.current.phase == Phase::Done => {
+                "; the limit of the run is reached"
+            }
             (true, true) => "",
             (true, false) => "; agents restarted, networks and replay kept",
             (false, _) => "; networks reset, replay kept",
@@ -140,8 +153,13 @@ impl Worker {
     fn switch_to(&mut self, trainer: Trainer) -> Result<(), TrainError> {
         self.trainer = trainer;
         self.trainer.set_pulse(self.pulse.clone());
-        (self.evaluation, self.next_evaluation_at, self.next_update_at, self.follow, self.new_file) =
-            (None, None, None, None, None);
+        (
+            self.evaluation,
+            self.next_evaluation_at,
+            self.next_update_at,
+            self.follow,
+            self.new_file,
+        ) = (None, None, None, None, None);
         self.autosaved.clear();
         self.current = Snapshot {
             generation: self.current.generation + 1,
@@ -165,7 +183,11 @@ impl Worker {
             self.current.save_failed = (self.current.save_failed.0 + 1, error.to_string());
         })?;
         let updates = self.trainer.counters().updates;
-        let mut text = format!("saved {} at update {}", path.display(), grouped(self.trainer.learned_updates()));
+        let mut text = format!(
+            "saved {} at update {}",
+            path.display(),
+            grouped(self.trainer.learned_updates())
+        );
         if to.path() != path {
             text += &format!(" ({} belongs to another run)", to.path().display());
         }
@@ -184,7 +206,11 @@ impl Worker {
         let folder = named_after.parent().unwrap_or(Path::new(""));
         let requested = files::named(folder, stem, &format!("-auto-{updates}.safetensors"));
         let path = self.write(&SaveTo::CreateNew(requested), notes)?;
-        let text = format!("autosaved {} at update {}", path.display(), grouped(self.trainer.learned_updates()));
+        let text = format!(
+            "autosaved {} at update {}",
+            path.display(),
+            grouped(self.trainer.learned_updates())
+        );
         let mark = files::mark_in_use(&path);
         self.autosaved.push((path, mark));
         while self.autosaved.len() > MAX_AUTOSAVES {
@@ -192,7 +218,8 @@ impl Worker {
             drop(mark);
             train::remove_own(&oldest);
         }
-        self.current.autosaves = Arc::new(self.autosaved.iter().map(|(path, _)| path.clone()).collect());
+        self.current.autosaves =
+            Arc::new(self.autosaved.iter().map(|(path, _)| path.clone()).collect());
         Ok(text)
     }
 
@@ -265,9 +292,13 @@ impl Worker {
             }
             Command::Save(to, notes) => self.save(to, notes).map(Some),
             Command::Autosave(named_after, notes) => self.autosave(&named_after, notes).map(Some),
-            Command::ChangeWorld(make, done) => self.change_world(&*make(self.trainer.world()), done).map(Some),
+            Command::ChangeWorld(make, done) => {
+                self.change_world(&*make(self.trainer.world()), done).map(Some)
+            }
             Command::Change(run) => self.change(*run).map(Some),
-            Command::StartRun(run, make) => self.start_run(*run, &*make(self.trainer.world())).map(Some),
+            Command::StartRun(run, make) => {
+                self.start_run(*run, &*make(self.trainer.world())).map(Some)
+            }
             Command::Load(path) => self.load(path).map(Some),
         };
         match outcome {

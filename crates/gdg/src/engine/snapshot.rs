@@ -8,7 +8,8 @@ use crate::bridge::{Candidates, SearchOutcome};
 use crate::env::Scene;
 use crate::learn::{Losses, Policy, Profile};
 use crate::train::{
-    Counters, CurvePoint, Evaluation, FilmFrame, Limits, Methods, Notes, Rollout, Run, TrainError, Trainer,
+    Counters, CurvePoint, Evaluation, FilmFrame, Limits, Methods, Notes, Rollout, Run, TrainError,
+    Trainer,
 };
 
 /// How far to go before pausing.
@@ -175,7 +176,9 @@ pub(super) fn next_multiple(n: u64, of: u64) -> u64 {
 /// Returns the places at the frontier that agents are heading for, concatenated.
 pub(super) fn frontier_goals(rollout: &Rollout) -> Arc<Vec<f32>> {
     let excursions = rollout.excursions();
-    Arc::new((0..rollout.agents().len()).filter_map(|i| excursions.destination(i)).flatten().collect())
+    Arc::new(
+        (0..rollout.agents().len()).filter_map(|i| excursions.destination(i)).flatten().collect(),
+    )
 }
 
 impl Snapshot {
@@ -189,7 +192,10 @@ impl Snapshot {
             generation: 0,
             title: trainer.world().title().into(),
             scene: trainer.world().scene(),
-            world_defaults: trainer.registry().world(trainer.world().kind()).map_or(&[], |kind| kind.defaults),
+            world_defaults: trainer
+                .registry()
+                .world(trainer.world().kind())
+                .map_or(&[], |kind| kind.defaults),
             phase: Phase::Running,
             counters: trainer.counters(),
             limits: Limits::default(),
@@ -238,9 +244,11 @@ impl Snapshot {
         self.updates().saturating_sub(saved)
     }
 
-    /// Takes over from `latest`, a later one of the same run, what the user has decided, but not how far training is.
+    /// Takes over from `latest`, a later one of the same run, what the user has decided, but not
+    /// how far training is.
     pub fn follow_decisions(&mut self, latest: &Self) {
-        (self.run, self.methods, self.learns) = (latest.run.clone(), latest.methods.clone(), latest.learns);
+        (self.run, self.methods, self.learns) =
+            (latest.run.clone(), latest.methods.clone(), latest.learns);
         (self.phase, self.limits, self.speed) = (latest.phase.clone(), latest.limits, latest.speed);
         (self.saved, self.autosaves) = (latest.saved.clone(), latest.autosaves.clone());
     }
@@ -250,23 +258,27 @@ impl Snapshot {
         (self.seconds, self.updates())
     }
 
-    /// Returns the latest evaluation, if it was of the current method, and the updates counted then.
+    /// Returns the latest evaluation, if it was of the current method, and the updates counted
+    /// then.
     pub fn evaluation(&self) -> Option<&(u64, Evaluation)> {
         self.evaluations.last().filter(|(updates, _)| self.methods.is_current(*updates))
     }
 
-    /// Returns the success rate found by the latest evaluation up to an update, if it was of the method used then.
+    /// Returns the success rate found by the latest evaluation up to an update, if it was of the
+    /// method used then.
     pub fn success_at(&self, updates: u64) -> Option<f64> {
         let (at, evaluation) = self.evaluations.iter().rev().find(|(at, _)| *at <= updates)?;
         let same_method = self.methods.index(*at) == self.methods.index(updates);
         evaluation.success_rate().filter(|_| same_method)
     }
 
-    /// Returns the fraction of the world explored over time: updates and coverage, from the curve's points and the
-    /// evaluations.
+    /// Returns the fraction of the world explored over time: updates and coverage, from the curve's
+    /// points and the evaluations.
     pub fn coverage(&self) -> Vec<(u64, f64)> {
-        let points = self.curve.iter().filter_map(|point| Some((point.updates, f64::from(point.coverage?))));
-        let evaluated = self.evaluations.iter().filter_map(|(updates, e)| Some((*updates, e.coverage?)));
+        let points =
+            self.curve.iter().filter_map(|point| Some((point.updates, f64::from(point.coverage?))));
+        let evaluated =
+            self.evaluations.iter().filter_map(|(updates, e)| Some((*updates, e.coverage?)));
         let mut all: Vec<_> = points.chain(evaluated).collect();
         all.sort_by_key(|(updates, _)| *updates);
         all
@@ -274,8 +286,13 @@ impl Snapshot {
 
     /// Returns the fraction of the world explored by now: the last of [`Self::coverage`].
     pub fn latest_coverage(&self) -> Option<f64> {
-        let point = self.curve.iter().rev().find_map(|point| Some((point.updates, f64::from(point.coverage?))));
-        let evaluated = self.evaluations.iter().rev().find_map(|(updates, e)| Some((*updates, e.coverage?)));
+        let point = self
+            .curve
+            .iter()
+            .rev()
+            .find_map(|point| Some((point.updates, f64::from(point.coverage?))));
+        let evaluated =
+            self.evaluations.iter().rev().find_map(|(updates, e)| Some((*updates, e.coverage?)));
         // Of two as of the same update, the evaluation comes last.
         point.into_iter().chain(evaluated).max_by_key(|(updates, _)| *updates).map(|(_, seen)| seen)
     }

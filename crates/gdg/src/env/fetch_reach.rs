@@ -1,10 +1,11 @@
-//! The paper's first experiment: a 7-joint Fetch arm that reaches for points in space, as FetchReach-v4 of
-//! gymnasium-robotics 1.4.2 on MuJoCo 3.3.7, in pure Rust.
+//! The paper's first experiment: a 7-joint Fetch arm that reaches for points in space, as
+//! FetchReach-v4 of gymnasium-robotics 1.4.2 on MuJoCo 3.3.7, in pure Rust.
 //!
-//! An action pulls the gripper, which points down, by a soft weld for 20 sub-steps of 2 ms; gravity, joint limits and the
-//! table act on the arm. The state is the reference's observation, so the joints are hidden from the learner. Over episodes
-//! within the task's space, positions are off by about a millimetre or less on average (`tests/fetch_reach.rs`). The arm
-//! does not collide with itself, the robot's head and base, or the table's sides.
+//! An action pulls the gripper, which points down, by a soft weld for 20 sub-steps of 2 ms;
+//! gravity, joint limits and the table act on the arm. The state is the reference's observation, so
+//! the joints are hidden from the learner. Over episodes within the task's space, positions are off
+//! by about a millimetre or less on average (`tests/fetch_reach.rs`). The arm does not collide with
+//! itself, the robot's head and base, or the table's sides.
 //!
 //! `fetch-reach-wall` puts a box between the left and the right half of the goals ([`WALL`]).
 
@@ -24,7 +25,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
-use super::{DistanceUnit, EnvSettings, Environment, FilmPoints, Scene, Spec, Task, TaskSet, WorldKind};
+use super::{
+    DistanceUnit, EnvSettings, Environment, FilmPoints, Scene, Spec, Task, TaskSet, WorldKind,
+};
 use crate::store::Store;
 use arm::{Arm, STEP_SECS};
 use constraints::Rows;
@@ -40,7 +43,8 @@ pub const KIND: WorldKind = WorldKind {
     about: "a 7-joint arm that reaches for points in space",
     create: Some(|| Box::new(FetchReach::new(None, 0))),
     load: |_| Ok(Box::new(FetchReach::new(None, 0))),
-    // As measured in docs/experiments.md: a few thousand steps are enough, so each is worth an update.
+    // As measured in docs/experiments.md: a few thousand steps are enough, so each is worth an
+    // update.
     defaults: &["agents=8", "learning_starts=200", "env_steps_per_update=1"],
 };
 
@@ -69,14 +73,15 @@ const POSITION_RANGE: f32 = 0.25;
 /// A full action moves the grip by this in steady motion, in metres per step.
 const STRIDE: f32 = 0.033;
 
-/// Goals and starts keep this distance from the wall's middle, in metres: the grip touches the wall at 4 cm, and no
-/// goal is reached from the other side.
+/// Goals and starts keep this distance from the wall's middle, in metres: the grip touches the wall
+/// at 4 cm, and no goal is reached from the other side.
 const WALL_CLEARANCE: f64 = 0.05;
 
 /// With the wall, episodes begin this far to the left or to the right of it, in metres.
 const WALL_START: f64 = 0.1;
 
-/// Numbers of a state: grip position, finger positions, grip velocity in metres per step, finger velocities.
+/// Numbers of a state: grip position, finger positions, grip velocity in metres per step, finger
+/// velocities.
 const STATE: usize = 10;
 
 /// Size of an action: pulls along x, y and z, and the gripper's opening, which has no effect.
@@ -87,8 +92,9 @@ const DISTANCE_GROUPS: usize = 5;
 
 /// Arms that reach for points.
 ///
-/// Every episode begins at the reference's reset state, where the arm rests; with the wall, at one of two states, one on
-/// either side. So [`super::Restart::Anywhere`] and [`super::Restart::StartCell`] are the same here.
+/// Every episode begins at the reference's reset state, where the arm rests; with the wall, at one
+/// of two states, one on either side. So [`super::Restart::Anywhere`] and
+/// [`super::Restart::StartCell`] are the same here.
 pub struct FetchReach {
     wall: Option<Wall>,
     spec: Spec,
@@ -112,7 +118,8 @@ impl FetchReach {
             achieved: vec![0, 1, 2],
             action_dim: ACTION,
             goal_radius: GOAL_RADIUS,
-            // They are, but ten goal radii across: grids only slow learning down (see docs/experiments.md).
+            // They are, but ten goal radii across: grids only slow learning down (see
+            // docs/experiments.md).
             goals_are_positions: false,
         };
         let mut world = Self {
@@ -167,7 +174,8 @@ impl FetchReach {
     }
 }
 
-/// Returns a number for each component of a state: `position` and `velocity` of the grip, 0 for the fingers' constants.
+/// Returns a number for each component of a state: `position` and `velocity` of the grip, 0 for the
+/// fingers' constants.
 fn components(position: f32, velocity: f32) -> Vec<f32> {
     [[position; 3].as_slice(), &[0.0; 2], &[velocity; 3], &[0.0; 2]].concat()
 }
@@ -181,8 +189,8 @@ fn write_state(arm: &Arm, state: &mut [f32]) {
     state[5..8].copy_from_slice(&per_step.as_vec3().to_array());
 }
 
-/// Returns where episodes begin: the reset state, or the states that proportional control leads to on both sides of the
-/// wall.
+/// Returns where episodes begin: the reset state, or the states that proportional control leads to
+/// on both sides of the wall.
 fn starts(wall: Option<&Wall>) -> Vec<Arm> {
     let Some(wall) = wall else { return vec![Arm::at_reset()] };
     let mut rows = Rows::new();
@@ -298,14 +306,16 @@ impl Environment for FetchReach {
         Some(EPISODE_STEPS)
     }
 
-    /// Draws five times `per_group` tasks, in groups of equal size by start-goal distance. With the wall, start and goal
-    /// are on different sides.
+    /// Draws five times `per_group` tasks, in groups of equal size by start-goal distance. With the
+    /// wall, start and goal are on different sides.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
-        let mut drawn: Vec<(f64, Task)> = (0..DISTANCE_GROUPS * per_group).map(|_| self.random_task(rng)).collect();
+        let mut drawn: Vec<(f64, Task)> =
+            (0..DISTANCE_GROUPS * per_group).map(|_| self.random_task(rng)).collect();
         drawn.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut set = TaskSet { unit: DistanceUnit::Centimetres, ..TaskSet::default() };
         for (group, of_group) in drawn.chunks(per_group.max(1)).enumerate() {
-            let mean = of_group.iter().map(|(distance, _)| 100.0 * distance).sum::<f64>() / of_group.len() as f64;
+            let mean = of_group.iter().map(|(distance, _)| 100.0 * distance).sum::<f64>()
+                / of_group.len() as f64;
             set.distances.push(Some((10.0 * mean).round() / 10.0));
             set.tasks.extend(of_group.iter().map(|(_, task)| Task { group, ..task.clone() }));
         }

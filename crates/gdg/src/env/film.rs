@@ -6,7 +6,8 @@ pub const MAX_FILM_PLACES: usize = 1_350;
 /// The states at which a film shows D, and the goal that it is to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FilmPoints {
-    /// The number of places, which stays the same as long as the run does. Not every place need have a state.
+    /// The number of places, which stays the same as long as the run does. Not every place need
+    /// have a state.
     pub places: usize,
     /// The place of each state, below `places`.
     pub place_of: Vec<u32>,

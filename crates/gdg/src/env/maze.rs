@@ -13,8 +13,8 @@ use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
 use super::{
-    Change, EnvError, EnvSettings, Environment, FilmPoints, GroundTruth, MazeScene, Restart, Scene, Spec, Task,
-    TaskSet, WorldKind,
+    Change, EnvError, EnvSettings, Environment, FilmPoints, GroundTruth, MazeScene, Restart, Scene,
+    Spec, Task, TaskSet, WorldKind,
 };
 use crate::map::{Cell, Diameter, Grid, ScenarioTask, StepSearch, parse_map, print_ascii};
 use crate::store::{Store, StoreError};
@@ -52,7 +52,8 @@ pub struct PointMaze {
     settings: EnvSettings,
     /// `(agents, 2)`.
     positions: Vec<f32>,
-    /// Free cells by connected component, and each cell's component: tasks are drawn within one component.
+    /// Free cells by connected component, and each cell's component: tasks are drawn within one
+    /// component.
     components: Arc<Vec<Vec<Cell>>>,
     component_of: Arc<Vec<Option<u32>>>,
     largest: u32,
@@ -125,12 +126,16 @@ impl PointMaze {
         self.scenario = tasks.into();
     }
 
-    /// Returns a replacement for this maze on another map, with the same settings and without agents; the scenario is
-    /// kept if the map has the same size.
+    /// Returns a replacement for this maze on another map, with the same settings and without
+    /// agents; the scenario is kept if the map has the same size.
     #[must_use]
     pub fn with_map(&self, map: Arc<Grid>) -> Self {
         let new = Self { settings: self.settings, ..Self::new(map, 0) };
-        if new.size() == self.size() { Self { scenario: self.scenario.clone(), ..new } } else { new }
+        if new.size() == self.size() {
+            Self { scenario: self.scenario.clone(), ..new }
+        } else {
+            new
+        }
     }
 
     /// Returns the map's columns and rows.
@@ -153,15 +158,21 @@ impl PointMaze {
         *self.diameter.get_or_init(|| Diameter::compute(&self.map))
     }
 
-    /// Draws `per_distance` random tasks at each of `distances` in steps, each to within one step; a distance that does
-    /// not occur on the map has no tasks.
-    pub fn tasks_at(&self, distances: &[u32], per_distance: usize, rng: &mut ChaCha8Rng) -> TaskSet {
+    /// Draws `per_distance` random tasks at each of `distances` in steps, each to within one step;
+    /// a distance that does not occur on the map has no tasks.
+    pub fn tasks_at(
+        &self,
+        distances: &[u32],
+        per_distance: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> TaskSet {
         let cells = &self.components[self.largest as usize];
         tasks::at(distances, &self.map, cells, self.diameter(), per_distance, rng)
     }
 
     fn load(store: &Store) -> Result<Self, StoreError> {
-        // The name comes from a file and becomes part of other file names, so it must not contain a path.
+        // The name comes from a file and becomes part of other file names, so it must not contain a
+        // path.
         let name = safe_file_name(store.text("map_name")?);
         let map = parse_map(&name, store.text("map")?.as_bytes());
         let map = map.map_err(|e| StoreError::inconsistent(e.to_string()))?.named(&name);
@@ -170,7 +181,8 @@ impl PointMaze {
 
     /// Returns the component of the cell that `agent` is in.
     fn component_at(&self, agent: usize) -> Option<u32> {
-        let cell = Cell::new(self.positions[2 * agent] as usize, self.positions[2 * agent + 1] as usize);
+        let cell =
+            Cell::new(self.positions[2 * agent] as usize, self.positions[2 * agent + 1] as usize);
         self.component_of[self.map.index(cell)]
     }
 
@@ -186,7 +198,8 @@ impl PointMaze {
     }
 }
 
-/// Returns where one step of action (`ax`, `ay`) takes a point at (`x`, `y`); it slides along walls.
+/// Returns where one step of action (`ax`, `ay`) takes a point at (`x`, `y`); it slides along
+/// walls.
 fn slide(map: &Grid, [mut x, mut y]: [f32; 2], [ax, ay]: [f32; 2]) -> [f32; 2] {
     let (dx, dy) = (ax / SUBSTEPS as f32, ay / SUBSTEPS as f32);
     for _ in 0..SUBSTEPS {
@@ -257,7 +270,9 @@ impl Environment for PointMaze {
     }
 
     fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
-        goal.copy_from_slice(&self.random_position(self.component_at(agent).unwrap_or(self.largest), rng));
+        goal.copy_from_slice(
+            &self.random_position(self.component_at(agent).unwrap_or(self.largest), rng),
+        );
     }
 
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) {
@@ -315,10 +330,17 @@ impl Environment for PointMaze {
         }
     }
 
-    /// Returns the visited share of the cells of all components that have been visited at all: of what is within reach.
+    /// Returns the visited share of the cells of all components that have been visited at all: of
+    /// what is within reach.
     fn coverage(&self) -> Option<f64> {
-        let seen = |cells: &[Cell]| cells.iter().filter(|cell| self.visits[self.map.index(**cell)] > 0).count();
-        let counts = self.components.iter().map(|cells| (seen(cells), cells.len())).filter(|(seen, _)| *seen > 0);
+        let seen = |cells: &[Cell]| {
+            cells.iter().filter(|cell| self.visits[self.map.index(**cell)] > 0).count()
+        };
+        let counts = self
+            .components
+            .iter()
+            .map(|cells| (seen(cells), cells.len()))
+            .filter(|(seen, _)| *seen > 0);
         let (seen, all) = counts.fold((0, 0), |(seen, all), (own, of)| (seen + own, all + of));
         Some(seen as f64 / all.max(1) as f64)
     }
@@ -337,11 +359,18 @@ impl Environment for PointMaze {
         Map::from_iter([("map".to_owned(), facts)])
     }
 
-    /// Returns tasks of the scenario if there is one: six times `per_group`, evenly spaced through it. Otherwise draws
-    /// random tasks at six distances, the farthest at 0.9 of the map's diameter.
+    /// Returns tasks of the scenario if there is one: six times `per_group`, evenly spaced through
+    /// it. Otherwise draws random tasks at six distances, the farthest at 0.9 of the map's
+    /// diameter.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
         if self.scenario.is_empty() {
-            tasks::at_distances(&self.map, &self.components[self.largest as usize], self.diameter(), per_group, rng)
+            tasks::at_distances(
+                &self.map,
+                &self.components[self.largest as usize],
+                self.diameter(),
+                per_group,
+                rng,
+            )
         } else {
             tasks::from_scenario(&self.map, &self.scenario, per_group)
         }
@@ -353,10 +382,14 @@ impl Environment for PointMaze {
     }
 
     fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
-        Some(Box::new(truth::MazeGroundTruth::new(&self.map, &self.components[self.largest as usize])))
+        Some(Box::new(truth::MazeGroundTruth::new(
+            &self.map,
+            &self.components[self.largest as usize],
+        )))
     }
 
-    /// Checks that the step reproduces `next`; with action noise, only that both positions are free.
+    /// Checks that the step reproduces `next`; with action noise, only that both positions are
+    /// free.
     fn is_possible(&self, state: &[f32], action: &[f32], next: &[f32]) -> bool {
         let free = |at: &[f32]| self.map.is_free_at(at[0], at[1]);
         if !free(state) || !free(next) {

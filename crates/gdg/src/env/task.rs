@@ -69,8 +69,8 @@ pub const NEAR_STEPS: u32 = 10;
 /// True distances of a world.
 pub trait GroundTruth {
     /// Returns the fewest steps from the place `from` until each of `goals` counts as reached (see
-    /// [`Spec::reached`](super::Spec::reached)), all `(goal_dim)`; `None` for a goal that is farther than `longest` or
-    /// unreachable. Returns `None` overall if no agent can be at `from`.
+    /// [`Spec::reached`](super::Spec::reached)), all `(goal_dim)`; `None` for a goal that is
+    /// farther than `longest` or unreachable. Returns `None` overall if no agent can be at `from`.
     fn steps(&mut self, from: &[f32], goals: &[f32], longest: u32) -> Option<Vec<Option<u32>>>;
 
     /// Draws random pairs for measuring D's error, grouped by goal.

@@ -32,8 +32,8 @@ pub(super) fn numbered(path: &Path, number: u64) -> PathBuf {
     }
 }
 
-/// Returns the file beside `path` whose name is that of `path` between `prefix` and `suffix`. Where that is too long, the
-/// name is cut, and a checksum tells it from others that begin alike.
+/// Returns the file beside `path` whose name is that of `path` between `prefix` and `suffix`. Where
+/// that is too long, the name is cut, and a checksum tells it from others that begin alike.
 pub(super) fn beside(path: &Path, prefix: &str, suffix: &str) -> PathBuf {
     let own = path.file_name().unwrap_or_default();
     let room = MAX_NAME_BYTES - prefix.len() - suffix.len();
@@ -49,15 +49,19 @@ pub(super) fn beside(path: &Path, prefix: &str, suffix: &str) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Returns where the previous version of `path` is kept until the new one has been read back: at a name that nobody else
-/// gives to a copy, as it is removed in the end.
+/// Returns where the previous version of `path` is kept until the new one has been read back: at a
+/// name that nobody else gives to a copy, as it is removed in the end.
 pub fn backup_path(path: &Path) -> PathBuf {
     beside(path, "", ".gdg-previous")
 }
 
 /// Returns the beginning of a name in at most `max_bytes` bytes.
 pub(super) fn fitting(name: &OsStr, max_bytes: usize) -> OsString {
-    if name.len() <= max_bytes { name.to_owned() } else { beginning(&name.to_string_lossy(), max_bytes).into() }
+    if name.len() <= max_bytes {
+        name.to_owned()
+    } else {
+        beginning(&name.to_string_lossy(), max_bytes).into()
+    }
 }
 
 #[cfg(test)]
@@ -72,7 +76,10 @@ mod tests {
     #[test]
     fn short_names_are_kept_and_long_ones_fit() {
         let folder = Path::new("saves");
-        assert_eq!(named(folder, "rooms", "-auto-5.safetensors"), folder.join("rooms-auto-5.safetensors"));
+        assert_eq!(
+            named(folder, "rooms", "-auto-5.safetensors"),
+            folder.join("rooms-auto-5.safetensors")
+        );
         assert_eq!(numbered(Path::new("a/b.v2.safetensors"), 3), Path::new("a/b.v2-3.safetensors"));
         assert_eq!(beside(Path::new("a/b.csv"), ".gdg-", ".tmp"), Path::new("a/.gdg-b.csv.tmp"));
         // 3 bytes each: no length is a multiple of all rooms.
@@ -84,15 +91,24 @@ mod tests {
                 numbered(&path, 2),
                 beside(&path, "", ".gdg-previous"),
             ];
-            assert!(names.iter().all(|name| bytes(name) <= MAX_NAME_BYTES && name.to_str().is_some()), "{names:?}");
+            assert!(
+                names.iter().all(|name| bytes(name) <= MAX_NAME_BYTES && name.to_str().is_some()),
+                "{names:?}"
+            );
         }
         let long = numbered(&folder.join(format!("a.{}", "x".repeat(253))), 2);
-        assert!(bytes(&long) == MAX_NAME_BYTES && long.to_string_lossy().ends_with("x-2"), "{}", long.display());
+        assert!(
+            bytes(&long) == MAX_NAME_BYTES && long.to_string_lossy().ends_with("x-2"),
+            "{}",
+            long.display()
+        );
     }
 
     #[test]
     fn long_names_that_begin_alike_stay_different() {
-        let name = |end: &str| beside(&Path::new("saves").join("x".repeat(250) + end), "", ".gdg-previous");
+        let name = |end: &str| {
+            beside(&Path::new("saves").join("x".repeat(250) + end), "", ".gdg-previous")
+        };
         assert_ne!(name("a"), name("b"));
         assert_eq!(name("a"), name("a"));
     }

@@ -106,12 +106,20 @@ impl Kind {
 
 /// Returns what a file with these first bytes is, or `None` if that is unknown.
 fn kind(start: &[u8]) -> Option<Kind> {
-    wide_text(start).or_else(|| binary(start)).or_else(|| own_text(start)).or_else(|| listed(start)).or_else(|| {
-        let text = start.utf8_chunks().next().filter(|chunk| chunk.valid().len() + 4 > start.len())?.valid();
-        let is_plain = |c: char| !c.is_control() || c.is_whitespace();
-        (!text.trim().is_empty() && text.chars().all(is_plain))
-            .then(|| Kind::new("a text file", Format::Text, Advice::None))
-    })
+    wide_text(start)
+        .or_else(|| binary(start))
+        .or_else(|| own_text(start))
+        .or_else(|| listed(start))
+        .or_else(|| {
+            let text = start
+                .utf8_chunks()
+                .next()
+                .filter(|chunk| chunk.valid().len() + 4 > start.len())?
+                .valid();
+            let is_plain = |c: char| !c.is_control() || c.is_whitespace();
+            (!text.trim().is_empty() && text.chars().all(is_plain))
+                .then(|| Kind::new("a text file", Format::Text, Advice::None))
+        })
 }
 
 /// Recognises UTF-16 and UTF-32, with a byte-order mark or, for mostly Latin text, without.
@@ -122,7 +130,9 @@ fn wide_text(start: &[u8]) -> Option<Kind> {
     /// Whether all characters, of `N` bytes, have only one byte that is not 0: the one at `place`.
     fn is_latin<const N: usize>(start: &[u8], place: usize) -> bool {
         let characters = start[..start.len().min(256)].as_chunks::<N>().0;
-        let fits = |bytes: &[u8; N]| bytes.iter().enumerate().all(|(i, byte)| (*byte != 0) == (i == place));
+        let fits = |bytes: &[u8; N]| {
+            bytes.iter().enumerate().all(|(i, byte)| (*byte != 0) == (i == place))
+        };
         characters.len() > 1 && characters.iter().all(fits)
     }
     let utf_16 = || Some(Kind::hides_the_file("text in UTF-16", UTF_16));
@@ -154,9 +164,14 @@ fn binary(start: &[u8]) -> Option<Kind> {
         if first.ends_with(b".npy") {
             return Some(Kind::new("an archive of NumPy arrays (npz)", Format::Foreign, NUMPY));
         }
-        let is_of_office = [&b"[Content_Types].xml"[..], b"_rels/", b"docProps/", b"xl/", b"word/", b"mimetype"];
+        let is_of_office =
+            [&b"[Content_Types].xml"[..], b"_rels/", b"docProps/", b"xl/", b"word/", b"mimetype"];
         if is_of_office.iter().any(|name| first.starts_with(name)) {
-            return Some(Kind::new("a document or a spreadsheet of an office program", Format::Foreign, AS_TEXT));
+            return Some(Kind::new(
+                "a document or a spreadsheet of an office program",
+                Format::Foreign,
+                AS_TEXT,
+            ));
         }
         return first.ends_with(b"data.pkl").then(|| Kind::foreign("a PyTorch checkpoint"));
     }
@@ -164,17 +179,22 @@ fn binary(start: &[u8]) -> Option<Kind> {
         return Some(Kind::foreign("a database (SQLite)"));
     }
     Some(match start {
-        [b'{', b'\\', b'r', b't', b'f', ..] => Kind::new("a document (RTF)", Format::Foreign, AS_TEXT),
+        [b'{', b'\\', b'r', b't', b'f', ..] => {
+            Kind::new("a document (RTF)", Format::Foreign, AS_TEXT)
+        }
         [b'P', b'1' | b'4', b' ' | b'\r' | b'\n', ..] => Kind::foreign("an image (PBM)"),
         [b'P', b'2' | b'5', b' ' | b'\r' | b'\n', ..] => Kind::foreign("an image (PGM)"),
         [b'P', b'3' | b'6', b' ' | b'\r' | b'\n', ..] => Kind::foreign("an image (PPM)"),
-        [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => Kind::new("a NumPy array (npy)", Format::Foreign, NUMPY),
+        [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => {
+            Kind::new("a NumPy array (npy)", Format::Foreign, NUMPY)
+        }
         [0x89, b'H', b'D', b'F', b'\r', b'\n', ..] => Kind::foreign("an HDF5 file"),
         [0x80, 2..=5, ..] => Kind::foreign("a Python pickle (PyTorch checkpoints were such files)"),
         [b'I', b'I', b'*', 0, ..] | [b'M', b'M', 0, b'*', ..] => Kind::foreign("an image (TIFF)"),
-        [0, 5, 0x16, 7, ..] => {
-            Kind::hides_the_file("what macOS notes about another file", "give the file without ._ in its name")
-        }
+        [0, 5, 0x16, 7, ..] => Kind::hides_the_file(
+            "what macOS notes about another file",
+            "give the file without ._ in its name",
+        ),
         _ => return None,
     })
 }
@@ -196,12 +216,17 @@ fn own_text(start: &[u8]) -> Option<Kind> {
         ),
         ("version", _) => Kind::new("a scenario", Format::Scenario, Advice::None),
         ("type", "octile") => Kind::new("a map in Moving AI format", Format::Map, Advice::None),
-        _ if ["image:", "resolution:"].iter().all(|key| text.lines().any(|line| line.starts_with(key))) => {
+        _ if ["image:", "resolution:"]
+            .iter()
+            .all(|key| text.lines().any(|line| line.starts_with(key))) =>
+        {
             Kind::foreign("the description of a ROS map (YAML)")
         }
         _ if text.starts_with('<') => markup(&text),
         _ if text.starts_with('{') => json(&text),
-        _ if text.starts_with('[') && text[1..].trim_start().starts_with(['[', '{', '"', '0', '1']) => {
+        _ if text.starts_with('[')
+            && text[1..].trim_start().starts_with(['[', '{', '"', '0', '1']) =>
+        {
             Kind::new("JSON", Format::Json, Advice::None)
         }
         _ => return None,
@@ -219,17 +244,21 @@ fn markup(text: &str) -> Kind {
 
 /// Tells recordings from other JSON.
 fn json(text: &str) -> Kind {
-    const CONVERT: Advice = Advice::Instead("convert it: asciinema convert -f asciicast-v2 FILE NEW.cast");
-    let version = text.split_once("\"version\"").map_or("", |(_, rest)| rest.trim_start_matches([' ', ':']));
+    const CONVERT: Advice =
+        Advice::Instead("convert it: asciinema convert -f asciicast-v2 FILE NEW.cast");
+    let version =
+        text.split_once("\"version\"").map_or("", |(_, rest)| rest.trim_start_matches([' ', ':']));
     let is_recording = ["\"width\"", "\"term\""].iter().any(|key| text.contains(key));
     match version.chars().next() {
         Some('2') if is_recording => {
             let advice = Advice::First("gdg-tui frames FILE renders it");
             Kind::new("a screen recording", Format::Recording, advice)
         }
-        Some(digit @ ('1' | '3'..='9')) if is_recording => {
-            Kind::new(format!("an asciinema recording of version {digit}"), Format::Foreign, CONVERT)
-        }
+        Some(digit @ ('1' | '3'..='9')) if is_recording => Kind::new(
+            format!("an asciinema recording of version {digit}"),
+            Format::Foreign,
+            CONVERT,
+        ),
         _ => Kind::new("JSON", Format::Json, Advice::None),
     }
 }
@@ -244,7 +273,9 @@ fn listed(start: &[u8]) -> Option<Kind> {
     let short = short.to_ascii_uppercase();
     Some(match found.matcher_type() {
         MatcherType::Archive if short == "PDF" => Kind::foreign("a document (PDF)"),
-        MatcherType::Archive => Kind::hides_the_file(format!("a compressed file or archive ({short})"), UNPACK),
+        MatcherType::Archive => {
+            Kind::hides_the_file(format!("a compressed file or archive ({short})"), UNPACK)
+        }
         MatcherType::Image => Kind::foreign(format!("an image ({short})")),
         MatcherType::Video => Kind::foreign(format!("a video ({short})")),
         MatcherType::Audio => Kind::foreign(format!("a sound ({short})")),
@@ -264,8 +295,10 @@ mod tests {
 
     #[test]
     fn files_are_told_by_their_first_bytes() {
-        let zip =
-            |name: &str| [b"PK\x03\x04".as_slice(), &[0; 22], &[name.len() as u8, 0, 0, 0], name.as_bytes()].concat();
+        let zip = |name: &str| {
+            [b"PK\x03\x04".as_slice(), &[0; 22], &[name.len() as u8, 0, 0, 0], name.as_bytes()]
+                .concat()
+        };
         for (start, expected) in [
             (&b"version https://git-lfs.github.com/spec/v1\noid"[..], "a Git LFS pointer"),
             (b"\xff\xfe#\0", "text in UTF-16"),

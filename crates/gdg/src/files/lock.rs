@@ -15,7 +15,8 @@ use super::read::open_or_create;
 const MAX_WAIT: Duration = Duration::from_secs(2);
 const RETRY_AFTER: Duration = Duration::from_millis(5);
 
-/// Most tries to lock a file that others remove meanwhile. File systems without lasting inodes never seem to have it.
+/// Most tries to lock a file that others remove meanwhile. File systems without lasting inodes
+/// never seem to have it.
 const MAX_TRIES: usize = 100;
 
 /// A lock file; dropping it removes the file and ends the lock.
@@ -26,8 +27,8 @@ pub struct LockFile {
 }
 
 impl LockFile {
-    /// Locks the file at `path`, which is created; returns `None` if another program holds it. Where the file system has no
-    /// locks, several may hold it.
+    /// Locks the file at `path`, which is created; returns `None` if another program holds it.
+    /// Where the file system has no locks, several may hold it.
     ///
     /// # Errors
     /// The file cannot be created, or something else is in its place.
@@ -37,7 +38,8 @@ impl LockFile {
             let file = open_or_create(path)?;
             match file.try_lock() {
                 Err(TryLockError::WouldBlock) => return Ok(None),
-                // Its holder has removed the file since it was opened: the next one to come would lock another.
+                // Its holder has removed the file since it was opened: the next one to come would
+                // lock another.
                 Ok(()) if !is_at(&file, path) && tries.next().is_some() => {}
                 Ok(()) | Err(TryLockError::Error(_)) => {
                     return Ok(Some(Self { path: path.to_owned(), _file: file }));
@@ -53,11 +55,12 @@ impl Drop for LockFile {
     }
 }
 
-/// Runs `replace` while no other program can replace the file at `path`; returns `None` if one does so for long. Where no
-/// lock file can be created, nobody is kept from it.
+/// Runs `replace` while no other program can replace the file at `path`; returns `None` if one does
+/// so for long. Where no lock file can be created, nobody is kept from it.
 pub fn while_locked<T>(path: &Path, replace: impl FnOnce() -> T) -> Option<T> {
     let file = resolve_links(path).unwrap_or_else(|_| path.to_owned());
-    // Named like a temporary file: one that a killed program leaves is removed by the next that writes.
+    // Named like a temporary file: one that a killed program leaves is removed by the next that
+    // writes.
     let (prefix, suffix) = TEMP_AFFIXES;
     let file = beside(&file, prefix, &format!(".lock{suffix}"));
     let began = Instant::now();
@@ -70,7 +73,8 @@ pub fn while_locked<T>(path: &Path, replace: impl FnOnce() -> T) -> Option<T> {
     }
 }
 
-/// Marks the file at `path` as in use until the returned handle is dropped; returns `None` where that is not possible.
+/// Marks the file at `path` as in use until the returned handle is dropped; returns `None` where
+/// that is not possible.
 pub fn mark_in_use(path: &Path) -> Option<File> {
     let file = OpenOptions::new().write(true).open(path).ok()?;
     file.try_lock().ok().map(|()| file)
@@ -124,7 +128,11 @@ mod tests {
         };
         std::thread::scope(|scope| (0..4).for_each(|_| drop(scope.spawn(work))));
         assert!(done.load(Ordering::SeqCst) > 0);
-        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0, "no lock file is left");
+        assert_eq!(
+            std::fs::read_dir(folder.path()).expect("a folder").count(),
+            0,
+            "no lock file is left"
+        );
     }
 
     #[test]

@@ -9,15 +9,17 @@ use crate::text::line_and_column;
 /// What to do with input that is not in a file.
 const WRITE_FIRST: &str = "write what is to be read to a file first, and give that";
 
-/// Opens a regular file for reading: a FIFO without a writer would block forever, and a device may have no end.
+/// Opens a regular file for reading: a FIFO without a writer would block forever, and a device may
+/// have no end.
 ///
 /// # Errors
 /// Returns the system's error, or an error if the path is not a regular file.
 pub fn open(path: &Path) -> Result<File> {
     let found = std::fs::metadata(path).map_err(|error| match error.kind() {
-        ErrorKind::NotFound if path == Path::new("-") => {
-            Error::new(ErrorKind::NotFound, format!("standard input is not read here: {WRITE_FIRST}"))
-        }
+        ErrorKind::NotFound if path == Path::new("-") => Error::new(
+            ErrorKind::NotFound,
+            format!("standard input is not read here: {WRITE_FIRST}"),
+        ),
         _ => error,
     })?;
     ensure_regular_file(found.file_type()).map_err(|error| match error.kind() {
@@ -28,8 +30,8 @@ pub fn open(path: &Path) -> Result<File> {
     open_with(path, OpenOptions::new().read(true), true)
 }
 
-/// Opens a regular file for writing without changing it, or creates an empty one. Follows no symbolic link: what it leads
-/// to may be anywhere.
+/// Opens a regular file for writing without changing it, or creates an empty one. Follows no
+/// symbolic link: what it leads to may be anywhere.
 ///
 /// # Errors
 /// Returns the system's error, or an error if something else than a regular file is at the path.
@@ -40,14 +42,15 @@ pub fn open_or_create(path: &Path) -> Result<File> {
     open_with(path, OpenOptions::new().write(true).create(true).truncate(false), false)
 }
 
-/// Opens a path whose type has been checked, following a symbolic link only if `follows_links`. Does not block if a FIFO
-/// has replaced the file since the check.
+/// Opens a path whose type has been checked, following a symbolic link only if `follows_links`.
+/// Does not block if a FIFO has replaced the file since the check.
 #[cfg_attr(not(unix), expect(unused_variables, reason = "only Unix has these flags"))]
 fn open_with(path: &Path, options: &mut OpenOptions, follows_links: bool) -> Result<File> {
     #[cfg(unix)]
     {
         use nix::fcntl::OFlag;
-        let flags = if follows_links { OFlag::O_NONBLOCK } else { OFlag::O_NONBLOCK | OFlag::O_NOFOLLOW };
+        let flags =
+            if follows_links { OFlag::O_NONBLOCK } else { OFlag::O_NONBLOCK | OFlag::O_NOFOLLOW };
         std::os::unix::fs::OpenOptionsExt::custom_flags(options, flags.bits());
     }
     let file = options.open(path)?;
@@ -76,14 +79,16 @@ pub fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     if found > max_bytes { Err(too_large(found)) } else { Ok(bytes) }
 }
 
-/// Like [`read`], but returns text, without the byte-order mark that some editors begin a file with.
+/// Like [`read`], but returns text, without the byte-order mark that some editors begin a file
+/// with.
 ///
 /// # Errors
 /// Fails like [`read`], and on bytes that are not UTF-8.
 pub fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
     let text = String::from_utf8(read(path, max_bytes)?).map_err(|e| {
         let valid = e.utf8_error().valid_up_to();
-        let (line, column) = line_and_column(&String::from_utf8_lossy(&e.as_bytes()[..valid]), valid);
+        let (line, column) =
+            line_and_column(&String::from_utf8_lossy(&e.as_bytes()[..valid]), valid);
         let text = format!("line {line}, column {column} is not valid UTF-8");
         Error::new(ErrorKind::InvalidData, text)
     })?;
@@ -139,18 +144,24 @@ mod tests {
             let error = read(path, 1 << 20).expect_err("no regular file");
             assert!(error.to_string().contains("not a regular file"), "{error}");
         }
-        assert!(open_or_create(&fifo).expect_err("a FIFO").to_string().contains("not a regular file"));
+        assert!(
+            open_or_create(&fifo).expect_err("a FIFO").to_string().contains("not a regular file")
+        );
     }
 
     #[cfg(unix)]
     #[test]
     fn what_is_opened_for_writing_keeps_its_contents_and_no_link_is_followed() {
         let folder = tempfile::tempdir().expect("a folder");
-        let (file, link, new) = (folder.path().join("file"), folder.path().join("link"), folder.path().join("new"));
+        let (file, link, new) =
+            (folder.path().join("file"), folder.path().join("link"), folder.path().join("new"));
         std::fs::write(&file, b"mine").expect("written");
         std::os::unix::fs::symlink(&file, &link).expect("a link");
         assert!(open_or_create(&link).is_err() && open_or_create(folder.path()).is_err());
         assert!(open_or_create(&file).is_ok() && open_or_create(&new).is_ok());
-        assert_eq!((read(&file, 9).expect("read"), read(&new, 9).expect("read")), (b"mine".to_vec(), Vec::new()));
+        assert_eq!(
+            (read(&file, 9).expect("read"), read(&new, 9).expect("read")),
+            (b"mine".to_vec(), Vec::new())
+        );
     }
 }

@@ -1,6 +1,7 @@
 //! Writes files atomically, and replaces nothing but regular files that are not write-protected.
 //!
-//! What a file system lacks (hard links, permissions, syncing, locks) is done without; what it refuses is an error.
+//! What a file system lacks (hard links, permissions, syncing, locks) is done without; what it
+//! refuses is an error.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{File, Metadata};
@@ -16,15 +17,15 @@ use super::lock::is_at;
 use super::names::resolve_links;
 use super::read::ensure_regular_file;
 
-/// Part of a name that a temporary file takes over, in bytes: with its affixes and random characters, it is as long as names
-/// may be.
+/// Part of a name that a temporary file takes over, in bytes: with its affixes and random
+/// characters, it is as long as names may be.
 const MAX_TEMP_STEM_BYTES: usize = 240;
 
 /// An unlocked temporary file older than this was left by a killed program.
 const STALE_AFTER: Duration = Duration::from_secs(5);
 
-/// Writes a file atomically, creating its folder if needed. Follows symbolic links, and keeps an existing file's
-/// permissions.
+/// Writes a file atomically, creating its folder if needed. Follows symbolic links, and keeps an
+/// existing file's permissions.
 ///
 /// # Errors
 /// Returns the system's error, or an error if the target is write-protected or not a regular file.
@@ -40,7 +41,8 @@ pub fn write_unlinked(path: &Path, bytes: &[u8]) -> Result<()> {
     Target::unlinked(path)?.write(bytes, replace)
 }
 
-/// Writes a file at `path`, or at the first unused of `path-2`, `path-3` ..., and returns the path it took.
+/// Writes a file at `path`, or at the first unused of `path-2`, `path-3` ..., and returns the path
+/// it took.
 ///
 /// # Errors
 /// Returns the system's error.
@@ -55,28 +57,37 @@ pub fn write_to_unused(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     }
 }
 
-/// Returns `path`, or the first of `path-2`, `path-3` ..., at which there is neither a file nor a backup.
+/// Returns `path`, or the first of `path-2`, `path-3` ..., at which there is neither a file nor a
+/// backup.
 pub fn unused_path(path: &Path) -> PathBuf {
-    let taken = |path: &PathBuf| path.symlink_metadata().is_ok() || backup_path(path).symlink_metadata().is_ok();
+    let taken = |path: &PathBuf| {
+        path.symlink_metadata().is_ok() || backup_path(path).symlink_metadata().is_ok()
+    };
     let paths = std::iter::once(path.to_owned()).chain((2..).map(|number| numbered(path, number)));
     paths.into_iter().find(|path| !taken(path)).unwrap_or_else(|| path.to_owned())
 }
 
-/// Checks that a file can be written at `path` right now, in a folder that may have to be created. Tries all that writing
-/// does, under a name with the same characters that is as long as any which is made from this one; changes nothing.
+/// Checks that a file can be written at `path` right now, in a folder that may have to be created.
+/// Tries all that writing does, under a name with the same characters that is as long as any which
+/// is made from this one; changes nothing.
 ///
 /// # Errors
 /// Returns the reason why it cannot.
 pub fn check_writable(path: &Path) -> Result<()> {
     let mut target = Target::resolve(path)?;
-    let existing = target.folder.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new(""));
+    let existing =
+        target.folder.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new(""));
     let missing = target.folder.strip_prefix(existing).unwrap_or(&target.folder);
     if missing.as_os_str().is_empty() {
         return target.rehearse();
     }
-    // The run may be refused yet, and leaves no folders behind: those that are missing are made elsewhere.
+    // The run may be refused yet, and leaves no folders behind: those that are missing are made
+    // elsewhere.
     let existing = if existing.as_os_str().is_empty() { Path::new(".") } else { existing };
-    let scratch = tempfile::Builder::new().prefix(TEMP_AFFIXES.0).suffix(TEMP_AFFIXES.1).tempdir_in(existing)?;
+    let scratch = tempfile::Builder::new()
+        .prefix(TEMP_AFFIXES.0)
+        .suffix(TEMP_AFFIXES.1)
+        .tempdir_in(existing)?;
     let inside = missing.components().filter(|part| matches!(part, Component::Normal(_)));
     target.folder = scratch.path().join(inside.collect::<PathBuf>());
     target.rehearse()
@@ -110,7 +121,8 @@ fn place(file: NamedTempFile, path: &Path) -> Result<()> {
         Err(e) if e.error.kind() == ErrorKind::AlreadyExists => return Err(e.error),
         Err(e) => e.file,
     };
-    // The file system can neither link nor rename without replacing: an empty file keeps others from the name.
+    // The file system can neither link nor rename without replacing: an empty file keeps others
+    // from the name.
     drop(File::create_new(path)?);
     replace(file, path).inspect_err(|_| {
         if path.metadata().is_ok_and(|found| found.len() == 0) {
@@ -135,7 +147,10 @@ impl Target {
     /// Returns the file at `path`, where no symbolic link is.
     fn unlinked(path: &Path) -> Result<Self> {
         if path.is_symlink() {
-            return Err(Error::new(ErrorKind::InvalidInput, "is a symbolic link, which is not followed here"));
+            return Err(Error::new(
+                ErrorKind::InvalidInput,
+                "is a symbolic link, which is not followed here",
+            ));
         }
         Self::at(path.to_owned())
     }
@@ -145,7 +160,10 @@ impl Target {
             return Err(Error::new(ErrorKind::InvalidFilename, "is not a file name"));
         };
         if name.len() > MAX_NAME_BYTES {
-            let problem = format!("its name has {} bytes, more than the {MAX_NAME_BYTES} of file systems", name.len());
+            let problem = format!(
+                "its name has {} bytes, more than the {MAX_NAME_BYTES} of file systems",
+                name.len()
+            );
             return Err(Error::new(ErrorKind::InvalidFilename, problem));
         }
         let existing = match std::fs::metadata(&path) {
@@ -159,7 +177,11 @@ impl Target {
                 return Err(Error::new(ErrorKind::PermissionDenied, "is write-protected"));
             }
         }
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned();
+        let folder = path
+            .parent()
+            .filter(|p| !p.as_os_str().is_empty())
+            .unwrap_or(Path::new("."))
+            .to_owned();
         Ok(Self { path, folder, existing })
     }
 
@@ -173,9 +195,15 @@ impl Target {
         self.existing.is_some()
     }
 
-    /// Writes `bytes` to a temporary file next to the target, which `persist` then moves into place.
-    pub fn write(&self, bytes: &[u8], persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>) -> Result<()> {
-        let missing: Vec<&Path> = self.folder.ancestors().take_while(|folder| !folder.exists()).collect();
+    /// Writes `bytes` to a temporary file next to the target, which `persist` then moves into
+    /// place.
+    pub fn write(
+        &self,
+        bytes: &[u8],
+        persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>,
+    ) -> Result<()> {
+        let missing: Vec<&Path> =
+            self.folder.ancestors().take_while(|folder| !folder.exists()).collect();
         self.write_in_folder(bytes, persist).inspect_err(|_| {
             // No folder is left that was made for nothing.
             missing.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));
@@ -183,7 +211,11 @@ impl Target {
     }
 
     /// Does what [`Self::write`] does, and leaves the folders that it has made.
-    fn write_in_folder(&self, bytes: &[u8], persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>) -> Result<()> {
+    fn write_in_folder(
+        &self,
+        bytes: &[u8],
+        persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>,
+    ) -> Result<()> {
         let mut file = self.create_temporary(TEMP_AFFIXES.0.as_ref())?;
         file.write_all(bytes)?;
         sync(file.as_file())?;
@@ -200,14 +232,15 @@ impl Target {
         self.called(place.to_path_buf()).write(b"gdg-tui", replace)
     }
 
-    /// Creates a temporary file in the target's folder, with the permissions intended for the target.
+    /// Creates a temporary file in the target's folder, with the permissions intended for the
+    /// target.
     fn create_temporary(&self, prefix: &OsStr) -> Result<NamedTempFile> {
         std::fs::create_dir_all(&self.folder)?;
         remove_stale(&self.folder);
         let mut builder = tempfile::Builder::new();
         builder.prefix(prefix).suffix(TEMP_AFFIXES.1);
-        // Temporary files are private by default; give a new file the user's usual permissions, and none that the existing
-        // one lacks, as they might not be taken back.
+        // Temporary files are private by default; give a new file the user's usual permissions, and
+        // none that the existing one lacks, as they might not be taken back.
         #[cfg(unix)]
         {
             use std::os::unix::fs::{MetadataExt, PermissionsExt};
@@ -215,7 +248,8 @@ impl Target {
             builder.permissions(PermissionsExt::from_mode(mode));
         }
         let file = builder.tempfile_in(&self.folder)?;
-        // The lock marks the file as being written; without lock support, other processes judge by its age.
+        // The lock marks the file as being written; without lock support, other processes judge by
+        // its age.
         let _ = file.as_file().try_lock();
         if let Some(existing) = &self.existing {
             keep_permissions(existing, file.as_file());
@@ -224,8 +258,9 @@ impl Target {
     }
 }
 
-/// Gives a new file the permissions and the owner of the one that it replaces, as far as the file system allows: some have
-/// the same for all files, and only root can write a file for another user.
+/// Gives a new file the permissions and the owner of the one that it replaces, as far as the file
+/// system allows: some have the same for all files, and only root can write a file for another
+/// user.
 fn keep_permissions(existing: &Metadata, file: &File) {
     let Ok(new) = file.metadata() else { return };
     #[cfg(unix)]
@@ -240,10 +275,13 @@ fn keep_permissions(existing: &Metadata, file: &File) {
     }
 }
 
-/// Syncs a file, so that its contents survive a power failure. Some file systems (mostly network ones) do not support this.
+/// Syncs a file, so that its contents survive a power failure. Some file systems (mostly network
+/// ones) do not support this.
 fn sync(file: &File) -> Result<()> {
     match file.sync_all() {
-        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
+        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => {
+            Ok(())
+        }
         synced => synced,
     }
 }
@@ -338,8 +376,19 @@ mod tests {
         std::fs::set_permissions(&protected, PermissionsExt::from_mode(0o444)).expect("set");
         let circle = folder.path().join("circle");
         symlink("circle", &circle).expect("a link");
-        for path in [&fifo, &protected, &circle, folder.path(), Path::new("/dev/null"), Path::new("/dev/full/x")] {
-            assert!(write_atomically(path, b"x").is_err() && check_writable(path).is_err(), "{}", path.display());
+        for path in [
+            &fifo,
+            &protected,
+            &circle,
+            folder.path(),
+            Path::new("/dev/null"),
+            Path::new("/dev/full/x"),
+        ] {
+            assert!(
+                write_atomically(path, b"x").is_err() && check_writable(path).is_err(),
+                "{}",
+                path.display()
+            );
         }
         assert_eq!(std::fs::read(&protected).expect("there"), b"mine");
         assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 3);
@@ -349,7 +398,8 @@ mod tests {
     fn a_fresh_file_gets_an_unused_name() {
         let folder = folder();
         let path = folder.path().join("run.v2.safetensors");
-        let names: Vec<PathBuf> = (0..3).map(|_| write_to_unused(&path, b"x").expect("written")).collect();
+        let names: Vec<PathBuf> =
+            (0..3).map(|_| write_to_unused(&path, b"x").expect("written")).collect();
         let expected = ["run.v2.safetensors", "run.v2-2.safetensors", "run.v2-3.safetensors"];
         assert_eq!(names, expected.map(|name| folder.path().join(name)));
     }
@@ -369,8 +419,11 @@ mod tests {
         }
         File::create(folder.path().join(".gdg-3.tmp")).expect("a file");
         write_atomically(&folder.path().join("file"), b"x").expect("written");
-        let mut left: Vec<_> =
-            std::fs::read_dir(folder.path()).expect("a folder").flatten().map(|entry| entry.file_name()).collect();
+        let mut left: Vec<_> = std::fs::read_dir(folder.path())
+            .expect("a folder")
+            .flatten()
+            .map(|entry| entry.file_name())
+            .collect();
         left.sort();
         assert_eq!(left, [".gdg-1.tmp", ".gdg-3.tmp", "file", "somebody's.tmp"]);
     }

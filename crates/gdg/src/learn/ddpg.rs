@@ -1,9 +1,11 @@
 //! Deep deterministic policy gradient with goals: the rivals that learn from rewards.
 //!
-//! Q(s, a, g) and mu(s, g) with target networks (Lillicrap et al. 2016), goals as inputs (Schaul et al. 2015) and, for
-//! `her`, goals relabelled in hindsight (Andrychowicz et al. 2017, strategy "future"). With two critics, targets use
-//! their minimum, and `target_noise` smooths them (Fujimoto et al. 2018, sections 4.2 and 5.3; TD3 without its delayed
-//! actor). The target is r + gamma Q'(s', mu'(s', g), g); a state at the goal ends the task, the end of an episode's time does not.
+//! Q(s, a, g) and mu(s, g) with target networks (Lillicrap et al. 2016), goals as inputs (Schaul et
+//! al. 2015) and, for `her`, goals relabelled in hindsight (Andrychowicz et al. 2017, strategy
+//! "future"). With two critics, targets use their minimum, and `target_noise` smooths them
+//! (Fujimoto et al. 2018, sections 4.2 and 5.3; TD3 without its delayed actor). The target is r +
+//! gamma Q'(s', mu'(s', g), g); a state at the goal ends the task, the end of an episode's time
+//! does not.
 
 mod batch;
 mod losses;
@@ -49,11 +51,13 @@ struct Variant {
     reward: Reward,
     /// Whether goals are relabelled.
     hindsight: bool,
-    /// Beginning of the networks' names in checkpoints: those of the same values can go on with each other's.
+    /// Beginning of the networks' names in checkpoints: those of the same values can go on with
+    /// each other's.
     prefix: &'static str,
 }
 
-static SPARSE: Variant = Variant { name: "ddpg", reward: Reward::Sparse, hindsight: false, prefix: "ddpg" };
+static SPARSE: Variant =
+    Variant { name: "ddpg", reward: Reward::Sparse, hindsight: false, prefix: "ddpg" };
 static HINDSIGHT: Variant = Variant { name: "her", hindsight: true, ..SPARSE };
 static DISTANCE: Variant =
     Variant { name: "ddpg-distance", reward: Reward::Distance, prefix: "ddpg-distance", ..SPARSE };
@@ -63,7 +67,9 @@ pub const DDPG: LearnerKind = LearnerKind {
     name: SPARSE.name,
     about: "deep deterministic policy gradient; -1 a step up to the goal",
     is_rewarded: true,
-    create: |spec, settings, threads, rng| Ok(Box::new(Ddpg::new(&SPARSE, (spec, settings), threads, rng)?)),
+    create: |spec, settings, threads, rng| {
+        Ok(Box::new(Ddpg::new(&SPARSE, (spec, settings), threads, rng)?))
+    },
     parameters,
 };
 
@@ -72,7 +78,9 @@ pub const HER: LearnerKind = LearnerKind {
     name: HINDSIGHT.name,
     about: "ddpg with hindsight experience replay",
     is_rewarded: true,
-    create: |spec, settings, threads, rng| Ok(Box::new(Ddpg::new(&HINDSIGHT, (spec, settings), threads, rng)?)),
+    create: |spec, settings, threads, rng| {
+        Ok(Box::new(Ddpg::new(&HINDSIGHT, (spec, settings), threads, rng)?))
+    },
     parameters,
 };
 
@@ -81,7 +89,9 @@ pub const DDPG_DISTANCE: LearnerKind = LearnerKind {
     name: DISTANCE.name,
     about: "ddpg rewarded by minus the straight-line distance",
     is_rewarded: true,
-    create: |spec, settings, threads, rng| Ok(Box::new(Ddpg::new(&DISTANCE, (spec, settings), threads, rng)?)),
+    create: |spec, settings, threads, rng| {
+        Ok(Box::new(Ddpg::new(&DISTANCE, (spec, settings), threads, rng)?))
+    },
     parameters,
 };
 
@@ -116,8 +126,8 @@ struct Shared {
 }
 
 impl Ddpg {
-    /// Creates networks for an environment of `spec`. Updates run on `threads` threads, which does not change their
-    /// results.
+    /// Creates networks for an environment of `spec`. Updates run on `threads` threads, which does
+    /// not change their results.
     fn new(
         variant: &'static Variant,
         (spec, settings): (&Spec, &LearnSettings),
@@ -128,11 +138,14 @@ impl Ddpg {
         refuse_tape(settings.backend, variant.name)?;
         let shapes = Arc::new(Shapes::new(spec, settings, variant.reward));
         let mut network = |mlp| Network::new(mlp, shapes.encoder.grid(), Some(settings.tau), rng);
-        let critics = (0..settings.critics).map(|_| network(shapes.critic)).collect::<Result<Vec<_>>>()?;
+        let critics =
+            (0..settings.critics).map(|_| network(shapes.critic)).collect::<Result<Vec<_>>>()?;
         let actor = network(shapes.actor)?;
         let shared = Shared {
             rates: LearningRates::from_settings(settings),
-            parts: (0..parts_of(settings.batch_size)).map(|_| Mutex::new(Part::new(critics.len()))).collect(),
+            parts: (0..parts_of(settings.batch_size))
+                .map(|_| Mutex::new(Part::new(critics.len())))
+                .collect(),
             critics,
             actor,
             batch: RwLock::default(),
@@ -148,13 +161,20 @@ impl Ddpg {
         })
     }
 
-    /// Updates critics, actor and target networks once on `batch`, in parts that are `asked` for if it takes long,
-    /// and adds the time to `profile`.
-    fn update_on(&mut self, batch: &Transitions, asked: Option<&Arc<Parts>>, profile: &mut Profile) -> Result<Losses> {
+    /// Updates critics, actor and target networks once on `batch`, in parts that are `asked` for if
+    /// it takes long, and adds the time to `profile`.
+    fn update_on(
+        &mut self,
+        batch: &Transitions,
+        asked: Option<&Arc<Parts>>,
+        profile: &mut Profile,
+    ) -> Result<Losses> {
         let began = Instant::now();
         self.shared.batch.write().clone_from(batch);
         let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
-        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| self.pool.try_run(tasks, &self.shared, asked, work);
+        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| {
+            self.pool.try_run(tasks, &self.shared, asked, work)
+        };
         run(1 + parts, Shared::touched_corners_or_gradients)?;
         let began = profile.lap(Stage::CriticModelGradients, began);
         run(2 * critics, Shared::step_critics)?;
@@ -166,7 +186,8 @@ impl Ddpg {
         Ok(self.shared.parts.iter().map(|part| part.lock().losses).sum())
     }
 
-    /// Calls `use_nets` with the current networks or the target networks; no update can run in the meantime.
+    /// Calls `use_nets` with the current networks or the target networks; no update can run in the
+    /// meantime.
     fn with_nets<R>(&self, averaged: bool, use_nets: impl FnOnce(Nets) -> R) -> Result<R> {
         let (critics, actor) = self.shared.lock();
         Ok(use_nets(Nets {
@@ -190,9 +211,14 @@ impl Learner for Ddpg {
         self.variant.name
     }
 
-    /// Performs one update. The losses are the critics' mean squared error and the mean of -Q(s, mu(s, g), g), both in
-    /// units of the reward. Distances known from the bridge graph are not used.
-    fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
+    /// Performs one update. The losses are the critics' mean squared error and the mean of -Q(s,
+    /// mu(s, g), g), both in units of the reward. Distances known from the bridge graph are not
+    /// used.
+    fn update(
+        &mut self,
+        data: TrainingData,
+        profile: &mut Profile,
+    ) -> std::result::Result<Losses, LearnError> {
         let began = Instant::now();
         let mut batch = std::mem::take(&mut self.batch);
         self.sampler.sample(data.replay, data.rng, &mut batch);
@@ -220,7 +246,9 @@ impl Learner for Ddpg {
     fn is_finite(&self) -> std::result::Result<bool, LearnError> {
         let mut distances = vec![0.0; self.batch.len()];
         let (states, goals) = (&self.batch.states, &self.batch.goals);
-        self.with_nets(true, |nets| nets.distances(states, goals, &mut distances, &mut Scratch::default()))?;
+        self.with_nets(true, |nets| {
+            nets.distances(states, goals, &mut distances, &mut Scratch::default());
+        })?;
         Ok(distances.iter().all(|d| d.is_finite()))
     }
 
@@ -239,8 +267,8 @@ impl Shared {
         (self.critics.iter().map(Network::lock).collect(), self.actor.lock())
     }
 
-    /// Runs one task of an update's first phase: the first finds the corners that the steps will touch, each other one
-    /// computes the critics' gradients on its part of the batch.
+    /// Runs one task of an update's first phase: the first finds the corners that the steps will
+    /// touch, each other one computes the critics' gradients on its part of the batch.
     fn touched_corners_or_gradients(&self, task: usize) -> Result<()> {
         if let Some(part) = task.checked_sub(1) {
             return self.critic_gradients(part);
@@ -253,7 +281,11 @@ impl Shared {
     fn find_touched_corners(&self) {
         let (encoder, batch) = (&self.shapes.encoder, self.batch.read());
         let parts = (0..self.parts.len()).map(|part| Rows::new(encoder.spec(), &batch, part));
-        find_corners(encoder, parts.map(|rows| (rows.states, rows.goals)), &mut self.touched.write());
+        find_corners(
+            encoder,
+            parts.map(|rows| (rows.states, rows.goals)),
+            &mut self.touched.write(),
+        );
     }
 
     /// Computes the critics' gradients on part `i` of the batch.
@@ -263,7 +295,12 @@ impl Shared {
         let targets = critics.iter().map(|l| l.weights(true)).collect::<Result<Vec<_>>>()?;
         let batch = self.batch.read();
         let rows = Rows::new(self.shapes.encoder.spec(), &batch, i);
-        self.parts[i].lock().critic_gradients(&self.shapes, &rows, &current, (actor.weights(true)?, &targets));
+        self.parts[i].lock().critic_gradients(
+            &self.shapes,
+            &rows,
+            &current,
+            (actor.weights(true)?, &targets),
+        );
         Ok(())
     }
 
@@ -287,7 +324,18 @@ impl Shared {
         self.step(&self.actor, task, |part| &mut part.actor)
     }
 
-    fn step(&self, network: &Network, task: usize, gradient: impl Fn(&mut Part) -> &mut Gradient) -> Result<()> {
-        step_half(network, Half::for_task(task), &self.touched.read(), self.rates, (&self.parts, gradient))
+    fn step(
+        &self,
+        network: &Network,
+        task: usize,
+        gradient: impl Fn(&mut Part) -> &mut Gradient,
+    ) -> Result<()> {
+        step_half(
+            network,
+            Half::for_task(task),
+            &self.touched.read(),
+            self.rates,
+            (&self.parts, gradient),
+        )
     }
 }

@@ -24,12 +24,15 @@ impl From<candle_core::Error> for LearnError {
     }
 }
 
-/// Returns the message of an error without the backtrace that candle adds if `RUST_BACKTRACE` is set.
+/// Returns the message of an error without the backtrace that candle adds if `RUST_BACKTRACE` is
+/// set.
 pub(in crate::learn) fn candle_message(error: candle_core::Error) -> String {
     use candle_core::Error;
     match error {
         Error::WithBacktrace { inner, .. } => candle_message(*inner),
-        Error::WithPath { inner, path } => format!("{}: {}", path.display(), candle_message(*inner)),
+        Error::WithPath { inner, path } => {
+            format!("{}: {}", path.display(), candle_message(*inner))
+        }
         Error::Context { inner, context } => format!("{context}: {}", candle_message(*inner)),
         other => other.to_string(),
     }

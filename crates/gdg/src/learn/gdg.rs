@@ -1,5 +1,5 @@
-//! Goal-distance gradient: distance critics, dynamics model and actor (Algorithm 1), updated by hand-written kernels on
-//! several threads.
+//! Goal-distance gradient: distance critics, dynamics model and actor (Algorithm 1), updated by
+//! hand-written kernels on several threads.
 
 pub mod graph_paths;
 mod part;
@@ -32,7 +32,9 @@ use crate::learn::update::losses::{ActorLossNetworks, ActorLossOptions, Losses};
 use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::reference::{Layers, Parameters, Reference};
-use crate::learn::update::rows::{Rows, find_corners_of_pairs, find_corners_of_transitions, parts_of};
+use crate::learn::update::rows::{
+    Rows, find_corners_of_pairs, find_corners_of_transitions, parts_of,
+};
 use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::tape::Tape;
 use crate::pulse::Parts;
@@ -80,24 +82,32 @@ struct Shared {
 }
 
 impl Gdg {
-    /// Creates networks for an environment of `spec`. Updates run on `threads` threads, which does not change their
-    /// results.
+    /// Creates networks for an environment of `spec`. Updates run on `threads` threads, which does
+    /// not change their results.
     ///
     /// # Errors
     /// Returns an error if states are too large, or a tensor operation fails.
-    pub fn new(spec: &Spec, settings: &LearnSettings, threads: usize, rng: &mut ChaCha8Rng) -> Result<Self> {
+    pub fn new(
+        spec: &Spec,
+        settings: &LearnSettings,
+        threads: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Self> {
         check_state_dim(spec)?;
         let shapes = Arc::new(Shapes::new(Encoder::new(spec, settings), settings));
         let grid = shapes.encoder.grid();
         let mut network = |mlp, tau| Network::new(mlp, grid, tau, rng);
         let tau = Some(settings.tau);
-        let critics = (0..settings.critics).map(|_| network(shapes.critic, tau)).collect::<Result<Vec<_>>>()?;
+        let critics = (0..settings.critics)
+            .map(|_| network(shapes.critic, tau))
+            .collect::<Result<Vec<_>>>()?;
         let (model, actor) = (network(shapes.model, None)?, network(shapes.actor, tau)?);
         let part = || Part::new(settings.critics);
         let parts = (0..parts_of(settings.batch_size)).map(|_| Mutex::new(part())).collect();
         let rates = RwLock::new(LearningRates::from_settings(settings));
         let (batch, pairs, transitions) = (RwLock::default(), RwLock::default(), RwLock::default());
-        let shared = Shared { shapes, rates, critics, model, actor, parts, batch, pairs, transitions };
+        let shared =
+            Shared { shapes, rates, critics, model, actor, parts, batch, pairs, transitions };
         let tape = Tape::new(settings.backend, shared.networks())?;
         Ok(Self {
             sampler: BatchSampler::new(spec, settings),
@@ -147,12 +157,17 @@ impl Gdg {
         self.shared.actor.steps()
     }
 
-    /// Updates critics, model, actor and averages once on `batch` (Algorithm 1's inner loop), in parts that are
-    /// `asked` for if it takes long, and adds the time to `profile`.
+    /// Updates critics, model, actor and averages once on `batch` (Algorithm 1's inner loop), in
+    /// parts that are `asked` for if it takes long, and adds the time to `profile`.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn update_on(&mut self, batch: &Batch, asked: Option<&Arc<Parts>>, profile: &mut Profile) -> Result<Losses> {
+    pub fn update_on(
+        &mut self,
+        batch: &Batch,
+        asked: Option<&Arc<Parts>>,
+        profile: &mut Profile,
+    ) -> Result<Losses> {
         let began = Instant::now();
         if let Some(tape) = &mut self.tape {
             let Shared { shapes, rates, actor, .. } = &*self.shared;
@@ -164,7 +179,9 @@ impl Gdg {
         }
         self.shared.batch.write().clone_from(batch);
         let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
-        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| self.pool.try_run(tasks, &self.shared, asked, work);
+        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| {
+            self.pool.try_run(tasks, &self.shared, asked, work)
+        };
         run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
         let began = profile.lap(Stage::CriticModelGradients, began);
         run(2 * (critics + 1), Shared::step_critics_and_model)?;
@@ -176,15 +193,18 @@ impl Gdg {
         Ok(self.losses())
     }
 
-    /// Returns the losses and the gradients (flat parameters and table) of the first critic, the model and the actor on
-    /// `batch`, all at the current weights and without a step. For checks against other implementations.
+    /// Returns the losses and the gradients (flat parameters and table) of the first critic, the
+    /// model and the actor on `batch`, all at the current weights and without a step. For checks
+    /// against other implementations.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [FullGradient; 3])> {
         self.shared.batch.write().clone_from(batch);
         let parts = self.shared.parts.len();
-        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| self.pool.try_run(tasks, &self.shared, None, work);
+        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| {
+            self.pool.try_run(tasks, &self.shared, None, work)
+        };
         run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
         run(parts, Shared::actor_gradients)?;
         let Shared { pairs, transitions, parts, .. } = &*self.shared;
@@ -197,7 +217,8 @@ impl Gdg {
         Ok((self.losses(), gradients))
     }
 
-    /// Bounds targets and leads the actor along paths through the bridge graph, in the batch's pairs from row `first` on.
+    /// Bounds targets and leads the actor along paths through the bridge graph, in the batch's
+    /// pairs from row `first` on.
     fn follow_graph(&mut self, known: &KnownDistances, first: usize) -> Result<()> {
         let Some(mut paths) = self.graph_paths.take() else { return Ok(()) };
         let mut batch = std::mem::take(&mut self.batch);
@@ -219,8 +240,8 @@ impl Gdg {
         Reference::new(self.shapes(), self.networks(), layers)
     }
 
-    /// Returns the losses in candle's operations at the weights that targets use: the running averages of critics and
-    /// actor, and the current model.
+    /// Returns the losses in candle's operations at the weights that targets use: the running
+    /// averages of critics and actor, and the current model.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
@@ -229,10 +250,15 @@ impl Gdg {
         let parameters = |network, averaged| Parameters::copied(network, encoder, averaged);
         let critics = self.shared.critics.iter().map(|critic| parameters(critic, true));
         let others = [parameters(&self.shared.model, false), parameters(&self.shared.actor, true)];
-        Reference::with_parameters(self.shapes(), critics.chain(others).collect::<Result<_>>()?, layers)
+        Reference::with_parameters(
+            self.shapes(),
+            critics.chain(others).collect::<Result<_>>()?,
+            layers,
+        )
     }
 
-    /// Calls `use_nets` with the current networks or their running averages; no update can run in the meantime.
+    /// Calls `use_nets` with the current networks or their running averages; no update can run in
+    /// the meantime.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
@@ -262,7 +288,11 @@ impl Learner for Gdg {
         NAME
     }
 
-    fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
+    fn update(
+        &mut self,
+        data: TrainingData,
+        profile: &mut Profile,
+    ) -> std::result::Result<Losses, LearnError> {
         let began = Instant::now();
         self.sampler.sample(data.replay, data.relearning, data.rng, &mut self.batch);
         if let Some(known) = &data.known {
@@ -277,7 +307,8 @@ impl Learner for Gdg {
     }
 
     fn policy(&self, averaged: bool) -> std::result::Result<Arc<dyn Policy>, LearnError> {
-        let critics = self.shared.critics.iter().map(|c| c.copy(averaged)).collect::<Result<_>>()?;
+        let critics =
+            self.shared.critics.iter().map(|c| c.copy(averaged)).collect::<Result<_>>()?;
         let others = [self.shared.model.copy(false)?, self.shared.actor.copy(averaged)?];
         Ok(Arc::new(FrozenNets::new(self.shared.shapes.clone(), critics, others)))
     }
@@ -299,7 +330,9 @@ impl Learner for Gdg {
     fn is_finite(&self) -> std::result::Result<bool, LearnError> {
         let (states, goals) = (&self.batch.states, &self.batch.goals);
         let mut distances = vec![0.0; self.batch.len()];
-        self.with_nets(true, |nets| nets.distances(states, goals, &mut distances, &mut Scratch::default()))?;
+        self.with_nets(true, |nets| {
+            nets.distances(states, goals, &mut distances, &mut Scratch::default());
+        })?;
         Ok(distances.iter().all(|d| d.is_finite()))
     }
 
@@ -329,8 +362,9 @@ impl Shared {
         critics.chain([("model".to_owned(), &self.model), ("actor".to_owned(), &self.actor)])
     }
 
-    /// Runs one task of an update's first phase: the first tasks find the corners that the steps will touch, each other
-    /// one computes the gradients of critics and model on its part of the batch.
+    /// Runs one task of an update's first phase: the first tasks find the corners that the steps
+    /// will touch, each other one computes the gradients of critics and model on its part of the
+    /// batch.
     fn touched_corners_or_gradients(&self, task: usize) -> Result<()> {
         if let Some(part) = task.checked_sub(Self::TOUCH_TASKS) {
             return self.critic_and_model_gradients(part);
@@ -360,7 +394,13 @@ impl Shared {
         part.model.prepare(self.shapes.model.parameters());
         let transitions = (rows.from, rows.actions, rows.next);
         let (gradient, ws) = (&mut part.model, &mut part.buffers.networks.model);
-        part.losses.model = self.shapes.model_gradient(model.weights(false)?, transitions, rows.share, gradient, ws);
+        part.losses.model = self.shapes.model_gradient(
+            model.weights(false)?,
+            transitions,
+            rows.share,
+            gradient,
+            ws,
+        );
         part.check_model(&self.shapes, &rows);
         part.targets(&self.shapes, &rows, (actor.weights(true)?, model.weights(false)?, &targets));
         part.critic_gradients(&self.shapes, &rows, &current);
@@ -380,13 +420,18 @@ impl Shared {
         part.actor.prepare(self.shapes.actor.parameters());
         let buffers = &mut part.buffers;
         let pairs = Pairs { plain: &part.plain, states: rows.states, goals: rows.goals };
-        let options =
-            ActorLossOptions { towards: rows.actor_goals, share: rows.share, frees_stuck: rows.frees_stuck_actor };
-        part.losses.actor = self.shapes.actor_gradient(&path, pairs, options, &mut part.actor, buffers);
+        let options = ActorLossOptions {
+            towards: rows.actor_goals,
+            share: rows.share,
+            frees_stuck: rows.frees_stuck_actor,
+        };
+        part.losses.actor =
+            self.shapes.actor_gradient(&path, pairs, options, &mut part.actor, buffers);
         Ok(())
     }
 
-    /// Steps the critics and the model, which are independent of each other, in two tasks per network.
+    /// Steps the critics and the model, which are independent of each other, in two tasks per
+    /// network.
     fn step_critics_and_model(&self, task: usize) -> Result<()> {
         let (i, half) = (task / 2, Half::for_task(task));
         match self.critics.get(i) {

@@ -1,8 +1,10 @@
-//! Goal-distance gradient with the distance given (the paper's section 4.1): D(s, g) = |s - g|, the straight line from
-//! the achieved goal to the goal. Only the dynamics model f and the actor mu are learned: mu descends
+//! Goal-distance gradient with the distance given (the paper's section 4.1): D(s, g) = |s - g|, the
+//! straight line from the achieved goal to the goal. Only the dynamics model f and the actor mu are
+//! learned: mu descends
 //! |f(s, mu(s, g)) - g|, through the frozen model.
 //!
-//! Where something is in the way, such as the walls of a maze, D ignores it: the actor walks straight at the goal.
+//! Where something is in the way, such as the walls of a maze, D ignores it: the actor walks
+//! straight at the goal.
 
 mod policy;
 #[cfg(test)]
@@ -33,7 +35,9 @@ use crate::learn::update::gradient::Gradient;
 use crate::learn::update::losses::{Losses, SpecialRows};
 use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
-use crate::learn::update::rows::{Rows, find_corners_of_pairs, find_corners_of_transitions, parts_of};
+use crate::learn::update::rows::{
+    Rows, find_corners_of_pairs, find_corners_of_transitions, parts_of,
+};
 use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::straight::StraightLine;
 use crate::learn::update::tape::refuse_tape;
@@ -46,7 +50,9 @@ pub const KIND: LearnerKind = LearnerKind {
     name: NAME,
     about: "gdg with D given as the straight line; learns model and actor",
     is_rewarded: false,
-    create: |spec, settings, threads, rng| Ok(Box::new(GdgDistance::new(spec, settings, threads, rng)?)),
+    create: |spec, settings, threads, rng| {
+        Ok(Box::new(GdgDistance::new(spec, settings, threads, rng)?))
+    },
     parameters,
 };
 
@@ -97,8 +103,9 @@ struct Part {
 }
 
 impl Objective {
-    /// Computes the actor's gradient of mean |f(s, mu(s, g)) - g| in steps, plus that of the excess of the actor's
-    /// outputs over their bound, into `gradient`; `share` is 1 / batch size. Returns the part's contribution to the mean.
+    /// Computes the actor's gradient of mean |f(s, mu(s, g)) - g| in steps, plus that of the excess
+    /// of the actor's outputs over their bound, into `gradient`; `share` is 1 / batch size. Returns
+    /// the part's contribution to the mean.
     fn actor_gradient(
         &self,
         (actor, model): (Weights, Weights),
@@ -113,23 +120,36 @@ impl Objective {
         let (mut loss, mut d_state) = (0.0, [0.0; MAX_STATE_DIM]);
         let d_state = &mut d_state[..s];
         let d_change = &mut next[..pairs.states.len()];
-        for (next, goal) in d_change.chunks_exact_mut(s).zip(pairs.goals.chunks_exact(spec.goal_dim())) {
+        for (next, goal) in
+            d_change.chunks_exact_mut(s).zip(pairs.goals.chunks_exact(spec.goal_dim()))
+        {
             loss += share * self.line.gradient(next, goal, d_state);
             for ((next, d), scale) in next.iter_mut().zip(&*d_state).zip(&spec.change_scale) {
                 *next = share * scale * d;
             }
         }
         let special = SpecialRows::default();
-        self.shapes.actor_gradient_through_model((actor, model), pairs, (d_change, share, special), gradient, buffers);
+        self.shapes.actor_gradient_through_model(
+            (actor, model),
+            pairs,
+            (d_change, share, special),
+            gradient,
+            buffers,
+        );
         buffers.model.y = next;
         loss
     }
 }
 
 impl GdgDistance {
-    /// Creates networks for an environment of `spec`. Updates run on `threads` threads, which does not change their
-    /// results.
-    fn new(spec: &Spec, settings: &LearnSettings, threads: usize, rng: &mut ChaCha8Rng) -> Result<Self> {
+    /// Creates networks for an environment of `spec`. Updates run on `threads` threads, which does
+    /// not change their results.
+    fn new(
+        spec: &Spec,
+        settings: &LearnSettings,
+        threads: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Self> {
         check_state_dim(spec)?;
         refuse_tape(settings.backend, NAME)?;
         let shapes = Shapes::new(Encoder::new(spec, settings), settings);
@@ -152,13 +172,20 @@ impl GdgDistance {
         })
     }
 
-    /// Updates model, actor and the actor's average once on `batch`, in parts that are `asked` for if it takes long,
-    /// and adds the time to `profile`.
-    fn update_on(&mut self, batch: &Batch, asked: Option<&Arc<Parts>>, profile: &mut Profile) -> Result<Losses> {
+    /// Updates model, actor and the actor's average once on `batch`, in parts that are `asked` for
+    /// if it takes long, and adds the time to `profile`.
+    fn update_on(
+        &mut self,
+        batch: &Batch,
+        asked: Option<&Arc<Parts>>,
+        profile: &mut Profile,
+    ) -> Result<Losses> {
         let began = Instant::now();
         self.shared.batch.write().clone_from(batch);
         let parts = self.shared.parts.len();
-        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| self.pool.try_run(tasks, &self.shared, asked, work);
+        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| {
+            self.pool.try_run(tasks, &self.shared, asked, work)
+        };
         run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
         let began = profile.lap(Stage::CriticModelGradients, began);
         run(2, Shared::step_model)?;
@@ -174,7 +201,8 @@ impl GdgDistance {
         self.shared.parts.iter().map(|part| part.lock().losses).sum()
     }
 
-    /// Calls `use_nets` with the current actor or its running average; no update can run in the meantime.
+    /// Calls `use_nets` with the current actor or its running average; no update can run in the
+    /// meantime.
     fn with_nets<R>(&self, averaged: bool, use_nets: impl FnOnce(Nets) -> R) -> Result<R> {
         let actor = self.shared.actor.lock();
         Ok(use_nets(Nets { objective: &self.shared.objective, actor: actor.weights(averaged)? }))
@@ -193,9 +221,13 @@ impl Learner for GdgDistance {
         NAME
     }
 
-    /// Performs one update. There is no critic, so its loss is 0. Distances known from the bridge graph are not used: D is
-    /// given.
-    fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
+    /// Performs one update. There is no critic, so its loss is 0. Distances known from the bridge
+    /// graph are not used: D is given.
+    fn update(
+        &mut self,
+        data: TrainingData,
+        profile: &mut Profile,
+    ) -> std::result::Result<Losses, LearnError> {
         let began = Instant::now();
         let mut batch = std::mem::take(&mut self.batch);
         self.sampler.sample(data.replay, data.relearning, data.rng, &mut batch);
@@ -206,7 +238,10 @@ impl Learner for GdgDistance {
     }
 
     fn policy(&self, averaged: bool) -> std::result::Result<Arc<dyn Policy>, LearnError> {
-        Ok(Arc::new(FrozenActor::new(self.shared.objective.clone(), self.shared.actor.copy(averaged)?)))
+        Ok(Arc::new(FrozenActor::new(
+            self.shared.objective.clone(),
+            self.shared.actor.copy(averaged)?,
+        )))
     }
 
     fn with_policy(
@@ -219,14 +254,22 @@ impl Learner for GdgDistance {
 
     fn export_actor(&self, averaged: bool) -> std::result::Result<Option<ActorExport>, LearnError> {
         let Shared { objective, actor, .. } = &*self.shared;
-        Ok(Some(ActorExport::of(&objective.shapes.encoder, &objective.shapes.actor, actor, averaged)?))
+        Ok(Some(ActorExport::of(
+            &objective.shapes.encoder,
+            &objective.shapes.actor,
+            actor,
+            averaged,
+        )?))
     }
 
-    /// Returns whether the averaged actor gives finite actions on the latest batch; the given D always is finite.
+    /// Returns whether the averaged actor gives finite actions on the latest batch; the given D
+    /// always is finite.
     fn is_finite(&self) -> std::result::Result<bool, LearnError> {
         let (states, goals) = (&self.batch.states, &self.batch.goals);
         let mut actions = vec![0.0; self.batch.len() * self.shared.objective.shapes.actor.outputs];
-        self.with_nets(true, |nets| nets.actions(states, goals, &mut actions, &mut Scratch::default()))?;
+        self.with_nets(true, |nets| {
+            nets.actions(states, goals, &mut actions, &mut Scratch::default());
+        })?;
         Ok(actions.iter().all(|a| a.is_finite()))
     }
 
@@ -243,13 +286,17 @@ impl Shared {
     /// Number of tasks in the first phase that find the table corners touched by the batch.
     const TOUCH_TASKS: usize = 2;
 
-    /// Runs one task of an update's first phase: the first tasks find the corners that the steps will touch, each other
-    /// one computes the model's gradient on its part of the batch.
+    /// Runs one task of an update's first phase: the first tasks find the corners that the steps
+    /// will touch, each other one computes the model's gradient on its part of the batch.
     fn touched_corners_or_gradients(&self, task: usize) -> Result<()> {
         let shapes = &self.objective.shapes;
         match task {
             0 => find_corners_of_pairs(shapes, &self.batch.read(), &mut self.pairs.write()),
-            1 => find_corners_of_transitions(shapes, &self.batch.read(), &mut self.transitions.write()),
+            1 => find_corners_of_transitions(
+                shapes,
+                &self.batch.read(),
+                &mut self.transitions.write(),
+            ),
             _ => return self.model_gradient(task - Self::TOUCH_TASKS),
         }
         Ok(())
@@ -263,7 +310,8 @@ impl Shared {
         part.model.prepare(shapes.model.parameters());
         let transitions = (rows.from, rows.actions, rows.next);
         let (gradient, ws) = (&mut part.model, &mut part.buffers.model);
-        part.losses.model = shapes.model_gradient(model.weights(false)?, transitions, rows.share, gradient, ws);
+        part.losses.model =
+            shapes.model_gradient(model.weights(false)?, transitions, rows.share, gradient, ws);
         Ok(())
     }
 
@@ -278,19 +326,32 @@ impl Shared {
         let pairs = Pairs { plain: &part.plain, states: rows.states, goals: rows.goals };
         let networks = (actor.weights(false)?, model.weights(false)?);
         let buffers = &mut part.buffers;
-        part.losses.actor = self.objective.actor_gradient(networks, (pairs, rows.share), &mut part.actor, buffers);
+        part.losses.actor =
+            self.objective.actor_gradient(networks, (pairs, rows.share), &mut part.actor, buffers);
         Ok(())
     }
 
     /// Steps the model, in two tasks.
     fn step_model(&self, task: usize) -> Result<()> {
         let touched = self.transitions.read();
-        step_half(&self.model, Half::for_task(task), &touched, self.rates, (&self.parts, |part| &mut part.model))
+        step_half(
+            &self.model,
+            Half::for_task(task),
+            &touched,
+            self.rates,
+            (&self.parts, |part| &mut part.model),
+        )
     }
 
     /// Steps the actor, in two tasks.
     fn step_actor(&self, task: usize) -> Result<()> {
         let touched = self.pairs.read();
-        step_half(&self.actor, Half::for_task(task), &touched, self.rates, (&self.parts, |part| &mut part.actor))
+        step_half(
+            &self.actor,
+            Half::for_task(task),
+            &touched,
+            self.rates,
+            (&self.parts, |part| &mut part.actor),
+        )
     }
 }

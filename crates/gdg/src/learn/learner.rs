@@ -1,4 +1,5 @@
-//! The learner interface: updates from the replay, D and mu for acting and planning, and a state that can be saved.
+//! The learner interface: updates from the replay, D and mu for acting and planning, and a state
+//! that can be saved.
 
 use std::sync::Arc;
 
@@ -23,18 +24,20 @@ pub struct LearnerKind {
     pub name: &'static str,
     /// Short description.
     pub about: &'static str,
-    /// Whether it learns from a reward. Runs of such a learner have settings tuned for it, unless others are given.
+    /// Whether it learns from a reward. Runs of such a learner have settings tuned for it, unless
+    /// others are given.
     pub is_rewarded: bool,
-    /// Creates a new learner. Checks the [`Spec`] and returns an error for a world that the learner cannot handle, such
-    /// as one with more state components than it supports.
+    /// Creates a new learner. Checks the [`Spec`] and returns an error for a world that the learner
+    /// cannot handle, such as one with more state components than it supports.
     pub create: CreateLearner,
     /// Number of trainable parameters, for estimating memory.
     pub parameters: fn(&Spec, &LearnSettings) -> u64,
 }
 
-/// Creates a learner whose updates run on this many threads, with parameters drawn from the random stream. Returns an
-/// error for a [`Spec`] or settings that the learner cannot handle.
-pub type CreateLearner = fn(&Spec, &LearnSettings, usize, &mut ChaCha8Rng) -> Result<Box<dyn Learner>, LearnError>;
+/// Creates a learner whose updates run on this many threads, with parameters drawn from the random
+/// stream. Returns an error for a [`Spec`] or settings that the learner cannot handle.
+pub type CreateLearner =
+    fn(&Spec, &LearnSettings, usize, &mut ChaCha8Rng) -> Result<Box<dyn Learner>, LearnError>;
 
 /// What an update learns from.
 pub struct TrainingData<'a> {
@@ -42,12 +45,13 @@ pub struct TrainingData<'a> {
     pub replay: &'a Replay,
     /// Distances from the bridge graph, if there is one.
     pub known: Option<KnownDistances<'a>>,
-    /// Set for some time after distances may have changed, so that the learned ones are too short or too long.
+    /// Set for some time after distances may have changed, so that the learned ones are too short
+    /// or too long.
     pub relearning: Option<Relearning>,
     /// Random stream for drawing batches.
     pub rng: &'a mut ChaCha8Rng,
-    /// Set if updates take long. A learner may then ask before each part whether to compute it (see [`Parts::next`]): if not,
-    /// what the update has changed is undone.
+    /// Set if updates take long. A learner may then ask before each part whether to compute it (see
+    /// [`Parts::next`]): if not, what the update has changed is undone.
     pub parts: Option<&'a Arc<Parts>>,
 }
 
@@ -62,9 +66,10 @@ pub enum Acting {
 
 /// Learns the distance D(s,g) in steps, and a policy that follows it.
 ///
-/// For a reward of -1 per step without discount, a learner with a Q function offers D(s,g) = -Q(s, mu(s,g), g). Other
-/// rewards and discounts give other numbers: convert them to steps (as `ddpg` does). D must be finite and at least 0. If a world hides part
-/// of its full state, D(s,g) is an average over what is hidden.
+/// For a reward of -1 per step without discount, a learner with a Q function offers D(s,g) = -Q(s,
+/// mu(s,g), g). Other rewards and discounts give other numbers: convert them to steps (as `ddpg`
+/// does). D must be finite and at least 0. If a world hides part of its full state, D(s,g) is an
+/// average over what is hidden.
 ///
 /// The same data and random numbers give bit-identical results for any number of threads.
 pub trait Learner: Send {
@@ -77,7 +82,8 @@ pub trait Learner: Send {
     /// Returns an error if the learner's computation fails.
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> Result<Losses, LearnError>;
 
-    /// Returns a frozen copy of the current policy, or of its running average if `averaged` and there is one.
+    /// Returns a frozen copy of the current policy, or of its running average if `averaged` and
+    /// there is one.
     ///
     /// # Errors
     /// Returns an error if the learner's computation fails.
@@ -87,10 +93,14 @@ pub trait Learner: Send {
     ///
     /// # Errors
     /// Returns an error if the learner's computation fails.
-    fn with_policy(&self, averaged: bool, use_policy: &mut dyn FnMut(&dyn Policy)) -> Result<(), LearnError>;
+    fn with_policy(
+        &self,
+        averaged: bool,
+        use_policy: &mut dyn FnMut(&dyn Policy),
+    ) -> Result<(), LearnError>;
 
-    /// Returns the actor, or its running average if `averaged` and there is one, for other programs; `None` if the
-    /// learner has no such network.
+    /// Returns the actor, or its running average if `averaged` and there is one, for other
+    /// programs; `None` if the learner has no such network.
     ///
     /// # Errors
     /// Returns an error if the learner's computation fails.
@@ -103,7 +113,8 @@ pub trait Learner: Send {
         Acting::Policy
     }
 
-    /// Returns whether D is finite on the latest batch. (The state itself is checked on what [`Self::save`] writes.)
+    /// Returns whether D is finite on the latest batch. (The state itself is checked on what
+    /// [`Self::save`] writes.)
     ///
     /// # Errors
     /// Returns an error if the learner's computation fails.
@@ -120,6 +131,7 @@ pub trait Learner: Send {
     /// Restores the state that [`Self::save`] wrote.
     ///
     /// # Errors
-    /// Returns an error if the state is missing or does not fit these settings; the learner is then unusable.
+    /// Returns an error if the state is missing or does not fit these settings; the learner is then
+    /// unusable.
     fn load(&mut self, store: &Store) -> Result<(), LearnError>;
 }

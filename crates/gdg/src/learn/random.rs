@@ -15,13 +15,16 @@ pub const KIND: LearnerKind = LearnerKind {
     name: NAME,
     about: "random actions without learning",
     is_rewarded: false,
-    create: |spec, settings, threads, rng| Ok(Box::new(Random(Gdg::new(spec, settings, threads, rng)?))),
+    create: |spec, settings, threads, rng| {
+        Ok(Box::new(Random(Gdg::new(spec, settings, threads, rng)?)))
+    },
     parameters: gdg::KIND.parameters,
 };
 
 const NAME: &str = "random";
 
-/// Acts at random. Keeps the networks that a run trained before untouched, so that the run can continue with them.
+/// Acts at random. Keeps the networks that a run trained before untouched, so that the run can
+/// continue with them.
 struct Random(Gdg);
 
 impl Learner for Random {
@@ -37,7 +40,11 @@ impl Learner for Random {
         self.0.policy(averaged)
     }
 
-    fn with_policy(&self, averaged: bool, use_policy: &mut dyn FnMut(&dyn Policy)) -> Result<(), LearnError> {
+    fn with_policy(
+        &self,
+        averaged: bool,
+        use_policy: &mut dyn FnMut(&dyn Policy),
+    ) -> Result<(), LearnError> {
         self.0.with_policy(averaged, use_policy)
     }
 

@@ -14,7 +14,8 @@ pub enum LossScale {
     Log,
 }
 
-/// What computes updates. All give the same results up to rounding; only the first is multithreaded.
+/// What computes updates. All give the same results up to rounding; only the first is
+/// multithreaded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Backend {
@@ -24,7 +25,8 @@ pub enum Backend {
     Tape,
 }
 
-/// A setting that follows from what the run has seen, unless it is given. In JSON, `"auto"` or the value.
+/// A setting that follows from what the run has seen, unless it is given. In JSON, `"auto"` or the
+/// value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Auto<T> {
@@ -76,89 +78,98 @@ pub struct LearnSettings {
     pub batch_size: usize,
     /// Number of critics, which are combined as `pessimism` says.
     pub critics: usize,
-    /// Weight of the largest of the critics' distances in D, from 0 to 1; the rest is their mean. The maximum (Fujimoto et
-    /// al. 2018, clipped double Q) guards against shortcuts that are not there, but errors add up to far distances that are
-    /// too long; those of the mean are too short.
+    /// Weight of the largest of the critics' distances in D, from 0 to 1; the rest is their mean.
+    /// The maximum (Fujimoto et al. 2018, clipped double Q) guards against shortcuts that are not
+    /// there, but errors add up to far distances that are too long; those of the mean are too
+    /// short.
     #[serde(default = "maximum")]
     pub pessimism: f32,
     /// Steps after which a target bootstraps from the target critic; 1 as in Algorithm 1.
     pub n_step: usize,
-    /// Weight of a critic's squared error where the target is below D, and 1 minus the weight where it is above. 0.5 is
-    /// the plain squared error.
+    /// Weight of a critic's squared error where the target is below D, and 1 minus the weight where
+    /// it is above. 0.5 is the plain squared error.
     pub expectile: f32,
-    /// Whether targets are capped at the actor's one-step lookahead, 1 + D'(f(s, mu'(s, g)), g). D is then the distance
-    /// of the better of behaviour and actor, as in generalised policy iteration (Sutton and Barto 2018, section 4.6),
-    /// whereas the behaviour alone (Algorithm 1) makes detours. An expectile of 0.95 also corrects for detours, but
-    /// makes distances that are too short hardly grow.
+    /// Whether targets are capped at the actor's one-step lookahead, 1 + D'(f(s, mu'(s, g)), g). D
+    /// is then the distance of the better of behaviour and actor, as in generalised policy
+    /// iteration (Sutton and Barto 2018, section 4.6), whereas the behaviour alone (Algorithm 1)
+    /// makes detours. An expectile of 0.95 also corrects for detours, but makes distances that are
+    /// too short hardly grow.
     pub greedy_targets: bool,
-    /// Whether a pair whose own step the dynamics model mispredicts is left out of `greedy_targets`: where the model takes
-    /// a wall for open ground, the lookahead makes D too short.
+    /// Whether a pair whose own step the dynamics model mispredicts is left out of
+    /// `greedy_targets`: where the model takes a wall for open ground, the lookahead makes D too
+    /// short.
     #[serde(default)]
     pub model_check: bool,
-    /// Updates after an edit during which distances that have changed are relearned: those that are far longer or shorter
-    /// along the bridge graph are bounded by it, the dynamics model sees more recent transitions (it has yet to learn
-    /// that new walls block the path), and a stuck actor is freed. Without a graph, targets follow the behaviour
-    /// alone, over many steps, which all distances suffer from.
+    /// Updates after an edit during which distances that have changed are relearned: those that are
+    /// far longer or shorter along the bridge graph are bounded by it, the dynamics model sees more
+    /// recent transitions (it has yet to learn that new walls block the path), and a stuck actor is
+    /// freed. Without a graph, targets follow the behaviour alone, over many steps, which all
+    /// distances suffer from.
     pub relearn_updates: u64,
     /// Whether a goal that was reached j steps later bounds the target by j.
     pub hindsight_bound: bool,
-    /// Upper bound of D's targets, in steps; 0 for none. Without discount, D of goals that are never reached grows without
-    /// end (Eq. 5); SoRB's distributional critic is bounded in the same way by its largest bin.
+    /// Upper bound of D's targets, in steps; 0 for none. Without discount, D of goals that are
+    /// never reached grows without end (Eq. 5); SoRB's distributional critic is bounded in the same
+    /// way by its largest bin.
     #[serde(default)]
     pub max_distance_steps: f32,
     /// Share of a batch whose goals are states reached later in the same episode.
     pub goal_hindsight: f32,
-    /// Share of the hindsight goals whose steps ahead are drawn from a geometric distribution (the rest uniformly from
-    /// the future).
+    /// Share of the hindsight goals whose steps ahead are drawn from a geometric distribution (the
+    /// rest uniformly from the future).
     pub goal_geometric: f32,
     /// Mean of that geometric distribution, in steps.
     pub goal_geometric_mean_steps: f32,
-    /// Share of a batch whose goals are random states of the replay; the rest keep the goals that were pursued.
+    /// Share of a batch whose goals are random states of the replay; the rest keep the goals that
+    /// were pursued.
     pub goal_random: f32,
     /// Scale on which a critic's error is measured.
     pub loss: LossScale,
     /// D = scale * softplus(network output), in steps.
     pub distance_scale_steps: f32,
-    /// Actions are tanh(z); |z| above this bound is penalised, as a saturated actor has no gradient left to learn from.
-    /// 0 for no bound.
+    /// Actions are tanh(z); |z| above this bound is penalised, as a saturated actor has no gradient
+    /// left to learn from. 0 for no bound.
     pub actor_bound: f32,
     /// Fourier features sin, cos(pi 2^l u) of positions u in [-1, 1], for l = 0 .. octaves - 1.
     pub fourier_octaves: usize,
-    /// Scales c of the relative inputs tanh((g - s) / c), in goal radii (cells of a maze); empty for none.
+    /// Scales c of the relative inputs tanh((g - s) / c), in goal radii (cells of a maze); empty
+    /// for none.
     pub relative_scales: Vec<f32>,
-    /// Cell sizes of the trainable grid encoding, in goal radii; empty for none. Only for environments whose goals
-    /// are positions.
+    /// Cell sizes of the trainable grid encoding, in goal radii; empty for none. Only for
+    /// environments whose goals are positions.
     pub grid_cells: Vec<f32>,
     /// Trainable numbers at each corner of each grid.
     pub grid_channels: usize,
     /// Adam's step size for the grid encoding.
     pub grid_learning_rate: f32,
-    /// Share of a batch that consists of pairs of bridge candidates whose targets are bounded by their graph distance,
-    /// once there is a graph.
+    /// Share of a batch that consists of pairs of bridge candidates whose targets are bounded by
+    /// their graph distance, once there is a graph.
     pub distillation: f32,
-    /// Whether the targets of all far pairs are bounded by paths through the bridge graph, once there is one.
+    /// Whether the targets of all far pairs are bounded by paths through the bridge graph, once
+    /// there is one.
     #[serde(default)]
     pub graph_bounds: bool,
     /// Whether the actor is led by waypoints on paths through the bridge graph, once there is one.
     #[serde(default)]
     pub actor_waypoints: bool,
-    /// Whether the actor is pulled towards what lookahead finds where its own action changes nothing: there, the gradient
-    /// of Algorithm 1 vanishes.
+    /// Whether the actor is pulled towards what lookahead finds where its own action changes
+    /// nothing: there, the gradient of Algorithm 1 vanishes.
     #[serde(default)]
     pub unblock_actor: bool,
     /// Number of transitions kept for replay.
     #[serde(alias = "replay_capacity")]
     pub buffer_size: usize,
-    /// Discount gamma of learners with rewards (`ddpg`, `her`, `ddpg-distance`), at least 0 and below 1. With 0,
-    /// `ddpg-distance` has the paper's V(s, g) = -|s - g| (section 4.1); sparse rewards need more than 0.
+    /// Discount gamma of learners with rewards (`ddpg`, `her`, `ddpg-distance`), at least 0 and
+    /// below 1. With 0, `ddpg-distance` has the paper's V(s, g) = -|s - g| (section 4.1); sparse
+    /// rewards need more than 0.
     #[serde(default = "default_discount")]
     pub discount: f32,
-    /// Weight of the actor's squared outputs before tanh in the loss of learners with rewards (Andrychowicz et al. 2017,
-    /// appendix A).
+    /// Weight of the actor's squared outputs before tanh in the loss of learners with rewards
+    /// (Andrychowicz et al. 2017, appendix A).
     #[serde(default)]
     pub actor_l2: f32,
-    /// Standard deviation of the noise on the actions of targets, for learners with rewards (Fujimoto et al. 2018,
-    /// section 5.3).
+    /// Standard deviation of the noise on the actions of targets, for learners with rewards
+    /// (Fujimoto et al. 2018, section 5.3).
     #[serde(default)]
     pub target_noise: f32,
     /// What computes updates.
@@ -245,7 +256,8 @@ impl LearnSettings {
         }
     }
 
-    /// Returns the preset `tuned`: learners with rewards as published, in the setting in which they do best here.
+    /// Returns the preset `tuned`: learners with rewards as published, in the setting in which they
+    /// do best here.
     pub fn tuned() -> Self {
         Self {
             batch_size: 256,
@@ -264,8 +276,8 @@ impl LearnSettings {
         }
     }
 
-    /// Returns the preset `sb3`: the defaults of Stable-Baselines3's DDPG and hindsight replay, with two hidden layers of
-    /// one width.
+    /// Returns the preset `sb3`: the defaults of Stable-Baselines3's DDPG and hindsight replay,
+    /// with two hidden layers of one width.
     pub fn sb3() -> Self {
         Self { hidden: 256, critics: 1, actor_bound: 0.0, ..Self::tuned() }
     }
@@ -292,7 +304,10 @@ impl LearnSettings {
             ("goal_hindsight", share(self.goal_hindsight)),
             ("goal_geometric", share(self.goal_geometric)),
             ("goal_geometric_mean_steps", (1.0..=1e6).contains(&self.goal_geometric_mean_steps)),
-            ("goal_random", share(self.goal_random) && self.goal_random + self.goal_hindsight <= 1.0),
+            (
+                "goal_random",
+                share(self.goal_random) && self.goal_random + self.goal_hindsight <= 1.0,
+            ),
             ("distance_scale_steps", positive(self.distance_scale_steps)),
             ("actor_bound", (0.0..=100.0).contains(&self.actor_bound)),
             ("fourier_octaves", self.fourier_octaves <= 12),

@@ -32,15 +32,22 @@ fn mark(c: char) -> Option<Mark> {
     }
 }
 
-/// Parses a plain ASCII map: `#`, `@`, `O`, `T`, `W` wall; `.` and space free; `S` a start, `G` a goal.
+/// Parses a plain ASCII map: `#`, `@`, `O`, `T`, `W` wall; `.` and space free; `S` a start, `G` a
+/// goal.
 ///
 /// # Errors
-/// Fails on rows of different lengths, unknown characters, no free cell, or a size beyond [`size_limits`].
+/// Fails on rows of different lengths, unknown characters, no free cell, or a size beyond
+/// [`size_limits`].
 pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     let rows = without_stray_blanks(&text.lines).unwrap_or_else(|| text.lines.clone());
     let width = rows[0].chars().count();
     if width == 0 {
-        return Err(text.error(0, 0..0, "the first row is empty", "begin the file with the map's first row"));
+        return Err(text.error(
+            0,
+            0..0,
+            "the first row is empty",
+            "begin the file with the map's first row",
+        ));
     }
     if !is_size(width, rows.len()) {
         return Err(too_large(text, width, rows.len()));
@@ -65,8 +72,8 @@ pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     Ok(Grid::new(name, width, free, starts, goals))
 }
 
-/// Returns the rows of a ragged map without the blanks at their ends, if that makes them equally long and there are no
-/// other blanks: free cells are written in another way then.
+/// Returns the rows of a ragged map without the blanks at their ends, if that makes them equally
+/// long and there are no other blanks: free cells are written in another way then.
 fn without_stray_blanks<'a>(rows: &[&'a str]) -> Option<Vec<&'a str>> {
     let lengths = |rows: &[&str]| {
         let mut lengths = rows.iter().map(|row| row.chars().count());
@@ -80,11 +87,15 @@ fn without_stray_blanks<'a>(rows: &[&'a str]) -> Option<Vec<&'a str>> {
     (lengths(&trimmed) && trimmed.iter().all(|row| !row.contains(' '))).then_some(trimmed)
 }
 
-/// Prints the map as plain ASCII with LF line endings. Parsing the result gives the same map, except that a cell that
-/// is both start and goal is printed as a start.
+/// Prints the map as plain ASCII with LF line endings. Parsing the result gives the same map,
+/// except that a cell that is both start and goal is printed as a start.
 pub fn print_ascii(grid: &Grid) -> String {
     let mut rows: Vec<Vec<u8>> = (0..grid.height())
-        .map(|y| (0..grid.width()).map(|x| if grid.is_free(Cell::new(x, y)) { b'.' } else { b'#' }).collect())
+        .map(|y| {
+            (0..grid.width())
+                .map(|x| if grid.is_free(Cell::new(x, y)) { b'.' } else { b'#' })
+                .collect()
+        })
         .collect();
     grid.goals().iter().for_each(|c| rows[c.y][c.x] = b'G');
     grid.starts().iter().for_each(|c| rows[c.y][c.x] = b'S');
@@ -96,21 +107,23 @@ pub fn too_large(text: &Text, width: usize, height: usize) -> Box<super::MapErro
     text.line_error(0, format!("a map of {width} x {height} cells is too large"), size_limits())
 }
 
-/// Creates the error for the first character from `line` on that is not a map character; it names others too. `help` says
-/// which `is_known` accepts.
+/// Creates the error for the first character from `line` on that is not a map character; it names
+/// others too. `help` says which `is_known` accepts.
 pub fn unknown_character(
     text: &Text,
     line: usize,
     is_known: impl Fn(char) -> bool + Copy,
     help: &str,
 ) -> Box<super::MapError> {
-    let mut unknown =
-        text.lines.iter().enumerate().skip(line).flat_map(|(y, row)| {
-            row.chars().enumerate().filter(move |(_, c)| !is_known(*c)).map(move |(x, c)| (c, y, x))
-        });
+    let mut unknown = text.lines.iter().enumerate().skip(line).flat_map(|(y, row)| {
+        row.chars().enumerate().filter(move |(_, c)| !is_known(*c)).map(move |(x, c)| (c, y, x))
+    });
     let (first, line, column) = unknown.next().unwrap_or((' ', line, 0));
-    let named: Vec<String> =
-        unknown.by_ref().take(MAX_NAMED_CHARACTERS).map(|(c, y, x)| format!("{c:?} at {}:{}", y + 1, x + 1)).collect();
+    let named: Vec<String> = unknown
+        .by_ref()
+        .take(MAX_NAMED_CHARACTERS)
+        .map(|(c, y, x)| format!("{c:?} at {}:{}", y + 1, x + 1))
+        .collect();
     let mut problem = format!("{first:?} is not a map character");
     if !named.is_empty() {
         problem += &format!("; also {}", named.join(", "));
@@ -122,7 +135,8 @@ pub fn unknown_character(
     text.error(line, column..column + 1, problem, help)
 }
 
-/// Checks that `row`, from line `line`, has `width` characters; `because` says where that width comes from.
+/// Checks that `row`, from line `line`, has `width` characters; `because` says where that width
+/// comes from.
 pub fn check_row_length(
     text: &Text,
     (line, row): (usize, &str),
@@ -136,7 +150,11 @@ pub fn check_row_length(
     }
     let at = length.min(width);
     let blanks = length - row.trim_end().chars().count();
-    let blanks = if blanks > 0 { format!(", {} at its end", counted(blanks as u64, "blank")) } else { String::new() };
+    let blanks = if blanks > 0 {
+        format!(", {} at its end", counted(blanks as u64, "blank"))
+    } else {
+        String::new()
+    };
     let problem = format!("this row has {length} characters{blanks}, {because} {width}");
     Err(text.error(line, at..length.max(at + 1), problem, help))
 }
@@ -156,5 +174,6 @@ pub fn check_some_free(text: &Text, free: &[bool]) -> MapResult<()> {
 /// Returns what other programs read differently in a plain map.
 pub fn doubtful_letters(lines: &[&str]) -> Option<&'static str> {
     let has = |letter: char| lines.iter().any(|line| line.contains(letter));
-    (has('#') && has('O')).then_some("O is a wall, as in Moving AI maps; in D4RL mazes it is a free cell")
+    (has('#') && has('O'))
+        .then_some("O is a wall, as in Moving AI maps; in D4RL mazes it is a free cell")
 }

@@ -1,7 +1,8 @@
 //! Shortest step counts between cells: the ground truth, used for evaluation and display only.
 //!
-//! Breadth-first search on 8-connected cells without corner cutting; a diagonal is one step. A library search over
-//! hashed nodes is about thirty times slower here, and a map's diameter takes hundreds of searches.
+//! Breadth-first search on 8-connected cells without corner cutting; a diagonal is one step. A
+//! library search over hashed nodes is about thirty times slower here, and a map's diameter takes
+//! hundreds of searches.
 
 use super::flood::{Flood, UNREACHABLE};
 use super::grid::{Cell, Grid};
@@ -18,7 +19,8 @@ pub struct StepSearch {
 }
 
 /// The four sides, then the corners.
-pub(super) const OFFSETS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+pub(super) const OFFSETS: [(isize, isize); 8] =
+    [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 
 const WEST: u8 = 0b0001;
 const NORTH: u8 = 0b0100;
@@ -31,13 +33,16 @@ const ADJACENT_SIDES: [u8; 4] = [0b0101, 0b0110, 0b1001, 0b1010];
 pub struct Diameter {
     /// Distance of the farthest pair found, in steps.
     pub steps: u32,
-    /// Whether no pair can be farther apart; if not, `steps` is the largest distance found before the search gave up.
+    /// Whether no pair can be farther apart; if not, `steps` is the largest distance found before
+    /// the search gave up.
     pub exact: bool,
-    /// A central cell, and a distance from it that no cell connected to it exceeds; `None` on a map without free cells.
+    /// A central cell, and a distance from it that no cell connected to it exceeds; `None` on a map
+    /// without free cells.
     pub middle: Option<(Cell, u32)>,
 }
 
-/// Cell visits allowed for a diameter: enough to be exact on the built-in maps, and seconds on the largest ones.
+/// Cell visits allowed for a diameter: enough to be exact on the built-in maps, and seconds on the
+/// largest ones.
 const DIAMETER_CELL_BUDGET: usize = 60_000_000;
 
 /// Candidate middles to try; fewer on large maps, where their searches would dominate.
@@ -55,9 +60,9 @@ impl Diameter {
         Self::bounded(DIAMETER_CELL_BUDGET / grid.free_count().max(1), grid, components)
     }
 
-    /// Runs iFUB (Crescenzi et al. 2013, "On computing the diameter of real-world undirected graphs"): searches from
-    /// the cells farthest from the middle of a long path, working inwards; cells within i steps of the middle are at
-    /// most 2 i apart.
+    /// Runs iFUB (Crescenzi et al. 2013, "On computing the diameter of real-world undirected
+    /// graphs"): searches from the cells farthest from the middle of a long path, working inwards;
+    /// cells within i steps of the middle are at most 2 i apart.
     fn bounded(searches: usize, grid: &Grid, components: &Components) -> Self {
         let Some(first) = components.largest_cells(grid).next() else {
             return Self { steps: 0, exact: true, middle: None };
@@ -65,14 +70,16 @@ impl Diameter {
         let mut flood = Flood::new(grid);
         let (a, _) = flood.farthest(first);
         let (b, across) = flood.farthest(a);
-        // Of all cells halfway between a and b, the most central one makes the best middle; trying a few is cheaper
-        // than searching from more rings.
-        let mut ring =
-            |from, steps| flood.rings(from, steps..=steps).into_iter().map(|(cell, _)| cell).collect::<Vec<_>>();
+        // Of all cells halfway between a and b, the most central one makes the best middle; trying
+        // a few is cheaper than searching from more rings.
+        let mut ring = |from, steps| {
+            flood.rings(from, steps..=steps).into_iter().map(|(cell, _)| cell).collect::<Vec<_>>()
+        };
         let (mut halfway, to_b) = (ring(a, across / 2), ring(b, across - across / 2));
         halfway.retain(|cell| to_b.binary_search_by_key(&(cell.y, cell.x), |c| (c.y, c.x)).is_ok());
         let middles = (searches / SEARCHES_PER_MIDDLE).clamp(1, MAX_MIDDLES);
-        let tried: Vec<Cell> = halfway.iter().step_by(halfway.len().div_ceil(middles).max(1)).copied().collect();
+        let tried: Vec<Cell> =
+            halfway.iter().step_by(halfway.len().div_ceil(middles).max(1)).copied().collect();
         let middle = match tried[..] {
             [only] => only,
             _ => tried.into_iter().min_by_key(|cell| flood.farthest(*cell).1).unwrap_or(first),
@@ -125,7 +132,8 @@ impl StepSearch {
         for cell in grid.free_cells() {
             let way = |i: usize| {
                 let (dx, dy) = OFFSETS[i];
-                let next = Cell::new(cell.x.wrapping_add_signed(dx), cell.y.wrapping_add_signed(dy));
+                let next =
+                    Cell::new(cell.x.wrapping_add_signed(dx), cell.y.wrapping_add_signed(dy));
                 u8::from(grid.is_free(next)) << i
             };
             let sides = (0..4).fold(0, |bits, i| bits | way(i));
@@ -133,7 +141,12 @@ impl StepSearch {
             let open = (4..8).filter(|i| sides & ADJACENT_SIDES[i - 4] == ADJACENT_SIDES[i - 4]);
             moves[grid.index(cell)] = open.fold(sides, |bits, i| bits | way(i));
         }
-        Self { width: grid.width(), moves, steps: vec![UNREACHABLE; grid.free().len()], reached: Vec::new() }
+        Self {
+            width: grid.width(),
+            moves,
+            steps: vec![UNREACHABLE; grid.free().len()],
+            reached: Vec::new(),
+        }
     }
 
     /// Returns the open neighbours of each cell, as a bit set over [`OFFSETS`].
@@ -141,13 +154,14 @@ impl StepSearch {
         self.moves
     }
 
-    /// Returns the steps from `cell` to every cell (row-major), [`UNREACHABLE`] where there is no path. Steps are
-    /// reversible, so these are also the steps *to* `cell`.
+    /// Returns the steps from `cell` to every cell (row-major), [`UNREACHABLE`] where there is no
+    /// path. Steps are reversible, so these are also the steps *to* `cell`.
     pub fn steps_from(&mut self, cell: Cell) -> &[u32] {
         self.steps_within(cell, UNREACHABLE)
     }
 
-    /// Like [`Self::steps_from`], but only up to `max_steps` steps; farther cells are [`UNREACHABLE`] too.
+    /// Like [`Self::steps_from`], but only up to `max_steps` steps; farther cells are
+    /// [`UNREACHABLE`] too.
     pub fn steps_within(&mut self, cell: Cell, max_steps: u32) -> &[u32] {
         let Self { width, moves, steps, reached } = self;
         for at in reached.drain(..) {
@@ -180,15 +194,17 @@ impl StepSearch {
 
     /// Returns the connected components of the free cells, ordered by their first cells.
     ///
-    /// Scans row by row; each cell takes the label of its left or upper neighbour (Rosenfeld and Pfaltz 1966,
-    /// "Sequential operations in digital picture processing"). Diagonals need no check: without corner cutting they
-    /// join nothing that the adjacent cells do not.
+    /// Scans row by row; each cell takes the label of its left or upper neighbour (Rosenfeld and
+    /// Pfaltz 1966, "Sequential operations in digital picture processing"). Diagonals need no
+    /// check: without corner cutting they join nothing that the adjacent cells do not.
     pub fn components(&self, grid: &Grid) -> Components {
         let mut of_cell = vec![None; grid.free().len()];
         // Parent of each label: merged labels point to an earlier one, roots to themselves.
         let mut part_of: Vec<u32> = Vec::new();
         for i in (0..of_cell.len()).filter(|i| grid.free()[*i]) {
-            let neighbour = |side: u8, back: usize| if self.moves[i] & side == 0 { None } else { of_cell[i - back] };
+            let neighbour = |side: u8, back: usize| {
+                if self.moves[i] & side == 0 { None } else { of_cell[i - back] }
+            };
             let label = match (neighbour(WEST, 1), neighbour(NORTH, self.width)) {
                 (Some(left), Some(above)) => merge(&mut part_of, left, above),
                 (Some(label), None) | (None, Some(label)) => label,
@@ -212,8 +228,8 @@ impl StepSearch {
         Components { of_cell, sizes }
     }
 
-    /// Returns the largest distance within the largest component, using at most `searches` breadth-first searches after
-    /// the few that find the middle.
+    /// Returns the largest distance within the largest component, using at most `searches`
+    /// breadth-first searches after the few that find the middle.
     pub fn diameter(&self, grid: &Grid, searches: usize) -> Diameter {
         Diameter::bounded(searches, grid, &self.components(grid))
     }

@@ -23,11 +23,22 @@ pub struct MapError {
 
 impl MapError {
     /// Creates an error about the whole file.
-    pub fn whole_file(file: &str, problem: impl Into<String>, help: impl Into<String>) -> Box<Self> {
-        Box::new(Self { file: file.to_owned(), at: None, problem: problem.into(), help: help.into(), excerpt: None })
+    pub fn whole_file(
+        file: &str,
+        problem: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Box<Self> {
+        Box::new(Self {
+            file: file.to_owned(),
+            at: None,
+            problem: problem.into(),
+            help: help.into(),
+            excerpt: None,
+        })
     }
 
-    /// Creates an error at `columns` (from 0, in characters) of line number `line` (from 0), whose text is `text`.
+    /// Creates an error at `columns` (from 0, in characters) of line number `line` (from 0), whose
+    /// text is `text`.
     pub fn at(
         file: &str,
         (line, text): (usize, &str),

@@ -1,7 +1,8 @@
 //! Finds the cells at given distances, or the distances of given cells, 64 cells at a time.
 //!
-//! On large maps a search that stores the distance to every cell is memory-bound. When only some rings or some cells
-//! matter, one bit per cell is enough, neighbours in a row are reached together, and the search can end early.
+//! On large maps a search that stores the distance to every cell is memory-bound. When only some
+//! rings or some cells matter, one bit per cell is enough, neighbours in a row are reached
+//! together, and the search can end early.
 
 use std::ops::{ControlFlow, RangeInclusive};
 
@@ -15,7 +16,8 @@ const BITS: usize = u64::BITS as usize;
 
 /// Flood fills over one map; reuses its buffers.
 pub struct Flood {
-    /// Words per row. The last one has at least one wall bit, which separates the row from the next.
+    /// Words per row. The last one has at least one wall bit, which separates the row from the
+    /// next.
     row: usize,
     /// Row by row, with a row of walls and one more word of walls before and after the map.
     cells: Vec<Word>,
@@ -50,7 +52,8 @@ impl Flood {
         flood
     }
 
-    /// Returns the cell farthest from `cell` (on a tie, the first in row order) and its distance in steps.
+    /// Returns the cell farthest from `cell` (on a tie, the first in row order) and its distance in
+    /// steps.
     pub fn farthest(&mut self, cell: Cell) -> (Cell, u32) {
         let steps = self.flood(cell, |_, _, _| ControlFlow::Continue(()));
         let (word, bits) = *self.ring.iter().min().expect("a flood reaches at least its own start");
@@ -66,23 +69,26 @@ impl Flood {
             }
             if at < *steps.end() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         });
-        let cells =
-            found.into_iter().flat_map(|(word, bits, at)| self.cells_of(word, bits).map(move |cell| (cell, at)));
+        let cells = found
+            .into_iter()
+            .flat_map(|(word, bits, at)| self.cells_of(word, bits).map(move |cell| (cell, at)));
         let mut cells: Vec<(Cell, u32)> = cells.collect();
         cells.sort_unstable_by_key(|(cell, _)| (cell.y, cell.x));
         cells
     }
 
-    /// Returns the steps from `cell` to each of `targets`, [`UNREACHABLE`] where there is no path. Searches no farther
-    /// than the farthest of them.
+    /// Returns the steps from `cell` to each of `targets`, [`UNREACHABLE`] where there is no path.
+    /// Searches no farther than the farthest of them.
     pub fn steps_to(&mut self, cell: Cell, targets: &[Cell]) -> Vec<u32> {
         let mut steps = vec![UNREACHABLE; targets.len()];
         let places: Vec<(usize, u64)> = targets.iter().map(|target| self.place(*target)).collect();
-        let mut left: Vec<usize> =
-            (0..places.len()).filter(|i| self.cells[places[*i].0].free & places[*i].1 != 0).collect();
+        let mut left: Vec<usize> = (0..places.len())
+            .filter(|i| self.cells[places[*i].0].free & places[*i].1 != 0)
+            .collect();
         left.iter().for_each(|i| self.cells[places[*i].0].wanted |= places[*i].1);
         self.flood(cell, |at, ring, cells| {
-            // A way may have millions of rings: the targets are looked at only in those that reach one.
+            // A way may have millions of rings: the targets are looked at only in those that reach
+            // one.
             if ring.iter().any(|(word, bits)| cells[*word].wanted & bits != 0) {
                 left.retain(|i| {
                     let (word, bit) = places[*i];
@@ -99,8 +105,9 @@ impl Flood {
         steps
     }
 
-    /// Returns the cells more than `near` steps away from `cell`, with their distances: ring by ring from the outside
-    /// in, in row order within a ring. Stops after the whole ring that brings the count above `enough`.
+    /// Returns the cells more than `near` steps away from `cell`, with their distances: ring by
+    /// ring from the outside in, in row order within a ring. Stops after the whole ring that brings
+    /// the count above `enough`.
     pub fn outermost(&mut self, cell: Cell, near: u32, enough: usize) -> Vec<(u32, Cell)> {
         let mut rings = Vec::new();
         self.flood(cell, |steps, ring, _| {
@@ -139,9 +146,13 @@ impl Flood {
         Cell::new(in_row * BITS + bits.trailing_zeros() as usize, y)
     }
 
-    /// Floods ring by ring and passes each ring and all cells to `pass`, until that breaks. Returns the distance of the
-    /// last ring.
-    fn flood(&mut self, cell: Cell, mut pass: impl FnMut(u32, &[(usize, u64)], &[Word]) -> ControlFlow<()>) -> u32 {
+    /// Floods ring by ring and passes each ring and all cells to `pass`, until that breaks. Returns
+    /// the distance of the last ring.
+    fn flood(
+        &mut self,
+        cell: Cell,
+        mut pass: impl FnMut(u32, &[(usize, u64)], &[Word]) -> ControlFlow<()>,
+    ) -> u32 {
         self.cells.iter_mut().for_each(|word| word.unreached = word.free);
         let (word, bit) = self.place(cell);
         self.reach(word, bit);
@@ -149,7 +160,11 @@ impl Flood {
         let mut steps = 0;
         loop {
             ring.clear();
-            ring.extend(self.next.drain(..).map(|word| (word, std::mem::take(&mut self.cells[word].next_ring))));
+            ring.extend(
+                self.next
+                    .drain(..)
+                    .map(|word| (word, std::mem::take(&mut self.cells[word].next_ring))),
+            );
             if pass(steps, &ring, &self.cells).is_continue() {
                 for (word, bits) in &ring {
                     self.spread(*word, *bits);
@@ -173,7 +188,8 @@ impl Flood {
         let west = bits & (free(word) << 1 | free(word - 1) >> LAST);
         let east = bits & (free(word) >> 1 | free(word + 1) << LAST);
         for (ways, to) in [(bits, word), (bits & free(north), north), (bits & free(south), south)] {
-            // Spread left and right within that row too: a diagonal needs both adjacent sides free (no corner cutting).
+            // Spread left and right within that row too: a diagonal needs both adjacent sides free
+            // (no corner cutting).
             let (left, right) = (ways & west, ways & east);
             self.reach(to, ways | left >> 1 | right << 1);
             if left & 1 != 0 {
@@ -214,14 +230,16 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for width in 1..200 {
             let (height, walls) = (rng.random_range(1..40), rng.random_range(0.0..0.6));
-            let mut free: Vec<bool> = (0..width * height).map(|_| rng.random::<f32>() > walls).collect();
+            let mut free: Vec<bool> =
+                (0..width * height).map(|_| rng.random::<f32>() > walls).collect();
             let start = rng.random_range(0..free.len());
             free[start] = true;
             let grid = Grid::new("random", width, free, Vec::new(), Vec::new());
             let start = grid.cell(start);
             let mut search = StepSearch::new(&grid);
             let steps = search.steps_from(start);
-            let mut cells: Vec<(u32, Cell)> = steps.iter().enumerate().map(|(i, s)| (*s, grid.cell(i))).collect();
+            let mut cells: Vec<(u32, Cell)> =
+                steps.iter().enumerate().map(|(i, s)| (*s, grid.cell(i))).collect();
             cells.retain(|(steps, _)| *steps != UNREACHABLE);
             // Outermost ring first, in row order within a ring.
             cells.sort_by_key(|(steps, _)| std::cmp::Reverse(*steps));
@@ -233,10 +251,15 @@ mod tests {
                 let of_cell = |i: usize| (grid.cell(i), steps[i]);
                 let expected: Vec<(Cell, u32)> =
                     (0..steps.len()).map(of_cell).filter(|c| rings.contains(&c.1)).collect();
-                assert_eq!(flood.rings(start, rings), expected, "rings up to {last} of {width} x {height}");
+                assert_eq!(
+                    flood.rings(start, rings),
+                    expected,
+                    "rings up to {last} of {width} x {height}"
+                );
             }
             // Some may be walls, unreachable, the start itself or the same cell twice.
-            let targets: Vec<usize> = (0..rng.random_range(0..9)).map(|_| rng.random_range(0..steps.len())).collect();
+            let targets: Vec<usize> =
+                (0..rng.random_range(0..9)).map(|_| rng.random_range(0..steps.len())).collect();
             let expected: Vec<u32> = targets.iter().map(|i| steps[*i]).collect();
             let targets: Vec<Cell> = targets.iter().map(|i| grid.cell(*i)).collect();
             assert_eq!(flood.steps_to(start, &targets), expected, "{width} x {height}");

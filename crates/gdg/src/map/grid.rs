@@ -5,7 +5,8 @@ use crate::text::grouped;
 /// The maximum number of cells in a map (4096 x 4096).
 pub const MAX_CELLS: usize = 1 << 24;
 
-/// The maximum number of cells along a side: positions in single precision tell places within a cell apart this far.
+/// The maximum number of cells along a side: positions in single precision tell places within a
+/// cell apart this far.
 pub const MAX_SIDE: usize = 1 << 15;
 
 /// Returns whether a map can have this size.
@@ -67,11 +68,19 @@ impl PartialEq for Grid {
 impl Eq for Grid {}
 
 impl Grid {
-    /// Creates a grid from its cells in row-major order (`true` where free), with starts and goals sorted row by row.
+    /// Creates a grid from its cells in row-major order (`true` where free), with starts and goals
+    /// sorted row by row.
     ///
     /// # Panics
-    /// If `free` does not consist of whole rows, or a start or goal is not on a free cell; parsers check both first.
-    pub fn new(name: &str, width: usize, free: Vec<bool>, starts: Vec<Cell>, goals: Vec<Cell>) -> Self {
+    /// If `free` does not consist of whole rows, or a start or goal is not on a free cell; parsers
+    /// check both first.
+    pub fn new(
+        name: &str,
+        width: usize,
+        free: Vec<bool>,
+        starts: Vec<Cell>,
+        goals: Vec<Cell>,
+    ) -> Self {
         let height = free.len().checked_div(width).unwrap_or(0);
         assert_eq!(free.len(), width * height, "a grid needs whole rows");
         let grid = Self { name: name.to_owned(), width, height, free, starts, goals, doubt: None };
@@ -100,7 +109,8 @@ impl Grid {
         Self { doubt, ..self }
     }
 
-    /// Returns what other programs read differently in the file that the map was read from, if there is anything.
+    /// Returns what other programs read differently in the file that the map was read from, if
+    /// there is anything.
     pub fn doubt(&self) -> Option<&'static str> {
         self.doubt
     }
@@ -125,8 +135,9 @@ impl Grid {
         &self.goals
     }
 
-    /// Returns the map with some cells changed to free (`true`) or wall (`false`), without the starts and goals that
-    /// walls now cover. Ignores cells outside the map. Returns `None` if the map would have no free cell.
+    /// Returns the map with some cells changed to free (`true`) or wall (`false`), without the
+    /// starts and goals that walls now cover. Ignores cells outside the map. Returns `None` if the
+    /// map would have no free cell.
     #[must_use]
     pub fn with_cells(&self, changes: impl IntoIterator<Item = (Cell, bool)>) -> Option<Self> {
         let mut grid = self.clone();
@@ -163,8 +174,8 @@ impl Grid {
         Self::new(name, width, vec![true; width * height], Vec::new(), Vec::new())
     }
 
-    /// Returns the map cropped, or extended with free cells, at its right and lower edges. Returns `None` if no free
-    /// cell would remain.
+    /// Returns the map cropped, or extended with free cells, at its right and lower edges. Returns
+    /// `None` if no free cell would remain.
     ///
     /// # Panics
     /// If no map can have this size ([`is_size`]).
@@ -172,8 +183,9 @@ impl Grid {
     pub fn resized(&self, width: usize, height: usize) -> Option<Self> {
         let empty = Self::empty(&self.name, width, height);
         let cells: Vec<Cell> = empty.free_cells().collect();
-        let grid =
-            empty.with_cells(cells.into_iter().map(|cell| (cell, !self.contains(cell) || self.is_free(cell))))?;
+        let grid = empty.with_cells(
+            cells.into_iter().map(|cell| (cell, !self.contains(cell) || self.is_free(cell))),
+        )?;
         Some(grid.with_marks(self.starts.clone(), self.goals.clone()))
     }
 
@@ -187,7 +199,8 @@ impl Grid {
         self.contains(cell) && self.free[cell.y * self.width + cell.x]
     }
 
-    /// Returns whether the position (`x`, `y`) is on a free cell; positions outside the map are wall.
+    /// Returns whether the position (`x`, `y`) is on a free cell; positions outside the map are
+    /// wall.
     #[inline]
     pub fn is_free_at(&self, x: f32, y: f32) -> bool {
         x >= 0.0 && y >= 0.0 && self.is_free(Cell::new(x as usize, y as usize))
@@ -218,7 +231,8 @@ impl Grid {
         self.free.iter().filter(|free| **free).count()
     }
 
-    /// Returns the free cell nearest to `cell` (Euclidean, between centres; on a tie, the first in row order).
+    /// Returns the free cell nearest to `cell` (Euclidean, between centres; on a tie, the first in
+    /// row order).
     pub fn nearest_free(&self, cell: Cell) -> Option<Cell> {
         if self.is_free(cell) {
             return Some(cell);
@@ -226,8 +240,8 @@ impl Grid {
         self.free_cells().min_by_key(|c| c.x.abs_diff(cell.x).pow(2) + c.y.abs_diff(cell.y).pow(2))
     }
 
-    /// Returns the cells one step away: 8-connected, diagonals only where both adjacent cells are free (no corner
-    /// cutting).
+    /// Returns the cells one step away: 8-connected, diagonals only where both adjacent cells are
+    /// free (no corner cutting).
     #[inline]
     pub fn neighbours(&self, cell: Cell) -> impl Iterator<Item = Cell> + use<> {
         let at = |dx: isize, dy: isize| {
@@ -237,7 +251,8 @@ impl Grid {
         };
         let (w, e, n, s) = (at(-1, 0), at(1, 0), at(0, -1), at(0, 1));
         let corner = |a: Option<Cell>, b: Option<Cell>, dx, dy| a.and(b).and_then(|_| at(dx, dy));
-        let diagonal = [corner(n, w, -1, -1), corner(n, e, 1, -1), corner(s, w, -1, 1), corner(s, e, 1, 1)];
+        let diagonal =
+            [corner(n, w, -1, -1), corner(n, e, 1, -1), corner(s, w, -1, 1), corner(s, e, 1, 1)];
         [w, e, n, s].into_iter().chain(diagonal).flatten()
     }
 }

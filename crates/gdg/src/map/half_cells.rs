@@ -1,19 +1,21 @@
 //! Shortest paths of a point, which cuts corners.
 //!
-//! A path from cell to cell leads through the cells' middles. A point moves along the inner corner of every turn instead:
-//! in corridors one cell wide it needs a third fewer steps. Steps are at most one cell long along each axis, and obstacles
-//! consist of cells, so that a shortest path leads from corner to corner, and its length is that of a king's path over
-//! the corners, middles and sides' middles of the cells.
+//! A path from cell to cell leads through the cells' middles. A point moves along the inner corner
+//! of every turn instead: in corridors one cell wide it needs a third fewer steps. Steps are at
+//! most one cell long along each axis, and obstacles consist of cells, so that a shortest path
+//! leads from corner to corner, and its length is that of a king's path over the corners, middles
+//! and sides' middles of the cells.
 
 use super::distance::StepSearch;
 use super::flood::UNREACHABLE;
 use super::grid::{Cell, Grid};
 
-/// The largest map, in cells, whose half cells are searched: those of a larger one would take hundreds of megabytes.
+/// The largest map, in cells, whose half cells are searched: those of a larger one would take
+/// hundreds of megabytes.
 const MAX_HALVED_CELLS: usize = 1 << 20;
 
-/// The points of a map at every half cell, as a map of its own: its free cells are the points that touch a free cell.
-/// Of a map with more than 1024 x 1024 cells, the cells themselves.
+/// The points of a map at every half cell, as a map of its own: its free cells are the points that
+/// touch a free cell. Of a map with more than 1024 x 1024 cells, the cells themselves.
 pub(crate) struct HalfCells {
     points: Grid,
     /// Points per cell along each axis.
@@ -35,8 +37,8 @@ impl HalfCells {
         }
         // No point fits between two walls that touch at a corner.
         for (x, y) in (1..map.height()).flat_map(|y| (1..map.width()).map(move |x| (x, y))) {
-            let [a, b, c, d] =
-                [(x - 1, y - 1), (x, y - 1), (x - 1, y), (x, y)].map(|(x, y)| map.is_free(Cell::new(x, y)));
+            let [a, b, c, d] = [(x - 1, y - 1), (x, y - 1), (x - 1, y), (x, y)]
+                .map(|(x, y)| map.is_free(Cell::new(x, y)));
             if a == d && b == c && a != b {
                 free[2 * y * width + 2 * x] = false;
             }
@@ -75,7 +77,8 @@ impl PointSearch {
         Self { half_cells, search }
     }
 
-    /// Returns the steps between the middle of `cell` and those of others, [`UNREACHABLE`] where there is no path.
+    /// Returns the steps between the middle of `cell` and those of others, [`UNREACHABLE`] where
+    /// there is no path.
     pub fn steps_from(&mut self, cell: Cell) -> impl Fn(Cell) -> u32 {
         let Self { half_cells, search } = self;
         let moves = search.steps_from(half_cells.middle(cell));
@@ -111,7 +114,9 @@ mod tests {
 
     #[test]
     fn paths_are_no_longer_than_from_cell_to_cell_and_shorter_in_corridors() {
-        for (kind, size, least) in [(RandomMapKind::Perfect, 33, 0.55..0.8), (RandomMapKind::City, 60, 0.85..1.0)] {
+        for (kind, size, least) in
+            [(RandomMapKind::Perfect, 33, 0.55..0.8), (RandomMapKind::City, 60, 0.85..1.0)]
+        {
             let map = random(kind, Some(size), 2);
             let (mut cells, mut points) = (StepSearch::new(&map), PointSearch::new(&map));
             let start = map.free_cells().next().expect("a free cell");
@@ -133,7 +138,10 @@ mod tests {
     fn large_maps_are_searched_from_cell_to_cell() {
         let map = Grid::new("map", 2048, vec![true; 2048 * 513], Vec::new(), Vec::new());
         let half_cells = HalfCells::new(&map);
-        assert_eq!((half_cells.points().width(), half_cells.middle(Cell::new(7, 5))), (2048, Cell::new(7, 5)));
+        assert_eq!(
+            (half_cells.points().width(), half_cells.middle(Cell::new(7, 5))),
+            (2048, Cell::new(7, 5))
+        );
         assert_eq!((half_cells.steps(9), half_cells.steps(UNREACHABLE)), (9, UNREACHABLE));
     }
 }

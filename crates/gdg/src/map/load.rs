@@ -21,11 +21,12 @@ const MAX_BYTES: u64 = 4 * MAX_CELLS as u64;
 pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
     let text = Text::new(file, bytes)?;
     if is_scenario(&text) {
-        let help =
-            "give its map here, and the scenario with --scen, or to 'gdg-tui check' as a file whose name ends in .scen";
+        let help = "give its map here, and the scenario with --scen, or to 'gdg-tui check' as a file whose name ends in .scen";
         return Err(text.line_error(0, "this is a scenario file, not a map", help));
     }
-    let name = Path::new(file).file_stem().map_or_else(|| file.to_owned(), |s| s.to_string_lossy().into_owned());
+    let name = Path::new(file)
+        .file_stem()
+        .map_or_else(|| file.to_owned(), |s| s.to_string_lossy().into_owned());
     if is_movingai(&text) {
         return parse_movingai(&name, &text);
     }
@@ -50,7 +51,8 @@ const SCENARIO: Wanted = Wanted {
 /// Reads and parses a map file.
 ///
 /// # Errors
-/// Like [`parse_map`]; also if the file cannot be read: missing, a directory, no permission, too large.
+/// Like [`parse_map`]; also if the file cannot be read: missing, a directory, no permission, too
+/// large.
 pub fn load_map(path: &Path) -> MapResult<Grid> {
     let parsed = read(path, "map").and_then(|bytes| parse_map(&path.to_string_lossy(), &bytes));
     parsed.map_err(|error| explained(path, error, &MAP))
@@ -61,7 +63,8 @@ pub fn load_map(path: &Path) -> MapResult<Grid> {
 /// # Errors
 /// The file cannot be read, or is not a scenario.
 pub fn read_scenario(path: &Path) -> MapResult<Scenario> {
-    let parsed = read(path, "scenario").and_then(|bytes| Scenario::parse(&path.to_string_lossy(), &bytes));
+    let parsed =
+        read(path, "scenario").and_then(|bytes| Scenario::parse(&path.to_string_lossy(), &bytes));
     parsed.map_err(|error| explained(path, error, &SCENARIO))
 }
 
@@ -83,7 +86,8 @@ pub fn parse_scenario_bytes(file: &str, bytes: &[u8], grid: &Grid) -> MapResult<
 
 /// Returns what the file at `path` is if it is not what was `wanted`, else `error`.
 fn explained(path: &Path, error: Box<MapError>, wanted: &Wanted) -> Box<MapError> {
-    let instead = |Mismatch { problem, help }| MapError::whole_file(&path.to_string_lossy(), problem, help);
+    let instead =
+        |Mismatch { problem, help }| MapError::whole_file(&path.to_string_lossy(), problem, help);
     wanted.mismatch(path).map_or(error, instead)
 }
 

@@ -8,10 +8,10 @@ use super::grid::{Cell, Grid, MAX_SIDE, is_size};
 use super::text::Text;
 use crate::text::counted;
 
-const HEADER: &str =
-    "a Moving AI map begins with the lines 'type octile', 'height H', 'width W' and 'map', then H rows follow";
+const HEADER: &str = "a Moving AI map begins with the lines 'type octile', 'height H', 'width W' and 'map', then H rows follow";
 
-const ALLOWED_CHARACTERS: &str = "in a Moving AI map '.', 'G' and 'S' are passable, '@', 'O', 'T' and 'W' are not";
+const ALLOWED_CHARACTERS: &str =
+    "in a Moving AI map '.', 'G' and 'S' are passable, '@', 'O', 'T' and 'W' are not";
 
 /// The words that header lines begin with.
 const HEADER_WORDS: [&str; 4] = ["type", "height", "width", "map"];
@@ -38,11 +38,12 @@ fn is_free(c: char) -> Option<bool> {
     }
 }
 
-/// Parses a Moving AI map: `.`, `G` and `S` passable; `@`, `O`, `T` and `W` blocked. Blanks at the ends of lines do not
-/// count.
+/// Parses a Moving AI map: `.`, `G` and `S` passable; `@`, `O`, `T` and `W` blocked. Blanks at the
+/// ends of lines do not count.
 ///
 /// # Errors
-/// Fails if the header is incomplete or contradicts the body, and on everything that makes a plain map invalid.
+/// Fails if the header is incomplete or contradicts the body, and on everything that makes a plain
+/// map invalid.
 pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
     let header = parse_header(text)?;
     let Header { width: (width, _), height: (height, _), first_row } = header;
@@ -67,7 +68,8 @@ pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
     }
     let help = "give as many rows as the header says";
     if rows.len() < height {
-        let problem = format!("the map ends after {} rows, but the header says height {height}", rows.len());
+        let problem =
+            format!("the map ends after {} rows, but the header says height {height}", rows.len());
         return Err(text.line_error(text.lines.len() - 1, problem, help));
     }
     if rows.len() > height {
@@ -78,7 +80,8 @@ pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
     Ok(Grid::new(name, width, free, Vec::new(), Vec::new()))
 }
 
-/// Checks that height and width are not swapped, and returns what to do about rows of another width.
+/// Checks that height and width are not swapped, and returns what to do about rows of another
+/// width.
 fn check_sizes(text: &Text, header: &Header, rows: &[&str]) -> MapResult<String> {
     let (width, height) = (header.width.0, header.height.0);
     let length = rows.first().map_or(0, |row| row.chars().count());
@@ -108,8 +111,16 @@ fn parse_header(text: &Text) -> MapResult<Header> {
             ["type", ..] if i == 0 => {
                 return Err(text.line_error(i, "only maps of type octile are supported", HEADER));
             }
-            _ if i == 0 => return Err(text.line_error(i, "the line 'type octile' is missing before this one", HEADER)),
-            ["height", value] if height.is_none() => height = Some((parse_size(text, i, value)?, i)),
+            _ if i == 0 => {
+                return Err(text.line_error(
+                    i,
+                    "the line 'type octile' is missing before this one",
+                    HEADER,
+                ));
+            }
+            ["height", value] if height.is_none() => {
+                height = Some((parse_size(text, i, value)?, i));
+            }
             ["width", value] if width.is_none() => width = Some((parse_size(text, i, value)?, i)),
             ["map"] => {
                 return match (width, height) {
@@ -135,16 +146,21 @@ fn parse_size(text: &Text, line: usize, value: &str) -> MapResult<usize> {
         Ok(0) => Err(error("a size of 0 is invalid".to_owned())),
         Ok(size) if size <= MAX_SIDE => Ok(size),
         Ok(_) => Err(error(format!("a size of {value} is too large"))),
-        Err(e) if *e.kind() == IntErrorKind::PosOverflow => Err(error(format!("a size of {value} is too large"))),
+        Err(e) if *e.kind() == IntErrorKind::PosOverflow => {
+            Err(error(format!("a size of {value} is too large")))
+        }
         Err(_) => Err(error(format!("{value:?} is not a size"))),
     }
 }
 
-/// Prints the map in Moving AI format with LF line endings. The format has no starts or goals: they become free cells.
+/// Prints the map in Moving AI format with LF line endings. The format has no starts or goals: they
+/// become free cells.
 pub fn print_movingai(grid: &Grid) -> String {
     let mut out = format!("type octile\nheight {}\nwidth {}\nmap\n", grid.height(), grid.width());
     for y in 0..grid.height() {
-        out.extend((0..grid.width()).map(|x| if grid.is_free(Cell::new(x, y)) { '.' } else { '@' }));
+        out.extend(
+            (0..grid.width()).map(|x| if grid.is_free(Cell::new(x, y)) { '.' } else { '@' }),
+        );
         out.push('\n');
     }
     out

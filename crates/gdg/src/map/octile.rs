@@ -1,4 +1,5 @@
-//! Lengths of shortest paths as Moving AI states them: a diagonal counts sqrt 2, and cuts no corner.
+//! Lengths of shortest paths as Moving AI states them: a diagonal counts sqrt 2, and cuts no
+//! corner.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -10,7 +11,8 @@ use super::grid::{Cell, Grid};
 const STRAIGHT: u32 = 1000;
 const DIAGONAL: u32 = 1414;
 
-/// Searches for shortest paths over one map; reuses its buffers. A library search over hashed nodes is many times slower.
+/// Searches for shortest paths over one map; reuses its buffers. A library search over hashed nodes
+/// is many times slower.
 pub struct OctileSearch {
     width: usize,
     /// Open neighbours of each cell, as a bit set over [`OFFSETS`].
@@ -31,8 +33,8 @@ impl OctileSearch {
         Self { width: grid.width(), moves, lengths, reached: Vec::new(), left: most_visits }
     }
 
-    /// Returns the length, in cells, of the shortest path from `start` to `goal` (A* over the cells); `None` if there is none,
-    /// or the visits are used up.
+    /// Returns the length, in cells, of the shortest path from `start` to `goal` (A* over the
+    /// cells); `None` if there is none, or the visits are used up.
     pub fn shortest(&mut self, start: Cell, goal: Cell) -> Option<f64> {
         for at in self.reached.drain(..) {
             self.lengths[at as usize] = u32::MAX;
@@ -58,7 +60,8 @@ impl OctileSearch {
                 let (dx, dy) = OFFSETS[bits.trailing_zeros() as usize];
                 bits &= bits - 1;
                 let next = at.wrapping_add_signed(dy * width as isize + dx);
-                let own = length.saturating_add(if dx == 0 || dy == 0 { STRAIGHT } else { DIAGONAL });
+                let own =
+                    length.saturating_add(if dx == 0 || dy == 0 { STRAIGHT } else { DIAGONAL });
                 let promised = own.saturating_add(to_goal(next));
                 if own < self.lengths[next] {
                     if self.lengths[next] == u32::MAX {

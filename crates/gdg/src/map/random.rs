@@ -1,4 +1,5 @@
-//! Random maps: places on a square lattice, joined by a random spanning tree and, in some kinds, extra passages.
+//! Random maps: places on a square lattice, joined by a random spanning tree and, in some kinds,
+//! extra passages.
 
 use std::collections::HashSet;
 
@@ -11,12 +12,14 @@ use super::grid::Grid;
 /// The kind of a random map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RandomMapKind {
-    /// 9 x 9 rooms of 4 x 4 cells, separated by walls one cell thick; besides those of the spanning tree, a tenth of
-    /// the walls are open.
+    /// 9 x 9 rooms of 4 x 4 cells, separated by walls one cell thick; besides those of the spanning
+    /// tree, a tenth of the walls are open.
     Maze,
-    /// Streets 3 cells wide between 14 x 14 blocks of 4 x 4 cells; about a third of the streets are closed.
+    /// Streets 3 cells wide between 14 x 14 blocks of 4 x 4 cells; about a third of the streets are
+    /// closed.
     City,
-    /// A perfect maze: corridors and walls one cell wide and exactly one path between any two cells.
+    /// A perfect maze: corridors and walls one cell wide and exactly one path between any two
+    /// cells.
     Perfect,
 }
 
@@ -69,8 +72,8 @@ impl RandomMapKind {
     }
 }
 
-/// Generates the map of `kind` for `seed`, `size` cells wide and high (by default 44, 101 or 33); what is left of that
-/// after the last whole place is wall. All of its free cells are connected.
+/// Generates the map of `kind` for `seed`, `size` cells wide and high (by default 44, 101 or 33);
+/// what is left of that after the last whole place is wall. All of its free cells are connected.
 pub fn random(kind: RandomMapKind, size: Option<usize>, seed: u64) -> Grid {
     let Lattice { side, border, place, gap, extra } = kind.lattice();
     let side = size.unwrap_or(side);
@@ -99,21 +102,24 @@ pub fn random(kind: RandomMapKind, size: Option<usize>, seed: u64) -> Grid {
     Grid::new(&format!("{}-{seed}", kind.name()), side, free, Vec::new(), Vec::new())
 }
 
-/// Joins `places` x `places` places by a minimum spanning tree of random weights and, with probability `extra` each,
-/// the other pairs of neighbours. Returns the joined pairs, the left or upper place first.
+/// Joins `places` x `places` places by a minimum spanning tree of random weights and, with
+/// probability `extra` each, the other pairs of neighbours. Returns the joined pairs, the left or
+/// upper place first.
 fn spanning_tree(places: usize, extra: f32, rng: &mut ChaCha8Rng) -> Vec<(usize, usize)> {
     let right = (0..places * places).filter(|i| i % places + 1 < places).map(|i| (i, i + 1));
     let down = (0..places * (places - 1)).map(|i| (i, i + places));
-    let ways: Vec<(usize, usize, u32)> = right.chain(down).map(|(a, b)| (a, b, rng.random())).collect();
-    let mut joined: Vec<(usize, usize)> = kruskal_indices(places * places, &ways).map(|(a, b, _)| (a, b)).collect();
+    let ways: Vec<(usize, usize, u32)> =
+        right.chain(down).map(|(a, b)| (a, b, rng.random())).collect();
+    let mut joined: Vec<(usize, usize)> =
+        kruskal_indices(places * places, &ways).map(|(a, b, _)| (a, b)).collect();
     let tree: HashSet<(usize, usize)> = joined.iter().copied().collect();
     let others = ways.iter().map(|(a, b, _)| (*a, *b)).filter(|way| !tree.contains(way));
     joined.extend(others.filter(|_| rng.random::<f32>() < extra));
     joined
 }
 
-/// Joins `places` x `places` places by a random depth-first search ("recursive backtracker"), which makes long winding
-/// corridors. Returns the joined pairs like [`spanning_tree`].
+/// Joins `places` x `places` places by a random depth-first search ("recursive backtracker"), which
+/// makes long winding corridors. Returns the joined pairs like [`spanning_tree`].
 fn depth_first_tree(places: usize, rng: &mut ChaCha8Rng) -> Vec<(usize, usize)> {
     let mut seen = vec![false; places * places];
     let mut path = vec![rng.random_range(0..places * places)];

@@ -28,10 +28,12 @@ const FIELDS: usize = 9;
 /// By how much a stated length may be below the true one, in cells: files round.
 const LENGTH_TOLERANCE: f64 = 0.01;
 
-/// Cells that all checks of stated lengths visit at most: less than a second, and no path that is found overflows.
+/// Cells that all checks of stated lengths visit at most: less than a second, and no path that is
+/// found overflows.
 const MOST_VISITS: usize = 3_000_000;
 
-/// Tasks are checked in this many rounds, so that those on large maps, which there is no time for, are spread evenly.
+/// Tasks are checked in this many rounds, so that those on large maps, which there is no time for,
+/// are spread evenly.
 const ROUNDS: usize = 64;
 
 /// A scenario as in its file, whatever map it is for.
@@ -67,20 +69,26 @@ impl Scenario {
     /// Parses a scenario; errors refer to it as `file`.
     ///
     /// # Errors
-    /// Fails on a missing version, a wrong number of fields, values that are not numbers, and scenarios without tasks.
+    /// Fails on a missing version, a wrong number of fields, values that are not numbers, and
+    /// scenarios without tasks.
     pub fn parse(file: &str, bytes: &[u8]) -> MapResult<Self> {
         let text = Text::new(file, bytes)?;
-        let version: Vec<String> = text.lines[0].split_whitespace().map(str::to_ascii_lowercase).collect();
+        let version: Vec<String> =
+            text.lines[0].split_whitespace().map(str::to_ascii_lowercase).collect();
         let version: Vec<&str> = version.iter().map(String::as_str).collect();
         if !matches!(version.as_slice(), ["version", "1" | "1.0"]) {
             let (problem, help) = if fields(text.lines[0]).len() == FIELDS {
-                ("the line 'version 1' is missing before the first task", "write 'version 1' above this line")
+                (
+                    "the line 'version 1' is missing before the first task",
+                    "write 'version 1' above this line",
+                )
             } else {
                 ("not a scenario of version 1", "the first line must be 'version 1'")
             };
             return Err(text.line_error(0, problem, help));
         }
-        let lines = text.lines.iter().enumerate().skip(1).filter(|(_, line)| !line.trim().is_empty());
+        let lines =
+            text.lines.iter().enumerate().skip(1).filter(|(_, line)| !line.trim().is_empty());
         let entries = lines.map(|(i, _)| parse_entry(&text, i)).collect::<MapResult<Vec<_>>>()?;
         if entries.is_empty() {
             return Err(text.line_error(0, "the scenario has no tasks", EXPECTED_FIELDS));
@@ -100,24 +108,27 @@ impl Scenario {
         Some(format!("line {} is a task on {name}, but the map is {}", line + 1, grid.name()))
     }
 
-    /// Returns the tasks on `grid`; scales coordinates if the stated map size is a multiple of the grid's, or a part.
+    /// Returns the tasks on `grid`; scales coordinates if the stated map size is a multiple of the
+    /// grid's, or a part.
     ///
     /// # Errors
-    /// A stated size has other proportions than the grid, or a start or goal is in a wall or off the map.
+    /// A stated size has other proportions than the grid, or a start or goal is in a wall or off
+    /// the map.
     pub fn tasks(&self, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
         self.entries.iter().map(|entry| entry.task(&self.file, grid)).collect()
     }
 
-    /// Checks that no length stated of `tasks`, which are this scenario's on `grid`, is below that of the shortest path, and
-    /// that there is one. On large maps, the paths of evenly spread tasks only.
+    /// Checks that no length stated of `tasks`, which are this scenario's on `grid`, is below that
+    /// of the shortest path, and that there is one. On large maps, the paths of evenly spread tasks
+    /// only.
     ///
     /// # Errors
     /// Names the task that cannot be on this map.
     pub fn check_lengths(&self, tasks: &[ScenarioTask], grid: &Grid) -> MapResult<()> {
         let too_short = |entry: &Entry, least: f64, why: &str| {
-            let problem = format!("the length {} is too short: {why} {least:.2} long", entry.length);
-            let help =
-                "lengths are those of shortest paths, diagonals count 1.41 and cut no corners; is this the right map?";
+            let problem =
+                format!("the length {} is too short: {why} {least:.2} long", entry.length);
+            let help = "lengths are those of shortest paths, diagonals count 1.41 and cut no corners; is this the right map?";
             entry.error(&self.file, 8..=8, problem, help)
         };
         for (entry, task) in self.entries.iter().zip(tasks) {
@@ -165,7 +176,10 @@ impl Entry {
         if width as u128 * grid.height() as u128 != height as u128 * grid.width() as u128 {
             let (own_width, own_height) = (grid.width(), grid.height());
             let problem = if (width, height) == (own_height, own_width) {
-                format!("width and height are swapped: {} is {own_width} wide and {own_height} high", grid.name())
+                format!(
+                    "width and height are swapped: {} is {own_width} wide and {own_height} high",
+                    grid.name()
+                )
             } else {
                 format!(
                     "a task on a map of {width} x {height} cells does not fit {}, which has {own_width} x {own_height}",
@@ -184,8 +198,16 @@ impl Entry {
     }
 
     /// Returns the cell of `grid` at the coordinates `stated` in `field` and the next.
-    fn cell(&self, file: &str, grid: &Grid, (field, which): (usize, &str), stated: (usize, usize)) -> MapResult<Cell> {
-        let scale = |value: usize, from: usize, to: usize| (value as u128 * to as u128 / from as u128) as usize;
+    fn cell(
+        &self,
+        file: &str,
+        grid: &Grid,
+        (field, which): (usize, &str),
+        stated: (usize, usize),
+    ) -> MapResult<Cell> {
+        let scale = |value: usize, from: usize, to: usize| {
+            (value as u128 * to as u128 / from as u128) as usize
+        };
         let (width, height) = self.size;
         let cell = if self.is_scaled(grid) {
             Cell::new(scale(stated.0, width, grid.width()), scale(stated.1, height, grid.height()))
@@ -210,7 +232,13 @@ impl Entry {
     }
 
     /// Creates an error about some of its fields.
-    fn error(&self, file: &str, fields: RangeInclusive<usize>, problem: String, help: &str) -> Box<MapError> {
+    fn error(
+        &self,
+        file: &str,
+        fields: RangeInclusive<usize>,
+        problem: String,
+        help: &str,
+    ) -> Box<MapError> {
         MapError::at(file, (self.line, &self.text), columns(&self.text, fields), problem, help)
     }
 }
@@ -226,7 +254,8 @@ fn parse_entry(text: &Text, line: usize) -> MapResult<Entry> {
         let problem = format!("{:?} is not {what}", fields[field].1);
         text.error(line, columns(whole, field..=field), problem, EXPECTED_FIELDS)
     };
-    let number = |field: usize| fields[field].1.parse::<usize>().map_err(|_| error(field, "an integer"));
+    let number =
+        |field: usize| fields[field].1.parse::<usize>().map_err(|_| error(field, "an integer"));
     let length = fields[8].1.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
     Ok(Entry {
         line,
@@ -238,10 +267,12 @@ fn parse_entry(text: &Text, line: usize) -> MapResult<Entry> {
     })
 }
 
-/// Splits a task at tabs; if that does not give its fields, at blanks, where the name of the map may contain some.
+/// Splits a task at tabs; if that does not give its fields, at blanks, where the name of the map
+/// may contain some.
 fn fields(line: &str) -> Vec<Field<'_>> {
     let at = |part: &str| part.as_ptr() as usize - line.as_ptr() as usize;
-    let tabbed: Vec<Field> = line.split('\t').map(str::trim).map(|field| (at(field), field)).collect();
+    let tabbed: Vec<Field> =
+        line.split('\t').map(str::trim).map(|field| (at(field), field)).collect();
     let words: Vec<Field> = line.split_whitespace().map(|word| (at(word), word)).collect();
     if tabbed.len() == FIELDS {
         return tabbed;
@@ -287,7 +318,10 @@ mod tests {
         };
         assert!(refused("4\t2", "0\t0").contains("the start (0, 0) is a wall of map"));
         let scaled = refused("40\t20", "1\t1");
-        assert!(scaled.contains("the start (1, 1) of a map of 40 x 20, here (0, 0), is a wall of map"), "{scaled}");
+        assert!(
+            scaled.contains("the start (1, 1) of a map of 40 x 20, here (0, 0), is a wall of map"),
+            "{scaled}"
+        );
         let outside = refused("4\t2", "7\t1");
         assert!(outside.contains("the start (7, 1) is outside the map of 4 x 2"), "{outside}");
     }

@@ -6,7 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use super::distance::StepSearch;
 use super::grid::{Cell, Grid};
 
-/// Returns the map itself if it has a start, else with a start at a cell of its largest component, drawn by `seed`.
+/// Returns the map itself if it has a start, else with a start at a cell of its largest component,
+/// drawn by `seed`.
 #[must_use]
 pub fn with_start(grid: Grid, seed: u64) -> Grid {
     if !grid.starts().is_empty() {
@@ -29,7 +30,8 @@ mod tests {
         let marked = map("..S\n##.\n");
         assert_eq!(with_start(marked.clone(), 7), marked);
         let two = map("..#.G.\n..#...\n");
-        let starts: Vec<Cell> = (0..50).map(|seed| with_start(two.clone(), seed).starts()[0]).collect();
+        let starts: Vec<Cell> =
+            (0..50).map(|seed| with_start(two.clone(), seed).starts()[0]).collect();
         assert!(starts.iter().all(|start| start.x > 2), "{starts:?}");
         assert!((3..6).all(|x| starts.iter().any(|start| start.x == x)), "{starts:?}");
         assert_eq!(with_start(two.clone(), 3), with_start(two.clone(), 3));

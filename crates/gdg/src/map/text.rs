@@ -19,9 +19,14 @@ impl<'a> Text<'a> {
             .map_err(|e| not_text(file, bytes, e.valid_up_to(), "a byte that is not UTF-8"))?;
         if !text.contains('\n') && text.trim_end_matches('\r').contains('\r') {
             let help = "write it with other line ends: tr '\\r' '\\n' < FILE > NEW";
-            return Err(MapError::whole_file(file, "its lines end in CR alone, as on old Macs", help));
+            return Err(MapError::whole_file(
+                file,
+                "its lines end in CR alone, as on old Macs",
+                help,
+            ));
         }
-        let mut lines: Vec<&str> = text.split('\n').map(|l| l.strip_suffix('\r').unwrap_or(l)).collect();
+        let mut lines: Vec<&str> =
+            text.split('\n').map(|l| l.strip_suffix('\r').unwrap_or(l)).collect();
         while lines.last().is_some_and(|l| l.is_empty()) {
             lines.pop();
         }
@@ -35,7 +40,8 @@ impl<'a> Text<'a> {
         Ok(Self { file, lines })
     }
 
-    /// Creates an error at `columns` of line `line`, both from 0; a line past the end is shown as empty.
+    /// Creates an error at `columns` of line `line`, both from 0; a line past the end is shown as
+    /// empty.
     pub fn error(
         &self,
         line: usize,
@@ -47,7 +53,12 @@ impl<'a> Text<'a> {
     }
 
     /// Creates an error about the whole of line `line`.
-    pub fn line_error(&self, line: usize, problem: impl Into<String>, help: impl Into<String>) -> Box<MapError> {
+    pub fn line_error(
+        &self,
+        line: usize,
+        problem: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Box<MapError> {
         let length = self.lines.get(line).map_or(0, |l| l.chars().count());
         self.error(line, 0..length, problem, help)
     }

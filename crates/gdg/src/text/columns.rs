@@ -19,18 +19,23 @@ pub fn fitted(text: &str, columns: usize) -> String {
     if display_width(text) <= columns {
         return text.to_owned();
     }
-    let (dots, room) = if columns > DOTS.len() { (DOTS, columns - DOTS.len()) } else { ("", columns) };
+    let (dots, room) =
+        if columns > DOTS.len() { (DOTS, columns - DOTS.len()) } else { ("", columns) };
     format!("{}{dots}", text.unicode_truncate(room).0)
 }
 
-/// Returns the lines of a table whose columns begin below each other; the last one of a row may be of any width.
+/// Returns the lines of a table whose columns begin below each other; the last one of a row may be
+/// of any width.
 pub fn aligned(rows: &[Vec<String>]) -> String {
     const GAP: usize = 2;
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let of = |column: usize| {
-        rows.iter().filter(move |row| row.len() > column + 1).map(move |row| display_width(&row[column]))
+        rows.iter()
+            .filter(move |row| row.len() > column + 1)
+            .map(move |row| display_width(&row[column]))
     };
-    let widths: Vec<usize> = (0..columns).map(|column| of(column).max().unwrap_or(0) + GAP).collect();
+    let widths: Vec<usize> =
+        (0..columns).map(|column| of(column).max().unwrap_or(0) + GAP).collect();
     let line = |row: &Vec<String>| {
         let cells = row.iter().zip(&widths).map(|(cell, width)| padded(cell, *width));
         format!("{}\n", cells.collect::<String>().trim_end())

@@ -23,19 +23,29 @@ pub struct Excerpt {
 }
 
 impl Excerpt {
-    /// Creates an excerpt around `columns` (from 0, in characters) of line number `line` (from 0), whose text is
-    /// `text`.
+    /// Creates an excerpt around `columns` (from 0, in characters) of line number `line` (from 0),
+    /// whose text is `text`.
     pub fn new(file: &str, (line, text): (usize, &str), columns: Range<usize>) -> Self {
         let first_column = columns.start.saturating_sub(CONTEXT_CHARS);
         let shown: String = text.chars().skip(first_column).take(2 * CONTEXT_CHARS).collect();
         let bytes = |until: usize| -> usize { shown.chars().take(until).map(char::len_utf8).sum() };
-        let (from, to) = (bytes(columns.start - first_column), bytes(columns.end.max(columns.start) - first_column));
+        let (from, to) = (
+            bytes(columns.start - first_column),
+            bytes(columns.end.max(columns.start) - first_column),
+        );
         // A tab as one column, so that the marks below the text stay in place.
         let shown = shown.replace('\t', " ");
-        Self { file: sanitized(file), line, first_column, text: sanitized(&shown), span: (from, to - from) }
+        Self {
+            file: sanitized(file),
+            line,
+            first_column,
+            text: sanitized(&shown),
+            span: (from, to - from),
+        }
     }
 
-    /// Returns an excerpt around the bytes `span` of a file's `text`, and their line and column (both from 1).
+    /// Returns an excerpt around the bytes `span` of a file's `text`, and their line and column
+    /// (both from 1).
     pub fn from_span(file: &str, text: &str, span: Range<usize>) -> (Self, (usize, usize)) {
         let at = text.floor_char_boundary(span.start);
         let (line, column) = line_and_column(text, at);

@@ -23,12 +23,14 @@ pub enum NumberError {
     NoNumber,
 }
 
-/// Parses a whole number, 0 or more: digits, underscores between them, groups of three, an exponent, or a fraction of zeros.
+/// Parses a whole number, 0 or more: digits, underscores between them, groups of three, an
+/// exponent, or a fraction of zeros.
 ///
 /// # Errors
 /// The text is no such number, or could be two of them (`60.000`).
 pub fn parse_count(text: &str) -> Result<u64, NumberError> {
-    let written = Written::parse(text).filter(|written| !written.is_negative).ok_or(NumberError::NoNumber)?;
+    let written =
+        Written::parse(text).filter(|written| !written.is_negative).ok_or(NumberError::NoNumber)?;
     written.refuse_thousands(|_| true)?;
     shifted(&written.whole, &written.fraction, written.exponent.unwrap_or(0))
 }
@@ -36,7 +38,8 @@ pub fn parse_count(text: &str) -> Result<u64, NumberError> {
 /// Parses a number with or without a fraction, written as [`parse_count`] takes it.
 ///
 /// # Errors
-/// The text is no number, is too large a one, or could be two of them. `60.000` could; `60.125` has a fraction.
+/// The text is no number, is too large a one, or could be two of them. `60.000` could; `60.125` has
+/// a fraction.
 pub fn parse_real(text: &str) -> Result<f64, NumberError> {
     let written = Written::parse(text).ok_or(NumberError::NoNumber)?;
     written.refuse_thousands(|fraction| fraction == "000")?;
@@ -68,19 +71,30 @@ impl Written {
         };
         let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
         // Either side of the point may be empty: .5 and 5. are numbers.
-        let whole = if whole.is_empty() && !fraction.is_empty() { String::new() } else { without_separators(whole)? };
+        let whole = if whole.is_empty() && !fraction.is_empty() {
+            String::new()
+        } else {
+            without_separators(whole)?
+        };
         let is_fraction = fraction.is_empty() || fraction.split('_').all(is_digits);
-        is_fraction.then(|| Self { is_negative, whole, fraction: fraction.replace('_', ""), exponent })
+        is_fraction.then(|| Self {
+            is_negative,
+            whole,
+            fraction: fraction.replace('_', ""),
+            exponent,
+        })
     }
 
-    /// Returns an error if a point may separate thousands and the fraction is one that `is_doubtful`.
+    /// Returns an error if a point may separate thousands and the fraction is one that
+    /// `is_doubtful`.
     fn refuse_thousands(&self, is_doubtful: impl Fn(&str) -> bool) -> Result<(), NumberError> {
         let Self { whole, fraction, exponent, .. } = self;
         let is_first_group = (1..=3).contains(&whole.len()) && !whole.starts_with('0');
         if !is_first_group || fraction.len() != 3 || exponent.is_some() || !is_doubtful(fraction) {
             return Ok(());
         }
-        let as_fraction = format!("{whole}.{fraction}").trim_end_matches('0').trim_end_matches('.').to_owned();
+        let as_fraction =
+            format!("{whole}.{fraction}").trim_end_matches('0').trim_end_matches('.').to_owned();
         Err(NumberError::Ambiguous(as_fraction, format!("{whole}{fraction}")))
     }
 }
@@ -97,7 +111,8 @@ fn is_digits(text: &str) -> bool {
     !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit())
 }
 
-/// Returns the digits of a whole number without what separates them; `None` if they are separated in another way.
+/// Returns the digits of a whole number without what separates them; `None` if they are separated
+/// in another way.
 fn without_separators(whole: &str) -> Option<String> {
     if whole.contains('_') {
         return whole.split('_').all(is_digits).then(|| whole.replace('_', ""));
@@ -108,7 +123,8 @@ fn without_separators(whole: &str) -> Option<String> {
     let groups: Vec<&str> = whole.split(separator).collect();
     let (first, rest) = groups.split_first()?;
     // 0,500 is a half in many languages.
-    let is_grouped = first.len() <= 3 && !first.starts_with('0') && rest.iter().all(|group| group.len() == 3);
+    let is_grouped =
+        first.len() <= 3 && !first.starts_with('0') && rest.iter().all(|group| group.len() == 3);
     (is_grouped && groups.iter().all(|group| is_digits(group))).then(|| groups.concat())
 }
 
@@ -120,8 +136,9 @@ fn shifted(whole: &str, fraction: &str, exponent: i64) -> Result<u64, NumberErro
         return Ok(0);
     }
     // Zeros to add after the significant digits.
-    let zeros =
-        exponent.saturating_add((digits.len() - significant.len()) as i64).saturating_sub(fraction.len() as i64);
+    let zeros = exponent
+        .saturating_add((digits.len() - significant.len()) as i64)
+        .saturating_sub(fraction.len() as i64);
     let zeros = usize::try_from(zeros).map_err(|_| NumberError::Fraction)?;
     let significant = significant.trim_start_matches('0');
     if significant.len().saturating_add(zeros) > MAX_DIGITS {
@@ -137,8 +154,8 @@ mod tests {
     #[test]
     fn counts_are_read_as_people_write_them() {
         for text in [
-            "60000", "60_000", "60,000", "60'000", "60 000", "6e4", "6E+4", "60000.0", " 60000 ", "0.6e5", "6_0_000",
-            "+60000", "60000.",
+            "60000", "60_000", "60,000", "60'000", "60 000", "6e4", "6E+4", "60000.0", " 60000 ",
+            "0.6e5", "6_0_000", "+60000", "60000.",
         ] {
             assert_eq!(parse_count(text), Ok(60_000), "{text}");
         }
@@ -146,7 +163,10 @@ mod tests {
         assert_eq!(parse_count("1,234,567"), Ok(1_234_567));
         assert_eq!(parse_count("100.0"), Ok(100));
         assert_eq!(parse_count("5000e-3"), Ok(5));
-        assert_eq!([parse_count("0"), parse_count("0e999"), parse_count("000")], [Ok(0), Ok(0), Ok(0)]);
+        assert_eq!(
+            [parse_count("0"), parse_count("0e999"), parse_count("000")],
+            [Ok(0), Ok(0), Ok(0)]
+        );
         assert_eq!(parse_count(&u64::MAX.to_string()), Ok(u64::MAX));
     }
 
@@ -205,7 +225,10 @@ mod tests {
         for text in ["_1", "1_", "1_.5", "1__0", "0,5", "60,00", "x", ".", "", "inf", "nan"] {
             assert_eq!(parse_real(text), Err(NumberError::NoNumber), "{text}");
         }
-        assert_eq!(parse_real("60.000"), Err(NumberError::Ambiguous("60".to_owned(), "60000".to_owned())));
+        assert_eq!(
+            parse_real("60.000"),
+            Err(NumberError::Ambiguous("60".to_owned(), "60000".to_owned()))
+        );
         assert_eq!(
             [parse_real("1e99999999999"), parse_real("-1e999")].map(Result::err),
             [const { Some(NumberError::TooLarge) }; 2]

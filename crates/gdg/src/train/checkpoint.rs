@@ -1,9 +1,10 @@
-//! Checkpoints: one safetensors file with everything needed to resume a run exactly where it stopped.
+//! Checkpoints: one safetensors file with everything needed to resume a run exactly where it
+//! stopped.
 //!
-//! Tensors hold the networks (with optimiser moments and averaged weights), the replay buffer and the bridge
-//! candidates. The metadata holds the run, its world (a map as plain ASCII), counters, RNG states and history as JSON,
-//! and a checksum over everything. This module moves the store of [`Trainer::save`] and [`Trainer::load`] to and from a
-//! file.
+//! Tensors hold the networks (with optimiser moments and averaged weights), the replay buffer and
+//! the bridge candidates. The metadata holds the run, its world (a map as plain ASCII), counters,
+//! RNG states and history as JSON, and a checksum over everything. This module moves the store of
+//! [`Trainer::save`] and [`Trainer::load`] to and from a file.
 
 mod content;
 
@@ -75,7 +76,8 @@ const CHECKPOINT: Wanted = Wanted {
 /// # Errors
 /// The file cannot be read or is not a checkpoint of this program.
 pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
-    let (start, facts) = read_start(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
+    let (start, facts) =
+        read_start(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     let parsed = || {
         let store = texts_from_start(&start, facts.len())?;
         Ok::<_, ContentError>(Description {
@@ -97,12 +99,14 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
     parsed().map_err(|e| unreadable(path, &e.to_string()))
 }
 
-/// Returns whether the file at `path` is a checkpoint of any version of this program, perhaps a damaged one.
+/// Returns whether the file at `path` is a checkpoint of any version of this program, perhaps a
+/// damaged one.
 pub fn is_checkpoint(path: &Path) -> bool {
     read_start(path).is_ok_and(|(start, _)| content::is_start_of_checkpoint(&start))
 }
 
-/// Like [`describe`], but reads the whole file, and finds out whether it is damaged and what it needs is in `registry`.
+/// Like [`describe`], but reads the whole file, and finds out whether it is damaged and what it
+/// needs is in `registry`.
 ///
 /// # Errors
 /// The checkpoint cannot be loaded.
@@ -111,7 +115,10 @@ pub fn examine(path: &Path, registry: &Registry) -> Result<Description, Checkpoi
     let bytes = read(path).map_err(|problem| unreadable(path, &problem))?;
     content::from_bytes(&bytes).map_err(|e| unreadable(path, &e.to_string()))?;
     if registry.world(&found.world).is_none() {
-        return Err(unreadable(path, &format!("is of the world {:?}, which this program lacks", found.world)));
+        return Err(unreadable(
+            path,
+            &format!("is of the world {:?}, which this program lacks", found.world),
+        ));
     }
     registry.learner(&found.run.method.learner).map_err(|e| unreadable(path, &e.to_string()))?;
     Ok(found)
@@ -134,21 +141,30 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
     files::read(path, memory::available_bytes() / 3).map_err(|e| format!("cannot be read: {e}"))
 }
 
-/// Returns the error about a file that is no checkpoint: what else it is if that is known, else `problem`.
+/// Returns the error about a file that is no checkpoint: what else it is if that is known, else
+/// `problem`.
 fn unreadable(path: &Path, problem: &str) -> CheckpointError {
     let found = CHECKPOINT.mismatch(path);
-    let found = found.unwrap_or_else(|| Mismatch { problem: problem.to_owned(), help: CHECKPOINT.help.to_owned() });
-    CheckpointError { file: path.to_owned(), problem: truncated(&found.problem, MAX_REASON_CHARS), help: found.help }
+    let found = found.unwrap_or_else(|| Mismatch {
+        problem: problem.to_owned(),
+        help: CHECKPOINT.help.to_owned(),
+    });
+    CheckpointError {
+        file: path.to_owned(),
+        problem: truncated(&found.problem, MAX_REASON_CHARS),
+        help: found.help,
+    }
 }
 
 /// Where to write a checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SaveTo {
-    /// Replaces the existing file: the run's own, or one that the user agreed to overwrite. Acts like `CreateNew` if
-    /// another program has replaced the file in the meantime, or if it is not a checkpoint.
+    /// Replaces the existing file: the run's own, or one that the user agreed to overwrite. Acts
+    /// like `CreateNew` if another program has replaced the file in the meantime, or if it is not a
+    /// checkpoint.
     Replace(PathBuf),
-    /// Writes to this path, or to the path with the suffix `-2`, `-3` ... if it exists: an existing file belongs to
-    /// another run.
+    /// Writes to this path, or to the path with the suffix `-2`, `-3` ... if it exists: an existing
+    /// file belongs to another run.
     CreateNew(PathBuf),
 }
 
@@ -161,7 +177,8 @@ impl SaveTo {
     }
 }
 
-/// Checkpoints that this program has read or written, as they were then: any change since was made by another program.
+/// Checkpoints that this program has read or written, as they were then: any change since was made
+/// by another program.
 static KNOWN_FILES: Mutex<BTreeMap<PathBuf, FileIdentity>> = Mutex::new(BTreeMap::new());
 
 /// Distinguishes a file from another one at the same path.
@@ -172,8 +189,8 @@ struct FileIdentity {
     contents: u32,
 }
 
-/// Facts about a file. Those of another file differ; those of the same may, where a file system has no lasting inodes or
-/// rounds times later.
+/// Facts about a file. Those of another file differ; those of the same may, where a file system has
+/// no lasting inodes or rounds times later.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct FileFacts {
     bytes: u64,
@@ -210,12 +227,13 @@ impl FileIdentity {
         let found = FileFacts::of(path);
         found == Some(self.facts)
             || found.is_some_and(|found| found.bytes == self.facts.bytes)
-                && files::read(path, self.facts.bytes).is_ok_and(|bytes| crc32fast::hash(&bytes) == self.contents)
+                && files::read(path, self.facts.bytes)
+                    .is_ok_and(|bytes| crc32fast::hash(&bytes) == self.contents)
     }
 }
 
-/// Whether the file at `path` must not be replaced: another program has written it since this one last read or wrote it, or
-/// may come back to it, or it is not a checkpoint.
+/// Whether the file at `path` must not be replaced: another program has written it since this one
+/// last read or wrote it, or may come back to it, or it is not a checkpoint.
 fn is_foreign(path: &Path) -> bool {
     let changed = match FileIdentity::known(path) {
         Some(known) => !known.is_at(path),
@@ -224,7 +242,8 @@ fn is_foreign(path: &Path) -> bool {
     changed || files::is_in_use(path)
 }
 
-/// Whether this program has read or written the checkpoint at `path`, and no other has written it since.
+/// Whether this program has read or written the checkpoint at `path`, and no other has written it
+/// since.
 pub fn is_own(path: &Path) -> bool {
     FileIdentity::known(path).is_some_and(|known| known.is_at(path))
 }
@@ -238,8 +257,8 @@ pub fn remove_own(path: &Path) {
     });
 }
 
-/// Writes a checkpoint and returns its path. A crash leaves either the old or the new file; the old one is kept until
-/// the new one has been read back.
+/// Writes a checkpoint and returns its path. A crash leaves either the old or the new file; the old
+/// one is kept until the new one has been read back.
 ///
 /// # Errors
 /// The file system or the learner fails, or numbers are not finite.
@@ -296,7 +315,11 @@ pub struct Loaded {
 ///
 /// # Errors
 /// The file cannot be read or is not a checkpoint of this program.
-pub fn load(path: &Path, registry: &Arc<Registry>, threads: usize) -> Result<Loaded, CheckpointError> {
+pub fn load(
+    path: &Path,
+    registry: &Arc<Registry>,
+    threads: usize,
+) -> Result<Loaded, CheckpointError> {
     let facts = FileFacts::of(path);
     let parse = |bytes: Vec<u8>| from_bytes(&bytes, registry, threads).map_err(|e| e.to_string());
     let bytes = read(path);
@@ -335,6 +358,10 @@ pub enum LoadError {
 ///
 /// # Errors
 /// The bytes are not a valid checkpoint, or their run cannot be resumed.
-pub fn from_bytes(bytes: &[u8], registry: &Arc<Registry>, threads: usize) -> Result<Trainer, LoadError> {
+pub fn from_bytes(
+    bytes: &[u8],
+    registry: &Arc<Registry>,
+    threads: usize,
+) -> Result<Trainer, LoadError> {
     Ok(Trainer::load(&content::from_bytes(bytes)?, registry, threads)?)
 }

@@ -1,4 +1,5 @@
-//! Builds settings from a preset, a JSON file and individual values. Errors give the location and the valid values.
+//! Builds settings from a preset, a JSON file and individual values. Errors give the location and
+//! the valid values.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -20,7 +21,8 @@ use crate::text::{Excerpt, NumberError, nearest, parse_count, parse_real, saniti
 /// Overrides of a preset.
 #[derive(Clone, Debug, Default)]
 pub struct Overrides<'a> {
-    /// The world's default settings ([`WorldKind::defaults`](crate::env::WorldKind)), for presets that adapt to the world.
+    /// The world's default settings ([`WorldKind::defaults`](crate::env::WorldKind)), for presets
+    /// that adapt to the world.
     pub defaults: &'a [&'static str],
     /// A JSON file: an object of setting names and values.
     pub config: Option<&'a Path>,
@@ -63,19 +65,24 @@ impl ConfigError {
     }
 
     /// Adds the position in a file and an excerpt of it to the error.
-    fn in_file(mut self: Box<Self>, file: &str, text: &str, (offset, length): (usize, usize)) -> Box<Self> {
+    fn in_file(
+        mut self: Box<Self>,
+        file: &str,
+        text: &str,
+        (offset, length): (usize, usize),
+    ) -> Box<Self> {
         let (excerpt, (line, column)) = Excerpt::from_span(file, text, offset..offset + length);
         self.excerpt = Some(excerpt);
         self.at(format!("{}:{line}:{column}: ", sanitized(file)))
     }
 }
 
-/// Returns the settings of `preset` with `overrides` applied: first the world's defaults, if the preset adapts to the
-/// world, then the file, then the individual values.
+/// Returns the settings of `preset` with `overrides` applied: first the world's defaults, if the
+/// preset adapts to the world, then the file, then the individual values.
 ///
 /// # Errors
-/// The file cannot be read or is not a JSON object, a name is unknown, or a value has the wrong type or is out of
-/// range.
+/// The file cannot be read or is not a JSON object, a name is unknown, or a value has the wrong
+/// type or is out of range.
 pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, Box<ConfigError>> {
     let mut values = as_map(&preset.settings());
     let defaults = if preset.adapts_to_world() { overrides.defaults } else { &[] };
@@ -93,14 +100,19 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, 
     Ok(settings)
 }
 
-/// Returns the settings of `preset` in a world with these default settings, which count only if they are valid.
+/// Returns the settings of `preset` in a world with these default settings, which count only if
+/// they are valid.
 pub fn settings_in_world(preset: Preset, defaults: &[&'static str]) -> Settings {
     let overrides = Overrides { defaults, ..Overrides::default() };
     settings_from(preset, &overrides).unwrap_or_else(|_| preset.settings())
 }
 
 /// Applies `name=value`; errors begin with `source`.
-fn apply_assignment(values: &mut Map<String, Value>, text: &str, source: &str) -> Result<(), Box<ConfigError>> {
+fn apply_assignment(
+    values: &mut Map<String, Value>,
+    text: &str,
+    source: &str,
+) -> Result<(), Box<ConfigError>> {
     let shown = truncated(text, MAX_QUOTED_CHARS);
     let (name, value) = text.split_once('=').ok_or_else(|| {
         let help = "use --set name=value, e.g. --set expectile=0.9".to_owned();
@@ -109,11 +121,16 @@ fn apply_assignment(values: &mut Map<String, Value>, text: &str, source: &str) -
     apply_typed(values, name.trim(), value).map_err(|e| e.at(format!("{source}{shown}: ")))
 }
 
-/// Returns the settings of `preset` overridden by `text`, the contents of a settings file called `file`.
+/// Returns the settings of `preset` overridden by `text`, the contents of a settings file called
+/// `file`.
 ///
 /// # Errors
 /// See [`settings_from`].
-pub fn settings_from_text(preset: Preset, file: &str, text: &str) -> Result<Settings, Box<ConfigError>> {
+pub fn settings_from_text(
+    preset: Preset,
+    file: &str,
+    text: &str,
+) -> Result<Settings, Box<ConfigError>> {
     let mut values = as_map(&preset.settings());
     apply_text(&mut values, file, text)?;
     let settings = parse(&values)?;
@@ -141,7 +158,11 @@ pub fn changed_from(settings: &Settings, base: &Settings) -> Map<String, Value> 
 ///
 /// # Errors
 /// The name is unknown, or the value has the wrong type or is out of range.
-pub fn with_setting(settings: &Settings, name: &str, value: &str) -> Result<Settings, Box<ConfigError>> {
+pub fn with_setting(
+    settings: &Settings,
+    name: &str,
+    value: &str,
+) -> Result<Settings, Box<ConfigError>> {
     let mut values = as_map(settings);
     apply_typed(&mut values, name, value)?;
     let settings = parse(&values)?;
@@ -149,15 +170,20 @@ pub fn with_setting(settings: &Settings, name: &str, value: &str) -> Result<Sett
     Ok(settings)
 }
 
-/// Sets one value as a person types it: JSON, a number as in options, or a word without quotes (`loss=sqrt`).
-fn apply_typed(values: &mut Map<String, Value>, name: &str, text: &str) -> Result<(), Box<ConfigError>> {
+/// Sets one value as a person types it: JSON, a number as in options, or a word without quotes
+/// (`loss=sqrt`).
+fn apply_typed(
+    values: &mut Map<String, Value>,
+    name: &str,
+    text: &str,
+) -> Result<(), Box<ConfigError>> {
     // As JSON, 60.000 is 60, which may not be what is meant.
     let json = serde_json::from_str(text).ok().filter(|value: &Value| !value.is_number());
     apply(values, name, &json.unwrap_or_else(|| Value::String(text.to_owned())))
 }
 
-/// Returns the value of a setting that is a number as one, if it is written in another way: `1e6`, `"60_000"`, `100.0`,
-/// `".5"`. `now` is its present value.
+/// Returns the value of a setting that is a number as one, if it is written in another way: `1e6`,
+/// `"60_000"`, `100.0`, `".5"`. `now` is its present value.
 fn as_number(setting: &Setting, value: &Value, now: &Value) -> Result<Value, Box<ConfigError>> {
     /// Whole numbers below this are exact in double precision.
     const MAX_EXACT: f64 = (1_u64 << 53) as f64;
@@ -201,7 +227,9 @@ fn as_map(settings: &Settings) -> Map<String, Value> {
     // Round-trips through text, which prints 0.005 rather than the nearest binary fraction.
     match serde_json::to_string(settings).and_then(|text| serde_json::from_str(&text)) {
         // In the order of the reference.
-        Ok(Value::Object(mut map)) => SETTINGS.iter().filter_map(|setting| map.remove_entry(setting.name)).collect(),
+        Ok(Value::Object(mut map)) => {
+            SETTINGS.iter().filter_map(|setting| map.remove_entry(setting.name)).collect()
+        }
         _ => unreachable!("settings are an object of names and values"),
     }
 }
@@ -216,13 +244,20 @@ fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
 }
 
 /// Sets one value and checks it on its own.
-fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(), Box<ConfigError>> {
+fn apply(
+    values: &mut Map<String, Value>,
+    name: &str,
+    value: &Value,
+) -> Result<(), Box<ConfigError>> {
     let Some(setting) = Setting::named(name) else { return Err(unknown(name)) };
     let value = &as_number(setting, value, &values[setting.name])?;
     values.insert(setting.name.to_owned(), value.clone());
     let kind = |_| {
         let help = format!("{name} must be {}{}", setting.range, decimal_comma(value));
-        ConfigError::new(format!("{name} cannot be {}", truncated(&value.to_string(), MAX_QUOTED_CHARS)), help)
+        ConfigError::new(
+            format!("{name} cannot be {}", truncated(&value.to_string(), MAX_QUOTED_CHARS)),
+            help,
+        )
     };
     let settings: Settings = serde_json::from_value(Value::Object(values.clone())).map_err(kind)?;
     // The constraints between settings are checked once all are known.
@@ -249,13 +284,16 @@ fn check(settings: &Settings, values: &Map<String, Value>) -> Result<(), Box<Con
     }
     settings.validate().map_err(|OutOfRange(name)| match Setting::named(name) {
         Some(setting) => out_of_range(setting, &values[name]),
-        None => ConfigError::new(format!("{name} is out of range"), "see --print-config".to_owned()),
+        None => {
+            ConfigError::new(format!("{name} is out of range"), "see --print-config".to_owned())
+        }
     })
 }
 
 /// Returns what to say about a number with a decimal comma.
 fn decimal_comma(value: &Value) -> &'static str {
-    let is_number = |text: &str| text.contains(',') && text.replace(',', ".").parse::<f64>().is_ok();
+    let is_number =
+        |text: &str| text.contains(',') && text.replace(',', ".").parse::<f64>().is_ok();
     if value.as_str().is_some_and(is_number) { "; a point separates the fraction" } else { "" }
 }
 
@@ -272,8 +310,8 @@ fn unknown(name: &str) -> Box<ConfigError> {
     ConfigError::new(format!("unknown setting {:?}", truncated(name, MAX_QUOTED_CHARS)), help)
 }
 
-/// Names and values of a settings file in its order, borrowed from its text so that errors can locate them. Names can
-/// occur twice.
+/// Names and values of a settings file in its order, borrowed from its text so that errors can
+/// locate them. Names can occur twice.
 struct Entries<'a>(Vec<(Key<'a>, &'a RawValue)>);
 
 #[derive(Deserialize)]
@@ -312,15 +350,22 @@ const SETTINGS_FILE: Wanted = Wanted {
 
 fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<ConfigError>> {
     let file = path.to_string_lossy();
-    let whole_file =
-        |problem: String, help: String| ConfigError::new(problem, help).at(format!("{}: ", sanitized(&file)));
+    let whole_file = |problem: String, help: String| {
+        ConfigError::new(problem, help).at(format!("{}: ", sanitized(&file)))
+    };
     let text = files::read_text(path, MAX_BYTES);
-    let text = text.map_err(|e| whole_file(format!("cannot be read: {e}"), SETTINGS_FILE.help.to_owned()));
-    text.and_then(|text| apply_text(values, &file, &text))
-        .map_err(|error| SETTINGS_FILE.mismatch(path).map_or(error, |found| whole_file(found.problem, found.help)))
+    let text =
+        text.map_err(|e| whole_file(format!("cannot be read: {e}"), SETTINGS_FILE.help.to_owned()));
+    text.and_then(|text| apply_text(values, &file, &text)).map_err(|error| {
+        SETTINGS_FILE.mismatch(path).map_or(error, |found| whole_file(found.problem, found.help))
+    })
 }
 
-fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result<(), Box<ConfigError>> {
+fn apply_text(
+    values: &mut Map<String, Value>,
+    file: &str,
+    text: &str,
+) -> Result<(), Box<ConfigError>> {
     let entries: Entries = serde_json::from_str(text).map_err(|e| {
         let offset = offset_of(text, e.line(), e.column());
         let help = if separates_digits(text, offset) {
@@ -350,9 +395,9 @@ fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result
         }
         let value = serde_json::from_str(raw.get())
             .map_err(|e| ConfigError::new(without_place(&e), "write a JSON value".to_owned()));
-        value
-            .and_then(|value| apply(values, name, &value))
-            .map_err(|e| e.in_file(file, text, location(if known.is_some() { raw.get() } else { name })))?;
+        value.and_then(|value| apply(values, name, &value)).map_err(|e| {
+            e.in_file(file, text, location(if known.is_some() { raw.get() } else { name }))
+        })?;
     }
     Ok(())
 }
@@ -367,7 +412,8 @@ fn without_place(error: &serde_json::Error) -> String {
 fn separates_digits(text: &str, offset: usize) -> bool {
     let digit = |at: usize| text.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
     let separator = |at: usize| text.as_bytes().get(at).is_some_and(|byte| b"_,'".contains(byte));
-    (offset.saturating_sub(1)..=offset).any(|at| at > 0 && digit(at - 1) && separator(at) && digit(at + 1))
+    (offset.saturating_sub(1)..=offset)
+        .any(|at| at > 0 && digit(at - 1) && separator(at) && digit(at + 1))
 }
 
 /// Returns the byte offset of a line and column (from 1), as counted by serde_json.

@@ -22,14 +22,16 @@ pub struct Evaluation {
     pub greedy: Score,
     /// Score with planning over bridge points, if the method plans.
     pub planned: Option<Score>,
-    /// Score of walking straight at the goal, if the world knows how: the floor for everything learned.
+    /// Score of walking straight at the goal, if the world knows how: the floor for everything
+    /// learned.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub straight: Option<Score>,
     /// Error of D against ground truth, if that is known for any pair of states.
     pub distance_error: Option<DistanceError>,
     /// The bridge graph against ground truth, if there is a graph.
     pub bridges: Option<BridgeFacts>,
-    /// Fraction of the world explored by the agents, if defined (in a maze: of the cells within reach).
+    /// Fraction of the world explored by the agents, if defined (in a maze: of the cells within
+    /// reach).
     pub coverage: Option<f64>,
     /// The world's default task, if it has one (on a map: from its first start to its first goal).
     pub marked: Option<MarkedTask>,
@@ -38,10 +40,15 @@ pub struct Evaluation {
 impl Evaluation {
     /// Returns the summary for checkpoint lists of an evaluation made after `updates`.
     pub fn success(&self, updates: u64) -> Success {
-        Success { updates, greedy: self.greedy.success, planned: self.planned.as_ref().and_then(|score| score.success) }
+        Success {
+            updates,
+            greedy: self.greedy.success,
+            planned: self.planned.as_ref().and_then(|score| score.success),
+        }
     }
 
-    /// Returns the success rate with planning, or of the actor alone if the method does not plan; `None` without tasks.
+    /// Returns the success rate with planning, or of the actor alone if the method does not plan;
+    /// `None` without tasks.
     pub fn success_rate(&self) -> Option<f64> {
         self.planned.as_ref().unwrap_or(&self.greedy).success
     }
@@ -51,7 +58,8 @@ impl Evaluation {
         let scores = std::iter::once(&self.greedy).chain(&self.planned).chain(&self.straight);
         let of_score = |score: &Score| {
             let Score { success, spl, steps_ratio, by_distance } = score;
-            let of_distance = |d: &DistanceScore| [d.distance_steps, d.distance_cm, d.success, d.spl];
+            let of_distance =
+                |d: &DistanceScore| [d.distance_steps, d.distance_cm, d.success, d.spl];
             let ratios = [*success, *spl, *steps_ratio];
             by_distance.iter().flat_map(of_distance).chain(ratios).flatten().collect::<Vec<_>>()
         };
@@ -82,8 +90,8 @@ pub struct TaskOutcome {
     pub steps: u32,
     /// True steps from the final state to the goal; `u32::MAX` if unknown.
     pub left_steps: u32,
-    /// Straight-line distance from the final state to the goal, in the world's unit of length; older files do not have
-    /// it.
+    /// Straight-line distance from the final state to the goal, in the world's unit of length;
+    /// older files do not have it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_straight: Option<f32>,
 }
@@ -150,7 +158,8 @@ impl EvaluationJob {
         Self { max_steps, ..self }
     }
 
-    /// Draws `per_group` tasks at each distance, independently of the number of earlier evaluations.
+    /// Draws `per_group` tasks at each distance, independently of the number of earlier
+    /// evaluations.
     pub fn tasks(&self, per_group: usize) -> TaskSet {
         self.world.tasks(per_group, &mut self.task_rng.clone())
     }
@@ -161,13 +170,17 @@ impl EvaluationJob {
         let graph = self.graph();
         let greedy = self.actor(None);
         let planned = graph.as_ref().map(|graph| self.actor(Some(graph)));
-        let (policy, world, coverage, rng) = (&*self.policy, &*self.world, self.coverage, &mut self.rng.clone());
-        let mut score = |actor: &Actor| Score::new(tasks, &run_tasks(world, &tasks.tasks, actor, rng).taken);
+        let (policy, world, coverage, rng) =
+            (&*self.policy, &*self.world, self.coverage, &mut self.rng.clone());
+        let mut score =
+            |actor: &Actor| Score::new(tasks, &run_tasks(world, &tasks.tasks, actor, rng).taken);
         let planned_score = planned.as_ref().map(&mut score);
         let greedy_score = score(&greedy);
         let mut truth = world.ground_truth();
         Evaluation {
-            distance_error: truth.as_mut().and_then(|truth| distance_error(&truth.pairs(rng), policy, graph.as_ref())),
+            distance_error: truth
+                .as_mut()
+                .and_then(|truth| distance_error(&truth.pairs(rng), policy, graph.as_ref())),
             bridges: graph.as_ref().map(|graph| bridge_facts(graph, truth.as_deref_mut())),
             coverage,
             marked: marked_task(world, truth.as_deref_mut(), (&greedy, planned.as_ref()), rng),
@@ -185,10 +198,12 @@ impl EvaluationJob {
         if !world.straight_action(world.fork(1).states(), goal, &mut action) {
             return None;
         }
-        // The second half of the evaluation's stream, so that other results do not depend on this one.
+        // The second half of the evaluation's stream, so that other results do not depend on this
+        // one.
         let mut rng = self.rng.clone();
         rng.set_word_pos(rng.get_word_pos() + (1 << 33));
-        let actor = Actor { policy: &policy, graph: None, hold_steps: None, max_steps: self.max_steps };
+        let actor =
+            Actor { policy: &policy, graph: None, hold_steps: None, max_steps: self.max_steps };
         Some(Score::new(tasks, &run_tasks(world, &tasks.tasks, &actor, &mut rng).taken))
     }
 
@@ -201,7 +216,8 @@ impl EvaluationJob {
 
     /// Returns how agents act, with planning over `graph` if there is one.
     fn actor<'a>(&'a self, graph: Option<&'a BridgeGraph>) -> Actor<'a> {
-        let hold_steps = (self.acting == Acting::AtRandom).then_some(self.run.settings.train.random_hold_steps);
+        let hold_steps =
+            (self.acting == Acting::AtRandom).then_some(self.run.settings.train.random_hold_steps);
         Actor { policy: &*self.policy, graph, hold_steps, max_steps: self.max_steps }
     }
 }
@@ -213,7 +229,9 @@ impl Policy for Straight<'_> {
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
         let spec = self.0.spec();
         let pairs = states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));
-        out.iter_mut().zip(pairs).for_each(|(d, (state, goal))| *d = spec.goal_distance(state, goal));
+        out.iter_mut()
+            .zip(pairs)
+            .for_each(|(d, (state, goal))| *d = spec.goal_distance(state, goal));
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
@@ -276,7 +294,12 @@ struct TaskRuns {
 }
 
 /// Runs all tasks in lockstep, one agent per task.
-fn run_tasks(world: &dyn Environment, tasks: &[Task], actor: &Actor, rng: &mut ChaCha8Rng) -> TaskRuns {
+fn run_tasks(
+    world: &dyn Environment,
+    tasks: &[Task],
+    actor: &Actor,
+    rng: &mut ChaCha8Rng,
+) -> TaskRuns {
     run_tasks_watched(world, tasks, actor, rng, &mut |_| {})
 }
 
@@ -295,9 +318,10 @@ fn run_tasks_watched(
         env.set_full_state(i, &task.start);
     }
     let mut walkers: Vec<Walker> = match actor.graph {
-        Some(graph) => {
-            tasks.iter().map(|task| Walker::new(graph.route(&task.goal, actor.policy, &mut scratch))).collect()
-        }
+        Some(graph) => tasks
+            .iter()
+            .map(|task| Walker::new(graph.route(&task.goal, actor.policy, &mut scratch)))
+            .collect(),
         None => Vec::new(),
     };
     let mut taken: Vec<Option<u32>> = vec![None; tasks.len()];
@@ -322,7 +346,9 @@ fn run_tasks_watched(
             let state = &env.states()[s * i..s * (i + 1)];
             states.extend(state);
             match actor.graph {
-                Some(graph) => aims.extend(walkers[i].step(state, graph, actor.policy, &mut scratch)),
+                Some(graph) => {
+                    aims.extend(walkers[i].step(state, graph, actor.policy, &mut scratch));
+                }
                 None => aims.extend(&tasks[i].goal),
             }
         }
@@ -331,7 +357,8 @@ fn run_tasks_watched(
             None => {
                 actor.policy.actions(&states, &aims, &mut chosen, &mut scratch);
                 if let Some(graph) = actor.graph {
-                    let ahead: Vec<bool> = active.iter().map(|i| walkers[*i].looks_ahead(graph)).collect();
+                    let ahead: Vec<bool> =
+                        active.iter().map(|i| walkers[*i].looks_ahead(graph)).collect();
                     look_ahead(actor.policy, &ahead, (&states, &aims), &mut chosen, &mut scratch);
                 }
             }
@@ -354,7 +381,11 @@ fn run_tasks_watched(
 }
 
 /// Compares D, and D along `graph`, with ground truth; returns `None` if there are no pairs.
-fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&BridgeGraph>) -> Option<DistanceError> {
+fn distance_error(
+    groups: &[TruePairs],
+    policy: &dyn Policy,
+    graph: Option<&BridgeGraph>,
+) -> Option<DistanceError> {
     if groups.iter().all(|group| group.steps.is_empty()) {
         return None;
     }
@@ -362,29 +393,46 @@ fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&Brid
     for TruePairs { goal, states, .. } in groups {
         if let Some(graph) = graph {
             let route = graph.route(goal, policy, &mut scratch);
-            composed.extend(graph.composed_distances(states, &route, LINK_CANDIDATES, policy, &mut scratch));
+            composed.extend(graph.composed_distances(
+                states,
+                &route,
+                LINK_CANDIDATES,
+                policy,
+                &mut scratch,
+            ));
         }
     }
-    let truth: Vec<f64> = groups.iter().flat_map(|group| &group.steps).map(|steps| f64::from(*steps)).collect();
+    let truth: Vec<f64> =
+        groups.iter().flat_map(|group| &group.steps).map(|steps| f64::from(*steps)).collect();
     let states: Vec<f32> = groups.iter().flat_map(|group| &group.states).copied().collect();
-    let goals: Vec<f32> = groups.iter().flat_map(|group| group.goal.repeat(group.steps.len())).collect();
+    let goals: Vec<f32> =
+        groups.iter().flat_map(|group| group.goal.repeat(group.steps.len())).collect();
     let mut learned = vec![0.0; truth.len()];
     policy.distances(&states, &goals, &mut learned, &mut scratch);
     let near: Vec<bool> = groups.iter().flat_map(|group| &group.near).copied().collect();
     let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
-    // Relative errors of `distances`: over pairs drawn at random, and over pairs within `NEAR_STEPS`.
+    // Relative errors of `distances`: over pairs drawn at random, and over pairs within
+    // `NEAR_STEPS`.
     let errors = |distances: &[f32]| {
-        let pairs = distances.iter().zip(&truth).zip(&near).map(|((d, t), near)| ((f64::from(*d) - t) / t, *t, *near));
+        let pairs = distances
+            .iter()
+            .zip(&truth)
+            .zip(&near)
+            .map(|((d, t), near)| ((f64::from(*d) - t) / t, *t, *near));
         let pairs: Vec<_> = pairs.collect();
-        let all = |of: fn(f64) -> f64| mean(pairs.iter().filter(|p| !p.2).map(|p| of(p.0)).collect());
+        let all =
+            |of: fn(f64) -> f64| mean(pairs.iter().filter(|p| !p.2).map(|p| of(p.0)).collect());
         ComposedError {
             mape: all(f64::abs),
-            near_mape: mean(pairs.iter().filter(|p| p.1 <= f64::from(NEAR_STEPS)).map(|p| p.0.abs()).collect()),
+            near_mape: mean(
+                pairs.iter().filter(|p| p.1 <= f64::from(NEAR_STEPS)).map(|p| p.0.abs()).collect(),
+            ),
             bias: all(|e| e),
         }
     };
     let kept: Vec<usize> = (0..near.len()).filter(|i| !near[*i]).collect();
-    let (drawn, true_steps): (Vec<f64>, Vec<f64>) = kept.iter().map(|i| (f64::from(learned[*i]), truth[*i])).unzip();
+    let (drawn, true_steps): (Vec<f64>, Vec<f64>) =
+        kept.iter().map(|i| (f64::from(learned[*i]), truth[*i])).unzip();
     let ComposedError { mape, near_mape, bias } = errors(&learned);
     let graph = graph.map(|_| errors(&composed));
     Some(DistanceError { mape, near_mape, bias, spearman: spearman(&drawn, &true_steps), graph })
@@ -402,7 +450,10 @@ fn bridge_facts(graph: &BridgeGraph, truth: Option<&mut (dyn GroundTruth + '_)>)
             let goals: Vec<f32> = edges.iter().flat_map(|e| graph.point(e.to)).copied().collect();
             let longest = edges.iter().map(|e| max_true_distance(e.length)).fold(0.0, f32::max);
             // No agent can stand where an edit has put a wall.
-            let Some(steps) = truth.steps(graph.point(edges[0].from), &goals, longest as u32) else { return 0 };
+            let Some(steps) = truth.steps(graph.point(edges[0].from), &goals, longest as u32)
+            else {
+                return 0;
+            };
             let is_false = |(steps, edge): (Option<u32>, &Edge)| {
                 steps.is_none_or(|steps| steps as f32 > max_true_distance(edge.length))
             };

@@ -1,5 +1,5 @@
-//! The film of a run: D and the agents at some of the updates so far, for looking back. Checkpoints contain it; training
-//! does not depend on it.
+//! The film of a run: D and the agents at some of the updates so far, for looking back. Checkpoints
+//! contain it; training does not depend on it.
 
 use std::sync::Arc;
 
@@ -66,8 +66,9 @@ impl FilmFrame {
     }
 }
 
-/// The frames of a run. They are evenly spaced while they are few. When there are too many, every other one is dropped, the
-/// oldest first; once all are twice as far apart, new ones are taken half as often.
+/// The frames of a run. They are evenly spaced while they are few. When there are too many, every
+/// other one is dropped, the oldest first; once all are twice as far apart, new ones are taken half
+/// as often.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
     /// Updates between two new frames.
@@ -92,8 +93,8 @@ impl Film {
         world.film_points(self.frames.last().map(|frame| &*frame.goal))
     }
 
-    /// Returns the film if it is of `world`, as far as can be told, and otherwise an empty one: another version of this
-    /// program may film other places.
+    /// Returns the film if it is of `world`, as far as can be told, and otherwise an empty one:
+    /// another version of this program may film other places.
     #[must_use]
     pub fn fitting(self, world: &dyn Environment) -> Self {
         let Some(last) = self.frames.last() else { return self };
@@ -101,14 +102,22 @@ impl Film {
         if fits { self } else { Self::default() }
     }
 
-    /// Whether a frame is to be taken after this update: the first one, which shows what has not been learned yet, and
-    /// then at multiples, so that it does not depend on when training was paused or resumed.
+    /// Whether a frame is to be taken after this update: the first one, which shows what has not
+    /// been learned yet, and then at multiples, so that it does not depend on when training was
+    /// paused or resumed.
     pub fn is_due(&self, updates: u64) -> bool {
         updates == 1 || updates.is_multiple_of(self.every)
     }
 
-    /// Adds a frame after a number of updates and environment steps: `distances` at `points`, and the agents of `world`.
-    pub fn add(&mut self, at: (u64, u64), world: &dyn Environment, points: &FilmPoints, distances: &[f32]) {
+    /// Adds a frame after a number of updates and environment steps: `distances` at `points`, and
+    /// the agents of `world`.
+    pub fn add(
+        &mut self,
+        at: (u64, u64),
+        world: &dyn Environment,
+        points: &FilmPoints,
+        distances: &[f32],
+    ) {
         let spec = world.spec();
         let states = world.states().chunks_exact(spec.state_dim()).take(MAX_FILM_AGENTS);
         let agents = states.flat_map(|state| spec.achieved(state)).collect();
@@ -118,13 +127,16 @@ impl Film {
     fn push(&mut self, frame: FilmFrame) {
         let frames = Arc::make_mut(&mut self.frames);
         // After a change to a world that is filmed elsewhere, the former frames could not be shown.
-        if frames.last().is_some_and(|last| last.places() != frame.places() || last.goal.len() != frame.goal.len()) {
+        if frames.last().is_some_and(|last| {
+            last.places() != frame.places() || last.goal.len() != frame.goal.len()
+        }) {
             frames.clear();
         }
         frames.push(Arc::new(frame));
         while frames.len() > MAX_FRAMES {
             // The first frame stays.
-            match frames[1..].iter().position(|frame| !frame.updates.is_multiple_of(2 * self.every)) {
+            match frames[1..].iter().position(|frame| !frame.updates.is_multiple_of(2 * self.every))
+            {
                 Some(oldest) => drop(frames.remove(oldest + 1)),
                 None => self.every *= 2,
             }
@@ -146,8 +158,14 @@ impl Film {
         });
         let places = self.frames.first().map_or(0, |frame| frame.places());
         store.put_json(FILM, &StoredFilm { every: self.every, places, frames: parts.collect() })?;
-        store.put(VALUES, frames().flat_map(|frame| frame.values.iter().copied()).collect::<Vec<u16>>());
-        store.put(AGENTS, frames().flat_map(|frame| frame.agents.iter().copied()).collect::<Vec<f32>>());
+        store.put(
+            VALUES,
+            frames().flat_map(|frame| frame.values.iter().copied()).collect::<Vec<u16>>(),
+        );
+        store.put(
+            AGENTS,
+            frames().flat_map(|frame| frame.agents.iter().copied()).collect::<Vec<f32>>(),
+        );
         Ok(())
     }
 
@@ -168,7 +186,9 @@ impl Film {
             let sound = (0.0..f32::INFINITY).contains(&scale)
                 && goal.len() == spec.goal_dim()
                 && count <= MAX_FILM_AGENTS
-                && std::iter::once(&*goal).chain(own_agents.chunks_exact(goal.len())).all(|at| is_near(spec, at));
+                && std::iter::once(&*goal)
+                    .chain(own_agents.chunks_exact(goal.len()))
+                    .all(|at| is_near(spec, at));
             if !sound {
                 return Err(out_of_range());
             }
@@ -187,12 +207,19 @@ impl Film {
 }
 
 /// Returns the frame of `distances` at `points`.
-fn frame((updates, env_steps): (u64, u64), points: &FilmPoints, distances: &[f32], agents: Vec<f32>) -> FilmFrame {
+fn frame(
+    (updates, env_steps): (u64, u64),
+    points: &FilmPoints,
+    distances: &[f32],
+    agents: Vec<f32>,
+) -> FilmFrame {
     let known = |distance: &f32| distance.is_finite() && *distance >= 0.0;
     let farthest = distances.iter().copied().filter(known).fold(0.0, f32::max);
     let scale = farthest / f32::from(UNKNOWN - 1);
     let mut values = vec![UNKNOWN; points.places];
-    for (place, distance) in points.place_of.iter().zip(distances).filter(|(_, distance)| known(distance)) {
+    for (place, distance) in
+        points.place_of.iter().zip(distances).filter(|(_, distance)| known(distance))
+    {
         // All are 0 if the farthest is.
         let value = if scale > 0.0 { (distance / scale).round() } else { 0.0 };
         values[*place as usize] = (value as u16).min(UNKNOWN - 1);
@@ -203,7 +230,9 @@ fn frame((updates, env_steps): (u64, u64), points: &FilmPoints, distances: &[f32
 /// Returns whether a position read from a file is about where states are, so that it can be drawn.
 fn is_near(spec: &Spec, at: &[f32]) -> bool {
     let off = |(number, i): (&f32, &usize)| (number - spec.state_centre[*i]).abs();
-    at.iter().zip(&spec.achieved).all(|pair| off(pair) <= MAX_RANGES * spec.state_half_range[*pair.1].max(1.0))
+    at.iter()
+        .zip(&spec.achieved)
+        .all(|pair| off(pair) <= MAX_RANGES * spec.state_half_range[*pair.1].max(1.0))
 }
 
 /// Takes the first `count` numbers.
@@ -250,7 +279,8 @@ mod tests {
     /// Returns the film after `last` updates.
     fn film_after(last: u64) -> Film {
         let mut film = Film::default();
-        for updates in (1..=last).filter(|updates| *updates == 1 || updates.is_multiple_of(SPACING)) {
+        for updates in (1..=last).filter(|updates| *updates == 1 || updates.is_multiple_of(SPACING))
+        {
             if film.is_due(updates) {
                 let distances = [0.0, 1.0, updates as f32];
                 film.push(frame((updates, 7 * updates), &points(), &distances, vec![0.5, 1.5]));
@@ -279,12 +309,25 @@ mod tests {
         for last in [100, 1_000, 12_345, 100_000] {
             let film = film_after(last * SPACING);
             let updates = updates(&film);
-            assert!((MAX_FRAMES - 1..=MAX_FRAMES).contains(&updates.len()), "{last}: {}", updates.len());
+            assert!(
+                (MAX_FRAMES - 1..=MAX_FRAMES).contains(&updates.len()),
+                "{last}: {}",
+                updates.len()
+            );
             assert_eq!(updates[0], 1, "the beginning stays");
             let gaps: Vec<u64> = updates[1..].windows(2).map(|pair| pair[1] - pair[0]).collect();
-            assert!(gaps.is_sorted_by(|a, b| a >= b), "{last}: denser towards the present: {gaps:?}");
-            assert!(gaps[0] <= 2 * gaps[gaps.len() - 1], "{last}: but not by more than twice: {gaps:?}");
-            assert!(last * SPACING - updates[updates.len() - 1] < 2 * film.every, "{last}: up to the present");
+            assert!(
+                gaps.is_sorted_by(|a, b| a >= b),
+                "{last}: denser towards the present: {gaps:?}"
+            );
+            assert!(
+                gaps[0] <= 2 * gaps[gaps.len() - 1],
+                "{last}: but not by more than twice: {gaps:?}"
+            );
+            assert!(
+                last * SPACING - updates[updates.len() - 1] < 2 * film.every,
+                "{last}: up to the present"
+            );
         }
     }
 
@@ -359,7 +402,10 @@ mod tests {
             store.put(AGENTS, vec![at; 12]);
             store
         };
-        assert!(Film::read(&with_agents(1.0), &spec()).is_ok() && Film::read(&with_agents(1e30), &spec()).is_err());
+        assert!(
+            Film::read(&with_agents(1.0), &spec()).is_ok()
+                && Film::read(&with_agents(1e30), &spec()).is_err()
+        );
         let infinite = with_agents(f32::NAN);
         let mut missing = Store::default();
         missing.put_text(FILM, text.as_str());

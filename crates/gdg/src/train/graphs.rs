@@ -1,8 +1,9 @@
-//! The bridge graph for exploration and distillation: built on its own thread, swapped in at a fixed update.
+//! The bridge graph for exploration and distillation: built on its own thread, swapped in at a
+//! fixed update.
 //!
-//! Building is too slow to block the learner. A build starts at one update, from copies of the networks and candidates
-//! at that time, and takes effect at a fixed later update, no matter when it finishes in between: the same seed gives
-//! the same run.
+//! Building is too slow to block the learner. A build starts at one update, from copies of the
+//! networks and candidates at that time, and takes effect at a fixed later update, no matter when
+//! it finishes in between: the same seed gives the same run.
 
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -17,7 +18,8 @@ use crate::store::{Store, StoreError};
 /// Number of pairs of candidates per build whose graph distances are distilled, ...
 pub(crate) const DISTILLED_PAIRS: usize = 300_000;
 
-/// ... by following about this many edges: graphs of open maps have hundreds for each candidate, ...
+/// ... by following about this many edges: graphs of open maps have hundreds for each candidate,
+/// ...
 pub(crate) const DISTILLED_EDGES: usize = 8_000_000;
 
 /// ... to at most as many goals as this, ...
@@ -29,7 +31,8 @@ pub(crate) const MIN_DISTILLED_GOALS: usize = 32;
 /// A build takes effect after the interval between builds divided by this.
 pub(crate) const ACTIVATION_DIVISOR: u64 = 4;
 
-/// The same after an edit: plans and what has to be relearned depend on the graph, so training waits for it.
+/// The same after an edit: plans and what has to be relearned depend on the graph, so training
+/// waits for it.
 pub(crate) const EDIT_ACTIVATION_DIVISOR: u64 = 20;
 
 /// Inputs of a build.
@@ -126,9 +129,16 @@ impl GraphJob {
     fn run(&self, at: u64) -> BuiltGraph {
         crate::faults::point("graph");
         let (mut scratch, mut rng) = (Scratch::default(), self.rng.clone());
-        let graph = BridgeGraph::build(&self.spec, &self.settings, &self.candidates, &*self.policy, &mut scratch);
+        let graph = BridgeGraph::build(
+            &self.spec,
+            &self.settings,
+            &self.candidates,
+            &*self.policy,
+            &mut scratch,
+        );
         let built = BuiltGraph::new(at, graph, &mut rng);
-        let changed = || Arc::new(built.graph.changed_distances(&*self.policy, &mut rng, &mut scratch));
+        let changed =
+            || Arc::new(built.graph.changed_distances(&*self.policy, &mut rng, &mut scratch));
         BuiltGraph { changed: self.finds_changed.then(changed), ..built }
     }
 }
@@ -139,11 +149,22 @@ impl BuiltGraph {
         let goals = goals.min(DISTILLED_EDGES / graph.edges().len().max(1));
         let distilled = graph.distil(goals.clamp(MIN_DISTILLED_GOALS, MAX_DISTILLED_GOALS), rng);
         let longest_steps = distilled.longest_steps();
-        Self { at, graph: Arc::new(graph), longest_steps, distilled: Arc::new(distilled), changed: None }
+        Self {
+            at,
+            graph: Arc::new(graph),
+            longest_steps,
+            distilled: Arc::new(distilled),
+            changed: None,
+        }
     }
 
     fn stored(&self, due: u64) -> StoredGraph {
-        StoredGraph { at: self.at, due, state: self.graph.state(), changed: self.changed.as_deref().cloned() }
+        StoredGraph {
+            at: self.at,
+            due,
+            state: self.graph.state(),
+            changed: self.changed.as_deref().cloned(),
+        }
     }
 
     /// # Errors
@@ -162,9 +183,14 @@ impl BuiltGraph {
                 || lower.iter().any(|steps| !steps.is_finite())
                 || upper.iter().any(|steps| !steps.is_finite() || *steps < 0.0))
         {
-            return Err(StoreError::inconsistent("the stored changes of distances do not fit their bridge graph"));
+            return Err(StoreError::inconsistent(
+                "the stored changes of distances do not fit their bridge graph",
+            ));
         }
-        Ok(Self { changed: stored.changed.clone().map(Arc::new), ..Self::new(stored.at, graph, &mut rng) })
+        Ok(Self {
+            changed: stored.changed.clone().map(Arc::new),
+            ..Self::new(stored.at, graph, &mut rng)
+        })
     }
 }
 
@@ -181,7 +207,9 @@ impl Graphs {
     pub fn start_build(&mut self, at: u64, delay: u64, job: GraphJob) -> std::io::Result<()> {
         let job = Arc::new(job);
         let own = job.clone();
-        let result = std::thread::Builder::new().name("bridge graph".to_owned()).spawn(move || own.run(at))?;
+        let result = std::thread::Builder::new()
+            .name("bridge graph".to_owned())
+            .spawn(move || own.run(at))?;
         self.next = Some((at + delay.max(1), PendingGraph::Building { at, job, result }));
         Ok(())
     }
@@ -213,8 +241,8 @@ impl Graphs {
         [self.current.as_ref().map(|built| built.stored(built.at)), next]
     }
 
-    /// Restores the graphs that [`Self::state`] returned; `rng` gives the RNG for the distilled distances of a build at
-    /// an update.
+    /// Restores the graphs that [`Self::state`] returned; `rng` gives the RNG for the distilled
+    /// distances of a build at an update.
     ///
     /// # Errors
     /// The graphs were not saved from a matching run.
@@ -225,7 +253,8 @@ impl Graphs {
         state: &[Option<StoredGraph>; 2],
         rng: impl Fn(u64) -> ChaCha8Rng,
     ) -> Result<(), StoreError> {
-        let built = |stored: &StoredGraph| BuiltGraph::restore((spec, settings), stored, rng(stored.at));
+        let built =
+            |stored: &StoredGraph| BuiltGraph::restore((spec, settings), stored, rng(stored.at));
         let [current, next] = state;
         self.current = current.as_ref().map(built).transpose()?;
         self.next = match next {

@@ -1,5 +1,5 @@
-//! A run's history: curves of losses and coverage, evaluations and event log. Checkpoints contain it; training does not
-//! depend on it.
+//! A run's history: curves of losses and coverage, evaluations and event log. Checkpoints contain
+//! it; training does not depend on it.
 
 mod methods;
 
@@ -89,8 +89,14 @@ impl Default for History {
 }
 
 impl History {
-    /// Adds losses and coverage at an update; every `every`-th update becomes a point of the curves.
-    pub fn add_point(&mut self, updates: u64, losses: [f64; 3], coverage: impl FnOnce() -> Option<f64>) {
+    /// Adds losses and coverage at an update; every `every`-th update becomes a point of the
+    /// curves.
+    pub fn add_point(
+        &mut self,
+        updates: u64,
+        losses: [f64; 3],
+        coverage: impl FnOnce() -> Option<f64>,
+    ) {
         if !updates.is_multiple_of(self.every) {
             return;
         }
@@ -145,11 +151,17 @@ impl History {
     /// A value is out of range.
     pub fn check(&self, spec: &Spec) -> Result<(), StoreError> {
         let Notes { log, goal } = &self.notes;
-        let short = |entry: &LogEntry| entry.seconds.is_finite() && entry.text.chars().count() <= MAX_CHARACTERS;
+        let short = |entry: &LogEntry| {
+            entry.seconds.is_finite() && entry.text.chars().count() <= MAX_CHARACTERS
+        };
         let sound = self.every > 0
             && self.points.len() <= MAX_POINTS
             && self.points.iter().all(|point| point.losses.iter().all(|loss| loss.is_finite()))
-            && self.points.iter().filter_map(|point| point.coverage).all(|share| (0.0..=1.0).contains(&share))
+            && self
+                .points
+                .iter()
+                .filter_map(|point| point.coverage)
+                .all(|share| (0.0..=1.0).contains(&share))
             && self.points.is_sorted_by_key(|point| point.updates)
             && self.evaluations.len() <= MAX_EVALUATIONS
             && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_finite())
@@ -179,11 +191,16 @@ mod shared {
 
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    pub fn serialize<T: Serialize, S: Serializer>(list: &Arc<Vec<T>>, to: S) -> Result<S::Ok, S::Error> {
+    pub fn serialize<T: Serialize, S: Serializer>(
+        list: &Arc<Vec<T>>,
+        to: S,
+    ) -> Result<S::Ok, S::Error> {
         list.as_slice().serialize(to)
     }
 
-    pub fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Arc<Vec<T>>, D::Error> {
+    pub fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+        from: D,
+    ) -> Result<Arc<Vec<T>>, D::Error> {
         Vec::deserialize(from).map(Arc::new)
     }
 }
@@ -214,8 +231,12 @@ mod tests {
         let mut history = History::default();
         history.add_point(POINT_EVERY_UPDATES, [1.0; 3], || Some(0.25));
         history.add_point(POINT_EVERY_UPDATES + 1, [1.0; 3], || unreachable!("not a point"));
-        assert_eq!(history.points().iter().map(|point| point.coverage).collect::<Vec<_>>(), [Some(0.25)]);
-        let old: CurvePoint = serde_json::from_str(r#"{"updates":50,"losses":[1.0,2.0,3.0]}"#).expect("an old point");
+        assert_eq!(
+            history.points().iter().map(|point| point.coverage).collect::<Vec<_>>(),
+            [Some(0.25)]
+        );
+        let old: CurvePoint =
+            serde_json::from_str(r#"{"updates":50,"losses":[1.0,2.0,3.0]}"#).expect("an old point");
         assert_eq!(old, CurvePoint { updates: 50, losses: [1.0, 2.0, 3.0], coverage: None });
         history.add_point(2 * POINT_EVERY_UPDATES, [1.0; 3], || Some(1.5));
         assert!(history.check(&spec()).is_err(), "more than everything");
@@ -226,7 +247,8 @@ mod tests {
         let mut history = History::default();
         let without = serde_json::to_string(&history).expect("JSON");
         assert!(!without.contains("goal"), "{without}");
-        history.notes = Notes { log: vec![LogEntry::new(1.5, 2, "an event")], goal: vec![0.1, 2.5] };
+        history.notes =
+            Notes { log: vec![LogEntry::new(1.5, 2, "an event")], goal: vec![0.1, 2.5] };
         let text = serde_json::to_string(&history).expect("JSON");
         let read: History = serde_json::from_str(&text).expect("a history");
         assert_eq!(read, history);

@@ -1,4 +1,5 @@
-//! Checks that a run fits into memory before it starts: a process that runs out of memory is killed without a message.
+//! Checks that a run fits into memory before it starts: a process that runs out of memory is killed
+//! without a message.
 
 #[cfg(target_os = "linux")]
 mod linux;
@@ -11,26 +12,28 @@ use super::registry::Registry;
 use super::run::Run;
 use crate::env::Environment;
 
-/// Copies of the network parameters in a run: value, average and two moments; the last good copy of these four; packed
-/// weights; gradients of the batch shards; frozen copies for graphs, evaluations and the screen. Saving adds four more
-/// copies of the first four: as numbers, as bytes, as a file, and read back. (Measured with 1024 hidden units: 30.)
+/// Copies of the network parameters in a run: value, average and two moments; the last good copy of
+/// these four; packed weights; gradients of the batch shards; frozen copies for graphs, evaluations
+/// and the screen. Saving adds four more copies of the first four: as numbers, as bytes, as a file,
+/// and read back. (Measured with 1024 hidden units: 30.)
 const PARAMETER_COPIES: u64 = 36;
 
-/// Memory per bridge candidate of the target number: observed paths, edges and distilled distances, including all copies.
-/// Where there are more candidates, each has fewer paths.
+/// Memory per bridge candidate of the target number: observed paths, edges and distilled distances,
+/// including all copies. Where there are more candidates, each has fewer paths.
 const BYTES_PER_CANDIDATE: u64 = 60_000;
 
 /// The program itself, its threads and buffers, and the places of excursions.
 const BASE_BYTES: u64 = 90 << 20;
 
-/// Address space that threads and allocators reserve but do not use; counts only where address space is limited.
+/// Address space that threads and allocators reserve but do not use; counts only where address
+/// space is limited.
 const RESERVED_BYTES: u64 = 600 << 20;
 
 /// Fraction of the free memory that a run may use.
 const MAX_MEMORY_SHARE: f64 = 0.9;
 
-/// Estimates the bytes that a run in `world` needs, including saving; `parameters` is the learner's number of trainable
-/// parameters.
+/// Estimates the bytes that a run in `world` needs, including saving; `parameters` is the learner's
+/// number of trainable parameters.
 pub fn required_bytes(run: &Run, world: &dyn Environment, parameters: u64) -> u64 {
     let (learn, bridge) = (&run.settings.learn, &run.settings.bridge);
     let f32s = |count: u64| 4 * count;
@@ -42,11 +45,16 @@ pub fn required_bytes(run: &Run, world: &dyn Environment, parameters: u64) -> u6
     // One live copy, and two more while saving.
     let replay = 3 * slot * (learn.buffer_size as u64 + run.settings.train.agents as u64);
     let candidates = bridge.candidates as u64 * BYTES_PER_CANDIDATE;
-    BASE_BYTES + f32s(parameters * PARAMETER_COPIES) + f32s(batch) + replay + candidates + world.memory_bytes()
+    BASE_BYTES
+        + f32s(parameters * PARAMETER_COPIES)
+        + f32s(batch)
+        + replay
+        + candidates
+        + world.memory_bytes()
 }
 
-/// Estimates the bytes this process can still allocate: the minimum of what machine, container, job and process limits
-/// leave. What is unknown limits nothing.
+/// Estimates the bytes this process can still allocate: the minimum of what machine, container, job
+/// and process limits leave. What is unknown limits nothing.
 pub fn available_bytes() -> u64 {
     let left = |limit: u64| limit.saturating_sub(address_space() + RESERVED_BYTES);
     system_memory().min(address_space_limit().map_or(u64::MAX, left))
@@ -92,14 +100,16 @@ fn address_space() -> u64 {
 /// # Errors
 /// The run needs more memory than is available, or its learner is not registered.
 pub fn check(run: &Run, world: &dyn Environment, registry: &Registry) -> Result<(), TrainError> {
-    let parameters = (registry.learner(&run.method.learner)?.parameters)(world.spec(), &run.settings.learn);
+    let parameters =
+        (registry.learner(&run.method.learner)?.parameters)(world.spec(), &run.settings.learn);
     let (needed, available) = (required_bytes(run, world, parameters), available_bytes());
     if needed as f64 <= MAX_MEMORY_SHARE * available as f64 {
         return Ok(());
     }
     Err(match address_space_limit().filter(|_| available < system_memory()) {
         Some(limit) => {
-            let space = (needed as f64 / MAX_MEMORY_SHARE) as u64 + RESERVED_BYTES + address_space();
+            let space =
+                (needed as f64 / MAX_MEMORY_SHARE) as u64 + RESERVED_BYTES + address_space();
             TrainError::AddressSpace { needed, space, limit }
         }
         None => TrainError::Memory { needed, available },
@@ -124,7 +134,10 @@ mod tests {
         };
         let bytes = |change: fn(&mut Settings)| {
             let run = run(change);
-            let parameters = (registry.learner("gdg").expect("built in").parameters)(world.spec(), &run.settings.learn);
+            let parameters = (registry.learner("gdg").expect("built in").parameters)(
+                world.spec(),
+                &run.settings.learn,
+            );
             required_bytes(&run, &world, parameters)
         };
         let default = bytes(|_| {});

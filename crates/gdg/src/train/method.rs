@@ -133,14 +133,16 @@ impl Method {
 impl FromStr for Method {
     type Err = UnknownMethod;
 
-    /// Parses the name of a combination or `LEARNER+PLANNER`. Whether the learner exists is up to the registry.
+    /// Parses the name of a combination or `LEARNER+PLANNER`. Whether the learner exists is up to
+    /// the registry.
     fn from_str(text: &str) -> Result<Self, UnknownMethod> {
         if let Some(named) = METHODS.iter().find(|named| named.name == text) {
             return Ok(named.into());
         }
         let unknown = || UnknownMethod(text.to_owned());
         let (learner, planner) = text.split_once('+').ok_or_else(unknown)?;
-        let planner = Planner::ALL.into_iter().find(|known| known.name() == planner).ok_or_else(unknown)?;
+        let planner =
+            Planner::ALL.into_iter().find(|known| known.name() == planner).ok_or_else(unknown)?;
         Ok(Self { learner: learner.to_owned(), planner })
     }
 }
@@ -183,7 +185,8 @@ impl Preset {
 
     /// Returns the preset that a run of `method` has unless another is given.
     pub fn of_method(method: &Method) -> Self {
-        let is_rewarded = LEARNERS.iter().any(|learner| learner.name == method.learner && learner.is_rewarded);
+        let is_rewarded =
+            LEARNERS.iter().any(|learner| learner.name == method.learner && learner.is_rewarded);
         if is_rewarded { Self::Tuned } else { Self::Default }
     }
 
@@ -212,8 +215,8 @@ impl Preset {
         }
     }
 
-    /// Whether a world's default settings ([`WorldKind::defaults`](crate::env::WorldKind)) apply to it: the presets that
-    /// somebody else has published stay as they are.
+    /// Whether a world's default settings ([`WorldKind::defaults`](crate::env::WorldKind)) apply to
+    /// it: the presets that somebody else has published stay as they are.
     pub fn adapts_to_world(self) -> bool {
         match self {
             Self::Default | Self::Tuned => true,

@@ -17,7 +17,9 @@ pub fn reference_page() -> String {
     }
     let (adapt, published): (Vec<Preset>, Vec<Preset>) =
         Preset::ALL.iter().partition(|preset| preset.adapts_to_world());
-    let list = |presets: &[Preset]| presets.iter().map(|p| format!("`{}`", p.name())).collect::<Vec<_>>().join(" and ");
+    let list = |presets: &[Preset]| {
+        presets.iter().map(|p| format!("`{}`", p.name())).collect::<Vec<_>>().join(" and ")
+    };
     page += &format!(
         "\nThese presets are {}; {} stay as published. `--config` and `--set` come last.\n",
         list(&adapt),
@@ -31,14 +33,18 @@ pub fn reference_page() -> String {
             "\n## {}\n\n| setting | {names} | unit | values | description | effect of a change |\n|{columns}\n",
             group.name()
         );
-        for (i, setting) in SETTINGS.iter().enumerate().filter(|(_, setting)| setting.group == group) {
+        for (i, setting) in
+            SETTINGS.iter().enumerate().filter(|(_, setting)| setting.group == group)
+        {
             let Setting { name, about, unit, range, effect, former, .. } = setting;
             let former = former.map_or(String::new(), |former| format!(" (was `{former}`)"));
             let effect = effect.about();
             let values = presets.each_ref().map(|values| values[i].1.as_str()).join(" | ");
             // A bar would end the cell.
             let about = about.replace('|', "\\|");
-            page += &format!("| `{name}`{former} | {values} | {unit} | {range} | {about} | {effect} |\n");
+            page += &format!(
+                "| `{name}`{former} | {values} | {unit} | {range} | {about} | {effect} |\n"
+            );
         }
     }
     page
@@ -51,7 +57,8 @@ mod tests {
 
     #[test]
     fn every_setting_has_an_entry_and_every_entry_a_setting() {
-        let mut listed: Vec<String> = list_settings(&Settings::default()).into_iter().map(|(name, _)| name).collect();
+        let mut listed: Vec<String> =
+            list_settings(&Settings::default()).into_iter().map(|(name, _)| name).collect();
         let known: Vec<&str> = SETTINGS.iter().map(|setting| setting.name).collect();
         assert_eq!(listed, known, "settings are listed in the order of the table");
         listed.dedup();
@@ -66,7 +73,9 @@ mod tests {
     fn former_names_are_accepted() {
         for setting in SETTINGS.iter().filter(|setting| setting.former.is_some()) {
             let former = setting.former.unwrap_or_default();
-            let value = list_settings(&Preset::Default.settings()).into_iter().find(|(name, _)| name == setting.name);
+            let value = list_settings(&Preset::Default.settings())
+                .into_iter()
+                .find(|(name, _)| name == setting.name);
             let value = value.expect("listed").1;
             let settings = with_setting(&Settings::default(), former, &value).expect("the default");
             assert_eq!(settings, Settings::default(), "{former}");

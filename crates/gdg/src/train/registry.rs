@@ -50,8 +50,8 @@ impl Registry {
         self.worlds.iter().find(|kind| kind.name == name)
     }
 
-    /// Returns the world kind that `name` opens on the command line: one that needs no file, or else the maze on the map of
-    /// that name.
+    /// Returns the world kind that `name` opens on the command line: one that needs no file, or
+    /// else the maze on the map of that name.
     pub fn world_opened_by(&self, name: &str) -> Option<&WorldKind> {
         self.world(name).filter(|kind| kind.create.is_some()).or_else(|| self.world(MAPS))
     }
@@ -82,7 +82,9 @@ impl Registry {
         let name = store.text("world").unwrap_or(MAPS);
         match self.world(name) {
             Some(kind) => (kind.load)(store),
-            None => Err(StoreError::inconsistent(format!("uses the world {name:?}, which this program does not have"))),
+            None => Err(StoreError::inconsistent(format!(
+                "uses the world {name:?}, which this program does not have"
+            ))),
         }
     }
 }

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::settings::Settings;
 use crate::bridge::{
-    BridgeGraph, BridgeSettings, Candidates, Excursions, Hop, SearchOutcome, Walker, WalkerState, search,
+    BridgeGraph, BridgeSettings, Candidates, Excursions, Hop, SearchOutcome, Walker, WalkerState,
+    search,
 };
 use crate::env::{EnvSettings, Environment, Restart};
 use crate::learn::{Acting, MAX_MAGNITUDE, Policy, Replay, Scratch, look_ahead};
@@ -41,8 +42,8 @@ pub struct Agent {
 struct Plan {
     walker: Walker,
     goal: Vec<f32>,
-    /// Whether the agent has acted at random since setting out for the waypoint: being late then says nothing about the
-    /// edge.
+    /// Whether the agent has acted at random since setting out for the waypoint: being late then
+    /// says nothing about the edge.
     disturbed: bool,
 }
 
@@ -119,7 +120,8 @@ impl Rollout {
             env.restart(i, &mut rng);
             let mut goal = vec![0.0; goal_dim];
             env.sample_goal(i, &mut rng, &mut goal);
-            // Without a policy there is no telling how long the way is: the first step chooses another goal.
+            // Without a policy there is no telling how long the way is: the first step chooses
+            // another goal.
             Agent { goal, after_bridge: None, steps: 0, held: None, give_up_at: 0 }
         });
         let agents: Vec<_> = agents.collect();
@@ -182,8 +184,8 @@ impl Rollout {
         self.last_search.as_ref()
     }
 
-    /// Steps every agent once and stores the transitions in replay buffer and candidates. Returns `None` without
-    /// stepping if the actor's actions are not finite.
+    /// Steps every agent once and stores the transitions in replay buffer and candidates. Returns
+    /// `None` without stepping if the actor's actions are not finite.
     pub fn step(&mut self, context: &mut StepContext) -> Option<RoundResult> {
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         // In this order, a plan that begins as an excursion ends has a waypoint at once.
@@ -230,7 +232,9 @@ impl Rollout {
             agent.goal = goal;
             self.plans[i] = None;
             self.set_deadline(i, context);
-        } else if context.settings.train.new_goal_when_reached && (reached || agent.steps >= agent.give_up_at) {
+        } else if context.settings.train.new_goal_when_reached
+            && (reached || agent.steps >= agent.give_up_at)
+        {
             round.reached += u64::from(reached);
             self.choose_goal(i, context);
         }
@@ -255,8 +259,8 @@ impl Rollout {
         }
     }
 
-    /// Starts an episode with a new start and goal. With probability `bridge_epsilon`, a bridge point is the first goal
-    /// (Algorithm 1).
+    /// Starts an episode with a new start and goal. With probability `bridge_epsilon`, a bridge
+    /// point is the first goal (Algorithm 1).
     fn start_episode(&mut self, i: usize, context: &StepContext) {
         if !self.stays(i, context) {
             self.env.restart(i, &mut self.rng);
@@ -277,8 +281,8 @@ impl Rollout {
         }
     }
 
-    /// Gives agent `i` a random goal. With given probabilities, it first goes on an excursion beyond the frontier, or
-    /// follows a plan through the bridge graph.
+    /// Gives agent `i` a random goal. With given probabilities, it first goes on an excursion
+    /// beyond the frontier, or follows a plan through the bridge graph.
     fn choose_goal(&mut self, i: usize, context: &StepContext) {
         let agent = &mut self.agents[i];
         agent.after_bridge = None;
@@ -289,7 +293,10 @@ impl Rollout {
         }
         if context.bridges {
             let BridgeSettings { planned_episodes, .. } = context.settings.bridge;
-            if self.excursions.are_due(context.settings.bridge.frontier_share(self.excursions.has_frontier())) {
+            if self
+                .excursions
+                .are_due(context.settings.bridge.frontier_share(self.excursions.has_frontier()))
+            {
                 self.excursions.begin(i);
             } else if self.chance(planned_episodes) {
                 self.plan(i, context);
@@ -298,7 +305,8 @@ impl Rollout {
         self.set_deadline(i, context);
     }
 
-    /// Makes the goal of agent `i` the place where a straight walk of at most `longest` steps from its own place ends.
+    /// Makes the goal of agent `i` the place where a straight walk of at most `longest` steps from
+    /// its own place ends.
     fn choose_near_goal(&mut self, i: usize, longest: u32) {
         let aside = self.aside.get_or_insert_with(|| {
             let mut world = self.env.fork(1);
@@ -306,7 +314,8 @@ impl Rollout {
             world.configure(&EnvSettings::default());
             world
         });
-        let action: Vec<f32> = (0..self.env.spec().action_dim).map(|_| self.rng.random_range(-1.0..=1.0)).collect();
+        let action: Vec<f32> =
+            (0..self.env.spec().action_dim).map(|_| self.rng.random_range(-1.0..=1.0)).collect();
         aside.set_full_state(0, &self.env.full_state(i));
         for _ in 0..self.rng.random_range(1..=longest) {
             aside.step(&action, &mut self.rng);
@@ -318,7 +327,8 @@ impl Rollout {
         probability > 0.0 && self.rng.random::<f32>() < probability
     }
 
-    /// Sets the step at which agent `i` gives up on its goal: most goals in unexplored parts cannot be reached yet.
+    /// Sets the step at which agent `i` gives up on its goal: most goals in unexplored parts cannot
+    /// be reached yet.
     fn set_deadline(&mut self, i: usize, context: &StepContext) {
         let s = self.env.spec().state_dim();
         let agent = &mut self.agents[i];
@@ -353,8 +363,8 @@ impl Rollout {
         self.plans[i] = Some(Plan { walker, goal, disturbed: false });
     }
 
-    /// Moves all agents at their current states to another environment of the same kind, ending their episodes and
-    /// starting new ones.
+    /// Moves all agents at their current states to another environment of the same kind, ending
+    /// their episodes and starting new ones.
     pub fn enter_environment(&mut self, env: Box<dyn Environment>, replay: &mut Replay) {
         self.end_episodes(replay);
         let before = std::mem::replace(&mut self.env, env);
@@ -443,22 +453,26 @@ impl Rollout {
             policy.actions(self.env.states(), &self.goals, &mut self.actions, &mut self.scratch);
             if let Some(graph) = graph {
                 let walks_ahead = |(plan, agent): (&Option<Plan>, &Agent)| {
-                    agent.held.is_none() && plan.as_ref().is_some_and(|plan| plan.walker.looks_ahead(graph))
+                    agent.held.is_none()
+                        && plan.as_ref().is_some_and(|plan| plan.walker.looks_ahead(graph))
                 };
-                let ahead: Vec<bool> = self.plans.iter().zip(&self.agents).map(walks_ahead).collect();
+                let ahead: Vec<bool> =
+                    self.plans.iter().zip(&self.agents).map(walks_ahead).collect();
                 let pairs = (self.env.states(), &self.goals[..]);
                 look_ahead(policy, &ahead, pairs, &mut self.actions, &mut self.scratch);
             }
         }
-        // With a mean hold of h steps, a fraction r of all steps is random if each free step begins a hold with
-        // probability r / (r + (1 - r) h).
+        // With a mean hold of h steps, a fraction r of all steps is random if each free step begins
+        // a hold with probability r / (r + (1 - r) h).
         let (share, hold) = match acting {
             Acting::AtRandom => (1.0, settings.train.random_hold_steps),
             Acting::Policy => (settings.train.random_actions, settings.train.random_hold_steps),
         };
         let begin = if share > 0.0 { share / (share + (1.0 - share) * hold) } else { 0.0 };
         let rng = &mut self.rng;
-        for (i, (agent, action)) in self.agents.iter_mut().zip(self.actions.chunks_exact_mut(a)).enumerate() {
+        for (i, (agent, action)) in
+            self.agents.iter_mut().zip(self.actions.chunks_exact_mut(a)).enumerate()
+        {
             if self.excursions.act(i, action, rng) {
                 agent.held = None;
                 continue;
@@ -515,7 +529,11 @@ impl Rollout {
     ///
     /// # Errors
     /// The state does not match the number of agents or the environment.
-    pub fn restore(&mut self, state: RolloutState, graph: Option<&BridgeGraph>) -> Result<(), StoreError> {
+    pub fn restore(
+        &mut self,
+        state: RolloutState,
+        graph: Option<&BridgeGraph>,
+    ) -> Result<(), StoreError> {
         let (size, g) = (self.env.full_state(0).len(), self.env.spec().goal_dim());
         let a = self.env.spec().action_dim;
         let within = |numbers: &[f32]| numbers.iter().all(|v| v.abs() <= MAX_MAGNITUDE);
@@ -526,7 +544,8 @@ impl Rollout {
                 && agent.held.as_ref().is_none_or(|(action, steps)| sound(action, a) && *steps > 0)
         });
         let plans = state.plans.iter().flatten().all(|plan| sound(&plan.goal, g));
-        let states = state.states.len() == self.agents.len() * size && state.states.iter().all(|v| v.is_finite());
+        let states = state.states.len() == self.agents.len() * size
+            && state.states.iter().all(|v| v.is_finite());
         if state.agents.len() != self.agents.len() || !states || !agents || !plans {
             return Err(StoreError::inconsistent("the stored agents do not fit these settings"));
         }
@@ -538,7 +557,8 @@ impl Rollout {
         }
         let plans = state.plans.into_iter().map(|plan| {
             let Some(PlanState { walker, goal, disturbed }) = plan else { return Ok(None) };
-            let graph = graph.ok_or_else(|| StoreError::inconsistent("a stored plan has no bridge graph"))?;
+            let graph = graph
+                .ok_or_else(|| StoreError::inconsistent("a stored plan has no bridge graph"))?;
             Ok(Some(Plan { walker: Walker::from_state(graph, walker)?, goal, disturbed }))
         });
         self.plans = plans.collect::<Result<_, StoreError>>()?;

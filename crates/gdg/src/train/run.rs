@@ -23,8 +23,9 @@ pub struct Run {
 }
 
 impl Run {
-    /// Changes the method. If that has another preset than the method before, and the run was based on that one, the run
-    /// is based on the new one; settings that differed from the preset are kept.
+    /// Changes the method. If that has another preset than the method before, and the run was based
+    /// on that one, the run is based on the new one; settings that differed from the preset are
+    /// kept.
     pub fn set_method(&mut self, method: Method) {
         let (before, now) = (Preset::of_method(&self.method), Preset::of_method(&method));
         self.method = method;
@@ -32,7 +33,9 @@ impl Run {
             return;
         }
         let of_preset = list_settings(&before.settings());
-        let own = list_settings(&self.settings).into_iter().filter(|setting| !of_preset.contains(setting));
+        let own = list_settings(&self.settings)
+            .into_iter()
+            .filter(|setting| !of_preset.contains(setting));
         let settings = own.fold(now.settings(), |settings, (name, value)| {
             // A value may be out of range together with the other preset's.
             with_setting(&settings, &name, &value).unwrap_or(settings)
@@ -40,7 +43,8 @@ impl Run {
         (self.preset, self.settings) = (now, settings);
     }
 
-    /// Returns the settings that differ from the preset's, by name: those that the world brings and those that were given.
+    /// Returns the settings that differ from the preset's, by name: those that the world brings and
+    /// those that were given.
     pub fn changed_settings(&self) -> Map<String, Value> {
         changed_from(&self.settings, &self.preset.settings())
     }
@@ -54,8 +58,8 @@ impl Run {
 /// Progress of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Network updates. The learner `random` counts those that would have been due, as the time it takes (see
-    /// [`super::Methods`]).
+    /// Network updates. The learner `random` counts those that would have been due, as the time it
+    /// takes (see [`super::Methods`]).
     pub updates: u64,
     /// Environment steps, summed over all agents.
     pub env_steps: u64,
@@ -95,10 +99,21 @@ impl Counters {
     /// # Errors
     /// A number is out of range.
     pub(super) fn check(&self) -> Result<(), StoreError> {
-        let counts =
-            [self.updates, self.env_steps, self.episodes, self.goals_reached, self.owed_steps, self.deferred_steps];
-        let sound = counts.iter().all(|n| *n < Self::MAX_COUNT) && self.losses.iter().all(|loss| loss.is_finite());
-        if sound { Ok(()) } else { Err(StoreError::inconsistent("the stored counters are out of range")) }
+        let counts = [
+            self.updates,
+            self.env_steps,
+            self.episodes,
+            self.goals_reached,
+            self.owed_steps,
+            self.deferred_steps,
+        ];
+        let sound = counts.iter().all(|n| *n < Self::MAX_COUNT)
+            && self.losses.iter().all(|loss| loss.is_finite());
+        if sound {
+            Ok(())
+        } else {
+            Err(StoreError::inconsistent("the stored counters are out of range"))
+        }
     }
 }
 
@@ -153,7 +168,10 @@ mod tests {
         run.set_method(method("her+sorb"));
         let mut expected = Preset::Tuned.settings();
         expected.learn.hidden = 33;
-        assert_eq!((run.method.name(), run.preset, &run.settings), ("her+sorb".to_owned(), Preset::Tuned, &expected));
+        assert_eq!(
+            (run.method.name(), run.preset, &run.settings),
+            ("her+sorb".to_owned(), Preset::Tuned, &expected)
+        );
         run.set_method(method("gdg-bridge"));
         expected = Preset::Default.settings();
         expected.learn.hidden = 33;

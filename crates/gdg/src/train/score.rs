@@ -35,10 +35,11 @@ impl fmt::Display for Success {
 pub struct Score {
     /// Fraction of all tasks whose goal was reached in time; `None` if there are no tasks.
     pub success: Option<f64>,
-    /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018), if there are tasks and their
-    /// shortest paths are known.
+    /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018), if there are tasks
+    /// and their shortest paths are known.
     pub spl: Option<f64>,
-    /// Mean of steps / shortest over the successful tasks, if there are any and their shortest paths are known.
+    /// Mean of steps / shortest over the successful tasks, if there are any and their shortest
+    /// paths are known.
     pub steps_ratio: Option<f64>,
     /// Scores at each distance.
     pub by_distance: Vec<DistanceScore>,
@@ -49,7 +50,8 @@ pub struct Score {
 pub struct DistanceScore {
     /// Shortest-path length of these tasks in steps (for a range: the mean), if known.
     pub distance_steps: Option<f64>,
-    /// Length of the straight line from start to goal in centimetres (the mean), in worlds that measure that.
+    /// Length of the straight line from start to goal in centimetres (the mean), in worlds that
+    /// measure that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_cm: Option<f64>,
     /// Number of tasks.
@@ -105,7 +107,8 @@ impl Sums {
 }
 
 impl Score {
-    /// Scores the tasks of `set` by their `steps`, which are `None` if the goal was not reached in time.
+    /// Scores the tasks of `set` by their `steps`, which are `None` if the goal was not reached in
+    /// time.
     pub fn new(set: &TaskSet, steps: &[Option<u32>]) -> Self {
         let known = set.tasks.iter().all(|task| task.shortest.is_some());
         let (mut all, mut groups) = (Sums::default(), vec![Sums::default(); set.distances.len()]);
@@ -113,13 +116,14 @@ impl Score {
             all.add(task, *steps);
             groups[task.group].add(task, *steps);
         }
-        let by_distance = set.distances.iter().zip(&groups).map(|(distance, group)| DistanceScore {
-            distance_steps: distance.filter(|_| set.unit == DistanceUnit::Steps),
-            distance_cm: distance.filter(|_| set.unit == DistanceUnit::Centimetres),
-            tasks: group.tasks,
-            success: group.success(),
-            spl: group.spl().filter(|_| known),
-        });
+        let by_distance =
+            set.distances.iter().zip(&groups).map(|(distance, group)| DistanceScore {
+                distance_steps: distance.filter(|_| set.unit == DistanceUnit::Steps),
+                distance_cm: distance.filter(|_| set.unit == DistanceUnit::Centimetres),
+                tasks: group.tasks,
+                success: group.success(),
+                spl: group.spl().filter(|_| known),
+            });
         Self {
             success: all.success(),
             spl: all.spl().filter(|_| known),
@@ -148,7 +152,10 @@ fn ranks(values: &[f64]) -> Vec<f64> {
     let mut from = 0;
     while from < order.len() {
         // Uses the same order as above: NaN equals itself there, so every round takes at least one.
-        let tied = order[from..].iter().take_while(|i| values[**i].total_cmp(&values[order[from]]).is_eq()).count();
+        let tied = order[from..]
+            .iter()
+            .take_while(|i| values[**i].total_cmp(&values[order[from]]).is_eq())
+            .count();
         for i in &order[from..from + tied] {
             ranks[*i] = from as f64 + (tied as f64 - 1.0) / 2.0;
         }
@@ -167,10 +174,16 @@ mod tests {
         let tasks = vec![task(0), task(0)];
         let set = TaskSet { distances: vec![Some(4.0), None], tasks, ..TaskSet::default() };
         let score = Score::new(&set, &[Some(8), None]);
-        assert_eq!((score.success, score.spl, score.steps_ratio), (Some(0.5), Some(0.25), Some(2.0)));
+        assert_eq!(
+            (score.success, score.spl, score.steps_ratio),
+            (Some(0.5), Some(0.25), Some(2.0))
+        );
         let [near, unknown] = score.by_distance[..] else { panic!("two groups") };
         assert_eq!((near.tasks, near.success, near.spl), (2, Some(0.5), Some(0.25)));
-        assert_eq!((unknown.tasks, unknown.distance_steps, unknown.success, unknown.spl), (0, None, None, None));
+        assert_eq!(
+            (unknown.tasks, unknown.distance_steps, unknown.success, unknown.spl),
+            (0, None, None, None)
+        );
         let lost = Score::new(&set, &[None, None]);
         assert_eq!((lost.success, lost.spl, lost.steps_ratio), (Some(0.0), Some(0.0), None));
         assert_eq!(Score::new(&TaskSet::default(), &[]), Score::default());
@@ -181,8 +194,12 @@ mod tests {
         let text = r#"{"success":0.0,"spl":0.0,"steps_ratio":0.0,"by_distance":
             [{"distance_steps":0.0,"tasks":2,"success":0.5,"spl":null}]}"#;
         let score: Score = serde_json::from_str(text).expect("a score");
-        assert_eq!((score.success, score.steps_ratio, score.by_distance[0].success), (Some(0.0), Some(0.0), Some(0.5)));
-        let success: Success = serde_json::from_str(r#"{"updates":7,"greedy":0.5,"planned":null}"#).expect("a summary");
+        assert_eq!(
+            (score.success, score.steps_ratio, score.by_distance[0].success),
+            (Some(0.0), Some(0.0), Some(0.5))
+        );
+        let success: Success = serde_json::from_str(r#"{"updates":7,"greedy":0.5,"planned":null}"#)
+            .expect("a summary");
         assert_eq!(success.to_string(), "greedy 0.50");
         assert_eq!(Success { greedy: None, ..success }.to_string(), "no tasks");
     }

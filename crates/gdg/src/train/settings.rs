@@ -97,8 +97,9 @@ pub struct TrainSettings {
     /// Standard deviation of the Gaussian noise on the actor's actions.
     #[serde(alias = "action_noise")]
     pub exploration_noise: f32,
-    /// Probability that an agent's goal is where a short straight walk from its place ends, which needs no knowledge of the
-    /// world: SoRB (Eysenbach et al. 2019) trains on near goals with probability 0.8.
+    /// Probability that an agent's goal is where a short straight walk from its place ends, which
+    /// needs no knowledge of the world: SoRB (Eysenbach et al. 2019) trains on near goals with
+    /// probability 0.8.
     #[serde(default)]
     pub near_goals: f32,
     /// Longest such walk, in steps.
@@ -153,7 +154,8 @@ impl TrainSettings {
         Self { env_steps_per_update: 2, ..Self::default() }
     }
 
-    /// Returns the preset `sb3`: one agent that makes an update at every step and pursues one goal in each episode.
+    /// Returns the preset `sb3`: one agent that makes an update at every step and pursues one goal
+    /// in each episode.
     pub fn sb3() -> Self {
         Self {
             agents: 1,
@@ -180,8 +182,16 @@ impl TrainSettings {
         let noise = |v: f32| (0.0..=100.0).contains(&v);
         let checks = [
             ("agents", (1..=4096).contains(&self.agents)),
-            ("episode_steps", self.episode_steps.given().is_none_or(|steps| (1..=MAX_EPISODE_STEPS).contains(&steps))),
-            ("env_steps_per_update", (1..=MAX_ENV_STEPS_PER_UPDATE).contains(&self.env_steps_per_update)),
+            (
+                "episode_steps",
+                self.episode_steps
+                    .given()
+                    .is_none_or(|steps| (1..=MAX_EPISODE_STEPS).contains(&steps)),
+            ),
+            (
+                "env_steps_per_update",
+                (1..=MAX_ENV_STEPS_PER_UPDATE).contains(&self.env_steps_per_update),
+            ),
             ("learning_starts", self.learning_starts <= MAX_LEARNING_STARTS),
             ("random_actions", (0.0..=1.0).contains(&self.random_actions)),
             ("random_hold_steps", (1.0..=1e6).contains(&self.random_hold_steps)),
@@ -201,7 +211,11 @@ impl Settings {
     /// The name of the first setting out of range.
     pub fn validate(&self) -> Result<(), OutOfRange> {
         self.validate_ranges()?;
-        if self.learn.buffer_size < self.needed_buffer_size() { Err(OutOfRange("buffer_size")) } else { Ok(()) }
+        if self.learn.buffer_size < self.needed_buffer_size() {
+            Err(OutOfRange("buffer_size"))
+        } else {
+            Ok(())
+        }
     }
 
     /// Checks every value's own range.
@@ -230,12 +244,15 @@ impl Settings {
         u32::try_from(share).unwrap_or(u32::MAX).min(MAX_EPISODE_STEPS)
     }
 
-    /// Returns the steps of an episode while the longest distance in the bridge graph is `longest_steps`: an agent must
-    /// be able to cross all that is known and go on from there.
+    /// Returns the steps of an episode while the longest distance in the bridge graph is
+    /// `longest_steps`: an agent must be able to cross all that is known and go on from there.
     pub fn episode_steps(&self, longest_steps: f32) -> u32 {
         let automatic = (EPISODE_FACTOR * longest_steps) as u32;
         let most = self.max_episode_steps();
-        self.train.episode_steps.given().unwrap_or_else(|| automatic.max(MIN_EPISODE_STEPS).min(most))
+        self.train
+            .episode_steps
+            .given()
+            .unwrap_or_else(|| automatic.max(MIN_EPISODE_STEPS).min(most))
     }
 }
 
@@ -246,7 +263,10 @@ mod tests {
     #[test]
     fn episodes_grow_with_what_is_known_as_far_as_the_buffer_allows() {
         let mut settings = Settings::default();
-        assert_eq!([0.0, 40.0, 240.0].map(|longest| settings.episode_steps(longest)), [150, 150, 720]);
+        assert_eq!(
+            [0.0, 40.0, 240.0].map(|longest| settings.episode_steps(longest)),
+            [150, 150, 720]
+        );
         settings.learn.buffer_size = 32 * 201;
         assert_eq!(settings.episode_steps(240.0), 200);
         settings.train.episode_steps = Auto::Given(77);

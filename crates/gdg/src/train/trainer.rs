@@ -1,4 +1,5 @@
-//! One training run: agent steps and updates, interleaved in an order that depends only on seed and settings.
+//! One training run: agent steps and updates, interleaved in an order that depends only on seed and
+//! settings.
 
 mod change;
 mod persistence;
@@ -23,7 +24,8 @@ use super::settings::{Settings, UpdateWhen};
 use crate::bridge::{Candidates, SearchOutcome};
 use crate::env::{Environment, Spec, TaskSet};
 use crate::learn::{
-    Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, Scratch, Stage, TrainingData,
+    Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, Scratch, Stage,
+    TrainingData,
 };
 use crate::pulse::{Parts, Pulse};
 pub use change::{KeptState, WorldChange};
@@ -79,7 +81,12 @@ fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
 type Result<T> = std::result::Result<T, TrainError>;
 
 /// Creates a fresh learner for `run` in a world with `spec`.
-fn new_learner(run: &Run, spec: &Spec, registry: &Registry, threads: usize) -> Result<Box<dyn Learner>> {
+fn new_learner(
+    run: &Run,
+    spec: &Spec,
+    registry: &Registry,
+    threads: usize,
+) -> Result<Box<dyn Learner>> {
     let kind = registry.learner(&run.method.learner)?;
     Ok((kind.create)(spec, &run.settings.learn, threads, &mut stream(run.seed, Stream::Initial))?)
 }
@@ -102,11 +109,17 @@ fn new_candidates(run: &Run, spec: &Spec) -> Candidates {
 }
 
 impl Trainer {
-    /// Creates a new run in `world`. `threads` share the work of each update without changing its result.
+    /// Creates a new run in `world`. `threads` share the work of each update without changing its
+    /// result.
     ///
     /// # Errors
     /// The method's learner is not registered or cannot be created.
-    pub fn new(run: Run, world: &dyn Environment, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
+    pub fn new(
+        run: Run,
+        world: &dyn Environment,
+        registry: &Arc<Registry>,
+        threads: usize,
+    ) -> Result<Self> {
         let (world, spec) = (fork_world(&run, world), world.spec());
         let learner = new_learner(&run, spec, registry, threads)?;
         Ok(Self {
@@ -203,7 +216,8 @@ impl Trainer {
         &*self.learner
     }
 
-    /// Returns whether the learner learns: if not, updates are counted as they fall due, but not done.
+    /// Returns whether the learner learns: if not, updates are counted as they fall due, but not
+    /// done.
     pub fn learns(&self) -> bool {
         self.learner.acting() != Acting::AtRandom
     }
@@ -238,8 +252,8 @@ impl Trainer {
         reached.iter().find(|(is, _)| *is).map(|(_, reason)| *reason)
     }
 
-    /// Runs one update if one is due, else one step of every agent. If training is to stop (see [`Self::pulse`]), a long
-    /// update is undone.
+    /// Runs one update if one is due, else one step of every agent. If training is to stop (see
+    /// [`Self::pulse`]), a long update is undone.
     ///
     /// # Errors
     /// The learner fails, or the run has diverged with no rollbacks left.
@@ -260,7 +274,8 @@ impl Trainer {
     /// Whether the next tick is an update.
     pub fn is_update_due(&self) -> bool {
         // Without a warm-up, an update can be due before any agent's second state is known.
-        self.counters.owed_steps >= self.run.settings.train.env_steps_per_update && self.replay.has_transitions()
+        self.counters.owed_steps >= self.run.settings.train.env_steps_per_update
+            && self.replay.has_transitions()
     }
 
     fn step(&mut self) -> Result<Tick> {
@@ -289,12 +304,16 @@ impl Trainer {
         let settings = &self.run.settings;
         match (settings.train.episode_steps.given(), self.world().episode_steps()) {
             (None, Some(of_world)) => of_world,
-            _ => settings.episode_steps(self.graphs.current().map_or(0.0, |built| built.longest_steps)),
+            _ => settings
+                .episode_steps(self.graphs.current().map_or(0.0, |built| built.longest_steps)),
         }
     }
 
     /// Calls `act` with the agents and their step context.
-    fn with_step_context<R>(&mut self, act: impl FnOnce(&mut Rollout, &mut StepContext) -> R) -> Result<R> {
+    fn with_step_context<R>(
+        &mut self,
+        act: impl FnOnce(&mut Rollout, &mut StepContext) -> R,
+    ) -> Result<R> {
         let episode_steps = self.episode_steps();
         let Self { rollout, learner, replay, candidates, run, graphs, .. } = self;
         let graph = graphs.current().map(|built| &*built.graph);
@@ -334,18 +353,21 @@ impl Trainer {
         self.profile.lap(Stage::Graph, began);
         let (relearns, graph_finds_changed) = (self.relearns(), self.needs_graph());
         let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
-        let known = graphs.current().map(|BuiltGraph { graph, distilled, changed, .. }| KnownDistances {
-            states: graph.candidates().states(),
-            goals: graph.candidates().goal_index(),
-            pairs: &distilled.pairs,
-            by_goal: distilled.by_goal.as_ref(),
-            changed: changed.as_deref().filter(|_| relearns),
-        });
+        let known =
+            graphs.current().map(|BuiltGraph { graph, distilled, changed, .. }| KnownDistances {
+                states: graph.candidates().states(),
+                goals: graph.candidates().goal_index(),
+                pairs: &distilled.pairs,
+                by_goal: distilled.by_goal.as_ref(),
+                changed: changed.as_deref().filter(|_| relearns),
+            });
         let agents = self.run.settings.train.agents as u64;
-        let recent_slots = self.counters.env_steps.saturating_sub(self.counters.changed_at_step) / agents;
+        let recent_slots =
+            self.counters.env_steps.saturating_sub(self.counters.changed_at_step) / agents;
         let relearning = relearns.then_some(Relearning { recent_slots, graph_finds_changed });
         self.in_update = true;
-        let data = TrainingData { replay, known, relearning, rng: batch_rng, parts: parts.as_ref() };
+        let data =
+            TrainingData { replay, known, relearning, rng: batch_rng, parts: parts.as_ref() };
         let losses = learner.update(data, profile)?;
         if let Some(undo) = undo.filter(|_| parts.is_some_and(|parts| parts.has_skipped())) {
             self.undo(undo)?;
@@ -353,7 +375,9 @@ impl Trainer {
         }
         self.in_update = false;
         let keep = (1.0 - 1.0 / LOSS_AVERAGE_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);
-        for (mean, loss) in self.counters.losses.iter_mut().zip([losses.critic, losses.model, losses.actor]) {
+        for (mean, loss) in
+            self.counters.losses.iter_mut().zip([losses.critic, losses.model, losses.actor])
+        {
             *mean += (1.0 - keep) * (f64::from(loss) - *mean);
         }
         self.check_update(&losses)?;
@@ -415,7 +439,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Drops the bridge graph, and starts to build another one that soon takes its place, if there is to be one.
+    /// Drops the bridge graph, and starts to build another one that soon takes its place, if there
+    /// is to be one.
     fn replace_graph(&mut self) -> Result<()> {
         self.graphs = Graphs::default();
         if self.needs_graph() {
@@ -424,8 +449,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Starts building a bridge graph, which takes effect after the interval between builds divided by
-    /// `activation_divisor`.
+    /// Starts building a bridge graph, which takes effect after the interval between builds divided
+    /// by `activation_divisor`.
     fn start_graph(&mut self, activation_divisor: u64) -> Result<()> {
         let now = self.counters.updates;
         let job = GraphJob {
@@ -436,7 +461,11 @@ impl Trainer {
             finds_changed: self.relearns(),
             rng: self.graph_rng(now),
         };
-        Ok(self.graphs.start_build(now, self.run.settings.bridge.graph_every_updates / activation_divisor, job)?)
+        Ok(self.graphs.start_build(
+            now,
+            self.run.settings.bridge.graph_every_updates / activation_divisor,
+            job,
+        )?)
     }
 
     /// Returns the RNG for the distilled distances of a graph whose build began at update `at`.
@@ -454,8 +483,8 @@ impl Trainer {
         Ok(self.learner.policy(self.run.settings.bridge.averaged_weights)?)
     }
 
-    /// Draws `per_group` tasks at each distance for an evaluation of the current state, independently of the number of
-    /// earlier evaluations.
+    /// Draws `per_group` tasks at each distance for an evaluation of the current state,
+    /// independently of the number of earlier evaluations.
     pub fn tasks(&self, per_group: usize) -> TaskSet {
         self.world().tasks(per_group, &mut self.evaluation_rng(1))
     }

@@ -21,7 +21,8 @@ pub use past::{film_field, film_goal};
 pub use plane::Plane;
 pub use reach::Reach;
 
-/// Time between two steps of the arm: two and a half times slower than life, as most reaches take but a few steps.
+/// Time between two steps of the arm: two and a half times slower than life, as most reaches take
+/// but a few steps.
 const STEP_INTERVAL: Duration = Duration::from_millis(100);
 
 /// A request about an arm.
@@ -115,13 +116,16 @@ impl ArmWorker {
         self.view.farthest = 1.0;
         self.view.past = self.shown.past.clone();
         if let Some(frame) = &self.shown.past {
-            let fields = self.planes.iter().map(|plane| film_field(&self.scene, frame, plane)).collect();
+            let fields =
+                self.planes.iter().map(|plane| film_field(&self.scene, frame, plane)).collect();
             (self.view.planes, self.view.fields) = (self.planes.clone(), Arc::new(fields));
             self.view.farthest = frame.farthest();
         } else if let Some(goal) = self.view.goal.0 {
             let planes = self.planes.clone();
-            let fields: Vec<Vec<f32>> = planes.iter().map(|plane| self.field(plane, goal)).collect();
-            self.view.farthest = fields.iter().flatten().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
+            let fields: Vec<Vec<f32>> =
+                planes.iter().map(|plane| self.field(plane, goal)).collect();
+            self.view.farthest =
+                fields.iter().flatten().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
             (self.view.planes, self.view.fields) = (planes, Arc::new(fields));
         }
         self.shown.timer.done(began);

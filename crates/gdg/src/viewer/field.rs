@@ -22,8 +22,15 @@ pub enum Field {
 
 impl Field {
     /// All fields.
-    pub const ALL: [Self; 7] =
-        [Self::Learned, Self::FromStart, Self::Composed, Self::True, Self::Error, Self::Visits, Self::Plain];
+    pub const ALL: [Self; 7] = [
+        Self::Learned,
+        Self::FromStart,
+        Self::Composed,
+        Self::True,
+        Self::Error,
+        Self::Visits,
+        Self::Plain,
+    ];
 
     /// Returns its name on the screen.
     pub fn name(self) -> &'static str {
@@ -84,7 +91,10 @@ mod tests {
             });
             let there: Vec<Field> = there.collect();
             assert_eq!(there.contains(&Field::Composed), plans);
-            assert_eq!(Field::Learned.cycle(true, available).cycle(false, available), Field::Learned);
+            assert_eq!(
+                Field::Learned.cycle(true, available).cycle(false, available),
+                Field::Learned
+            );
         }
     }
 }

@@ -3,8 +3,8 @@
 use super::arm::{Plane, film_field, film_goal as arm_goal};
 use super::maze::{FilmedMap, FilmedPixels, film_goal};
 use crate::draw::{
-    Animation, Ground, Picture, Raster, Rgb, blend, contour, contour_interval, contour_lines, distance_colour,
-    text_size,
+    Animation, Ground, Picture, Raster, Rgb, blend, contour, contour_interval, contour_lines,
+    distance_colour, text_size,
 };
 use crate::engine::Snapshot;
 use crate::env::{ArmScene, MazeScene, Scene};
@@ -56,8 +56,8 @@ pub enum FilmError {
     Png(#[from] png::EncodingError),
 }
 
-/// Returns the film of a run as an animated PNG file: D by colours with contour lines, the agents, and below them the
-/// updates done and the success so far. Colours mean the same in all frames.
+/// Returns the film of a run as an animated PNG file: D by colours with contour lines, the agents,
+/// and below them the updates done and the success so far. Colours mean the same in all frames.
 ///
 /// # Errors
 /// There is no film, or it cannot be encoded.
@@ -70,7 +70,8 @@ pub fn animate(run: &Snapshot) -> Result<Vec<u8>, FilmError> {
         Scene::Nothing => return Err(FilmError::NoScene),
     };
     let scale = Scale { farthest: last.farthest(), interval: stage.contour_interval(last) };
-    let shortest = frames.windows(2).map(|pair| pair[1].updates - pair[0].updates).min().unwrap_or(1).max(1);
+    let shortest =
+        frames.windows(2).map(|pair| pair[1].updates - pair[0].updates).min().unwrap_or(1).max(1);
     let mut file = Vec::new();
     let (columns, rows) = stage.draw(last, scale).size();
     let size = (columns, rows + text_size("")[1] + 2 * MARGIN);
@@ -83,10 +84,11 @@ pub fn animate(run: &Snapshot) -> Result<Vec<u8>, FilmError> {
         if let Some(caption) = captions.iter().find(fits) {
             picture.text(caption, [MARGIN, rows + MARGIN], INK);
         }
-        let seconds = frames
-            .get(i + 1)
-            .map_or(LAST_FRAME_SECONDS, |next| FRAME_SECONDS * (next.updates - frame.updates) as f64 / shortest as f64);
-        // The first updates may be far from the second frame, as in runs that were filmed only later.
+        let seconds = frames.get(i + 1).map_or(LAST_FRAME_SECONDS, |next| {
+            FRAME_SECONDS * (next.updates - frame.updates) as f64 / shortest as f64
+        });
+        // The first updates may be far from the second frame, as in runs that were filmed only
+        // later.
         animation.add(picture, seconds.min(LAST_FRAME_SECONDS))?;
     }
     animation.finish()?;
@@ -97,7 +99,8 @@ pub fn animate(run: &Snapshot) -> Result<Vec<u8>, FilmError> {
 fn captions(run: &Snapshot, frame: &FilmFrame) -> [String; 3] {
     let number = grouped(run.learned(frame.updates));
     let short = format!("update {number}");
-    let success = run.success_at(frame.updates).map_or(String::new(), |rate| format!(", success {rate:.2}"));
+    let success =
+        run.success_at(frame.updates).map_or(String::new(), |rate| format!(", success {rate:.2}"));
     [format!("{}: {short}{success}", run.title), format!("{short}{success}"), short]
 }
 
@@ -135,7 +138,10 @@ impl MazeStage {
             0 => [width, height].map(|side| (side * MAX_MAP_PIXELS).div_ceil(longer)),
             scale => [width, height].map(|side| side * scale.min(MAX_CELL_PIXELS)),
         };
-        let raster = Raster { window: [0.0, 0.0, width as f32, height as f32], pixels: (pixels[0], pixels[1]) };
+        let raster = Raster {
+            window: [0.0, 0.0, width as f32, height as f32],
+            pixels: (pixels[0], pixels[1]),
+        };
         let ground = |i: usize| raster.ground(map, i % pixels[0], i / pixels[0]);
         let filmed = FilmedMap::new(map.clone());
         Self {
@@ -146,9 +152,12 @@ impl MazeStage {
         }
     }
 
-    /// Returns the values where contour lines may be: not where walls cross pixels, as D differs on both sides.
+    /// Returns the values where contour lines may be: not where walls cross pixels, as D differs on
+    /// both sides.
     fn open(&self, frame: &FilmFrame) -> Vec<f32> {
-        let open = |(value, ground): (f32, &Ground)| if matches!(ground, Ground::Free(_)) { value } else { f32::NAN };
+        let open = |(value, ground): (f32, &Ground)| {
+            if matches!(ground, Ground::Free(_)) { value } else { f32::NAN }
+        };
         self.pixels.field(frame).into_iter().zip(&self.grounds).map(open).collect()
     }
 }
@@ -194,7 +203,11 @@ impl ArmStage {
             let scale = PLANE_PIXELS as f32 / size[0].max(size[1]);
             let pixels = size.map(|metres| (metres * scale).round().max(1.0) as usize);
             let window = [low[0], -along(high), size[0], size[1]];
-            Plane { raster: Raster { window, pixels: (pixels[0], pixels[1]) }, across: [1.0, 0.0, 0.0], up }
+            Plane {
+                raster: Raster { window, pixels: (pixels[0], pixels[1]) },
+                across: [1.0, 0.0, 0.0],
+                up,
+            }
         })
     }
 
@@ -210,7 +223,12 @@ impl ArmStage {
             [(at[0] - left) * size, (-up - top) * size]
         };
         let (positions, _) = frame.agents.as_chunks::<3>();
-        draw_signs(&mut picture, positions.iter().map(|at| flat(*at)), Some(flat(arm_goal(frame))), 3.0);
+        draw_signs(
+            &mut picture,
+            positions.iter().map(|at| flat(*at)),
+            Some(flat(arm_goal(frame))),
+            3.0,
+        );
         picture
     }
 }
@@ -239,20 +257,29 @@ impl Stage for ArmStage {
 
 /// Colours pixels by their values.
 fn colour(picture: &mut Picture, field: &[f32], farthest: f32) {
-    for (pixel, value) in picture.pixels_mut().iter_mut().zip(field).filter(|(_, value)| value.is_finite()) {
+    for (pixel, value) in
+        picture.pixels_mut().iter_mut().zip(field).filter(|(_, value)| value.is_finite())
+    {
         // Few colours make files small.
         *pixel = distance_colour(colorous::VIRIDIS, (COLOURS * value / farthest).round() / COLOURS);
     }
 }
 
 fn draw_contours(picture: &mut Picture, field: &[f32], interval: f32) {
-    for i in contour_lines(field, picture.size().0, interval).into_iter().flat_map(|line| line.pixels) {
+    for i in
+        contour_lines(field, picture.size().0, interval).into_iter().flat_map(|line| line.pixels)
+    {
         picture.pixels_mut()[i] = contour(picture.pixels()[i]);
     }
 }
 
 /// Draws agents and goal, in pixels.
-fn draw_signs(picture: &mut Picture, agents: impl Iterator<Item = [f32; 2]>, goal: Option<[f32; 2]>, radius: f32) {
+fn draw_signs(
+    picture: &mut Picture,
+    agents: impl Iterator<Item = [f32; 2]>,
+    goal: Option<[f32; 2]>,
+    radius: f32,
+) {
     let agents = agents.map(|at| (at, radius, AGENT));
     for (at, radius, rgb) in agents.chain(goal.map(|at| (at, 1.5 * radius, GOAL))) {
         // A file could say anything.
@@ -276,12 +303,18 @@ mod tests {
 
     /// Returns a run in `world` whose film has frames of these updates.
     fn run(world: &dyn Environment, updates: &[u64]) -> Snapshot {
-        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
+        let run = Run {
+            method: Method::default(),
+            preset: Preset::Default,
+            seed: 1,
+            settings: Settings::default(),
+        };
         let trainer = Trainer::new(run, world, &Registry::builtin(), 1).expect("a trainer");
         let (world, mut film) = (trainer.world(), Film::default());
         let points = film.points(world).expect("points");
         for updates in updates {
-            let distances: Vec<f32> = (0..points.place_of.len()).map(|i| (i as u64 * updates) as f32 / 1e3).collect();
+            let distances: Vec<f32> =
+                (0..points.place_of.len()).map(|i| (i as u64 * updates) as f32 / 1e3).collect();
             film.add((*updates, 0), world, &points, &distances);
         }
         Snapshot { film: film.frames().clone(), ..Snapshot::capture(&trainer).expect("a snapshot") }
@@ -307,10 +340,14 @@ mod tests {
 
     #[test]
     fn films_of_maps_and_arms_are_animations_in_which_time_passes_evenly() {
-        let file = animate(&run(&maze("....#....\n.........\n"), &[250, 500, 1_000, 1_250])).expect("a film");
+        let file = animate(&run(&maze("....#....\n.........\n"), &[250, 500, 1_000, 1_250]))
+            .expect("a film");
         let (size, seconds) = frames(&file);
         assert_eq!(size, (9 * 24, 2 * 24 + 24));
-        assert_eq!(seconds, [FRAME_SECONDS, 2.0 * FRAME_SECONDS, FRAME_SECONDS, LAST_FRAME_SECONDS]);
+        assert_eq!(
+            seconds,
+            [FRAME_SECONDS, 2.0 * FRAME_SECONDS, FRAME_SECONDS, LAST_FRAME_SECONDS]
+        );
         let file = animate(&run(&FetchReach::new(None, 0), &[1])).expect("a film");
         assert_eq!(frames(&file).0, (2 * PLANE_PIXELS as u32 + 4, PLANE_PIXELS as u32 + 24));
     }
@@ -320,9 +357,16 @@ mod tests {
         let run = run(&maze("G...........\n"), &[250]);
         let Scene::Maze(scene) = &run.scene else { panic!("a maze") };
         let stage = MazeStage::new(scene);
-        let picture = stage.draw(&run.film[0], Scale { farthest: run.film[0].farthest(), interval: 1e6 });
+        let picture =
+            stage.draw(&run.film[0], Scale { farthest: run.film[0].farthest(), interval: 1e6 });
         let light = |x: usize| crate::draw::lightness(picture.pixels()[3 * picture.size().0 + x]);
-        assert!(light(60) > light(150) && light(150) > light(270), "{} {} {}", light(60), light(150), light(270));
+        assert!(
+            light(60) > light(150) && light(150) > light(270),
+            "{} {} {}",
+            light(60),
+            light(150),
+            light(270)
+        );
     }
 
     #[test]

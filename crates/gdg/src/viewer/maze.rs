@@ -1,4 +1,5 @@
-//! A maze: distance fields on its map, what has been explored, facts about cells, and an agent that walks to a cell.
+//! A maze: distance fields on its map, what has been explored, facts about cells, and an agent that
+//! walks to a cell.
 
 mod exploration;
 mod field;
@@ -77,7 +78,8 @@ pub struct MazeView {
     pub candidates: Arc<Vec<Candidate>>,
     /// Edges of the bridge graph.
     pub edges: Arc<Vec<ShownEdge>>,
-    /// The cells, row by row, from which no path leads to the goal, although they are free. Empty if there are none.
+    /// The cells, row by row, from which no path leads to the goal, although they are free. Empty
+    /// if there are none.
     pub cut_off: Arc<Vec<bool>>,
     /// Waypoints ahead of the walking agent, ending at the goal.
     pub path: Vec<[f32; 2]>,
@@ -217,7 +219,8 @@ impl MazeWorker {
         let map = self.world.map().clone();
         let is_outside = |cell| !map.contains(cell);
         match request {
-            Request::Goal(cell, _) | Request::Start(Some(cell)) | Request::Inspect(Some(cell)) if is_outside(cell) => {}
+            Request::Goal(cell, _) | Request::Start(Some(cell)) | Request::Inspect(Some(cell))
+                if is_outside(cell) => {}
             Request::Goal(cell, number) => {
                 self.view.goal = (Some(cell), number);
                 self.refresh_cut_off();
@@ -248,7 +251,8 @@ impl MazeWorker {
     /// Switches to another map or to an edited version of this one.
     fn change_map(&mut self, map: Arc<Grid>) {
         let at = self.position();
-        let same_size = (map.width(), map.height()) == (self.world.map().width(), self.world.map().height());
+        let same_size =
+            (map.width(), map.height()) == (self.world.map().width(), self.world.map().height());
         self.world = PointMaze::new(map, 1);
         self.search = StepSearch::new(self.world.map());
         self.point_search = None;
@@ -287,7 +291,11 @@ impl MazeWorker {
         let map = self.world.map();
         let steps = self.view.goal.0.map(|goal| self.search.steps_from(goal));
         let cut_off = |steps: &[u32]| -> Vec<bool> {
-            steps.iter().zip(map.free()).map(|(steps, free)| *free && *steps == UNREACHABLE).collect()
+            steps
+                .iter()
+                .zip(map.free())
+                .map(|(steps, free)| *free && *steps == UNREACHABLE)
+                .collect()
         };
         let cut_off = steps.map(cut_off).filter(|cells| cells.contains(&true)).unwrap_or_default();
         // While nothing changes, the screen reuses what it has drawn.
@@ -306,13 +314,15 @@ impl MazeWorker {
         }
         if let Some(frame) = self.shown.past.clone() {
             let learned = self.filmed_map().distance(&frame, cell.centre());
-            let goal = film_goal(&frame, self.world.map()).filter(|goal| self.world.map().is_free(*goal));
+            let goal =
+                film_goal(&frame, self.world.map()).filter(|goal| self.world.map().is_free(*goal));
             let truth = goal.and_then(|goal| self.true_steps(cell, goal));
             self.view.inspected = Some(CellInfo { cell, learned, truth, visits: None });
             return;
         }
         let truth = self.true_steps(cell, goal);
-        let learned = self.shown.networks.policy.distance(&cell.centre(), &goal.centre(), &mut self.scratch);
+        let learned =
+            self.shown.networks.policy.distance(&cell.centre(), &goal.centre(), &mut self.scratch);
         let visits = self.latest_visits.get(self.world.map().index(cell)).copied().or(Some(0));
         self.view.inspected = Some(CellInfo { cell, learned, truth, visits });
     }
@@ -342,8 +352,14 @@ mod tests {
 
     fn snapshot(width: usize) -> Snapshot {
         let map = Arc::new(Grid::new("hall", width, vec![true; 5 * width], Vec::new(), Vec::new()));
-        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
-        let trainer = Trainer::new(run, &PointMaze::new(map, 0), &Registry::builtin(), 1).expect("a trainer");
+        let run = Run {
+            method: Method::default(),
+            preset: Preset::Default,
+            seed: 1,
+            settings: Settings::default(),
+        };
+        let trainer =
+            Trainer::new(run, &PointMaze::new(map, 0), &Registry::builtin(), 1).expect("a trainer");
         Snapshot::capture(&trainer).expect("a snapshot")
     }
 

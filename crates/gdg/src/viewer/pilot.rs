@@ -1,4 +1,5 @@
-//! How the walking agent of any scene finds its way: the current policy, and a plan through the bridge graph.
+//! How the walking agent of any scene finds its way: the current policy, and a plan through the
+//! bridge graph.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -84,7 +85,8 @@ impl Pilot {
         }
     }
 
-    /// Changes to the run and the networks of `snapshot` and rebuilds the graph, if that is due; returns whether it did.
+    /// Changes to the run and the networks of `snapshot` and rebuilds the graph, if that is due;
+    /// returns whether it did.
     pub fn refresh(&mut self, snapshot: &Snapshot, spec: &Spec) -> bool {
         if !Arc::ptr_eq(&snapshot.run, &self.run) {
             (self.run, self.bridge) = (snapshot.run.clone(), snapshot.run.bridge());
@@ -96,11 +98,9 @@ impl Pilot {
             let began = Instant::now();
             self.networks = snapshot.networks.clone();
             let Networks { policy, candidates } = &*self.networks;
-            self.graph = self
-                .run
-                .method
-                .plans()
-                .then(|| BridgeGraph::build(spec, &self.bridge, candidates, &**policy, &mut self.scratch));
+            self.graph = self.run.method.plans().then(|| {
+                BridgeGraph::build(spec, &self.bridge, candidates, &**policy, &mut self.scratch)
+            });
             // Candidates may have moved, so the walk is replanned.
             self.walker = None;
             self.timer.done(began);
@@ -128,11 +128,13 @@ impl Pilot {
     pub fn shown_graph<const N: usize>(&self) -> (Vec<Candidate<N>>, Vec<ShownEdge<N>>) {
         let Some(graph) = &self.graph else { return (Vec::new(), Vec::new()) };
         let at = |i: usize| position(graph.point(i));
-        let edges = graph.edges().iter().map(|edge| ([at(edge.from), at(edge.to)], edge.status)).collect();
+        let edges =
+            graph.edges().iter().map(|edge| ([at(edge.from), at(edge.to)], edge.status)).collect();
         let mut degrees = vec![0u32; self.networks.candidates.len()];
         graph.edges().iter().for_each(|edge| degrees[edge.from] += 1);
         let most = degrees.iter().copied().max().unwrap_or(0).max(1) as f32;
-        let candidate = |(i, degree): (usize, &u32)| Candidate { at: at(i), degree: *degree as f32 / most };
+        let candidate =
+            |(i, degree): (usize, &u32)| Candidate { at: at(i), degree: *degree as f32 / most };
         (degrees.iter().enumerate().map(candidate).collect(), edges)
     }
 
@@ -145,7 +147,8 @@ impl Pilot {
     pub fn waypoints<const N: usize>(&mut self, state: &[f32], goal: &[f32; N]) -> Vec<[f32; N]> {
         let Some(graph) = &self.graph else { return vec![*goal] };
         let (policy, scratch) = (&*self.networks.policy, &mut self.scratch);
-        let walker = self.walker.get_or_insert_with(|| Walker::new(graph.route(goal, policy, scratch)));
+        let walker =
+            self.walker.get_or_insert_with(|| Walker::new(graph.route(goal, policy, scratch)));
         walker.step(state, graph, policy, scratch);
         let mut ahead = match walker.target() {
             Some(Target::Candidate(_)) => {

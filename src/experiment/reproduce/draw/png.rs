@@ -1,12 +1,17 @@
-//! A plotters backend that draws smooth pixels, with a font of its own: no font of the system is needed.
+//! A plotters backend that draws smooth pixels, with a font of its own: no font of the system is
+//! needed.
 
 use std::convert::Infallible;
 
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use plotters::style::FontStyle;
 use plotters::style::text_anchor::{HPos, VPos};
-use plotters_backend::{BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind};
-use tiny_skia::{Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform};
+use plotters_backend::{
+    BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind,
+};
+use tiny_skia::{
+    Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform,
+};
 
 use gdg::draw::{Picture, Rgb};
 
@@ -15,8 +20,8 @@ const HEIGHT: RasterHeight = RasterHeight::Size16;
 
 type Drawn = Result<(), DrawingErrorKind<Infallible>>;
 
-/// Draws on white ground, with `pictures` at the places of their upper left corners below what `paint` draws; `None` if
-/// the size is empty or too large.
+/// Draws on white ground, with `pictures` at the places of their upper left corners below what
+/// `paint` draws; `None` if the size is empty or too large.
 pub fn draw<'p, E>(
     (width, height): (u32, u32),
     pictures: impl Iterator<Item = (&'p Picture, (i32, i32))>,
@@ -55,8 +60,12 @@ impl Canvas<'_> {
             return;
         }
         let at = 4 * (y * width + x) as usize;
-        let mix = |old: u8, new: u8| (f64::from(old) + share * (f64::from(new) - f64::from(old))).round() as u8;
-        for (old, new) in self.0.data_mut()[at..at + 3].iter_mut().zip([colour.0, colour.1, colour.2]) {
+        let mix = |old: u8, new: u8| {
+            (f64::from(old) + share * (f64::from(new) - f64::from(old))).round() as u8
+        };
+        for (old, new) in
+            self.0.data_mut()[at..at + 3].iter_mut().zip([colour.0, colour.1, colour.2])
+        {
             *old = mix(*old, new);
         }
     }
@@ -68,8 +77,12 @@ impl Canvas<'_> {
     }
 
     fn stroke(&mut self, path: Option<Path>, colour: BackendColor, width: u32) {
-        let stroke =
-            Stroke { width: width as f32, line_cap: LineCap::Round, line_join: LineJoin::Round, ..Stroke::default() };
+        let stroke = Stroke {
+            width: width as f32,
+            line_cap: LineCap::Round,
+            line_join: LineJoin::Round,
+            ..Stroke::default()
+        };
         if let Some(path) = path {
             self.0.stroke_path(&path, &paint(colour), &stroke, Transform::identity(), None);
         }
@@ -120,7 +133,12 @@ impl DrawingBackend for Canvas<'_> {
         Ok(())
     }
 
-    fn draw_line<S: BackendStyle>(&mut self, from: BackendCoord, to: BackendCoord, style: &S) -> Drawn {
+    fn draw_line<S: BackendStyle>(
+        &mut self,
+        from: BackendCoord,
+        to: BackendCoord,
+        style: &S,
+    ) -> Drawn {
         self.draw_path([from, to], style)
     }
 
@@ -132,7 +150,8 @@ impl DrawingBackend for Canvas<'_> {
         fill: bool,
     ) -> Drawn {
         if fill {
-            let rect = Rect::from_ltrb(left as f32, top as f32, right as f32 + 1.0, bottom as f32 + 1.0);
+            let rect =
+                Rect::from_ltrb(left as f32, top as f32, right as f32 + 1.0, bottom as f32 + 1.0);
             self.fill(rect.map(PathBuilder::from_rect), style.color());
         } else {
             let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
@@ -141,12 +160,22 @@ impl DrawingBackend for Canvas<'_> {
         Ok(())
     }
 
-    fn draw_path<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(&mut self, stops: I, style: &S) -> Drawn {
+    fn draw_path<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(
+        &mut self,
+        stops: I,
+        style: &S,
+    ) -> Drawn {
         self.stroke(path(stops, false), style.color(), style.stroke_width());
         Ok(())
     }
 
-    fn draw_circle<S: BackendStyle>(&mut self, (x, y): BackendCoord, radius: u32, style: &S, fill: bool) -> Drawn {
+    fn draw_circle<S: BackendStyle>(
+        &mut self,
+        (x, y): BackendCoord,
+        radius: u32,
+        style: &S,
+        fill: bool,
+    ) -> Drawn {
         let circle = PathBuilder::from_circle(x as f32 + 0.5, y as f32 + 0.5, radius as f32);
         if fill {
             self.fill(circle, style.color());
@@ -156,12 +185,21 @@ impl DrawingBackend for Canvas<'_> {
         Ok(())
     }
 
-    fn fill_polygon<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(&mut self, stops: I, style: &S) -> Drawn {
+    fn fill_polygon<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(
+        &mut self,
+        stops: I,
+        style: &S,
+    ) -> Drawn {
         self.fill(path(stops, true), style.color());
         Ok(())
     }
 
-    fn draw_text<S: BackendTextStyle>(&mut self, text: &str, style: &S, (x, y): BackendCoord) -> Drawn {
+    fn draw_text<S: BackendTextStyle>(
+        &mut self,
+        text: &str,
+        style: &S,
+        (x, y): BackendCoord,
+    ) -> Drawn {
         let (weight, colour, transform) = (weight(style), style.color(), style.transform());
         let advance = get_raster_width(weight, HEIGHT) as i32;
         let (width, height) = (advance * text.chars().count() as i32, HEIGHT.val() as i32);
@@ -177,14 +215,21 @@ impl DrawingBackend for Canvas<'_> {
         };
         for (i, letter) in text.chars().enumerate() {
             // The font has the letters of English; nothing else is drawn.
-            let Some(raster) = get_raster(letter, weight, HEIGHT).or_else(|| get_raster('?', weight, HEIGHT)) else {
+            let Some(raster) =
+                get_raster(letter, weight, HEIGHT).or_else(|| get_raster('?', weight, HEIGHT))
+            else {
                 continue;
             };
             for (row, pixels) in raster.rows().enumerate() {
                 for (column, share) in pixels.iter().enumerate().filter(|(_, share)| **share > 0) {
                     let within = (left + i as i32 * advance + column as i32, top + row as i32);
                     let (dx, dy) = transform.transform(within.0, within.1);
-                    self.blend(x + dx, y + dy, colour.rgb, colour.alpha * f64::from(*share) / 255.0);
+                    self.blend(
+                        x + dx,
+                        y + dy,
+                        colour.rgb,
+                        colour.alpha * f64::from(*share) / 255.0,
+                    );
                 }
             }
         }

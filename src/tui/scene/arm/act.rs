@@ -14,7 +14,8 @@ use gdg::viewer::arm::Request;
 /// How far a key moves the goal, in metres.
 const NUDGE: f32 = 0.01;
 
-/// How far a key turns the free projection, in rad, and moves the others, as a share of what they show.
+/// How far a key turns the free projection, in rad, and moves the others, as a share of what they
+/// show.
 const TURN: f32 = 0.15;
 const PAN_SHARE: f32 = 0.1;
 
@@ -73,7 +74,8 @@ impl App {
         self.screen.arm.view = Arc::default();
         let run = &self.screen.snapshot.run;
         let agents = run.settings.train.agents;
-        let text = format!("{} on {}, {agents} agents", run.method.name(), self.screen.snapshot.title);
+        let text =
+            format!("{} on {}, {agents} agents", run.method.name(), self.screen.snapshot.title);
         self.screen.log.record(&text, self.screen.snapshot.moment());
         match <[f32; 3]>::try_from(&*self.screen.snapshot.notes.goal) {
             Ok(saved) => self.set_arm_goal(saved),
@@ -126,9 +128,13 @@ impl App {
 
     /// Moves the goal in the plane of the chosen projection.
     fn nudge(&mut self, right: f32, down: f32) {
-        let Some(plane) = self.chosen_projection().map(|projection| projection.plane) else { return };
+        let Some(plane) = self.chosen_projection().map(|projection| projection.plane) else {
+            return;
+        };
         let goal = self.screen.arm.goal;
-        self.set_arm_goal(std::array::from_fn(|i| goal[i] + NUDGE * (right * plane.across[i] - down * plane.up[i])));
+        self.set_arm_goal(std::array::from_fn(|i| {
+            goal[i] + NUDGE * (right * plane.across[i] - down * plane.up[i])
+        }));
     }
 
     /// Returns the chosen projection, if it has been drawn.
@@ -142,8 +148,9 @@ impl App {
         let Some(projection) = self.chosen_projection() else { return };
         let [_, _, width, height] = projection.frame.raster.window;
         let (plane, focus) = (projection.plane, self.screen.arm.camera.focus);
-        self.screen.arm.camera.focus =
-            std::array::from_fn(|i| focus[i] + right * width * plane.across[i] - down * height * plane.up[i]);
+        self.screen.arm.camera.focus = std::array::from_fn(|i| {
+            focus[i] + right * width * plane.across[i] - down * height * plane.up[i]
+        });
     }
 
     /// Magnifies by a factor, keeping `fixed` (by default the goal) where it is on the screen.

@@ -28,12 +28,20 @@ const DOT_RADIUS: f32 = 0.008;
 const MOST_CANDIDATES: usize = 120;
 
 /// Draws one projection of `layout`; its name is highlighted if it is the chosen one of several.
-pub fn draw(frame: &mut Frame, projection: &Projection, scene: &ArmScene, screen: &Screen, layout: &ScreenLayout) {
+pub fn draw(
+    frame: &mut Frame,
+    projection: &Projection,
+    scene: &ArmScene,
+    screen: &Screen,
+    layout: &ScreenLayout,
+) {
     let mut sketch = Sketch::new(projection);
     let labels = draw_field(&mut sketch, layout.contour_interval, screen);
-    let under =
-        |label: &Label, canvas: &Canvas| label.pixels(&projection.frame).map(|i| canvas.colour(i)).collect::<Vec<_>>();
-    let labels: Vec<_> = labels.into_iter().map(|label| (under(&label, &sketch.canvas), label)).collect();
+    let under = |label: &Label, canvas: &Canvas| {
+        label.pixels(&projection.frame).map(|i| canvas.colour(i)).collect::<Vec<_>>()
+    };
+    let labels: Vec<_> =
+        labels.into_iter().map(|label| (under(&label, &sketch.canvas), label)).collect();
     draw_surroundings(&mut sketch, scene, screen);
     if screen.shown_past().is_none() {
         draw_graph(&mut sketch, screen);
@@ -45,7 +53,8 @@ pub fn draw(frame: &mut Frame, projection: &Projection, scene: &ArmScene, screen
     }
     sketch.circle(shown_goal(screen), scene.goal_radius(), (screen.theme.goal, '*'));
     sketch.canvas.paint(frame.buffer_mut(), &projection.frame, &screen.theme);
-    let mut glyphs = Glyphs { map_frame: &projection.frame, theme: &screen.theme, buffer: frame.buffer_mut() };
+    let mut glyphs =
+        Glyphs { map_frame: &projection.frame, theme: &screen.theme, buffer: frame.buffer_mut() };
     // Where nothing else has been drawn since.
     let free = labels.iter().filter(|(before, label)| under(label, &sketch.canvas) == *before);
     free.for_each(|(_, label)| glyphs.label(label));
@@ -53,7 +62,9 @@ pub fn draw(frame: &mut Frame, projection: &Projection, scene: &ArmScene, screen
     let area = projection.frame.area;
     let chosen = layout.projections.len() > 1 && projection.angle == screen.arm.angle;
     let style = if chosen { BOLD.patch(REVERSED) } else { BOLD };
-    let style = style.fg(screen.theme.colour(screen.theme.cursor)).bg(screen.theme.colour(screen.theme.unknown));
+    let style = style
+        .fg(screen.theme.colour(screen.theme.cursor))
+        .bg(screen.theme.colour(screen.theme.unknown));
     let name = Line::styled(format!(" {} ", title(projection.angle, screen)), style);
     let width = (name.width() as u16).min(area.width);
     frame.render_widget(name, Rect { width, height: 1, ..area });
@@ -79,7 +90,11 @@ fn title(angle: Angle, screen: &Screen) -> String {
 fn draw_field(sketch: &mut Sketch, contour_interval: Option<f32>, screen: &Screen) -> Vec<Label> {
     let (theme, view, canvas) = (&screen.theme, &screen.arm.view, &mut sketch.canvas);
     (0..canvas.len()).for_each(|i| canvas.set(i, Some(theme.unknown), ' '));
-    let field = view.planes.iter().position(|plane| *plane == sketch.projection.plane).map(|n| &view.fields[n]);
+    let field = view
+        .planes
+        .iter()
+        .position(|plane| *plane == sketch.projection.plane)
+        .map(|n| &view.fields[n]);
     let Some(field) = field.filter(|_| shows_field(screen)) else { return Vec::new() };
     let (farthest, mono) = (screen.farthest(), theme.depth == ColourDepth::Mono);
     for (i, value) in field.iter().enumerate().filter(|(_, value)| value.is_finite()) {
@@ -88,7 +103,8 @@ fn draw_field(sketch: &mut Sketch, contour_interval: Option<f32>, screen: &Scree
     }
     let Some(interval) = contour_interval else { return Vec::new() };
     let frame = &sketch.projection.frame;
-    let goal = frame.raster.pixel_of(sketch.projection.flat(shown_goal(screen))).unwrap_or_default();
+    let goal =
+        frame.raster.pixel_of(sketch.projection.flat(shown_goal(screen))).unwrap_or_default();
     let mut labels = contours::draw(canvas, frame, field, (interval, goal));
     // The first row has the projection's name.
     labels.retain(|label| label.area.y > frame.area.y);
@@ -115,7 +131,8 @@ fn draw_graph(sketch: &mut Sketch, screen: &Screen) {
             (EdgeStatus::Demoted, 1, 0.9, 'x'),
         ];
         for (kind, colour, share, mark) in kinds {
-            let own = view.edges.iter().filter(|(_, status)| *status == kind).map(|(ends, _)| *ends);
+            let own =
+                view.edges.iter().filter(|(_, status)| *status == kind).map(|(ends, _)| *ends);
             sketch.lines(own, (theme.edges[colour], share, mark));
         }
     }
@@ -137,7 +154,8 @@ fn draw_graph(sketch: &mut Sketch, screen: &Screen) {
         let [accepted, rejected] = theme.search;
         positions(&search.rejected, 3).for_each(|at| sketch.ball(at, DOT_RADIUS, (rejected, 'x')));
         if let Some(bridge) = &search.found {
-            let stops = [&search.state, &bridge.point, &search.goal].map(|numbers| position(numbers));
+            let stops =
+                [&search.state, &bridge.point, &search.goal].map(|numbers| position(numbers));
             sketch.lines(stops.windows(2).map(|ends| [ends[0], ends[1]]), (accepted, 0.9, '='));
             sketch.ball(stops[1], DOT_RADIUS, (accepted, 'B'));
         }
@@ -166,12 +184,14 @@ fn draw_explorers(sketch: &mut Sketch, screen: &Screen) {
 fn draw_plan(sketch: &mut Sketch, screen: &Screen) {
     let (theme, view) = (&screen.theme, &screen.arm.view);
     if screen.overlays.has(Overlay::Path) && view.path.len() > 1 {
-        let stops: Vec<[f32; 3]> = std::iter::once(view.pose.grip).chain(view.path.iter().copied()).collect();
+        let stops: Vec<[f32; 3]> =
+            std::iter::once(view.pose.grip).chain(view.path.iter().copied()).collect();
         sketch.lines(stops.windows(2).map(|ends| [ends[0], ends[1]]), (theme.path, 1.0, '+'));
         let between = &view.path[..view.path.len() - 1];
         between.iter().for_each(|at| sketch.ball(*at, DOT_RADIUS, (theme.path, '+')));
     }
-    let trail: Vec<[f32; 3]> = std::iter::once(view.reach.start).chain(view.trail.iter().copied()).collect();
+    let trail: Vec<[f32; 3]> =
+        std::iter::once(view.reach.start).chain(view.trail.iter().copied()).collect();
     sketch.lines(trail.windows(2).map(|ends| [ends[0], ends[1]]), (theme.walker, 0.7, ','));
 }
 

@@ -10,7 +10,8 @@ use gdg::viewer::arm::Request;
 /// Zoom factor of one wheel step.
 const WHEEL_ZOOM_FACTOR: f32 = 1.25;
 
-/// How far a drag by a character turns the free projection, in rad: around the vertical axis, and up or down.
+/// How far a drag by a character turns the free projection, in rad: around the vertical axis, and
+/// up or down.
 const TURN: [f32; 2] = [0.04, 0.08];
 
 impl App {
@@ -34,14 +35,17 @@ impl App {
                 self.on_first_use();
                 self.dragged_from = Some(at);
                 match button {
-                    // There, a drag turns the projection; a click sets the goal once the button is released.
+                    // There, a drag turns the projection; a click sets the goal once the button is
+                    // released.
                     MouseButton::Left if projection.angle == Angle::Free => {}
                     MouseButton::Left => self.set_arm_goal(point),
                     MouseButton::Right => self.viewer.request(Request::Start(Some(point))),
                     MouseButton::Middle => {}
                 }
             }
-            MouseEventKind::Up(MouseButton::Left) if projection.angle == Angle::Free && from.is_some() => {
+            MouseEventKind::Up(MouseButton::Left)
+                if projection.angle == Angle::Free && from.is_some() =>
+            {
                 if !self.screen.arm.turned {
                     self.set_arm_goal(point);
                 }
@@ -52,7 +56,13 @@ impl App {
     }
 
     /// Handles a drag by one step.
-    fn drag(&mut self, button: MouseButton, from: Position, to: Position, over: Option<&Projection>) {
+    fn drag(
+        &mut self,
+        button: MouseButton,
+        from: Position,
+        to: Position,
+        over: Option<&Projection>,
+    ) {
         let moved = |from: u16, to: u16| f32::from(to) - f32::from(from);
         let [right, down] = [moved(from.x, to.x), moved(from.y, to.y)];
         let chosen = over.filter(|projection| projection.angle == self.screen.arm.angle);
@@ -66,7 +76,8 @@ impl App {
                 self.set_arm_goal(point);
             }
             (MouseButton::Middle, Some(projection)) => {
-                let (at, was) = (projection.point_at(to, [0.0; 3]), projection.point_at(from, [0.0; 3]));
+                let (at, was) =
+                    (projection.point_at(to, [0.0; 3]), projection.point_at(from, [0.0; 3]));
                 let focus = &mut self.screen.arm.camera.focus;
                 *focus = std::array::from_fn(|i| focus[i] + was[i] - at[i]);
             }

@@ -1,4 +1,5 @@
-//! The projections of an arm, and their places on the screen. All are parallel: a direction to the right and one upwards.
+//! The projections of an arm, and their places on the screen. All are parallel: a direction to the
+//! right and one upwards.
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 
@@ -13,8 +14,8 @@ use gdg::viewer::arm::Plane;
 /// What is shown without zoom, in metres: where the arm, the table and the goals are.
 const WORKSPACE: [[f32; 3]; 2] = [[0.62, 0.33, 0.3], [1.66, 1.17, 1.12]];
 
-/// The free projection shows this share of what it would need to show the workspace's corners from every side: the arm
-/// is in its middle.
+/// The free projection shows this share of what it would need to show the workspace's corners from
+/// every side: the arm is in its middle.
 const FREE_SHARE: f32 = 0.8;
 
 /// The smallest area in characters that has room for all projections.
@@ -120,13 +121,19 @@ pub struct Projection {
 
 impl Projection {
     /// Fits what `camera` shows into `area`; `None` without room.
-    fn fit(area: Rect, (angle, orbit): (Angle, Orbit), camera: Camera, marker: Marker) -> Option<Self> {
+    fn fit(
+        area: Rect,
+        (angle, orbit): (Angle, Orbit),
+        camera: Camera,
+        marker: Marker,
+    ) -> Option<Self> {
         if area.is_empty() {
             return None;
         }
         let [across, up] = angle.orbit(orbit).axes();
-        let size =
-            |direction: [f32; 3]| (0..3).map(|i| (WORKSPACE[1][i] - WORKSPACE[0][i]) * direction[i].abs()).sum::<f32>();
+        let size = |direction: [f32; 3]| {
+            (0..3).map(|i| (WORKSPACE[1][i] - WORKSPACE[0][i]) * direction[i].abs()).sum::<f32>()
+        };
         // A character is twice as high as wide.
         let (columns, rows) = (f32::from(area.width), f32::from(area.height));
         let share = if angle == Angle::Free { FREE_SHARE } else { 1.0 };
@@ -134,7 +141,8 @@ impl Projection {
         let (width, height) = (columns / scale, 2.0 * rows / scale);
         let marker = if marker.wants_pixels() { Marker::Quadrant } else { marker };
         let per_character = marker.pixels();
-        let pixels = (usize::from(area.width) * per_character.0, usize::from(area.height) * per_character.1);
+        let pixels =
+            (usize::from(area.width) * per_character.0, usize::from(area.height) * per_character.1);
         let mut projection = Self {
             angle,
             frame: MapFrame { area, raster: Raster { window: [0.0; 4], pixels }, marker },
@@ -172,14 +180,22 @@ pub fn has_room(area: Rect) -> bool {
 /// Places the projections: all of them in the quarters of `area`, or the chosen one alone.
 pub fn arrange(area: Rect, screen: &Screen) -> Vec<Projection> {
     let arm = &screen.arm;
-    let fit = |area: Rect, angle: Angle| Projection::fit(area, (angle, arm.orbit), arm.camera, screen.marker);
+    let fit = |area: Rect, angle: Angle| {
+        Projection::fit(area, (angle, arm.orbit), arm.camera, screen.marker)
+    };
     if arm.alone || !has_room(area) {
         return fit(area, arm.angle).into_iter().collect();
     }
     let halves = |area: Rect, layout: Layout| layout.spacing(1).areas::<2>(area);
     let rows = halves(area, Layout::vertical([Constraint::Fill(1), Constraint::Fill(1)]));
-    let areas = rows.map(|row| halves(row, Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)])));
-    areas.into_iter().flatten().zip(Angle::ALL).filter_map(|(area, angle)| fit(area, angle)).collect()
+    let areas =
+        rows.map(|row| halves(row, Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)])));
+    areas
+        .into_iter()
+        .flatten()
+        .zip(Angle::ALL)
+        .filter_map(|(area, angle)| fit(area, angle))
+        .collect()
 }
 
 #[cfg(test)]
@@ -188,15 +204,26 @@ mod tests {
 
     fn projection(angle: Angle) -> Projection {
         let orbit = Orbit::default();
-        Projection::fit(Rect::new(3, 2, 50, 22), (angle, orbit), Camera::default(), Marker::HalfBlock).expect("room")
+        Projection::fit(
+            Rect::new(3, 2, 50, 22),
+            (angle, orbit),
+            Camera::default(),
+            Marker::HalfBlock,
+        )
+        .expect("room")
     }
 
     #[test]
     fn each_projection_shows_its_two_coordinates() {
         let at = [1.3, 0.7, 0.5];
-        for (angle, expected) in [(Angle::Side, [1.3, -0.5]), (Angle::Front, [0.7, -0.5]), (Angle::Top, [1.3, -0.7])] {
+        for (angle, expected) in
+            [(Angle::Side, [1.3, -0.5]), (Angle::Front, [0.7, -0.5]), (Angle::Top, [1.3, -0.7])]
+        {
             let [x, y] = projection(angle).flat(at);
-            assert!((x - expected[0]).abs() < 1e-6 && (y - expected[1]).abs() < 1e-6, "{angle:?}: {x}, {y}");
+            assert!(
+                (x - expected[0]).abs() < 1e-6 && (y - expected[1]).abs() < 1e-6,
+                "{angle:?}: {x}, {y}"
+            );
         }
     }
 
@@ -205,11 +232,15 @@ mod tests {
         for angle in Angle::ALL {
             let projection = projection(angle);
             for at in [[1.3, 0.7, 0.5], [1.45, 0.85, 0.65]] {
-                let character = projection.frame.character_of(projection.flat(at)).expect("in the frame");
+                let character =
+                    projection.frame.character_of(projection.flat(at)).expect("in the frame");
                 let back = projection.point_at(character, at);
                 let [width, height] = projection.pixel_size();
                 let most = width.max(2.0 * height);
-                assert!((0..3).all(|i| (back[i] - at[i]).abs() <= most), "{angle:?}: {at:?} becomes {back:?}");
+                assert!(
+                    (0..3).all(|i| (back[i] - at[i]).abs() <= most),
+                    "{angle:?}: {at:?} becomes {back:?}"
+                );
             }
         }
     }
@@ -220,8 +251,13 @@ mod tests {
         for angle in [Angle::Side, Angle::Front, Angle::Top] {
             let projection = projection(angle);
             for corner in 0..8 {
-                let at = std::array::from_fn(|i| if corner >> i & 1 == 0 { low[i] + 0.001 } else { high[i] - 0.001 });
-                assert!(projection.frame.character_of(projection.flat(at)).is_some(), "{angle:?}: {at:?}");
+                let at = std::array::from_fn(|i| {
+                    if corner >> i & 1 == 0 { low[i] + 0.001 } else { high[i] - 0.001 }
+                });
+                assert!(
+                    projection.frame.character_of(projection.flat(at)).is_some(),
+                    "{angle:?}: {at:?}"
+                );
             }
         }
     }

@@ -60,9 +60,17 @@ fn reacher(screen: &Screen) -> Vec<Line<'static>> {
 fn explorer(screen: &Screen) -> Vec<Line<'static>> {
     let Some(followed) = &screen.snapshot.followed else { return vec![fact("agent", "...")] };
     let place = |numbers: &[f32]| {
-        <[f32; 3]>::try_from(numbers.get(..3).unwrap_or_default()).map_or("-".to_owned(), centimetres)
+        <[f32; 3]>::try_from(numbers.get(..3).unwrap_or_default())
+            .map_or("-".to_owned(), centimetres)
     };
-    let left = followed.state.iter().zip(&followed.goal).take(3).map(|(s, g)| (s - g).powi(2)).sum::<f32>().sqrt();
+    let left = followed
+        .state
+        .iter()
+        .zip(&followed.goal)
+        .take(3)
+        .map(|(s, g)| (s - g).powi(2))
+        .sum::<f32>()
+        .sqrt();
     let mut lines = vec![
         heading("x, y, z in cm"),
         fact("agent", format!("{} of {}", followed.agent, screen.run().settings.train.agents)),

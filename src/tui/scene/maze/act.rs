@@ -16,10 +16,12 @@ use gdg::map::{Cell, Grid};
 use gdg::viewer::maze::{Request, cell_of_goal};
 
 /// What is said where older edits cannot be undone.
-const EDITS_DROPPED: &str = "older edits can no longer be undone: all together, they took too much memory";
+const EDITS_DROPPED: &str =
+    "older edits can no longer be undone: all together, they took too much memory";
 
 impl App {
-    /// Shows the maze of another run, with the goal that it was saved with, the map's own or a random one.
+    /// Shows the maze of another run, with the goal that it was saved with, the map's own or a
+    /// random one.
     pub(in crate::tui) fn start_maze(&mut self) {
         let map = self.screen.snapshot.scene.maze().map;
         self.screen.maze.map = map.clone();
@@ -29,7 +31,13 @@ impl App {
         self.inspect(None);
         self.viewer.request(Request::Directions(self.screen.overlays.has(Overlay::Directions)));
         let run = &self.screen.snapshot.run;
-        let text = format!("{} on {}, {} x {} cells", run.method.name(), map.name(), map.width(), map.height());
+        let text = format!(
+            "{} on {}, {} x {} cells",
+            run.method.name(),
+            map.name(),
+            map.width(),
+            map.height()
+        );
         self.screen.log.record(&text, self.screen.snapshot.moment());
         let saved = cell_of_goal(&self.screen.snapshot.notes.goal, &map);
         let goal = saved.or(map.goals().first().copied()).unwrap_or_else(|| self.random_cell());
@@ -51,7 +59,8 @@ impl App {
             Action::StartHere => self.place_walker(Some(at_cursor)),
             Action::NewStart => self.place_walker(None),
             Action::Toggle(Overlay::Directions) => {
-                self.viewer.request(Request::Directions(self.screen.overlays.has(Overlay::Directions)));
+                self.viewer
+                    .request(Request::Directions(self.screen.overlays.has(Overlay::Directions)));
             }
             Action::ZoomIn => self.zoom(1.5, None),
             Action::ZoomOut => self.zoom(1.0 / 1.5, None),
@@ -75,7 +84,8 @@ impl App {
             }
             Action::Undo => {
                 let new = maze.editor.undo(&map);
-                let nothing = if maze.editor.has_dropped_edits() { EDITS_DROPPED } else { "nothing to undo" };
+                let nothing =
+                    if maze.editor.has_dropped_edits() { EDITS_DROPPED } else { "nothing to undo" };
                 self.step_through_edits(new, "undone: ", nothing);
             }
             Action::Redo => {
@@ -147,7 +157,11 @@ impl App {
     }
 
     /// Switches to `map`, or says why there is none.
-    pub(in crate::tui) fn change_map_or_say(&mut self, map: Option<Arc<Grid>>, otherwise: Option<&str>) {
+    pub(in crate::tui) fn change_map_or_say(
+        &mut self,
+        map: Option<Arc<Grid>>,
+        otherwise: Option<&str>,
+    ) {
         if let Some(reason) = otherwise.filter(|_| map.is_none()) {
             self.notify(reason);
         }
@@ -166,7 +180,8 @@ impl App {
         if self.screen.maze.editor.is_open() {
             self.screen.maze.editor.close();
         } else {
-            self.screen.maze.editor.cursor = Some(self.screen.maze.inspecting.unwrap_or(self.screen.maze.goal));
+            self.screen.maze.editor.cursor =
+                Some(self.screen.maze.inspecting.unwrap_or(self.screen.maze.goal));
             self.inspect(None);
         }
     }

@@ -9,8 +9,8 @@ use gdg::viewer::Candidate;
 /// One candidate is drawn for each block of so many columns and rows of characters.
 const SPACING: (u16, u16) = (6, 3);
 
-/// Returns the candidates to draw: in each block the one nearest to its middle, so that the same ones are
-/// drawn as long as they stay where they are.
+/// Returns the candidates to draw: in each block the one nearest to its middle, so that the same
+/// ones are drawn as long as they stay where they are.
 pub fn shown<'a>(map_frame: &MapFrame, screen: &'a Screen) -> Vec<&'a Candidate> {
     let mut nearest: HashMap<(u16, u16), (f32, usize)> = HashMap::new();
     let candidates = &screen.maze.view.candidates;

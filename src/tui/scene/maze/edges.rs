@@ -1,4 +1,5 @@
-//! Edges of the bridge graph: those that agents have walked along or failed to, near the cursor if there are many.
+//! Edges of the bridge graph: those that agents have walked along or failed to, near the cursor if
+//! there are many.
 
 use crate::tui::canvas::Canvas;
 use crate::tui::raster::MapFrame;
@@ -9,7 +10,8 @@ use gdg::viewer::ShownEdge;
 /// The most edges drawn: more of them would hide the map.
 pub const MAX_EDGES: usize = 300;
 
-/// Steps in which edges fade with their distance from the cursor, and the least that is left of their opacity.
+/// Steps in which edges fade with their distance from the cursor, and the least that is left of
+/// their opacity.
 const FADES: usize = 5;
 const LEAST_OPACITY: f32 = 0.2;
 
@@ -21,7 +23,8 @@ const FAILED_OPACITY: f32 = 0.9;
 pub fn draw(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
     let [walked, failed, _] = screen.theme.edges;
     for (status, opacity, edges) in groups(map_frame, screen) {
-        let (rgb, mark) = if status == EdgeStatus::Confirmed { (walked, '=') } else { (failed, 'x') };
+        let (rgb, mark) =
+            if status == EdgeStatus::Confirmed { (walked, '=') } else { (failed, 'x') };
         // Each group is blended with the ground only once.
         canvas.lines(map_frame, edges.into_iter(), (rgb, opacity, mark));
     }
@@ -30,8 +33,8 @@ pub fn draw(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
 /// Edges with the same record and opacity: their ends.
 type Group = (EdgeStatus, f32, Vec<[[f32; 2]; 2]>);
 
-/// Returns the ends of edges by record and opacity, in the order in which they are drawn: the nearest go on top, and failed
-/// ones over walked ones.
+/// Returns the ends of edges by record and opacity, in the order in which they are drawn: the
+/// nearest go on top, and failed ones over walked ones.
 pub fn groups(map_frame: &MapFrame, screen: &Screen) -> Vec<Group> {
     let edges = shown(screen, map_frame.raster.window);
     let fades = if edges.len() < MAX_EDGES { 1 } else { FADES };
@@ -39,7 +42,9 @@ pub fn groups(map_frame: &MapFrame, screen: &Screen) -> Vec<Group> {
     let mut groups = Vec::new();
     for (n, edges) in edges.chunks(chunk).enumerate().collect::<Vec<_>>().into_iter().rev() {
         let fade = 1.0 - (1.0 - LEAST_OPACITY) * n as f32 / fades as f32;
-        for (status, opacity) in [(EdgeStatus::Confirmed, WALKED_OPACITY), (EdgeStatus::Demoted, FAILED_OPACITY)] {
+        for (status, opacity) in
+            [(EdgeStatus::Confirmed, WALKED_OPACITY), (EdgeStatus::Demoted, FAILED_OPACITY)]
+        {
             let own = edges.iter().filter(|(_, own)| *own == status).map(|(ends, _)| *ends);
             groups.push((status, fade * opacity, own.collect()));
         }
@@ -47,10 +52,11 @@ pub fn groups(map_frame: &MapFrame, screen: &Screen) -> Vec<Group> {
     groups
 }
 
-/// Returns the walked and failed edges within `window` (left, top, width, height) that are nearest to the cursor, the
-/// mouse or else the goal, nearest first.
+/// Returns the walked and failed edges within `window` (left, top, width, height) that are nearest
+/// to the cursor, the mouse or else the goal, nearest first.
 fn shown(screen: &Screen, [left, top, width, height]: [f32; 4]) -> Vec<ShownEdge> {
-    let [x, y] = screen.maze.inspecting.or(screen.maze.hovered).unwrap_or(screen.maze.goal).centre();
+    let [x, y] =
+        screen.maze.inspecting.or(screen.maze.hovered).unwrap_or(screen.maze.goal).centre();
     let middle = |[a, b]: [[f32; 2]; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
     let off = |edge: &ShownEdge| {
         let at = middle(edge.0);
@@ -60,7 +66,8 @@ fn shown(screen: &Screen, [left, top, width, height]: [f32; 4]) -> Vec<ShownEdge
         let at = middle(edge.0);
         at[0] >= left && at[1] >= top && at[0] <= left + width && at[1] <= top + height
     };
-    let tried = screen.maze.view.edges.iter().filter(|edge| edge.1 != EdgeStatus::Untried && inside(edge));
+    let tried =
+        screen.maze.view.edges.iter().filter(|edge| edge.1 != EdgeStatus::Untried && inside(edge));
     let mut edges: Vec<ShownEdge> = tried.copied().collect();
     if edges.len() > MAX_EDGES {
         edges.select_nth_unstable_by(MAX_EDGES, |a, b| off(a).total_cmp(&off(b)));

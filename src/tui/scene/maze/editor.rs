@@ -32,8 +32,15 @@ pub enum Tool {
 
 impl Tool {
     /// All tools, in the order of their keys.
-    pub const ALL: [Self; 7] =
-        [Self::Pencil, Self::Eraser, Self::Line, Self::Rectangle, Self::Fill, Self::Start, Self::Goal];
+    pub const ALL: [Self; 7] = [
+        Self::Pencil,
+        Self::Eraser,
+        Self::Line,
+        Self::Rectangle,
+        Self::Fill,
+        Self::Start,
+        Self::Goal,
+    ];
 
     /// Returns what the mouse buttons do with it.
     pub fn mouse(self) -> &'static str {
@@ -87,7 +94,8 @@ pub struct Editor {
     says_dropped: bool,
 }
 
-/// An unfinished stroke: the mouse button is still down, or the second of two key presses is still to come.
+/// An unfinished stroke: the mouse button is still down, or the second of two key presses is still
+/// to come.
 struct Stroke {
     free: bool,
     /// Cells drawn freehand, each once.
@@ -110,7 +118,11 @@ impl Stroke {
     fn add(&mut self, cells: impl IntoIterator<Item = Cell>, map: &Grid) {
         self.is_drawn.resize(map.free().len(), false);
         let Self { cells: drawn, is_drawn, .. } = self;
-        drawn.extend(cells.into_iter().filter(|cell| !std::mem::replace(&mut is_drawn[map.index(*cell)], true)));
+        drawn.extend(
+            cells
+                .into_iter()
+                .filter(|cell| !std::mem::replace(&mut is_drawn[map.index(*cell)], true)),
+        );
     }
 }
 
@@ -161,7 +173,8 @@ impl Editor {
         let stroke = self.stroke.get_or_insert_with(|| Stroke::at(cell, free));
         let [begun, from] = stroke.at.unwrap_or([to; 2]);
         stroke.at = Some([begun, to]);
-        if let (Tool::Line | Tool::Rectangle, Some(first)) = (self.tool, frame.cell_at(begun, map)) {
+        if let (Tool::Line | Tool::Rectangle, Some(first)) = (self.tool, frame.cell_at(begun, map))
+        {
             // All that the characters at both ends show.
             stroke.from = outermost(first, &frame.cells_at(begun, map), cell);
             stroke.to = outermost(cell, &frame.cells_at(to, map), first);
@@ -171,8 +184,9 @@ impl Editor {
         if !matches!(self.tool, Tool::Pencil | Tool::Eraser) {
             return;
         }
-        let along =
-            |from: u16, to: u16, i: i32, n: i32| (i32::from(from) + (i32::from(to) - i32::from(from)) * i / n) as u16;
+        let along = |from: u16, to: u16, i: i32, n: i32| {
+            (i32::from(from) + (i32::from(to) - i32::from(from)) * i / n) as u16
+        };
         let n = i32::from(from.x.abs_diff(to.x).max(from.y.abs_diff(to.y))).max(1);
         for i in 0..=n {
             let at = Position::new(along(from.x, to.x, i, n), along(from.y, to.y, i, n));
@@ -215,7 +229,9 @@ impl Editor {
     fn change(&mut self, map: &Arc<Grid>, stroke: &Stroke) -> Option<Arc<Grid>> {
         let (from, to) = (stroke.from, stroke.to);
         let new = match self.tool {
-            Tool::Fill => map.with_cells(area(map, to).into_iter().map(|cell| (cell, !map.is_free(to)))),
+            Tool::Fill => {
+                map.with_cells(area(map, to).into_iter().map(|cell| (cell, !map.is_free(to))))
+            }
             // A cell has one mark: map files have one character for it.
             Tool::Start => {
                 let starts = with_mark_moved(map.starts(), from, to);
@@ -287,7 +303,8 @@ fn with_mark_moved(marks: &[Cell], from: Cell, to: Cell) -> Vec<Cell> {
     marks
 }
 
-/// Returns the cell in the row or column of `cell` that is farthest from `other` among `shown`, along the longer axis.
+/// Returns the cell in the row or column of `cell` that is farthest from `other` among `shown`,
+/// along the longer axis.
 fn outermost(cell: Cell, shown: &[Cell], other: Cell) -> Cell {
     let [dx, dy] = [cell.x.abs_diff(other.x), cell.y.abs_diff(other.y)];
     let same_line = |c: &&Cell| if dx > dy { c.y == cell.y } else { c.x == cell.x };
@@ -299,7 +316,9 @@ fn outermost(cell: Cell, shown: &[Cell], other: Cell) -> Cell {
 fn line(from: Cell, to: Cell) -> Vec<Cell> {
     let (dx, dy) = (to.x as isize - from.x as isize, to.y as isize - from.y as isize);
     let n = dx.abs().max(dy.abs()).max(1);
-    let along = |from: usize, d: isize, i: isize| from.saturating_add_signed((2 * d * i + d.signum() * n) / (2 * n));
+    let along = |from: usize, d: isize, i: isize| {
+        from.saturating_add_signed((2 * d * i + d.signum() * n) / (2 * n))
+    };
     (0..=n).map(|i| Cell::new(along(from.x, dx, i), along(from.y, dy, i))).collect()
 }
 
@@ -320,7 +339,10 @@ fn area(map: &Grid, from: Cell) -> Vec<Cell> {
         done += 1;
         for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
             let next = Cell::new(at.x.wrapping_add_signed(dx), at.y.wrapping_add_signed(dy));
-            if map.contains(next) && map.is_free(next) == free && !std::mem::replace(&mut seen[map.index(next)], true) {
+            if map.contains(next)
+                && map.is_free(next) == free
+                && !std::mem::replace(&mut seen[map.index(next)], true)
+            {
                 all.push(next);
             }
         }
@@ -348,14 +370,26 @@ mod tests {
 
     #[test]
     fn every_tool_draws_by_keyboard() {
-        assert_eq!(drawn(Tool::Pencil, [(1, 1), (2, 2)]), "S....\n.#...\n.....\n....G\n", "and turns walls to floor");
+        assert_eq!(
+            drawn(Tool::Pencil, [(1, 1), (2, 2)]),
+            "S....\n.#...\n.....\n....G\n",
+            "and turns walls to floor"
+        );
         assert_eq!(drawn(Tool::Eraser, [(2, 2), (0, 1)]), "S....\n.....\n.....\n....G\n");
         assert_eq!(drawn(Tool::Line, [(1, 0), (4, 3)]), "S#...\n..#..\n..##.\n....#\n");
         assert_eq!(drawn(Tool::Rectangle, [(1, 1), (3, 3)]), "S....\n.###.\n.###.\n.###G\n");
         let floor = "S....\n.....\n.....\n....G\n";
-        assert_eq!(drawn(Tool::Fill, [(2, 2), (2, 2)]), floor, "the wall is filled, but no map is without floor");
+        assert_eq!(
+            drawn(Tool::Fill, [(2, 2), (2, 2)]),
+            floor,
+            "the wall is filled, but no map is without floor"
+        );
         assert_eq!(drawn(Tool::Start, [(0, 0), (2, 1)]), ".....\n..S..\n..#..\n....G\n");
-        assert_eq!(drawn(Tool::Goal, [(4, 3), (2, 2)]), "S....\n.....\n..#..\n.....\n", "walls hold no goal");
+        assert_eq!(
+            drawn(Tool::Goal, [(4, 3), (2, 2)]),
+            "S....\n.....\n..#..\n.....\n",
+            "walls hold no goal"
+        );
     }
 
     #[test]

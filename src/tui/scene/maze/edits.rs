@@ -10,10 +10,11 @@ const MAX_BYTES: usize = 256 << 20;
 
 /// What makes another map of the present one.
 enum Step {
-    /// Runs of cells, row-major, from the first to before the last, that change from floor to wall or back; and starts
-    /// and goals if they differ.
+    /// Runs of cells, row-major, from the first to before the last, that change from floor to wall
+    /// or back; and starts and goals if they differ.
     Difference { runs: Vec<[u32; 2]>, marks: Option<Box<[Vec<Cell>; 2]>> },
-    /// The other map: it has another size or name, or so many differences that they would be larger.
+    /// The other map: it has another size or name, or so many differences that they would be
+    /// larger.
     Whole(Arc<Grid>),
 }
 
@@ -25,7 +26,10 @@ impl Step {
             return Self::Whole(to.clone());
         }
         let differ = (from.starts(), from.goals()) != (to.starts(), to.goals());
-        Self::Difference { runs, marks: differ.then(|| Box::new([to.starts().to_vec(), to.goals().to_vec()])) }
+        Self::Difference {
+            runs,
+            marks: differ.then(|| Box::new([to.starts().to_vec(), to.goals().to_vec()])),
+        }
     }
 
     fn apply(self, from: &Grid) -> Option<Arc<Grid>> {
@@ -33,7 +37,8 @@ impl Step {
             Self::Difference { runs, marks } => (runs, marks),
             Self::Whole(to) => return Some(to),
         };
-        let cells = runs.into_iter().flat_map(|[first, end]| first..end).map(|i| from.cell(i as usize));
+        let cells =
+            runs.into_iter().flat_map(|[first, end]| first..end).map(|i| from.cell(i as usize));
         let to = from.with_cells(cells.map(|cell| (cell, !from.is_free(cell))))?;
         Some(Arc::new(match marks.map(|marks| *marks) {
             Some([starts, goals]) => to.with_marks(starts, goals),
@@ -46,7 +51,8 @@ impl Step {
         size_of::<Self>()
             + match self {
                 Self::Difference { runs, marks } => {
-                    size_of_val(&**runs) + marks.as_ref().map_or(0, |marks| of_marks(&marks[0], &marks[1]))
+                    size_of_val(&**runs)
+                        + marks.as_ref().map_or(0, |marks| of_marks(&marks[0], &marks[1]))
                 }
                 Self::Whole(map) => map.free().len() + of_marks(map.starts(), map.goals()),
             }
@@ -78,7 +84,8 @@ pub struct Edits {
 }
 
 impl Edits {
-    /// Adds the edit from `before` to `after`. Drops the oldest edits if all together become too large.
+    /// Adds the edit from `before` to `after`. Drops the oldest edits if all together become too
+    /// large.
     pub fn record(&mut self, before: &Arc<Grid>, after: &Grid) {
         self.record_within(MAX_BYTES, before, after);
     }
@@ -129,7 +136,8 @@ mod tests {
 
     /// Returns a random edit of `map`.
     fn edited(map: &Grid, rng: &mut ChaCha8Rng) -> Grid {
-        let mut cell = || Cell::new(rng.random_range(0..map.width()), rng.random_range(0..map.height()));
+        let mut cell =
+            || Cell::new(rng.random_range(0..map.width()), rng.random_range(0..map.height()));
         let cells: Vec<Cell> = (0..5).map(|_| cell()).collect();
         let free = rng.random();
         match rng.random_range(0..4) {
@@ -177,7 +185,8 @@ mod tests {
 
     #[test]
     fn the_oldest_edits_are_dropped_when_all_become_too_large() {
-        let maps: Vec<_> = (0..4).map(|i| Arc::new(Grid::empty(&i.to_string(), 100, 100))).collect();
+        let maps: Vec<_> =
+            (0..4).map(|i| Arc::new(Grid::empty(&i.to_string(), 100, 100))).collect();
         let mut edits = Edits::default();
         maps.windows(2).for_each(|pair| edits.record_within(25_000, &pair[0], &pair[1]));
         assert!(edits.has_dropped && edits.bytes <= 25_000, "{}", edits.bytes);

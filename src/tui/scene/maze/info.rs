@@ -17,7 +17,8 @@ use crate::tui::theme::ColourDepth;
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &ScreenLayout) {
     let cell = screen.maze.inspecting.or(screen.maze.hovered);
     let width = usize::from(area.width);
-    let line = if cell.is_some() { cell_facts(width, screen) } else { meaning(width, screen, layout) };
+    let line =
+        if cell.is_some() { cell_facts(width, screen) } else { meaning(width, screen, layout) };
     frame.render_widget(Paragraph::new(line), area);
 }
 
@@ -25,21 +26,27 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &ScreenLayou
 fn meaning(width: usize, screen: &Screen, layout: &ScreenLayout) -> Line<'static> {
     let [long, short] = scaled_down_texts(screen, layout);
     let interval = contour_text(screen, layout);
-    let texts = [[&*interval, &*long], [&interval, &short], [&interval, ""], [&long, ""], [&short, ""]]
-        .map(|texts| texts.concat());
+    let texts =
+        [[&*interval, &*long], [&interval, &short], [&interval, ""], [&long, ""], [&short, ""]]
+            .map(|texts| texts.concat());
     let bars = || (SHORT_BAR_WIDTH..=BAR_WIDTH).rev();
     let options = texts.iter().flat_map(|text| bars().map(move |bar| (text, bar)));
     let lines = options.map(|(text, bar)| {
         let mut line = scale(screen, bar);
         // Without a bar, a blank ends the line.
-        let text = if line.to_string().ends_with(' ') { text.trim_start_matches(", ") } else { text };
+        let text =
+            if line.to_string().ends_with(' ') { text.trim_start_matches(", ") } else { text };
         line.push_span(Span::styled(text.to_owned(), DIM));
         line
     });
-    lines.into_iter().find(|line| line.width() <= width).unwrap_or_else(|| scale(screen, SHORT_BAR_WIDTH))
+    lines
+        .into_iter()
+        .find(|line| line.width() <= width)
+        .unwrap_or_else(|| scale(screen, SHORT_BAR_WIDTH))
 }
 
-/// Describes the cell under the cursor or the mouse: with the facts that fit into `width`, the walls' and D's first.
+/// Describes the cell under the cursor or the mouse: with the facts that fit into `width`, the
+/// walls' and D's first.
 fn cell_facts(width: usize, screen: &Screen) -> Line<'static> {
     let Some(cell) = screen.maze.inspecting.or(screen.maze.hovered) else { return Line::default() };
     let place = format!("{},{}", cell.x, cell.y);
@@ -50,7 +57,9 @@ fn cell_facts(width: usize, screen: &Screen) -> Line<'static> {
         return Line::from(format!(" cell {place}"));
     };
     let learned = facts.learned;
-    let visits = facts.visits.map_or(String::new(), |visits| format!(", {} visits", short(f64::from(visits))));
+    let visits = facts
+        .visits
+        .map_or(String::new(), |visits| format!(", {} visits", short(f64::from(visits))));
     let (what, visits) = match facts.truth {
         // A share of nothing says nothing.
         Some(0) => (format!("D {learned:.1}, true 0 ({learned:+.1} steps)"), visits),
@@ -60,8 +69,12 @@ fn cell_facts(width: usize, screen: &Screen) -> Line<'static> {
         }
         None => (format!("D {learned:.1}, no path to G"), String::new()),
     };
-    let texts = [format!(" cell {place}: {what}{visits}"), format!(" {place}: {what}{visits}")].map(Line::from);
-    texts.into_iter().find(|line| line.width() <= width).unwrap_or_else(|| Line::from(format!(" {place}: {what}")))
+    let texts = [format!(" cell {place}: {what}{visits}"), format!(" {place}: {what}{visits}")]
+        .map(Line::from);
+    texts
+        .into_iter()
+        .find(|line| line.width() <= width)
+        .unwrap_or_else(|| Line::from(format!(" {place}: {what}")))
 }
 
 /// Says how many cells a dot of the map shows, if it shows several: at length, and in short.

@@ -27,7 +27,8 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     }
     lines.extend(pairs.iter().map(|pair| signs(screen, pair)));
     if screen.run().method.plans() {
-        let sizes = [' ', '\u{b7}', '\u{2022}', '\u{25cf}'].map(|sign| sample(screen, sign, theme.cursor));
+        let sizes =
+            [' ', '\u{b7}', '\u{2022}', '\u{25cf}'].map(|sign| sample(screen, sign, theme.cursor));
         let of_sizes = sizes.into_iter().chain([Span::raw(" larger: more edges")]);
         lines.push(Line::from(of_sizes.collect::<Vec<_>>()));
     }
@@ -42,7 +43,8 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     let has_edge = !mono && !screen.maze.view.exploration.is_complete(&screen.maze.map);
     lines.push(signs(screen, &[trail, frontier][..=usize::from(has_edge)]));
     if screen.run().method.plans() {
-        let tried = edge_count(screen, EdgeStatus::Confirmed) + edge_count(screen, EdgeStatus::Demoted);
+        let tried =
+            edge_count(screen, EdgeStatus::Confirmed) + edge_count(screen, EdgeStatus::Demoted);
         let walked = if tried > MAX_EDGES { "walked, near cursor" } else { "edges walked" };
         lines.extend(edge_lines(screen, [walked, "failed", "untried, not shown"]));
     }
@@ -54,7 +56,11 @@ fn signs(screen: &Screen, all: &[(char, Rgb, &str)]) -> Line<'static> {
     let mut line = Line::default();
     for (symbol, rgb, meaning) in all {
         let gap = if line.spans.is_empty() { " " } else { "  " };
-        line.extend([Span::raw(gap), sample(screen, *symbol, *rgb), Span::raw(format!(" {meaning}"))]);
+        line.extend([
+            Span::raw(gap),
+            sample(screen, *symbol, *rgb),
+            Span::raw(format!(" {meaning}")),
+        ]);
     }
     line
 }

@@ -39,8 +39,18 @@ pub const FRONTIER_SIGN: char = '\u{25c6}';
 pub const TRAIL_MARK: char = '\u{b7}';
 
 /// Draws the map and everything on it.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout, cache: &mut Cache) {
-    let Some(map_frame) = MapFrame::fit(area, &screen.maze.map, screen.marker, screen.maze.viewport) else { return };
+pub fn draw(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    layout: &mut ScreenLayout,
+    cache: &mut Cache,
+) {
+    let Some(map_frame) =
+        MapFrame::fit(area, &screen.maze.map, screen.marker, screen.maze.viewport)
+    else {
+        return;
+    };
     layout.map = Some(map_frame.clone());
     if let Some(pictures) = &mut cache.pictures
         && let Some(character) = screen.picture_character()
@@ -58,8 +68,10 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         frame.buffer_mut()[at].clone_from(&base.painted[at]);
     }
     canvas.paint_changes(frame.buffer_mut(), &map_frame, &screen.theme);
-    let labels = base.labels.iter().filter(|label| !is_covered(label, &canvas, &map_frame, &screen.theme));
-    let mut glyphs = Glyphs { map_frame: &map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
+    let labels =
+        base.labels.iter().filter(|label| !is_covered(label, &canvas, &map_frame, &screen.theme));
+    let mut glyphs =
+        Glyphs { map_frame: &map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
     draw_symbols(&mut glyphs, labels.collect(), screen);
     cache.base = Some(base);
 }
@@ -134,7 +146,8 @@ impl Key {
     /// Returns the field for `raster`, if it has been computed.
     pub(super) fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
         let view = &screen.maze.view;
-        (view.raster == Some(*raster) && (view.past.is_some() || view.kind == screen.field)).then_some(&view.field)
+        (view.raster == Some(*raster) && (view.past.is_some() || view.kind == screen.field))
+            .then_some(&view.field)
     }
 
     /// Returns whether what has been drawn from this is still up to date.
@@ -149,7 +162,11 @@ impl Key {
         let scale = |farthest: f32, interval: f32| (farthest.to_bits(), interval.to_bits());
         let same_scale = scale(self.farthest, self.least_contour_interval)
             == scale(screen.farthest(), screen.least_contour_interval);
-        self.same_style(map_frame, screen) && same_field && same_scale && same_exploration && same_time
+        self.same_style(map_frame, screen)
+            && same_field
+            && same_scale
+            && same_exploration
+            && same_time
     }
 }
 
@@ -159,7 +176,8 @@ struct Base {
     canvas: Canvas,
     /// The canvas as characters.
     painted: Buffer,
-    /// Steps between two contour lines, if they are drawn and this map is not compared with another, and their labels.
+    /// Steps between two contour lines, if they are drawn and this map is not compared with
+    /// another, and their labels.
     own_interval: Option<f32>,
     labels: Vec<Label>,
 }
@@ -169,8 +187,9 @@ impl Base {
     fn new(map_frame: &MapFrame, before: Option<f32>, screen: &Screen) -> Self {
         let mut canvas = Canvas::new(map_frame);
         let columns = canvas.columns();
-        let grounds: Vec<Ground> =
-            (0..canvas.len()).map(|i| map_frame.raster.ground(&screen.maze.map, i % columns, i / columns)).collect();
+        let grounds: Vec<Ground> = (0..canvas.len())
+            .map(|i| map_frame.raster.ground(&screen.maze.map, i % columns, i / columns))
+            .collect();
         terrain(&mut canvas, &grounds, &screen.theme);
         let key = Key::new(map_frame, screen);
         let unexplored = Unexplored::new(&grounds, screen);
@@ -180,7 +199,12 @@ impl Base {
             if screen.shown_field().is_distance() && screen.overlays.has(Overlay::Contours) {
                 let open = open_field(field, &grounds, &unexplored);
                 own_interval = contours::interval(&[(&open, columns)], contours::SPACING, before);
-                labels = draw_contours(&mut canvas, map_frame, (&open, shown_interval(own_interval, screen)), screen);
+                labels = draw_contours(
+                    &mut canvas,
+                    map_frame,
+                    (&open, shown_interval(own_interval, screen)),
+                    screen,
+                );
             }
         }
         unexplored.draw(&mut canvas, map_frame, screen);
@@ -190,12 +214,14 @@ impl Base {
     }
 }
 
-/// Records the steps between two contour lines, which would be `own` if the map were not compared with another.
+/// Records the steps between two contour lines, which would be `own` if the map were not compared
+/// with another.
 pub(super) fn show_interval(own: Option<f32>, screen: &Screen, layout: &mut ScreenLayout) {
     (layout.own_contour_interval, layout.contour_interval) = (own, shown_interval(own, screen));
 }
 
-/// Returns the steps between two contour lines where they would be `own` if the map were not compared with another.
+/// Returns the steps between two contour lines where they would be `own` if the map were not
+/// compared with another.
 pub(super) fn shown_interval(own: Option<f32>, screen: &Screen) -> Option<f32> {
     own.map(|own| own.max(screen.least_contour_interval))
 }
@@ -213,7 +239,9 @@ pub fn ground_style(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
     match ground {
         Ground::Outside => (None, ' '),
         Ground::Wall => (Some(theme.wall), WALL_MARK),
-        Ground::Crossed(_) => (Some(blend(theme.unknown, theme.wall, CROSSED_WALL_SHARE)), WALL_MARK),
+        Ground::Crossed(_) => {
+            (Some(blend(theme.unknown, theme.wall, CROSSED_WALL_SHARE)), WALL_MARK)
+        }
         Ground::Free(_) => (Some(theme.unknown), ' '),
     }
 }
@@ -241,8 +269,8 @@ fn colour(canvas: &mut Canvas, field: &[f32], screen: &Screen) {
     }
 }
 
-/// Returns the field where contour lines may be: they would follow the walls that cross pixels, as distances differ on both
-/// sides, and mean nothing where values do not.
+/// Returns the field where contour lines may be: they would follow the walls that cross pixels, as
+/// distances differ on both sides, and mean nothing where values do not.
 pub(super) fn open_field(field: &[f32], grounds: &[Ground], unexplored: &Unexplored) -> Vec<f32> {
     let is_open = |i: usize| matches!(grounds[i], Ground::Free(_)) && !unexplored.hides(i);
     field.iter().enumerate().map(|(i, value)| if is_open(i) { *value } else { f32::NAN }).collect()
@@ -256,7 +284,9 @@ fn draw_contours(
     screen: &Screen,
 ) -> Vec<Label> {
     let goal = map_frame.raster.pixel_of(shown_goal(screen).centre()).unwrap_or_default();
-    interval.map_or_else(Vec::new, |interval| contours::draw(canvas, map_frame, field, (interval, goal)))
+    interval.map_or_else(Vec::new, |interval| {
+        contours::draw(canvas, map_frame, field, (interval, goal))
+    })
 }
 
 /// Returns whether the planned path or an agent is where a label would be.
@@ -285,7 +315,8 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
     if shows(Overlay::Edges) {
         edges::draw(canvas, map_frame, screen);
     }
-    if shows(Overlay::Candidates) && (MIN_BRIDGE_SCALE..MIN_SIZED_CANDIDATE_SCALE).contains(&scale) {
+    if shows(Overlay::Candidates) && (MIN_BRIDGE_SCALE..MIN_SIZED_CANDIDATE_SCALE).contains(&scale)
+    {
         for candidate in candidates::shown(map_frame, screen) {
             // The better connected, the darker.
             canvas.faint_dot(
@@ -298,17 +329,36 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
         }
     }
     if shows(Overlay::Path) {
-        let stops: Vec<[f32; 2]> =
-            screen.maze.view.trail.last().into_iter().chain(&screen.maze.view.path).copied().collect();
-        canvas.lines(map_frame, stops.windows(2).map(|ends| [ends[0], ends[1]]), (theme.path, 1.0, '+'));
+        let stops: Vec<[f32; 2]> = screen
+            .maze
+            .view
+            .trail
+            .last()
+            .into_iter()
+            .chain(&screen.maze.view.path)
+            .copied()
+            .collect();
+        canvas.lines(
+            map_frame,
+            stops.windows(2).map(|ends| [ends[0], ends[1]]),
+            (theme.path, 1.0, '+'),
+        );
     }
     if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
         let [accepted, rejected] = theme.search;
         let at = |numbers: &[f32]| [numbers[0], numbers[1]];
-        search.rejected.chunks_exact(2).for_each(|b| canvas.ground_dot(map_frame, at(b), rejected, 'x'));
+        search
+            .rejected
+            .chunks_exact(2)
+            .for_each(|b| canvas.ground_dot(map_frame, at(b), rejected, 'x'));
         if let Some(bridge) = &search.found {
-            let [from, bridge, to] = [&search.state, &bridge.point, &search.goal].map(|numbers| at(numbers));
-            canvas.lines(map_frame, [[from, bridge], [bridge, to]].into_iter(), (accepted, 0.8, '='));
+            let [from, bridge, to] =
+                [&search.state, &bridge.point, &search.goal].map(|numbers| at(numbers));
+            canvas.lines(
+                map_frame,
+                [[from, bridge], [bridge, to]].into_iter(),
+                (accepted, 0.8, '='),
+            );
         }
     }
     if let Some((cells, free)) = screen.maze.editor.preview() {
@@ -330,7 +380,13 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
         for trail in screen.snapshot.trails.iter() {
             let (positions, _) = trail.as_chunks::<2>();
             for (i, at) in positions.iter().enumerate() {
-                canvas.faint_dot(map_frame, *at, theme.agent, 0.5 * (i + 1) as f32 / positions.len() as f32, None);
+                canvas.faint_dot(
+                    map_frame,
+                    *at,
+                    theme.agent,
+                    0.5 * (i + 1) as f32 / positions.len() as f32,
+                    None,
+                );
             }
         }
         for at in screen.snapshot.agents.chunks_exact(2) {
@@ -367,9 +423,11 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
             glyphs.symbol(*at, arrow(*action), None);
         }
     }
-    let under =
-        |label: &Label, buffer: &Buffer| label.area.positions().map(|at| buffer[at].clone()).collect::<Vec<_>>();
-    let labels: Vec<_> = labels.into_iter().map(|label| (label, under(label, glyphs.buffer))).collect();
+    let under = |label: &Label, buffer: &Buffer| {
+        label.area.positions().map(|at| buffer[at].clone()).collect::<Vec<_>>()
+    };
+    let labels: Vec<_> =
+        labels.into_iter().map(|label| (label, under(label, glyphs.buffer))).collect();
     if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
         if let Some(bridge) = &search.found {
             glyphs.letter([bridge.point[0], bridge.point[1]], 'B', theme.search[0]);
@@ -408,8 +466,10 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
 
 /// Returns the arrow nearest to a direction, or a dot for standing still.
 fn arrow([x, y]: [f32; 2]) -> char {
-    const ARROWS: [char; 8] =
-        ['\u{2192}', '\u{2198}', '\u{2193}', '\u{2199}', '\u{2190}', '\u{2196}', '\u{2191}', '\u{2197}'];
+    const ARROWS: [char; 8] = [
+        '\u{2192}', '\u{2198}', '\u{2193}', '\u{2199}', '\u{2190}', '\u{2196}', '\u{2191}',
+        '\u{2197}',
+    ];
     if x.abs().max(y.abs()) < 0.1 {
         return '\u{b7}';
     }

@@ -13,29 +13,43 @@ use crate::tui::raster::{MapFrame, Viewport};
 use crate::tui::screen::Screen;
 use crate::tui::theme::blend;
 
-/// Maximum columns and rows of the minimap, which takes at most 1 / `PANE_DIVISOR` of the pane's width and height.
+/// Maximum columns and rows of the minimap, which takes at most 1 / `PANE_DIVISOR` of the pane's
+/// width and height.
 const MAX_SIZE: (u16, u16) = (24, 10);
 const PANE_DIVISOR: u16 = 3;
 
-/// Draws the minimap in a corner of `area`: the upper right one, unless it would hide the goal or the cursor there.
+/// Draws the minimap in a corner of `area`: the upper right one, unless it would hide the goal or
+/// the cursor there.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
-    let Some(shown) = layout.map.as_ref().filter(|_| screen.maze.viewport.zoom > 1.0) else { return };
+    let Some(shown) = layout.map.as_ref().filter(|_| screen.maze.viewport.zoom > 1.0) else {
+        return;
+    };
     let room = Rect {
         width: MAX_SIZE.0.min(area.width / PANE_DIVISOR),
         height: MAX_SIZE.1.min(area.height / PANE_DIVISOR),
         ..area
     };
-    let inner = Rect { width: room.width.saturating_sub(2), height: room.height.saturating_sub(2), ..area };
-    let Some(map_frame) = MapFrame::fit(inner, &screen.maze.map, Marker::Quadrant, Viewport::default()) else { return };
+    let inner =
+        Rect { width: room.width.saturating_sub(2), height: room.height.saturating_sub(2), ..area };
+    let Some(map_frame) =
+        MapFrame::fit(inner, &screen.maze.map, Marker::Quadrant, Viewport::default())
+    else {
+        return;
+    };
     let (width, height) = (map_frame.area.width + 2, map_frame.area.height + 2);
-    let (right, bottom) = (area.right().saturating_sub(width), area.bottom().saturating_sub(height));
+    let (right, bottom) =
+        (area.right().saturating_sub(width), area.bottom().saturating_sub(height));
     let corners = [(right, area.y), (area.x, area.y), (right, bottom), (area.x, bottom)];
     let corners = corners.map(|(x, y)| Rect { x, y, width, height });
     let (maze, goal) = (&screen.maze, shown_goal(screen));
     let seen = [Some(goal), maze.inspecting, maze.editor.cursor].into_iter().flatten();
     let seen: Vec<Position> = seen.filter_map(|cell| shown.character_of(cell.centre())).collect();
-    let outer = corners.into_iter().find(|corner| !seen.iter().any(|at| corner.contains(*at))).unwrap_or(corners[0]);
-    let map_frame = MapFrame { area: Rect { x: outer.x + 1, y: outer.y + 1, ..map_frame.area }, ..map_frame };
+    let outer = corners
+        .into_iter()
+        .find(|corner| !seen.iter().any(|at| corner.contains(*at)))
+        .unwrap_or(corners[0]);
+    let map_frame =
+        MapFrame { area: Rect { x: outer.x + 1, y: outer.y + 1, ..map_frame.area }, ..map_frame };
     let mut canvas = Canvas::new(&map_frame);
     let [left, top, columns, rows] = shown.raster.window;
     for i in 0..canvas.len() {
@@ -44,7 +58,8 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         let x = (column as f32 + 0.5) / map_frame.raster.pixels.0 as f32 * width;
         let y = (row as f32 + 0.5) / map_frame.raster.pixels.1 as f32 * height;
         let inside = x >= left && x < left + columns && y >= top && y < top + rows;
-        let (rgb, mark) = ground_style(map_frame.raster.ground(&screen.maze.map, column, row), &screen.theme);
+        let (rgb, mark) =
+            ground_style(map_frame.raster.ground(&screen.maze.map, column, row), &screen.theme);
         let lit = rgb.map(|rgb| if inside { blend(rgb, screen.theme.walker, 0.5) } else { rgb });
         canvas.set(i, lit, if inside && mark == ' ' { '.' } else { mark });
     }

@@ -23,7 +23,11 @@ impl App {
         let Some(frame) = &self.screen.layout.map.clone() else { return false };
         let drawing = self.screen.maze.editor.is_drawing();
         // A stroke that leaves the map goes on along its edge.
-        let at = if drawing && matches!(kind, MouseEventKind::Drag(_)) { nearest_within(frame.area, at) } else { at };
+        let at = if drawing && matches!(kind, MouseEventKind::Drag(_)) {
+            nearest_within(frame.area, at)
+        } else {
+            at
+        };
         let cell = frame.cell_at(at, &self.screen.maze.map);
         let dragged_from = self.dragged_from.take();
         if self.is_on_minimap(kind, at) {
@@ -32,18 +36,30 @@ impl App {
         match kind {
             MouseEventKind::Moved => self.hover(cell),
             MouseEventKind::ScrollUp if cell.is_some() => self.zoom(WHEEL_ZOOM_FACTOR, Some(at)),
-            MouseEventKind::ScrollDown if cell.is_some() => self.zoom(1.0 / WHEEL_ZOOM_FACTOR, Some(at)),
+            MouseEventKind::ScrollDown if cell.is_some() => {
+                self.zoom(1.0 / WHEEL_ZOOM_FACTOR, Some(at));
+            }
             MouseEventKind::Down(MouseButton::Middle) => self.dragged_from = Some(at),
             MouseEventKind::Drag(MouseButton::Middle) => {
                 let moved = |from: u16, to: u16| f32::from(from) - f32::from(to);
                 let from = dragged_from.unwrap_or(at);
-                self.pan_by([moved(from.x, at.x) / frame.scale(), 2.0 * moved(from.y, at.y) / frame.scale()]);
+                self.pan_by([
+                    moved(from.x, at.x) / frame.scale(),
+                    2.0 * moved(from.y, at.y) / frame.scale(),
+                ]);
                 self.dragged_from = Some(at);
             }
             MouseEventKind::Down(button) | MouseEventKind::Drag(button)
-                if self.screen.maze.editor.is_open() && cell.is_some() && button != MouseButton::Middle =>
+                if self.screen.maze.editor.is_open()
+                    && cell.is_some()
+                    && button != MouseButton::Middle =>
             {
-                self.screen.maze.editor.draw(at, button == MouseButton::Right, frame, &self.screen.maze.map);
+                self.screen.maze.editor.draw(
+                    at,
+                    button == MouseButton::Right,
+                    frame,
+                    &self.screen.maze.map,
+                );
             }
             MouseEventKind::Up(_) if self.screen.maze.editor.is_open() => {
                 let new = self.screen.maze.editor.finish(&self.screen.maze.map.clone());
@@ -71,10 +87,15 @@ impl App {
 
     /// Shows the part of the map clicked on the minimap; returns whether it was clicked.
     fn is_on_minimap(&mut self, kind: MouseEventKind, at: Position) -> bool {
-        let Some(minimap) = self.screen.layout.minimap.as_ref().filter(|minimap| minimap.area.contains(at)) else {
+        let Some(minimap) =
+            self.screen.layout.minimap.as_ref().filter(|minimap| minimap.area.contains(at))
+        else {
             return false;
         };
-        if matches!(kind, MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left)) {
+        if matches!(
+            kind,
+            MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left)
+        ) {
             self.screen.maze.viewport.centre = minimap.middle_of(at);
             self.clamp_viewport();
             return true;
@@ -92,16 +113,22 @@ impl App {
         }
     }
 
-    /// Magnifies the map by a factor, keeping the place under `at` (by default the cursor or the goal) fixed; 0 shows
-    /// the whole map.
+    /// Magnifies the map by a factor, keeping the place under `at` (by default the cursor or the
+    /// goal) fixed; 0 shows the whole map.
     pub(super) fn zoom(&mut self, by: f32, at: Option<Position>) {
         let Some(frame) = &self.screen.layout.map else { return };
-        let cursor =
-            self.screen.maze.inspecting.or(self.screen.maze.editor.cursor).unwrap_or(self.screen.maze.goal).centre();
+        let cursor = self
+            .screen
+            .maze
+            .inspecting
+            .or(self.screen.maze.editor.cursor)
+            .unwrap_or(self.screen.maze.goal)
+            .centre();
         let fixed = at.map_or(cursor, |at| frame.middle_of(at));
         let at = at.or(frame.character_of(fixed));
-        let most =
-            (self.screen.maze.map.width().max(self.screen.maze.map.height()) as f32 / MIN_VISIBLE_CELLS).max(1.0);
+        let most = (self.screen.maze.map.width().max(self.screen.maze.map.height()) as f32
+            / MIN_VISIBLE_CELLS)
+            .max(1.0);
         let zoom = (self.screen.maze.viewport.zoom * by).clamp(1.0, most);
         if zoom < 1.01 {
             self.screen.maze.viewport = Viewport::default();
@@ -111,12 +138,14 @@ impl App {
         let scale = frame.scale() * zoom / self.screen.maze.viewport.zoom;
         let pane = self.screen.layout.map_pane;
         let off = at.map_or([0.0; 2], |at| {
-            let from_middle =
-                |at: u16, from: u16, size: u16| f32::from(at) + 0.5 - f32::from(from) - f32::from(size) / 2.0;
+            let from_middle = |at: u16, from: u16, size: u16| {
+                f32::from(at) + 0.5 - f32::from(from) - f32::from(size) / 2.0
+            };
             let down = from_middle(at.y, pane.y, pane.height.saturating_sub(1));
             [from_middle(at.x, pane.x, pane.width) / scale, 2.0 * down / scale]
         });
-        self.screen.maze.viewport = Viewport { zoom, centre: [fixed[0] - off[0], fixed[1] - off[1]] };
+        self.screen.maze.viewport =
+            Viewport { zoom, centre: [fixed[0] - off[0], fixed[1] - off[1]] };
     }
 
     /// Moves the visible part of the map.
@@ -137,18 +166,27 @@ impl App {
     fn clamp_viewport(&mut self) {
         let Some(frame) = &self.screen.layout.map else { return };
         let [_, _, width, height] = frame.raster.window;
-        let within =
-            |middle: f32, shown: f32, all: f32| middle.min(all - shown / 2.0).max((shown / 2.0).min(all / 2.0));
+        let within = |middle: f32, shown: f32, all: f32| {
+            middle.min(all - shown / 2.0).max((shown / 2.0).min(all / 2.0))
+        };
         let [x, y] = self.screen.maze.viewport.centre;
-        let (all_x, all_y) = (self.screen.maze.map.width() as f32, self.screen.maze.map.height() as f32);
-        self.screen.maze.viewport.centre = [within(x, width.min(all_x), all_x), within(y, height.min(all_y), all_y)];
+        let (all_x, all_y) =
+            (self.screen.maze.map.width() as f32, self.screen.maze.map.height() as f32);
+        self.screen.maze.viewport.centre =
+            [within(x, width.min(all_x), all_x), within(y, height.min(all_y), all_y)];
     }
 
     /// Moves the visible part, if necessary, to show the cursor or else the goal.
     pub(super) fn scroll_into_view(&mut self) {
         let Some(frame) = &self.screen.layout.map else { return };
-        let at =
-            self.screen.maze.editor.cursor.or(self.screen.maze.inspecting).unwrap_or(self.screen.maze.goal).centre();
+        let at = self
+            .screen
+            .maze
+            .editor
+            .cursor
+            .or(self.screen.maze.inspecting)
+            .unwrap_or(self.screen.maze.goal)
+            .centre();
         let [left, top, width, height] = frame.raster.window;
         let inside = at[0] >= left && at[1] >= top && at[0] < left + width && at[1] < top + height;
         if self.screen.maze.viewport.zoom > 1.0 && !inside {

@@ -1,5 +1,5 @@
-//! The map as a picture, in the pixels of the terminal: ground and contour lines in `ground` and `contours`, which change
-//! far less often than what moves on them.
+//! The map as a picture, in the pixels of the terminal: ground and contour lines in `ground` and
+//! `contours`, which change far less often than what moves on them.
 
 mod contours;
 mod ground;
@@ -27,11 +27,13 @@ use gdg::map::Cell;
 use gdg::viewer::Field;
 use ground::Scale;
 
-/// How far apart contour lines are on average, at least, in pixels of the field: half as far as in characters.
+/// How far apart contour lines are on average, at least, in pixels of the field: half as far as in
+/// characters.
 const CONTOUR_SPACING: f32 = 3.0;
 
-/// While training comes first, the ground is drawn again after this multiple of the time that it took, but after
-/// [`LONGEST_GROUND_REST`] at the latest: it takes several times as long as what moves on it.
+/// While training comes first, the ground is drawn again after this multiple of the time that it
+/// took, but after [`LONGEST_GROUND_REST`] at the latest: it takes several times as long as what
+/// moves on it.
 const GROUND_REST_FACTOR: u32 = 100;
 const LONGEST_GROUND_REST: Duration = Duration::from_secs(2);
 
@@ -56,9 +58,16 @@ impl PictureCache {
         self.is_shown = false;
     }
 
-    /// Returns whether the latest picture can stay for a while: it shows the same part of the same map in the same style.
-    fn is_up_to_date_enough(&self, map_frame: &MapFrame, size: (u32, u32), screen: &Screen) -> bool {
-        self.picture.is_some() && self.base.as_ref().is_some_and(|base| base.same_style(map_frame, size, screen))
+    /// Returns whether the latest picture can stay for a while: it shows the same part of the same
+    /// map in the same style.
+    fn is_up_to_date_enough(
+        &self,
+        map_frame: &MapFrame,
+        size: (u32, u32),
+        screen: &Screen,
+    ) -> bool {
+        self.picture.is_some()
+            && self.base.as_ref().is_some_and(|base| base.same_style(map_frame, size, screen))
     }
 
     /// Returns the picture, if it is on the screen.
@@ -74,7 +83,8 @@ struct Base {
     /// What each value of the field belongs to.
     grounds: Vec<Ground>,
     sheet: Sheet,
-    /// Steps between two contour lines, if they are drawn and this map is not compared with another.
+    /// Steps between two contour lines, if they are drawn and this map is not compared with
+    /// another.
     own_interval: Option<f32>,
     subject: Subject,
     /// Until when it may stay if training comes first.
@@ -94,7 +104,10 @@ pub fn draw(
     cache: &mut PictureCache,
 ) {
     let area = map_frame.area;
-    let size = (u32::from(area.width) * u32::from(character.0), u32::from(area.height) * u32::from(character.1));
+    let size = (
+        u32::from(area.width) * u32::from(character.0),
+        u32::from(area.height) * u32::from(character.1),
+    );
     if screen.redraw == Redraw::Nothing && cache.is_up_to_date_enough(map_frame, size, screen) {
         Picture::reserve(area, frame.buffer_mut());
         show_interval(cache.base.as_ref().and_then(|base| base.own_interval), screen, layout);
@@ -103,28 +116,45 @@ pub fn draw(
     }
     let scale = Scale::new(map_frame.raster.window, size, character);
     let base = match cache.base.take() {
-        Some(base) if base.shows(map_frame, size, screen) || base.may_stay(map_frame, size, screen) => Some(base),
+        Some(base)
+            if base.shows(map_frame, size, screen) || base.may_stay(map_frame, size, screen) =>
+        {
+            Some(base)
+        }
         before => Base::new(map_frame, &scale, before, screen),
     };
     let Some(base) = base else { return };
     show_interval(base.own_interval, screen, layout);
-    let mut drawn =
-        match cache.picture.take().filter(|picture| picture.pixmap.data().len() == base.sheet.0.data().len()) {
-            Some(picture) => {
-                let mut sheet = Sheet(picture.pixmap);
-                sheet.0.data_mut().copy_from_slice(base.sheet.0.data());
-                sheet
-            }
-            None => base.sheet.clone(),
-        };
+    let mut drawn = match cache
+        .picture
+        .take()
+        .filter(|picture| picture.pixmap.data().len() == base.sheet.0.data().len())
+    {
+        Some(picture) => {
+            let mut sheet = Sheet(picture.pixmap);
+            sheet.0.data_mut().copy_from_slice(base.sheet.0.data());
+            sheet
+        }
+        None => base.sheet.clone(),
+    };
     Moving { sheet: &mut drawn, scale: &scale, screen }.draw(map_frame);
     Picture::reserve(area, frame.buffer_mut());
-    *cache = PictureCache { base: Some(base), picture: Some(Picture { area, pixmap: drawn.0 }), is_shown: true };
+    *cache = PictureCache {
+        base: Some(base),
+        picture: Some(Picture { area, pixmap: drawn.0 }),
+        is_shown: true,
+    };
 }
 
 impl Base {
-    /// Draws map and field, with contour lines at the same interval as `before` if possible; `None` without memory.
-    fn new(map_frame: &MapFrame, scale: &Scale, before: Option<Self>, screen: &Screen) -> Option<Self> {
+    /// Draws map and field, with contour lines at the same interval as `before` if possible; `None`
+    /// without memory.
+    fn new(
+        map_frame: &MapFrame,
+        scale: &Scale,
+        before: Option<Self>,
+        screen: &Screen,
+    ) -> Option<Self> {
         let began = Instant::now();
         let key = Key::new(map_frame, screen);
         let (columns, rows) = map_frame.raster.pixels;
@@ -143,9 +173,9 @@ impl Base {
         let mut sheet = sheet.or_else(|| Sheet::new(scale.size))?;
         ground::draw(&mut sheet, scale, (key.field.as_deref().map(Vec::as_slice), columns), screen);
         let mut own_interval = None;
-        if let Some(field) =
-            key.field.as_ref().filter(|_| screen.shown_field().is_distance() && screen.overlays.has(Overlay::Contours))
-        {
+        if let Some(field) = key.field.as_ref().filter(|_| {
+            screen.shown_field().is_distance() && screen.overlays.has(Overlay::Contours)
+        }) {
             let open = open_field(field, &grounds, &Unexplored::new(&grounds, screen));
             own_interval = intervals::interval(&[(&open, columns)], CONTOUR_SPACING, interval);
             if let Some(interval) = shown_interval(own_interval, screen) {
@@ -158,8 +188,17 @@ impl Base {
             draw_directions(&mut sheet, scale, screen);
         }
         let directions = screen.maze.view.directions.clone();
-        let rests_until = Instant::now() + LONGEST_GROUND_REST.min(GROUND_REST_FACTOR * began.elapsed());
-        Some(Self { key, directions, grounds, sheet, own_interval, subject: subject(screen), rests_until })
+        let rests_until =
+            Instant::now() + LONGEST_GROUND_REST.min(GROUND_REST_FACTOR * began.elapsed());
+        Some(Self {
+            key,
+            directions,
+            grounds,
+            sheet,
+            own_interval,
+            subject: subject(screen),
+            rests_until,
+        })
     }
 
     /// Returns the columns and rows of pixels.
@@ -173,7 +212,8 @@ impl Base {
         self.size() == size && same_directions && self.key.is_current(map_frame, screen)
     }
 
-    /// Returns whether this differs from what is up to date in what has been learned of late alone, and may stay.
+    /// Returns whether this differs from what is up to date in what has been learned of late alone,
+    /// and may stay.
     fn may_stay(&self, map_frame: &MapFrame, size: (u32, u32), screen: &Screen) -> bool {
         screen.redraw == Redraw::Moving
             && Instant::now() < self.rests_until
@@ -232,7 +272,8 @@ impl Moving<'_> {
             return self.signs(false);
         }
         let [edges, candidates, path, search, agents] =
-            [Overlay::Edges, Overlay::Candidates, Overlay::Path, Overlay::Search, Overlay::Agents].map(shows);
+            [Overlay::Edges, Overlay::Candidates, Overlay::Path, Overlay::Search, Overlay::Agents]
+                .map(shows);
         if edges {
             self.edges(map_frame);
         }
@@ -259,7 +300,12 @@ impl Moving<'_> {
         for (status, opacity, edges) in edges::groups(map_frame, self.screen) {
             let rgb = if status == EdgeStatus::Confirmed { walked } else { failed };
             for ends in edges {
-                self.sheet.line(&ends.map(|at| self.scale.pixel(at)), false, width, Ink(rgb, opacity));
+                self.sheet.line(
+                    &ends.map(|at| self.scale.pixel(at)),
+                    false,
+                    width,
+                    Ink(rgb, opacity),
+                );
             }
         }
     }
@@ -283,7 +329,8 @@ impl Moving<'_> {
 
     fn path(&mut self) {
         let view = &self.screen.maze.view;
-        let stops: Vec<[f32; 2]> = view.trail.last().into_iter().chain(&view.path).copied().collect();
+        let stops: Vec<[f32; 2]> =
+            view.trail.last().into_iter().chain(&view.path).copied().collect();
         let ink = Ink(self.screen.theme.path, 1.0);
         self.route(&stops, self.of(0.1).max(1.5), ink);
         for stop in view.path.iter().take(view.path.len().saturating_sub(1)) {
@@ -403,7 +450,8 @@ impl Moving<'_> {
             let ([x, y], arm) = (self.scale.pixel(cursor.centre()), self.of(0.6));
             for (more, ink) in [(2.0, Ink(SHADOW, 0.6)), (0.0, Ink(theme.cursor, 1.0))] {
                 for [dx, dy] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
-                    let ends = [0.25, 1.0].map(|share| [x + share * arm * dx, y + share * arm * dy]);
+                    let ends =
+                        [0.25, 1.0].map(|share| [x + share * arm * dx, y + share * arm * dy]);
                     self.sheet.line(&ends, false, self.of(0.1) + more, ink);
                 }
             }

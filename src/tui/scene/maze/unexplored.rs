@@ -9,12 +9,13 @@ use gdg::draw::Ground;
 use gdg::viewer::Field;
 use gdg::viewer::maze::Knowledge;
 
-/// How far unvisited cells fade into the colour of unknown ground (pockets in the known world, and what lies beyond), and
-/// hatched ones into that of walls.
+/// How far unvisited cells fade into the colour of unknown ground (pockets in the known world, and
+/// what lies beyond), and hatched ones into that of walls.
 pub(super) const POCKET_FADE: f32 = 0.35;
 pub(super) const FADE: f32 = 0.7;
 
-/// How far cells from which no path leads to the goal fade into the colour of walls, on their hatching and between.
+/// How far cells from which no path leads to the goal fade into the colour of walls, on their
+/// hatching and between.
 pub(super) const CUT_OFF_FADES: [f32; 2] = [0.75, 0.35];
 
 pub(super) const HATCH: f32 = 0.5;
@@ -29,7 +30,8 @@ pub(super) const TINT: f32 = 0.65;
 /// What the agents know of the cell that each pixel shows; all of it if that is not shown.
 pub struct Unexplored {
     known: Vec<Knowledge>,
-    /// Whether no path leads from each pixel's cell to the goal; empty if one leads from everywhere or that is not shown.
+    /// Whether no path leads from each pixel's cell to the goal; empty if one leads from everywhere
+    /// or that is not shown.
     cut_off: Vec<bool>,
     /// Whether unvisited cells fade, which hides values: not where these are true even there.
     fades: bool,
@@ -51,7 +53,10 @@ impl Unexplored {
             Ground::Free(at) => exploration.at(*at),
             Ground::Wall | Ground::Crossed(_) | Ground::Outside => Knowledge::Known,
         };
-        let fades = matches!(screen.field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain);
+        let fades = matches!(
+            screen.field,
+            Field::Learned | Field::FromStart | Field::Composed | Field::Plain
+        );
         Self { known: grounds.iter().map(known).collect(), cut_off, fades }
     }
 
@@ -68,12 +73,15 @@ impl Unexplored {
         self.known.get(i) == Some(&Knowledge::Beyond)
     }
 
-    /// Fades the colours of unvisited cells, except where they show what is true even there, and draws the edge.
+    /// Fades the colours of unvisited cells, except where they show what is true even there, and
+    /// draws the edge.
     pub fn draw(&self, canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
         self.draw_known(canvas, map_frame, screen);
         let columns = canvas.columns();
         for i in (0..self.cut_off.len()).filter(|i| self.is_cut_off(*i)) {
-            let hatched = (i % columns).abs_diff(2 * columns - i / columns % columns).is_multiple_of(HATCH_SPACING);
+            let hatched = (i % columns)
+                .abs_diff(2 * columns - i / columns % columns)
+                .is_multiple_of(HATCH_SPACING);
             let fade = CUT_OFF_FADES[usize::from(!hatched)];
             canvas.set(i, Some(blend(screen.theme.unknown, screen.theme.wall, fade)), CUT_OFF_MARK);
         }
@@ -82,7 +90,8 @@ impl Unexplored {
     fn draw_known(&self, canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
         let theme = &screen.theme;
         let columns = canvas.columns();
-        // A pixel that shows several cells may show the edge without being represented by a cell at the edge.
+        // A pixel that shows several cells may show the edge without being represented by a cell at
+        // the edge.
         let coarse = map_frame.raster.window[2] > map_frame.raster.pixels.0 as f32;
         let mono = theme.depth == ColourDepth::Mono;
         let (across, down) = map_frame.marker.pixels();
@@ -90,7 +99,8 @@ impl Unexplored {
             let (column, row) = (i % columns, i / columns);
             if mono {
                 // By characters, and few of them: signs are louder than colours.
-                (column / across + MONO_HATCH_SPACING / 2 * (row / down)).is_multiple_of(MONO_HATCH_SPACING)
+                (column / across + MONO_HATCH_SPACING / 2 * (row / down))
+                    .is_multiple_of(MONO_HATCH_SPACING)
             } else {
                 (column + row).is_multiple_of(HATCH_SPACING)
             }
@@ -108,7 +118,11 @@ impl Unexplored {
                     canvas.set(i, Some(blend(ground, theme.unknown, POCKET_FADE)), canvas.mark(i));
                 }
                 Knowledge::Beyond => {
-                    canvas.set(i, Some(ground), if is_hatched(i) { UNVISITED_MARK } else { canvas.mark(i) });
+                    canvas.set(
+                        i,
+                        Some(ground),
+                        if is_hatched(i) { UNVISITED_MARK } else { canvas.mark(i) },
+                    );
                 }
                 Knowledge::Pocket => {}
                 Knowledge::Edge | Knowledge::Known => {
@@ -124,15 +138,18 @@ impl Unexplored {
     /// Whether a pixel beside or diagonal to pixel `i` shows a cell beyond the known world.
     fn borders(&self, i: usize, columns: usize) -> bool {
         let (x, y) = (i % columns, i / columns);
-        let around = (y.saturating_sub(1)..=y + 1).flat_map(|y| (x.saturating_sub(1)..=x + 1).map(move |x| (x, y)));
+        let around = (y.saturating_sub(1)..=y + 1)
+            .flat_map(|y| (x.saturating_sub(1)..=x + 1).map(move |x| (x, y)));
         around.filter(|(x, _)| *x < columns).any(|(x, y)| self.is_beyond(y * columns + x))
     }
 }
 
-/// Returns whether no path leads from each pixel's cell to the goal, if the colours show distances to it.
+/// Returns whether no path leads from each pixel's cell to the goal, if the colours show distances
+/// to it.
 fn cut_off(grounds: &[Ground], screen: &Screen) -> Vec<bool> {
     let (map, cells) = (&screen.maze.map, &screen.maze.view.cut_off);
-    let to_goal = matches!(screen.field, Field::Learned | Field::Composed | Field::True | Field::Error);
+    let to_goal =
+        matches!(screen.field, Field::Learned | Field::Composed | Field::True | Field::Error);
     // The trainer may not know the map's latest edit yet.
     if !to_goal || cells.len() != map.free().len() {
         return Vec::new();

@@ -36,8 +36,14 @@ fn walker(screen: &Screen) -> Vec<Line<'static>> {
         fact("to G", format_position(&screen.maze.goal.centre())),
         fact(state, counted(u64::from(shown.steps), "step")),
         fact("shortest", shortest),
-        fact("D to goal", format_steps(shown.distances.0) + if has_path { "" } else { " (meaningless)" }),
-        planned("waypoint", shown.waypoint.map_or("the goal".to_owned(), |at| format_position(&at))),
+        fact(
+            "D to goal",
+            format_steps(shown.distances.0) + if has_path { "" } else { " (meaningless)" },
+        ),
+        planned(
+            "waypoint",
+            shown.waypoint.map_or("the goal".to_owned(), |at| format_position(&at)),
+        ),
         planned("D to it", format_steps(shown.distances.1)),
         planned("ahead", counted(screen.maze.view.path.len().saturating_sub(1) as u64, "waypoint")),
         heading("walks"),
@@ -56,7 +62,10 @@ fn explorer(screen: &Screen) -> Vec<Line<'static>> {
         fact("at A", format_position(&followed.state)),
         fact("goal \u{2691}", format_position(&followed.goal)),
         fact("steps", format!("{} of {}", followed.steps.0, followed.steps.1)),
-        fact("shortest", screen.maze.view.followed_steps.map_or("no path".to_owned(), |s| s.to_string())),
+        fact(
+            "shortest",
+            screen.maze.view.followed_steps.map_or("no path".to_owned(), |s| s.to_string()),
+        ),
     ];
     lines.extend(walk::pursuit(screen, followed, format_position, format_steps));
     lines

@@ -8,26 +8,27 @@ use pathfinding::directed::dijkstra::dijkstra_reach;
 use super::{Candidates, KnownPaths};
 use crate::learn::GoalIndex;
 
-/// Largest spacing that makes room, as a share of the edge cut-off: edges could hardly connect candidates farther apart.
-/// (The fastest agents move one goal radius per step.)
+/// Largest spacing that makes room, as a share of the edge cut-off: edges could hardly connect
+/// candidates farther apart. (The fastest agents move one goal radius per step.)
 pub(crate) const MAX_SPACING_SHARE: f32 = 0.45;
 
-/// Factor by which the spacing grows at a time: so little that not many more candidates retire than have to.
+/// Factor by which the spacing grows at a time: so little that not many more candidates retire than
+/// have to.
 const SPACING_GROWTH: f32 = 1.02;
 
 /// Factor by which it shrinks.
 const SPACING_SHRINKAGE: f32 = 1.1;
 
-/// Failures per arrival of hops, all lengths alike, above which candidates move closer together, and space does not count
-/// as open.
+/// Failures per arrival of hops, all lengths alike, above which candidates move closer together,
+/// and space does not count as open.
 pub(crate) const MANY_HOP_FAILURES: f32 = 0.2;
 
-/// Observed paths, for each candidate of the target number, beyond which candidates move apart in open space: paths are
-/// what building a graph and searching it take time for.
+/// Observed paths, for each candidate of the target number, beyond which candidates move apart in
+/// open space: paths are what building a graph and searching it take time for.
 pub(crate) const MANY_PATHS: usize = 200;
 
-/// Space is open where known paths join at least this share of the candidates that are less than the edge cut-off apart
-/// in a straight line. What nobody has walked yet counts as walls.
+/// Space is open where known paths join at least this share of the candidates that are less than
+/// the edge cut-off apart in a straight line. What nobody has walked yet counts as walls.
 pub(crate) const OPEN_SHARE: f32 = 0.5;
 
 /// Number of candidates from which that share is computed.
@@ -39,21 +40,24 @@ impl Candidates {
         self.len() >= self.max_count || (!self.verified && self.exceeds_target())
     }
 
-    /// Whether there are as many candidates as there should be, and they may move apart to make room.
+    /// Whether there are as many candidates as there should be, and they may move apart to make
+    /// room.
     fn exceeds_target(&self) -> bool {
         self.len() >= self.target_count && self.spacing < self.max_spacing
     }
 
-    /// Adapts the spacing of verified candidates to what trajectories and hops have shown. In open space, where hops seldom
-    /// fail, they move apart if there are many paths between them. Otherwise, they move closer together if many hops fail:
-    /// places between them become candidates when agents come by.
+    /// Adapts the spacing of verified candidates to what trajectories and hops have shown. In open
+    /// space, where hops seldom fail, they move apart if there are many paths between them.
+    /// Otherwise, they move closer together if many hops fail: places between them become
+    /// candidates when agents come by.
     pub fn adapt_spacing(&mut self) {
         if !self.verified {
             // Hops along unverified edges fail because of walls, at any spacing.
             return;
         }
         let many_hops_fail = self.hops.failures_within(self.edge_cutoff_steps) > MANY_HOP_FAILURES;
-        // Between thin walls, known paths may come to join half of the candidates that are close, too.
+        // Between thin walls, known paths may come to join half of the candidates that are close,
+        // too.
         if self.is_crowded() && (self.is_open || (!many_hops_fail && self.is_space_open())) {
             self.is_open = true;
             while self.is_crowded() {
@@ -64,34 +68,42 @@ impl Candidates {
         }
     }
 
-    /// Whether there are more observed paths than planning should have to deal with, and candidates may move apart.
+    /// Whether there are more observed paths than planning should have to deal with, and candidates
+    /// may move apart.
     fn is_crowded(&self) -> bool {
         self.exceeds_target() && self.has_many_paths()
     }
 
     fn has_many_paths(&self) -> bool {
-        self.paths.iter().map(|paths| paths.observed.len()).sum::<usize>() > MANY_PATHS * self.target_count
+        self.paths.iter().map(|paths| paths.observed.len()).sum::<usize>()
+            > MANY_PATHS * self.target_count
     }
 
     /// Whether known paths join most candidates that are close in a straight line.
     fn is_space_open(&self) -> bool {
         let reach = self.edge_cutoff_steps * self.spec.goal_radius;
-        let ahead = |from: &u32| self.paths[*from as usize].observed.iter().map(|(to, steps)| (*to, u32::from(*steps)));
+        let ahead = |from: &u32| {
+            self.paths[*from as usize].observed.iter().map(|(to, steps)| (*to, u32::from(*steps)))
+        };
         let [mut close, mut joined] = [0u32; 2];
         for i in (0..self.len()).step_by(self.len().div_ceil(JUDGED_CANDIDATES).max(1)) {
             let reached = dijkstra_reach(&(i as u32), ahead);
-            let reached = reached.take_while(|place| place.total_cost as f32 <= self.longest_way(reach));
-            let steps: HashMap<u32, u32> = reached.map(|place| (place.node, place.total_cost)).collect();
+            let reached =
+                reached.take_while(|place| place.total_cost as f32 <= self.longest_way(reach));
+            let steps: HashMap<u32, u32> =
+                reached.map(|place| (place.node, place.total_cost)).collect();
             self.goal_index.for_each_within(self.goal_index.goal(i), reach, |j, distance| {
                 close += 1;
-                joined += u32::from(steps.get(&(j as u32)).is_some_and(|s| *s as f32 <= self.longest_way(distance)));
+                joined += u32::from(
+                    steps.get(&(j as u32)).is_some_and(|s| *s as f32 <= self.longest_way(distance)),
+                );
             });
         }
         joined as f32 >= OPEN_SHARE * close as f32
     }
 
-    /// Makes the spacing larger, and retires candidates that are now too close to an older one, unless trajectories show
-    /// that a wall separates them and there is room.
+    /// Makes the spacing larger, and retires candidates that are now too close to an older one,
+    /// unless trajectories show that a wall separates them and there is room.
     pub(super) fn move_apart(&mut self) {
         self.spacing *= SPACING_GROWTH;
         let s = self.spec.state_dim();
@@ -110,9 +122,11 @@ impl Candidates {
         let ids: Vec<u32> = kept.iter().map(|i| self.ids[*i]).collect();
         let paths = kept.iter().map(|i| {
             let KnownPaths { observed, practice } = &*self.paths[*i];
-            let observed = observed.iter().filter_map(|(to, steps)| Some((new_index[*to as usize]?, *steps)));
+            let observed =
+                observed.iter().filter_map(|(to, steps)| Some((new_index[*to as usize]?, *steps)));
             let alive = |id: &u32| ids.binary_search(id).is_ok();
-            let practice = practice.iter().filter(|(id, _)| alive(id)).map(|(id, practice)| (*id, *practice));
+            let practice =
+                practice.iter().filter(|(id, _)| alive(id)).map(|(id, practice)| (*id, *practice));
             Arc::new(KnownPaths { observed: observed.collect(), practice: practice.collect() })
         });
         self.paths = paths.collect();
@@ -120,7 +134,8 @@ impl Candidates {
         self.goal_index = Arc::new(places);
         self.ids = ids;
         for visits in &mut self.visits {
-            let moved = visits.iter().filter_map(|(step, i)| new_index[*i as usize].map(|i| (*step, i)));
+            let moved =
+                visits.iter().filter_map(|(step, i)| new_index[*i as usize].map(|i| (*step, i)));
             *visits = moved.collect();
         }
     }
@@ -146,13 +161,15 @@ mod tests {
         for _ in 0..steps / 4 {
             let direction = [rng.random_range(-0.5..0.5f32), rng.random_range(-0.5..0.5f32)];
             for _ in 0..4 {
-                at = [0, 1].map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, f32::from(SIDE)));
+                at = [0, 1]
+                    .map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, f32::from(SIDE)));
                 candidates.visit(0, &at);
             }
         }
     }
 
-    /// Returns candidates all over the square with many paths between them, and what they are made from.
+    /// Returns candidates all over the square with many paths between them, and what they are made
+    /// from.
     fn crowded_square() -> (Spec, BridgeSettings, Candidates) {
         let (spec, settings) = line(7);
         // Paths so long that there are many along a corridor, too.
@@ -162,8 +179,8 @@ mod tests {
         (spec, settings, candidates)
     }
 
-    /// Walks back and forth, several times, through a corridor that winds through the square: corridor and walls are
-    /// one unit wide, and at alternating ends the walls have a gap.
+    /// Walks back and forth, several times, through a corridor that winds through the square:
+    /// corridor and walls are one unit wide, and at alternating ends the walls have a gap.
     fn walk_winding_corridor(candidates: &mut Candidates) {
         let mut places = Vec::new();
         for y in (0..SIDE).step_by(2) {
@@ -173,7 +190,9 @@ mod tests {
         }
         for _ in 0..30 {
             let way = places.iter().chain(places.iter().rev());
-            way.for_each(|at| candidates.visit(0, &at.map(|coordinate| f32::from(coordinate) + 0.5)));
+            way.for_each(|at| {
+                candidates.visit(0, &at.map(|coordinate| f32::from(coordinate) + 0.5));
+            });
         }
     }
 
@@ -183,7 +202,11 @@ mod tests {
         let mut closed = Candidates::new(&spec, 1, &settings);
         walk_winding_corridor(&mut closed);
         for candidates in [&mut open, &mut closed] {
-            assert!(candidates.len() > 40 && candidates.has_many_paths(), "{} candidates", candidates.len());
+            assert!(
+                candidates.len() > 40 && candidates.has_many_paths(),
+                "{} candidates",
+                candidates.len()
+            );
         }
         let before = [&open, &closed].map(|candidates| (candidates.len(), candidates.spacing()));
         let mut restored = Candidates::new(&spec, 1, &settings);
@@ -194,7 +217,10 @@ mod tests {
             assert!(!candidates.has_many_paths(), "{} candidates", candidates.len());
         }
         closed.adapt_spacing();
-        assert_eq!((closed.len(), closed.spacing()), (before[1].0, settings.candidate_spacing * spec.goal_radius));
+        assert_eq!(
+            (closed.len(), closed.spacing()),
+            (before[1].0, settings.candidate_spacing * spec.goal_radius)
+        );
     }
 
     #[test]
@@ -203,7 +229,10 @@ mod tests {
         let before = (candidates.len(), candidates.spacing());
         (0..100).for_each(|_| candidates.record_walk((0, 1), 4.0, false));
         candidates.adapt_spacing();
-        assert!(candidates.len() == before.0 && candidates.spacing() <= before.1, "they do not move apart");
+        assert!(
+            candidates.len() == before.0 && candidates.spacing() <= before.1,
+            "they do not move apart"
+        );
         (0..1000).for_each(|_| candidates.record_walk((0, 1), 4.0, true));
         candidates.adapt_spacing();
         assert!(candidates.len() < before.0, "they do");
@@ -231,7 +260,11 @@ mod tests {
         restored.restore(&candidates.state()).expect("its own state");
         for mut candidates in [candidates, restored] {
             line(&mut candidates);
-            assert!((2 * open..=8 * 10).contains(&candidates.len()), "{} candidates", candidates.len());
+            assert!(
+                (2 * open..=8 * 10).contains(&candidates.len()),
+                "{} candidates",
+                candidates.len()
+            );
             candidates.adapt_spacing();
             assert!(!candidates.has_many_paths(), "not closer than planning has time for");
         }

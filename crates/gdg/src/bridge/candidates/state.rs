@@ -14,7 +14,8 @@ const MAX_ID: u32 = 1 << 31;
 /// Full state of [`Candidates`], as plain numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CandidatesState {
-    /// Minimum distance between candidates; a second number in older formats has no meaning any more.
+    /// Minimum distance between candidates; a second number in older formats has no meaning any
+    /// more.
     pub spacing: Vec<f32>,
     /// `(candidates, state_dim)`.
     pub states: Vec<f32>,
@@ -88,7 +89,8 @@ impl CandidatesState {
 fn to_sparse(table: &[u16], n: usize) -> (Vec<u32>, Vec<u32>, Vec<u16>) {
     let (mut ends, mut to, mut steps) = (Vec::new(), Vec::new(), Vec::new());
     for (from, row) in table.chunks_exact(n.max(1)).enumerate() {
-        for (other, observed) in row.iter().enumerate().filter(|(other, steps)| *other != from && **steps != UNOBSERVED)
+        for (other, observed) in
+            row.iter().enumerate().filter(|(other, steps)| *other != from && **steps != UNOBSERVED)
         {
             to.push(other as u32);
             steps.push(*observed);
@@ -114,7 +116,9 @@ impl Candidates {
             state.to.extend(paths.observed.iter().map(|(to, _)| *to));
             state.steps.extend(paths.observed.iter().map(|(_, steps)| *steps));
             state.ends.push(state.to.len() as u32);
-            let numbers = |(to, p): (&u32, &WalkRecord)| [*id, *to, u32::from(p.arrived), u32::from(p.failed)];
+            let numbers = |(to, p): (&u32, &WalkRecord)| {
+                [*id, *to, u32::from(p.arrived), u32::from(p.failed)]
+            };
             state.practice.extend(paths.practice.iter().flat_map(numbers));
         }
         for (clock, own) in self.clocks.iter().zip(&self.visits) {
@@ -129,17 +133,24 @@ impl Candidates {
     /// # Errors
     /// Returns an error if `state` was saved with other sizes or holds numbers out of range.
     pub fn restore(&mut self, state: &CandidatesState) -> Result<(), StoreError> {
-        let inconsistent = || StoreError::inconsistent("the stored bridge candidates do not fit these settings");
+        let inconsistent =
+            || StoreError::inconsistent("the stored bridge candidates do not fit these settings");
         let n = state.states.len() / self.spec.state_dim();
-        // Former versions kept more of them where nothing verifies edges: the next ones that come make them move apart.
-        if n > MAX_FACTOR * self.target_count || !state.states.len().is_multiple_of(self.spec.state_dim()) {
+        // Former versions kept more of them where nothing verifies edges: the next ones that come
+        // make them move apart.
+        if n > MAX_FACTOR * self.target_count
+            || !state.states.len().is_multiple_of(self.spec.state_dim())
+        {
             return Err(inconsistent());
         }
         let ([spacing] | [spacing, _]) = state.spacing[..] else { return Err(inconsistent()) };
-        // It never falls below where it begins; from far below, candidates would take hours to move apart.
+        // It never falls below where it begins; from far below, candidates would take hours to move
+        // apart.
         let plausible = spacing >= 0.5 * self.least_spacing && spacing.is_finite();
         if !(plausible && state.states.iter().all(|v| v.is_finite())) {
-            return Err(StoreError::inconsistent("the stored bridge candidates contain values out of range"));
+            return Err(StoreError::inconsistent(
+                "the stored bridge candidates contain values out of range",
+            ));
         }
         let (next_id, ids) = state.ids.split_last().ok_or_else(inconsistent)?;
         let sorted = ids.is_sorted_by(|a, b| a < b) && ids.last().is_none_or(|last| last < next_id);
@@ -157,10 +168,14 @@ impl Candidates {
             self.hops = HopOutcomes::from_state(&state.hops).ok_or_else(inconsistent)?;
         }
         self.restore_visits(&state.visits, n).ok_or_else(inconsistent)?;
-        (self.spacing, self.is_open) = (spacing, state.is_open.first().is_some_and(|open| *open != 0));
+        (self.spacing, self.is_open) =
+            (spacing, state.is_open.first().is_some_and(|open| *open != 0));
         self.states.clone_from(&state.states);
         let mut places = GoalIndex::new(&self.spec);
-        state.states.chunks_exact(self.spec.state_dim()).for_each(|state| places.push(&self.achieved(state)));
+        state
+            .states
+            .chunks_exact(self.spec.state_dim())
+            .for_each(|state| places.push(&self.achieved(state)));
         self.goal_index = Arc::new(places);
         self.ids = ids.to_vec();
         self.next_id = *next_id;
@@ -190,10 +205,11 @@ impl Candidates {
     }
 }
 
-/// Returns the observed paths from each of `n` candidates, or `None` unless each list leads to other candidates in
-/// ascending order.
+/// Returns the observed paths from each of `n` candidates, or `None` unless each list leads to
+/// other candidates in ascending order.
 fn parse_paths(state: &CandidatesState, n: usize) -> Option<Vec<KnownPaths>> {
-    let whole = state.ends.len() == n && state.ends.is_sorted() && state.to.len() == state.steps.len();
+    let whole =
+        state.ends.len() == n && state.ends.is_sorted() && state.to.len() == state.steps.len();
     if !whole || state.ends.last().map_or(0, |end| *end as usize) != state.to.len() {
         return None;
     }

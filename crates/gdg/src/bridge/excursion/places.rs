@@ -33,11 +33,12 @@ const NOWHERE: u32 = u32::MAX;
 /// Names in the store.
 const NAMES: [&str; 6] = ["keys", "to", "attempts", "ahead", "moved", "counters"];
 
-/// A grid over the achieved goals, one goal radius wide: the cells that agents have visited, and what each of a fixed
-/// set of actions has led to there.
+/// A grid over the achieved goals, one goal radius wide: the cells that agents have visited, and
+/// what each of a fixed set of actions has led to there.
 ///
-/// An action that has not been tried at a place is expected to lead to the neighbour in the direction in which it has
-/// led elsewhere. If nobody has visited that neighbour, the place is at the frontier.
+/// An action that has not been tried at a place is expected to lead to the neighbour in the
+/// direction in which it has led elsewhere. If nobody has visited that neighbour, the place is at
+/// the frontier.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Places {
     spec: Spec,
@@ -50,8 +51,8 @@ pub struct Places {
     to: Vec<u32>,
     /// Attempts since then that left the agent where it was, `(places, actions)`.
     attempts: Vec<u16>,
-    /// Actions from each place to the frontier, computed by [`Self::measure`] and corrected by [`Self::record`],
-    /// `(places)`.
+    /// Actions from each place to the frontier, computed by [`Self::measure`] and corrected by
+    /// [`Self::record`], `(places)`.
     ahead: Vec<u32>,
     /// Sum of the changes of coordinates that each action has brought, `(actions, goal_dim)`.
     moved: Vec<i64>,
@@ -110,14 +111,16 @@ impl Places {
         self.key(place).iter().map(|k| (*k as f32 + 0.5) * self.spec.goal_radius).collect()
     }
 
-    /// Returns the place of `state` and whether it is new; `None` if it is new and there is no room.
+    /// Returns the place of `state` and whether it is new; `None` if it is new and there is no
+    /// room.
     pub fn visit(&mut self, state: &[f32]) -> Option<(usize, bool)> {
         if self.measure_in == 0 {
             self.measure();
             self.measure_in = MEASURE_EVERY.max(self.len());
         }
         self.measure_in -= 1;
-        let key: Box<[i32]> = self.spec.achieved(state).map(|v| (v / self.spec.goal_radius).floor() as i32).collect();
+        let key: Box<[i32]> =
+            self.spec.achieved(state).map(|v| (v / self.spec.goal_radius).floor() as i32).collect();
         if let Some(place) = self.index.get(&key) {
             return Some((*place as usize, false));
         }
@@ -135,7 +138,8 @@ impl Places {
         Some((place, true))
     }
 
-    /// Records that `action` led from place `from` to place `to`, which are the same if it left the agent there.
+    /// Records that `action` led from place `from` to place `to`, which are the same if it left the
+    /// agent there.
     pub fn record(&mut self, from: usize, action: usize, to: usize) {
         let (count, g) = (self.action_count(), self.spec.goal_dim());
         let at = from * count + action;
@@ -144,7 +148,8 @@ impl Places {
         } else {
             (self.to[at], self.attempts[at]) = (to as u32, 0);
             for i in 0..g {
-                self.moved[action * g + i] += i64::from(self.keys[to * g + i]) - i64::from(self.keys[from * g + i]);
+                self.moved[action * g + i] +=
+                    i64::from(self.keys[to * g + i]) - i64::from(self.keys[from * g + i]);
             }
             // The way back is usually possible; if not, attempts will show it.
             let back = to * count + (action ^ 1);
@@ -165,7 +170,11 @@ impl Places {
         let at = place * self.action_count() + action;
         let (to, attempts) = (self.to[at], self.attempts[at]);
         if to != NOWHERE {
-            return if attempts < 2 * MIN_ATTEMPTS { Outcome::Place(to as usize) } else { Outcome::Blocked };
+            return if attempts < 2 * MIN_ATTEMPTS {
+                Outcome::Place(to as usize)
+            } else {
+                Outcome::Blocked
+            };
         }
         if attempts >= self.enough_attempts {
             return Outcome::Blocked;
@@ -183,7 +192,8 @@ impl Places {
         self.index.get(&expected).map_or(unvisited, |to| Outcome::Place(*to as usize))
     }
 
-    /// Returns the number of actions from `place` to the frontier that begin with `action`, or [`NO_FRONTIER`].
+    /// Returns the number of actions from `place` to the frontier that begin with `action`, or
+    /// [`NO_FRONTIER`].
     fn ahead_after(&self, place: usize, action: usize) -> u32 {
         match self.outcome(place, action) {
             Outcome::Unvisited => 0,
@@ -193,7 +203,10 @@ impl Places {
     }
 
     fn least_ahead(&self, place: usize) -> u32 {
-        (0..self.action_count()).map(|action| self.ahead_after(place, action)).min().unwrap_or(NO_FRONTIER)
+        (0..self.action_count())
+            .map(|action| self.ahead_after(place, action))
+            .min()
+            .unwrap_or(NO_FRONTIER)
     }
 
     /// Returns the number of actions from `place` to the frontier, or [`NO_FRONTIER`].
@@ -233,11 +246,13 @@ impl Places {
         self.ahead = ahead;
     }
 
-    /// Returns an action at `place` that leads towards the frontier, the one with the fewest attempts.
+    /// Returns an action at `place` that leads towards the frontier, the one with the fewest
+    /// attempts.
     pub fn action_ahead(&self, place: usize, rng: &mut ChaCha8Rng) -> usize {
         let count = self.action_count();
-        let keys: Vec<(u32, u16)> =
-            (0..count).map(|action| (self.ahead_after(place, action), self.attempts[place * count + action])).collect();
+        let keys: Vec<(u32, u16)> = (0..count)
+            .map(|action| (self.ahead_after(place, action), self.attempts[place * count + action]))
+            .collect();
         let least = keys.iter().min();
         let best: Vec<usize> = (0..count).filter(|action| Some(&keys[*action]) == least).collect();
         best[rng.random_range(0..best.len())]
@@ -248,18 +263,19 @@ impl Places {
         rng.random_range(0..self.action_count())
     }
 
-    /// Returns the place at the frontier that the known actions lead to from `place`, unless there is none or it is too
-    /// far to look up (for display only).
+    /// Returns the place at the frontier that the known actions lead to from `place`, unless there
+    /// is none or it is too far to look up (for display only).
     pub fn frontier_from(&self, place: usize) -> Option<usize> {
         let mut at = place;
         for _ in 0..MAX_LOOKAHEAD {
             if self.ahead[at] == 0 {
                 return Some(at);
             }
-            let next = (0..self.action_count()).filter_map(|action| match self.outcome(at, action) {
-                Outcome::Place(to) if self.ahead[to] < self.ahead[at] => Some(to),
-                _ => None,
-            });
+            let next =
+                (0..self.action_count()).filter_map(|action| match self.outcome(at, action) {
+                    Outcome::Place(to) if self.ahead[to] < self.ahead[at] => Some(to),
+                    _ => None,
+                });
             at = next.min_by_key(|to| self.ahead[*to])?;
         }
         None
@@ -283,7 +299,8 @@ impl Places {
         store.put(name(5), vec![u64::from(self.enough_attempts), self.measure_in as u64]);
     }
 
-    /// Reads the state that [`Self::write`] wrote; no places if there is none, as in older checkpoints.
+    /// Reads the state that [`Self::write`] wrote; no places if there is none, as in older
+    /// checkpoints.
     ///
     /// # Errors
     /// A part is missing, has the wrong type or length, or is out of range.
@@ -303,7 +320,8 @@ impl Places {
         let count = places.ahead.len();
         let exits = count * places.action_count();
         // Far from overflow, as one action changes a coordinate by few units.
-        let sound = moved.len() == places.moved.len() && moved.iter().all(|sum| sum.unsigned_abs() < 1 << 60);
+        let sound = moved.len() == places.moved.len()
+            && moved.iter().all(|sum| sum.unsigned_abs() < 1 << 60);
         if count > MAX_PLACES || places.keys.len() != count * g || !sound {
             return Err(inconsistent());
         }
@@ -313,18 +331,26 @@ impl Places {
         {
             return Err(inconsistent());
         }
-        let [enough_attempts, measure_in] = store.u64(&name(5))? else { return Err(inconsistent()) };
+        let [enough_attempts, measure_in] = store.u64(&name(5))? else {
+            return Err(inconsistent());
+        };
         if !(u64::from(MIN_ATTEMPTS)..=u64::from(MAX_ATTEMPTS)).contains(enough_attempts)
             || *measure_in > MEASURE_EVERY.max(count) as u64
         {
             return Err(inconsistent());
         }
-        let keys = places.keys.chunks_exact(g).enumerate().map(|(i, key)| (Box::from(key), i as u32));
+        let keys =
+            places.keys.chunks_exact(g).enumerate().map(|(i, key)| (Box::from(key), i as u32));
         places.index = keys.collect();
         if places.index.len() != count {
             return Err(inconsistent());
         }
-        Ok(Self { moved, enough_attempts: *enough_attempts as u16, measure_in: *measure_in as usize, ..places })
+        Ok(Self {
+            moved,
+            enough_attempts: *enough_attempts as u16,
+            measure_in: *measure_in as usize,
+            ..places
+        })
     }
 }
 
@@ -389,7 +415,8 @@ pub(super) mod tests {
         let (right, left) = (0, 1);
         places.record(row[0], right, row[1]);
         places.record(row[1], left, row[0]);
-        let outcomes = |action| row.iter().map(|place| places.outcome(*place, action)).collect::<Vec<_>>();
+        let outcomes =
+            |action| row.iter().map(|place| places.outcome(*place, action)).collect::<Vec<_>>();
         let to = |i: usize| Outcome::Place(row[i]);
         assert_eq!(outcomes(right), [to(1), to(2), to(3), Outcome::Unvisited]);
         assert_eq!(outcomes(left), [Outcome::Unvisited, to(0), to(1), to(2)]);
@@ -404,8 +431,16 @@ pub(super) mod tests {
         let mut store = Store::default();
         places.write(&mut store, "p");
         assert_eq!(Places::read(&plane(), &store, "p").expect("its own state"), places);
-        assert_eq!(Places::read(&plane(), &Store::default(), "p").expect("an older checkpoint").len(), 0);
-        let wrong = [("to", vec![99u32; 24]), ("to", vec![0; 3]), ("keys", vec![0; 12]), ("ahead", vec![0; 7])];
+        assert_eq!(
+            Places::read(&plane(), &Store::default(), "p").expect("an older checkpoint").len(),
+            0
+        );
+        let wrong = [
+            ("to", vec![99u32; 24]),
+            ("to", vec![0; 3]),
+            ("keys", vec![0; 12]),
+            ("ahead", vec![0; 7]),
+        ];
         for (name, numbers) in wrong {
             let mut store = store.clone();
             store.put(format!("p.{name}"), numbers);

@@ -7,16 +7,19 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::{BridgeGraph, Incoming, Link};
-use crate::learn::{ChangedDistances, DistancesByGoal, GoalIndex, KnownPair, Policy, Scratch, WAYPOINT_STEPS};
+use crate::learn::{
+    ChangedDistances, DistancesByGoal, GoalIndex, KnownPair, Policy, Scratch, WAYPOINT_STEPS,
+};
 
-/// Resolution of path costs: as integers in this many parts of a step, they make shortest paths exact and identical on
-/// every machine.
+/// Resolution of path costs: as integers in this many parts of a step, they make shortest paths
+/// exact and identical on every machine.
 const COST_UNITS_PER_STEP: f32 = 1024.0;
 
 /// Number of candidates around a state or goal that are considered for first and last links.
 pub const LINK_CANDIDATES: usize = 48;
 
-/// Cost of a first or last link that no trajectory verifies, as a multiple of D. Only used where there is no other.
+/// Cost of a first or last link that no trajectory verifies, as a multiple of D. Only used where
+/// there is no other.
 pub(crate) const UNVERIFIED_FACTOR: f32 = 2.0;
 
 /// States per batch when composing distances.
@@ -58,7 +61,8 @@ impl DistilledDistances {
 pub struct Route {
     /// The goal, `(goal_dim)`.
     pub goal: Vec<f32>,
-    /// Cost of the cheapest path from each candidate to the goal through the graph, in steps; infinite if there is none.
+    /// Cost of the cheapest path from each candidate to the goal through the graph, in steps;
+    /// infinite if there is none.
     pub costs: Vec<f32>,
     /// Each candidate's successor on that path; the candidate itself if the goal comes next.
     pub next: Vec<u32>,
@@ -71,8 +75,8 @@ pub struct Route {
 }
 
 impl Route {
-    /// Returns for each candidate the first one on its path that is at least [`WAYPOINT_STEPS`] away, or the last one;
-    /// `lengths` are those of the paths, in steps.
+    /// Returns for each candidate the first one on its path that is at least [`WAYPOINT_STEPS`]
+    /// away, or the last one; `lengths` are those of the paths, in steps.
     fn waypoints(&self, lengths: &[f32]) -> Vec<u32> {
         let waypoint = |start: usize| {
             let mut at = start;
@@ -104,8 +108,8 @@ pub(in crate::bridge) struct FirstHop {
     pub link: Option<Link>,
 }
 
-/// A candidate that a search has reached, and the cost of the path from there to the goal. The cheapest leaves a heap
-/// first.
+/// A candidate that a search has reached, and the cost of the path from there to the goal. The
+/// cheapest leaves a heap first.
 struct Reached {
     candidate: u32,
     cost: u64,
@@ -132,8 +136,8 @@ impl PartialEq for Reached {
 impl Eq for Reached {}
 
 impl BridgeGraph {
-    /// Finds the shortest paths to `goal`: last links from the candidates around it, then a backward search through the
-    /// graph.
+    /// Finds the shortest paths to `goal`: last links from the candidates around it, then a
+    /// backward search through the graph.
     pub fn route(&self, goal: &[f32], policy: &dyn Policy, scratch: &mut Scratch) -> Route {
         let nearby = self.distances_to(goal, policy, scratch);
         let nearest = nearby.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| *i);
@@ -144,9 +148,10 @@ impl BridgeGraph {
         self.route_from_links(goal, nearest, links.collect())
     }
 
-    /// Finds the shortest paths to the goal of `route` again, with all links to it, verified or not. On large maps,
-    /// candidates come and go, and no edge may lead yet to those that the links of `route` begin at. Returns `None` if it
-    /// has them already, or if links need not be verified.
+    /// Finds the shortest paths to the goal of `route` again, with all links to it, verified or
+    /// not. On large maps, candidates come and go, and no edge may lead yet to those that the links
+    /// of `route` begin at. Returns `None` if it has them already, or if links need not be
+    /// verified.
     pub(in crate::bridge) fn route_by_unverified_links(
         &self,
         route: &Route,
@@ -158,7 +163,10 @@ impl BridgeGraph {
         }
         let mut links = route.links.clone();
         let is_linked = |i: usize| route.links.iter().any(|(linked, _)| *linked as usize == i);
-        let nearby = self.distances_to(&route.goal, policy, scratch).into_iter().filter(|(i, _)| !is_linked(*i));
+        let nearby = self
+            .distances_to(&route.goal, policy, scratch)
+            .into_iter()
+            .filter(|(i, _)| !is_linked(*i));
         links.extend(nearby.map(|(i, distance)| {
             let cost = UNVERIFIED_FACTOR * distance + self.settings.hop_steps;
             (i as u32, cost_units(cost))
@@ -167,10 +175,17 @@ impl BridgeGraph {
         Some(Route { has_unverified_links: true, ..route })
     }
 
-    /// Returns the candidates around `goal` and D from each to it: preselected by straight lines, as there are too many.
-    fn distances_to(&self, goal: &[f32], policy: &dyn Policy, scratch: &mut Scratch) -> Vec<(usize, f32)> {
+    /// Returns the candidates around `goal` and D from each to it: preselected by straight lines,
+    /// as there are too many.
+    fn distances_to(
+        &self,
+        goal: &[f32],
+        policy: &dyn Policy,
+        scratch: &mut Scratch,
+    ) -> Vec<(usize, f32)> {
         let nearby = self.candidates.goal_index().nearest_few(goal, LINK_CANDIDATES);
-        let states: Vec<f32> = nearby.iter().flat_map(|i| self.candidate(*i).iter().copied()).collect();
+        let states: Vec<f32> =
+            nearby.iter().flat_map(|i| self.candidate(*i).iter().copied()).collect();
         let mut distances = vec![0.0; nearby.len()];
         policy.distances(&states, &goal.repeat(nearby.len()), &mut distances, scratch);
         nearby.into_iter().zip(distances).collect()
@@ -188,9 +203,10 @@ impl BridgeGraph {
         nearest: Option<usize>,
         links: Vec<(u32, u32)>,
     ) -> Route {
-        // Dijkstra's algorithm over candidates by number. (A search from a library, which finds its nodes by hash, took a
-        // sixth of the time of training in open rooms, where most candidates have hundreds of edges.)
-        // Sums of many costs, each at its limit, fit into 64 bits: with fewer, the paths could have cycles.
+        // Dijkstra's algorithm over candidates by number. (A search from a library, which finds its
+        // nodes by hash, took a sixth of the time of training in open rooms, where most candidates
+        // have hundreds of edges.) Sums of many costs, each at its limit, fit into 64 bits: with
+        // fewer, the paths could have cycles.
         let mut best = vec![u64::MAX; self.candidates.len()];
         let mut next: Vec<u32> = (0..best.len() as u32).collect();
         let mut reached = BinaryHeap::new();
@@ -210,15 +226,17 @@ impl BridgeGraph {
                 }
             }
         }
-        let in_steps = |cost| if cost == u64::MAX { f32::INFINITY } else { cost as f32 / COST_UNITS_PER_STEP };
+        let in_steps =
+            |cost| if cost == u64::MAX { f32::INFINITY } else { cost as f32 / COST_UNITS_PER_STEP };
         let costs = best.into_iter().map(in_steps).collect();
         Route { goal: goal.to_vec(), costs, next, nearest, links, has_unverified_links: false }
     }
 
-    /// Returns the expected length of the path of `route` from each candidate, in steps; infinite if there is none.
-    /// `last` is the length of the last link, from a candidate to the goal.
+    /// Returns the expected length of the path of `route` from each candidate, in steps; infinite
+    /// if there is none. `last` is the length of the last link, from a candidate to the goal.
     fn lengths(&self, route: &Route, last: impl Fn(u32) -> f32) -> Vec<f32> {
-        let mut lengths: Vec<Option<f32>> = route.costs.iter().map(|c| c.is_infinite().then_some(*c)).collect();
+        let mut lengths: Vec<Option<f32>> =
+            route.costs.iter().map(|c| c.is_infinite().then_some(*c)).collect();
         let mut path = Vec::new();
         for start in 0..lengths.len() as u32 {
             let mut at = start;
@@ -228,7 +246,11 @@ impl BridgeGraph {
             }
             let mut length = *lengths[at as usize].get_or_insert_with(|| last(at));
             while let Some(from) = path.pop() {
-                length += self.incoming_to(at).iter().find(|edge| edge.from == from).map_or(0.0, |edge| edge.length);
+                length += self
+                    .incoming_to(at)
+                    .iter()
+                    .find(|edge| edge.from == from)
+                    .map_or(0.0, |edge| edge.length);
                 lengths[from as usize] = Some(length);
                 at = from;
             }
@@ -241,9 +263,9 @@ impl BridgeGraph {
         &self.incoming[self.first[i as usize] as usize..self.first[i as usize + 1] as usize]
     }
 
-    /// Returns D(s, g) along the bridge graph for each of `states` `(rows, state_dim)`: the shortest path that starts
-    /// with a verified link to one of the nearest `links` candidates; or D itself if that is shorter and below the
-    /// cut-off, or if there is no such path.
+    /// Returns D(s, g) along the bridge graph for each of `states` `(rows, state_dim)`: the
+    /// shortest path that starts with a verified link to one of the nearest `links` candidates; or
+    /// D itself if that is shorter and below the cut-off, or if there is no such path.
     pub fn composed_distances(
         &self,
         states: &[f32],
@@ -253,18 +275,24 @@ impl BridgeGraph {
         scratch: &mut Scratch,
     ) -> Vec<f32> {
         let linked: Vec<u32> = route.links.iter().map(|(i, _)| *i).collect();
-        let from: Vec<f32> = linked.iter().flat_map(|i| self.candidate(*i as usize).iter().copied()).collect();
+        let from: Vec<f32> =
+            linked.iter().flat_map(|i| self.candidate(*i as usize).iter().copied()).collect();
         let mut last = vec![0.0; linked.len()];
         policy.distances(&from, &route.goal.repeat(linked.len()), &mut last, scratch);
         let last: HashMap<u32, f32> = linked.into_iter().zip(last).collect();
         let hop = self.settings.hop_steps;
-        let lengths = self.lengths(route, |i| last.get(&i).map_or(f32::INFINITY, |distance| distance + hop));
+        let lengths =
+            self.lengths(route, |i| last.get(&i).map_or(f32::INFINITY, |distance| distance + hop));
         let states: Vec<&[f32]> = states.chunks_exact(self.spec.state_dim()).collect();
         // Batched, as the networks are more efficient on large batches.
-        let batches =
-            states.chunks(DISTANCE_BATCH).flat_map(|states| self.options(states, route, links, policy, scratch));
+        let batches = states
+            .chunks(DISTANCE_BATCH)
+            .flat_map(|states| self.options(states, route, links, policy, scratch));
         let distances = batches.map(|options| {
-            let over = options.candidates.iter().filter_map(|o| Some(o.link?.length + lengths[o.candidate]));
+            let over = options
+                .candidates
+                .iter()
+                .filter_map(|o| Some(o.link?.length + lengths[o.candidate]));
             over.chain(options.direct.map(|direct| direct.length))
                 .filter(|steps| steps.is_finite())
                 .min_by(f32::total_cmp)
@@ -273,8 +301,8 @@ impl BridgeGraph {
         distances.collect()
     }
 
-    /// Returns the options for walking to `route`'s goal from each of `states`: the nearest `links` candidates and the
-    /// goal.
+    /// Returns the options for walking to `route`'s goal from each of `states`: the nearest `links`
+    /// candidates and the goal.
     pub(in crate::bridge) fn options(
         &self,
         states: &[&[f32]],
@@ -306,12 +334,17 @@ impl BridgeGraph {
                 let link = self.link(here, Some(*candidate), *distance);
                 FirstHop { candidate: *candidate, distance: *distance, link }
             });
-            HopOptions { candidates: candidates.collect(), to_goal, direct: self.link(here, route.nearest, to_goal) }
+            HopOptions {
+                candidates: candidates.collect(),
+                to_goal,
+                direct: self.link(here, route.nearest, to_goal),
+            }
         });
         options.collect()
     }
 
-    /// Draws `goals` candidates and collects the graph distances to each from all candidates that reach it.
+    /// Draws `goals` candidates and collects the graph distances to each from all candidates that
+    /// reach it.
     pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> DistilledDistances {
         let mut pairs = Vec::new();
         let mut by_goal = DistancesByGoal {
@@ -341,8 +374,8 @@ impl BridgeGraph {
         DistilledDistances { by_goal: (!pairs.is_empty()).then_some(by_goal), pairs }
     }
 
-    /// Finds the distances that have changed since the networks learned them: those to a few random goals that are far
-    /// longer or shorter along the graph than D says.
+    /// Finds the distances that have changed since the networks learned them: those to a few random
+    /// goals that are far longer or shorter along the graph than D says.
     pub fn changed_distances(
         &self,
         policy: &dyn Policy,
@@ -351,11 +384,17 @@ impl BridgeGraph {
     ) -> ChangedDistances {
         let count = self.candidates.len();
         let goals = (0..CHANGED_GOALS.min(count)).map(|_| rng.random_range(0..count) as u32);
-        let mut changed = ChangedDistances { goals: goals.collect(), ..ChangedDistances::default() };
+        let mut changed =
+            ChangedDistances { goals: goals.collect(), ..ChangedDistances::default() };
         let mut distances = vec![0.0; count];
         for goal in &changed.goals {
             let route = self.route_to_candidate(*goal as usize);
-            policy.distances(self.candidates.states(), &route.goal.repeat(count), &mut distances, scratch);
+            policy.distances(
+                self.candidates.states(),
+                &route.goal.repeat(count),
+                &mut distances,
+                scratch,
+            );
             let lengths = self.lengths(&route, |_| 0.0);
             for (steps, distance) in lengths.iter().zip(&distances) {
                 // These paths start exactly at a candidate, so their first hop has no overhead.

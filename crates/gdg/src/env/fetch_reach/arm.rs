@@ -25,8 +25,8 @@ const REACH: f64 = 0.05;
 /// Numbers of a full state: angles, velocities and the solver's warm start of each joint.
 pub const FULL_STATE: usize = 3 * JOINTS;
 
-/// Bounds on numbers from files: beyond joint limits in rad, on angles of joints that turn freely in rad, on velocities
-/// in rad/s, and on accelerations in rad/s². The arm stays well within them.
+/// Bounds on numbers from files: beyond joint limits in rad, on angles of joints that turn freely
+/// in rad, on velocities in rad/s, and on accelerations in rad/s². The arm stays well within them.
 const BEYOND_LIMITS: f64 = 1.0;
 const MOST_TURNS: f64 = 1e3;
 const MOST_VELOCITY: f64 = 100.0;
@@ -70,7 +70,11 @@ impl Arm {
                 *angle = angle.clamp(limits.low - BEYOND_LIMITS, limits.high + BEYOND_LIMITS);
             }
         }
-        Self { angles, velocities: bounded(1, MOST_VELOCITY), warm_start: bounded(2, MOST_ACCELERATION) }
+        Self {
+            angles,
+            velocities: bounded(1, MOST_VELOCITY),
+            warm_start: bounded(2, MOST_ACCELERATION),
+        }
     }
 
     /// Returns its frames.
@@ -78,8 +82,8 @@ impl Arm {
         Frames::new(&self.angles)
     }
 
-    /// Moves it by one step: a weld pulls the gripper, pointing down, to where `action` (x, y, z in [-1, 1]) wants it.
-    /// `rows` is a buffer.
+    /// Moves it by one step: a weld pulls the gripper, pointing down, to where `action` (x, y, z in
+    /// [-1, 1]) wants it. `rows` is a buffer.
     pub fn step(&mut self, action: DVec3, wall: Option<&Wall>, rows: &mut Rows) {
         let mut frames = self.frames();
         let q = frames.orientation;

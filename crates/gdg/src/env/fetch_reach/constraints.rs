@@ -1,5 +1,5 @@
-//! The rows of the constraint problem: weld, joint limits, table and wall, as MuJoCo forms them ("Constraint model" and
-//! "Solver parameters" in its documentation).
+//! The rows of the constraint problem: weld, joint limits, table and wall, as MuJoCo forms them
+//! ("Constraint model" and "Solver parameters" in its documentation).
 
 use glam::{DQuat, DVec3};
 
@@ -31,7 +31,8 @@ pub struct Row {
     pub weight: f64,
 }
 
-/// The active rows: the weld's, which always count, then those that count only where `jacobian · a < target`.
+/// The active rows: the weld's, which always count, then those that count only where `jacobian · a
+/// < target`.
 pub struct Rows {
     rows: [Row; MAX_ROWS],
     length: usize,
@@ -39,7 +40,10 @@ pub struct Rows {
 
 impl Rows {
     pub fn new() -> Self {
-        Self { rows: [Row { jacobian: [0.0; JOINTS], target: 0.0, weight: 0.0 }; MAX_ROWS], length: 0 }
+        Self {
+            rows: [Row { jacobian: [0.0; JOINTS], target: 0.0, weight: 0.0 }; MAX_ROWS],
+            length: 0,
+        }
     }
 
     pub fn clear(&mut self) {
@@ -97,7 +101,13 @@ impl Stiffness {
     }
 
     /// Returns the row of a constraint with one residual.
-    fn row(&self, jacobian: Joints, residual: f64, velocities: &Joints, inverse_inertia: f64) -> Row {
+    fn row(
+        &self,
+        jacobian: Joints,
+        residual: f64,
+        velocities: &Joints,
+        inverse_inertia: f64,
+    ) -> Row {
         let impedance = self.impedance(residual);
         Row {
             target: self.target(impedance, residual, dot(&jacobian, velocities)),
@@ -193,9 +203,11 @@ pub fn table(rows: &mut Rows, frames: &Frames, velocities: &Joints) {
         let local = DVec3::new(0.0385, sign(0) * 0.0079 + sign(1) * 0.007, sign(2) * 0.0135);
         let at = frames.gripper + *frames.hand() * local;
         let height = at.z - TABLE_TOP;
-        // MuJoCo 3.3.7 reports half the depth of a box inside a box, but the whole distance between two boxes.
+        // MuJoCo 3.3.7 reports half the depth of a box inside a box, but the whole distance between
+        // two boxes.
         let residual = if height < 0.0 { height / 2.0 } else { height } - MARGIN;
-        let above = (TABLE_X.0..=TABLE_X.1).contains(&at.x) && (TABLE_Y.0..=TABLE_Y.1).contains(&at.y);
+        let above =
+            (TABLE_X.0..=TABLE_X.1).contains(&at.x) && (TABLE_Y.0..=TABLE_Y.1).contains(&at.y);
         if residual >= 0.0 || !above {
             continue;
         }

@@ -1,4 +1,5 @@
-//! Mass matrix and bias forces, by spatial vectors about the world's origin (Featherstone 2008, chapters 5 and 6).
+//! Mass matrix and bias forces, by spatial vectors about the world's origin (Featherstone 2008,
+//! chapters 5 and 6).
 
 use glam::{DMat3, DVec3};
 
@@ -20,7 +21,10 @@ impl Spatial {
     const ZERO: Self = Self { angular: DVec3::ZERO, linear: DVec3::ZERO };
 
     fn plus(self, other: Self, scale: f64) -> Self {
-        Self { angular: self.angular + other.angular * scale, linear: self.linear + other.linear * scale }
+        Self {
+            angular: self.angular + other.angular * scale,
+            linear: self.linear + other.linear * scale,
+        }
     }
 
     fn dot(self, other: Self) -> f64 {
@@ -119,7 +123,9 @@ impl Dynamics {
                 forces[i] = forces[i].plus(forces[i + 1], 1.0);
             }
             let joint = &CHAIN[i];
-            force[i] = -motions[i].dot(forces[i]) - joint.damping * velocities[i] - joint.stiffness * angles[i];
+            force[i] = -motions[i].dot(forces[i])
+                - joint.damping * velocities[i]
+                - joint.stiffness * angles[i];
             let momentum = inertias[i].momentum(motions[i]);
             for j in 0..=i {
                 mass[i][j] = motions[j].dot(momentum);
@@ -148,7 +154,8 @@ mod tests {
             let inertia = turn * body.inertia * turn.transpose();
             for i in 0..=link {
                 for j in 0..=link {
-                    mass[i][j] += body.mass * columns[i].dot(columns[j]) + frames.axes[i].dot(inertia * frames.axes[j]);
+                    mass[i][j] += body.mass * columns[i].dot(columns[j])
+                        + frames.axes[i].dot(inertia * frames.axes[j]);
                 }
             }
         }
@@ -196,9 +203,11 @@ mod tests {
         };
         let (ahead, behind) = (along(1.0), along(-1.0));
         for i in 0..JOINTS {
-            let slope = |of: fn(&Joints) -> f64| (of(&moved(i, eps)) - of(&moved(i, -eps))) / (2.0 * eps);
+            let slope =
+                |of: fn(&Joints) -> f64| (of(&moved(i, eps)) - of(&moved(i, -eps))) / (2.0 * eps);
             let bias = (ahead[i] - behind[i]) / (2.0 * eps) - slope(kinetic) + slope(potential);
-            let expected = -bias - CHAIN[i].damping * VELOCITIES[i] - CHAIN[i].stiffness * ANGLES[i];
+            let expected =
+                -bias - CHAIN[i].damping * VELOCITIES[i] - CHAIN[i].stiffness * ANGLES[i];
             assert!((own[i] - expected).abs() < 1e-6, "joint {i}: {}, not {expected}", own[i]);
         }
     }

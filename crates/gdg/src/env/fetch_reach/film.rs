@@ -1,4 +1,5 @@
-//! Where the film of a run shows D: on a lattice of points in the space that the grip reaches, at rest.
+//! Where the film of a run shows D: on a lattice of points in the space that the grip reaches, at
+//! rest.
 
 use super::{ArmScene, STATE};
 use crate::env::FilmPoints;
@@ -34,7 +35,8 @@ impl FilmLattice {
         std::array::from_fn(|i| (self.low[i] + at[i] as f32 * self.apart[i]).min(self.high[i]))
     }
 
-    /// Returns the points around `at` and their weights, which sum up to 1; `None` outside the lattice.
+    /// Returns the points around `at` and their weights, which sum up to 1; `None` outside the
+    /// lattice.
     pub fn around(&self, at: [f32; 3]) -> Option<[(usize, f32); 8]> {
         let along: [f32; 3] = std::array::from_fn(|i| (at[i] - self.low[i]) / self.apart[i]);
         if !along.iter().all(|along| (0.0..=(ALONG - 1) as f32).contains(along)) {
@@ -61,7 +63,8 @@ pub fn points(scene: &ArmScene) -> FilmPoints {
     if let Some([_, wall]) = scene.wall() {
         middle[1] = f32::midpoint(wall[1], high[1]);
     }
-    let of_place: Vec<usize> = (0..lattice.places()).filter(|place| scene.has_room(lattice.point(*place))).collect();
+    let of_place: Vec<usize> =
+        (0..lattice.places()).filter(|place| scene.has_room(lattice.point(*place))).collect();
     let mut states = vec![0.0; of_place.len() * STATE];
     for (state, place) in states.chunks_exact_mut(STATE).zip(&of_place) {
         state[..3].copy_from_slice(&lattice.point(*place));
@@ -83,7 +86,10 @@ mod tests {
     #[test]
     fn points_lie_where_the_grip_may_be() {
         let [free, walled] = [None, Some(WALL)].map(|wall| points(&ArmScene::new(wall)));
-        assert!(free.places <= MAX_FILM_PLACES && free.place_of.len() < free.places, "none is below the table");
+        assert!(
+            free.places <= MAX_FILM_PLACES && free.place_of.len() < free.places,
+            "none is below the table"
+        );
         assert!(walled.place_of.len() < free.place_of.len(), "none is in the wall");
         assert_eq!(free.states.len(), free.place_of.len() * STATE);
         assert!(walled.goal[1] > WALL.middle() as f32, "{:?}", walled.goal);
@@ -97,7 +103,8 @@ mod tests {
         for share in [[0.0, 0.0, 0.0], [0.31, 0.77, 0.5], [0.99, 0.02, 0.6]] {
             let at: [f32; 3] = std::array::from_fn(|i| low[i] + share[i] * (high[i] - low[i]));
             let around = lattice.around(at).expect("inside");
-            let found: f32 = around.iter().map(|(place, weight)| weight * value(lattice.point(*place))).sum();
+            let found: f32 =
+                around.iter().map(|(place, weight)| weight * value(lattice.point(*place))).sum();
             assert!((found - value(at)).abs() < 1e-4, "{at:?}: {found}");
         }
         assert!(lattice.around([low[0] - 0.01, low[1], low[2]]).is_none());

@@ -56,14 +56,21 @@ impl Frames {
         self.gripper + *self.hand() * GRIP
     }
 
-    /// Returns the velocity in m/s per joint velocity of a point at `at` that is fixed to link `link`.
+    /// Returns the velocity in m/s per joint velocity of a point at `at` that is fixed to link
+    /// `link`.
     pub fn jacobian(&self, link: usize, at: DVec3) -> [DVec3; JOINTS] {
-        std::array::from_fn(|i| if i <= link { self.axes[i].cross(at - self.origins[i]) } else { DVec3::ZERO })
+        std::array::from_fn(|i| {
+            if i <= link { self.axes[i].cross(at - self.origins[i]) } else { DVec3::ZERO }
+        })
     }
 
     /// Returns the velocity of the grip site in m/s.
     pub fn grip_velocity(&self, velocities: &Joints) -> DVec3 {
-        self.jacobian(JOINTS - 1, self.grip()).iter().zip(velocities).map(|(column, v)| *column * *v).sum()
+        self.jacobian(JOINTS - 1, self.grip())
+            .iter()
+            .zip(velocities)
+            .map(|(column, v)| *column * *v)
+            .sum()
     }
 }
 

@@ -36,7 +36,8 @@ pub fn add_scaled(to: &mut Joints, scale: f64, x: &Joints) {
     }
 }
 
-/// Solves `m x = b` for a positive definite `m`, whose lower triangle is read, by Cholesky's factorisation.
+/// Solves `m x = b` for a positive definite `m`, whose lower triangle is read, by Cholesky's
+/// factorisation.
 #[inline]
 pub fn solve(mut m: Matrix, mut b: Joints) -> Joints {
     // m becomes L with 1 / L_ii on the diagonal.

@@ -16,8 +16,8 @@ pub struct Joint {
     pub offset: DVec3,
     /// Axis: 0 is x, 1 is y, 2 is z.
     pub axis: usize,
-    /// Lowest and highest angle in rad, with the inverse inertia that the reference gives a limit's row; `None` turns
-    /// freely.
+    /// Lowest and highest angle in rad, with the inverse inertia that the reference gives a limit's
+    /// row; `None` turns freely.
     pub limits: Option<Limits>,
     /// Viscous damping in N m s/rad.
     pub damping: f64,
@@ -138,8 +138,8 @@ pub const GRIPPER: DVec3 = DVec3::new(0.1664, 0.0, 0.0);
 /// From `gripper_link` to the grip site between the fingers, in metres.
 pub const GRIP: DVec3 = DVec3::new(0.02, 0.0, 0.0);
 
-/// The middle of the goals in metres: the grip site when the reference measures it, about a micrometre from where it is
-/// at reset.
+/// The middle of the goals in metres: the grip site when the reference measures it, about a
+/// micrometre from where it is at reset.
 pub const GOAL_CENTRE: DVec3 = DVec3::new(1.341_835, 0.749_101, 0.534_724);
 
 /// Mass properties of one rigid link.
@@ -154,7 +154,8 @@ pub struct Body {
 }
 
 impl Body {
-    /// Returns a body whose inertia is diagonal in a frame turned by the quaternion `turn` (w, x, y, z).
+    /// Returns a body whose inertia is diagonal in a frame turned by the quaternion `turn` (w, x,
+    /// y, z).
     fn new(mass: f64, centre: [f64; 3], turn: [f64; 4], diagonal: [f64; 3]) -> Self {
         let [w, x, y, z] = turn;
         let turn = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
@@ -183,17 +184,55 @@ pub fn point_inertia(mass: f64, at: DVec3) -> DMat3 {
 
 /// The links, one per joint; wrist roll, gripper and fingers are one.
 pub static BODIES: LazyLock<[Body; JOINTS]> = LazyLock::new(|| {
-    let gripper = Body::new(1.5175, [-0.09, -0.0001, -0.0017], [0.0, 1.0, 0.0, 1.0], [0.0024, 0.0019, 0.0013]);
-    let finger =
-        |y: f64| Body::new(4.0, [-0.01, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.1; 3]).moved(DVec3::new(0.0, y, 0.0));
+    let gripper = Body::new(
+        1.5175,
+        [-0.09, -0.0001, -0.0017],
+        [0.0, 1.0, 0.0, 1.0],
+        [0.0024, 0.0019, 0.0013],
+    );
+    let finger = |y: f64| {
+        Body::new(4.0, [-0.01, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.1; 3])
+            .moved(DVec3::new(0.0, y, 0.0))
+    };
     let hand = gripper.joined(finger(0.0159)).joined(finger(-0.0159)).moved(GRIPPER);
     [
-        Body::new(2.5587, [0.0927, -0.0056, 0.0564], [-0.1364, 0.7624, -0.1562, 0.613], [0.009, 0.0086, 0.0041]),
-        Body::new(2.6615, [0.1432, 0.0072, -0.0001], [0.4382, 0.4382, 0.555, 0.555], [0.0116, 0.0112, 0.0023]),
-        Body::new(2.3311, [0.1165, 0.0014, 0.0], [-0.0136, 0.707, 0.0136, 0.707], [0.0047, 0.0045, 0.0019]),
-        Body::new(2.1299, [0.1279, 0.0073, 0.0], [0.4332, 0.4332, 0.5589, 0.5589], [0.0086, 0.0084, 0.002]),
-        Body::new(1.6563, [0.1097, -0.0266, 0.0], [-0.0715, 0.7035, 0.0715, 0.7035], [0.0035, 0.0031, 0.0015]),
-        Body::new(1.725, [0.0882, 0.0009, -0.0001], [0.4895, 0.4895, 0.5103, 0.5103], [0.0042, 0.0042, 0.0018]),
-        Body::new(0.1354, [0.0095, 0.0004, -0.0002], [1.0, 0.0, 0.0, 0.0], [0.0001; 3]).joined(hand),
+        Body::new(
+            2.5587,
+            [0.0927, -0.0056, 0.0564],
+            [-0.1364, 0.7624, -0.1562, 0.613],
+            [0.009, 0.0086, 0.0041],
+        ),
+        Body::new(
+            2.6615,
+            [0.1432, 0.0072, -0.0001],
+            [0.4382, 0.4382, 0.555, 0.555],
+            [0.0116, 0.0112, 0.0023],
+        ),
+        Body::new(
+            2.3311,
+            [0.1165, 0.0014, 0.0],
+            [-0.0136, 0.707, 0.0136, 0.707],
+            [0.0047, 0.0045, 0.0019],
+        ),
+        Body::new(
+            2.1299,
+            [0.1279, 0.0073, 0.0],
+            [0.4332, 0.4332, 0.5589, 0.5589],
+            [0.0086, 0.0084, 0.002],
+        ),
+        Body::new(
+            1.6563,
+            [0.1097, -0.0266, 0.0],
+            [-0.0715, 0.7035, 0.0715, 0.7035],
+            [0.0035, 0.0031, 0.0015],
+        ),
+        Body::new(
+            1.725,
+            [0.0882, 0.0009, -0.0001],
+            [0.4895, 0.4895, 0.5103, 0.5103],
+            [0.0042, 0.0042, 0.0018],
+        ),
+        Body::new(0.1354, [0.0095, 0.0004, -0.0002], [1.0, 0.0, 0.0, 0.0], [0.0001; 3])
+            .joined(hand),
     ]
 });

@@ -18,7 +18,8 @@ pub type Corners = [[f32; 3]; 2];
 /// Gain of the proportional control that puts an arm somewhere, in actions per metre.
 pub(super) const GAIN: f64 = 15.0;
 
-/// The fingers in the frame of `gripper_link`: to the left and the right of its axis, from there to their tips, in metres.
+/// The fingers in the frame of `gripper_link`: to the left and the right of its axis, from there to
+/// their tips, in metres.
 const FINGER_OFFSET: f64 = 0.0159;
 const FINGER_LENGTH: f64 = 0.0385;
 
@@ -48,7 +49,8 @@ impl Pose {
     fn new(frames: &Frames) -> Self {
         let metres = |at: DVec3| at.as_vec3().to_array();
         let finger = |side: f64| {
-            let at = |along: f64| metres(frames.gripper + *frames.hand() * DVec3::new(along, side, 0.0));
+            let at =
+                |along: f64| metres(frames.gripper + *frames.hand() * DVec3::new(along, side, 0.0));
             [at(0.0), at(FINGER_LENGTH)]
         };
         Self {
@@ -88,7 +90,8 @@ impl ArmScene {
         around_centre(GOAL_RANGE)
     }
 
-    /// Returns the grip positions that states are scaled to: goals, and what exploration reaches beyond them.
+    /// Returns the grip positions that states are scaled to: goals, and what exploration reaches
+    /// beyond them.
     pub fn positions(&self) -> Corners {
         around_centre(POSITION_RANGE.into())
     }
@@ -99,7 +102,8 @@ impl ArmScene {
         [corner(TABLE_X.0, TABLE_Y.0), corner(TABLE_X.1, TABLE_Y.1)]
     }
 
-    /// Returns whether the grip may be at a position: among [`Self::positions`], above the table, outside the wall.
+    /// Returns whether the grip may be at a position: among [`Self::positions`], above the table,
+    /// outside the wall.
     pub fn has_room(&self, at: [f32; 3]) -> bool {
         let within = |[low, high]: Corners| (0..3).all(|i| (low[i]..=high[i]).contains(&at[i]));
         within(self.positions()) && at[2] >= self.table()[0][2] && !self.wall().is_some_and(within)
@@ -142,7 +146,8 @@ fn around_centre(range: f64) -> Corners {
 /// Draws a goal, in metres.
 pub(super) fn random_goal(wall: Option<&Wall>, rng: &mut ChaCha8Rng) -> DVec3 {
     loop {
-        let goal = GOAL_CENTRE + DVec3::from_array(std::array::from_fn(|_| rng.random_range(-GOAL_RANGE..GOAL_RANGE)));
+        let goal = GOAL_CENTRE
+            + DVec3::from_array(std::array::from_fn(|_| rng.random_range(-GOAL_RANGE..GOAL_RANGE)));
         if wall.is_none_or(|wall| (goal.y - wall.middle()).abs() > WALL_CLEARANCE) {
             return goal;
         }
@@ -158,12 +163,14 @@ pub(super) fn guide(arm: &mut Arm, to: DVec3, wall: Option<&Wall>, rows: &mut Ro
 }
 
 impl FetchReach {
-    /// Returns where an arm's parts are. For display: states, and so learning and evaluation, do not contain it.
+    /// Returns where an arm's parts are. For display: states, and so learning and evaluation, do
+    /// not contain it.
     pub fn pose(&self, agent: usize) -> Pose {
         Pose::new(&self.arms[agent].frames())
     }
 
-    /// Puts an arm where its grip is as near to `at` (in metres) as straight control leads it, on that side of the wall.
+    /// Puts an arm where its grip is as near to `at` (in metres) as straight control leads it, on
+    /// that side of the wall.
     pub fn put(&mut self, agent: usize, at: [f32; 3]) {
         let to = glam::Vec3::from_array(at).as_dvec3();
         let of_side = |arm: &&Arm| self.is_left(arm.frames().grip().y) == self.is_left(to.y);
@@ -199,7 +206,9 @@ mod tests {
             assert!(distance(grip, observed) < 1e-3, "{grip:?} is not {observed:?}");
             let lengths: Vec<f32> = links.iter().map(|[from, to]| distance(*from, *to)).collect();
             // From shoulder_lift on, the offsets of the chain along x.
-            for (length, offset) in lengths[2..].iter().zip([0.219, 0.133, 0.197, 0.1245, 0.1385, 0.1664, 0.02]) {
+            for (length, offset) in
+                lengths[2..].iter().zip([0.219, 0.133, 0.197, 0.1245, 0.1385, 0.1664, 0.02])
+            {
                 assert!((length - offset).abs() < 1e-5, "{length} is not {offset}");
             }
             let action: [f32; 4] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
@@ -218,7 +227,11 @@ mod tests {
         let mut angles = [0.0; JOINTS];
         angles[0] = std::f64::consts::FRAC_PI_2;
         let pose = Pose::new(&Frames::new(&angles));
-        assert!(distance(pose.grip, [x + 0.1195, y + reach - 0.1195, z + 0.4086]) < 1e-5, "{:?}", pose.grip);
+        assert!(
+            distance(pose.grip, [x + 0.1195, y + reach - 0.1195, z + 0.4086]) < 1e-5,
+            "{:?}",
+            pose.grip
+        );
     }
 
     #[test]
@@ -234,10 +247,17 @@ mod tests {
     #[test]
     fn goals_stay_in_their_region_and_off_the_wall() {
         let Scene::Arm(scene) = FetchReach::new(Some(WALL), 0).scene() else { panic!("an arm") };
-        assert_eq!(scene.nearest_goal([9.0, 0.85, -9.0]), [scene.goals()[1][0], 0.85, scene.goals()[0][2]]);
+        assert_eq!(
+            scene.nearest_goal([9.0, 0.85, -9.0]),
+            [scene.goals()[1][0], 0.85, scene.goals()[0][2]]
+        );
         let beside = scene.nearest_goal([1.3, 0.7496, 0.5]);
         assert!((beside[1] - 0.7991).abs() < 1e-3, "{beside:?}");
         assert_eq!(scene.world(0).kind(), "fetch-reach-wall");
-        assert_eq!((KIND.create.expect("no file"))().scene().maze().map.width(), 1, "there is no map");
+        assert_eq!(
+            (KIND.create.expect("no file"))().scene().maze().map.width(),
+            1,
+            "there is no map"
+        );
     }
 }

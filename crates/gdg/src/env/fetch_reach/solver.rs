@@ -1,12 +1,14 @@
-//! Accelerations under constraints: a convex problem, solved by Newton's method (Todorov 2014, "Convex and
-//! analytically-invertible dynamics with contacts and constraints"; MuJoCo's documentation, "Computation").
+//! Accelerations under constraints: a convex problem, solved by Newton's method (Todorov 2014,
+//! "Convex and analytically-invertible dynamics with contacts and constraints"; MuJoCo's
+//! documentation, "Computation").
 
 use super::constraints::{MAX_ROWS, Row, Rows};
 use super::dynamics::Dynamics;
 use super::linear::{Matrix, add_outer, add_scaled, dot, product, solve};
 use super::model::Joints;
 
-/// Most iterations. With an exact line search it takes 1 or 2; every iteration improves, so stopping early is safe.
+/// Most iterations. With an exact line search it takes 1 or 2; every iteration improves, so
+/// stopping early is safe.
 const MAX_ITERATIONS: usize = 50;
 
 /// Adds a row's quadratic term to the Hessian's lower triangle and the right-hand side.
@@ -15,8 +17,9 @@ fn add_row(hessian: &mut Matrix, rhs: &mut Joints, row: &Row) {
     add_scaled(rhs, row.weight * row.target, &row.jacobian);
 }
 
-/// Returns the acceleration `a` that minimises `1/2 aᵀMa - aᵀf + 1/2 sum of w (J a - target)²` over all rows, where an
-/// inequality row counts only if `J a < target`; begins at `start`. Gauss's principle: without rows, `M a = f`.
+/// Returns the acceleration `a` that minimises `1/2 aᵀMa - aᵀf + 1/2 sum of w (J a - target)²` over
+/// all rows, where an inequality row counts only if `J a < target`; begins at `start`. Gauss's
+/// principle: without rows, `M a = f`.
 pub fn accelerations(dynamics: &Dynamics, rows: &Rows, start: &Joints) -> Joints {
     let (mut hessian, mut rhs) = (dynamics.mass, dynamics.force);
     for row in rows.equalities() {
@@ -37,7 +40,10 @@ pub fn accelerations(dynamics: &Dynamics, rows: &Rows, start: &Joints) -> Joints
             }
         }
         let best = solve(active_hessian, active_rhs);
-        let same = sided.iter().zip(&residuals).all(|(row, r)| (dot(&row.jacobian, &best) < row.target) == (*r < 0.0));
+        let same = sided
+            .iter()
+            .zip(&residuals)
+            .all(|(row, r)| (dot(&row.jacobian, &best) < row.target) == (*r < 0.0));
         if same {
             return best;
         }
@@ -58,8 +64,9 @@ fn symmetric(lower: &Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| lower[i.max(j)][i.min(j)]))
 }
 
-/// Returns t > 0 at the minimum of the convex, piecewise quadratic cost along a line, by walking its breakpoints.
-/// `smooth` is slope and curvature at 0 of what always counts; row i counts where `residuals[i] + t slopes[i] < 0`.
+/// Returns t > 0 at the minimum of the convex, piecewise quadratic cost along a line, by walking
+/// its breakpoints. `smooth` is slope and curvature at 0 of what always counts; row i counts where
+/// `residuals[i] + t slopes[i] < 0`.
 fn line_minimum(smooth: (f64, f64), rows: &[Row], residuals: &[f64], slopes: &[f64]) -> f64 {
     let (mut slope, mut curvature) = smooth;
     for ((row, residual), along) in rows.iter().zip(residuals).zip(slopes) {
@@ -72,9 +79,15 @@ fn line_minimum(smooth: (f64, f64), rows: &[Row], residuals: &[f64], slopes: &[f
     let mut t = 0.0;
     loop {
         let minimum = if curvature > 0.0 { -slope / curvature } else { f64::INFINITY };
-        let crossing = |i: &usize| (slopes[*i] != 0.0).then(|| -residuals[*i] / slopes[*i]).filter(|at| *at > t);
-        let next = (0..rows.len()).filter_map(|i| Some((crossing(&i)?, i))).min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((at, i)) = next.filter(|(at, _)| *at < minimum) else { return minimum.min(f64::MAX) };
+        let crossing = |i: &usize| {
+            (slopes[*i] != 0.0).then(|| -residuals[*i] / slopes[*i]).filter(|at| *at > t)
+        };
+        let next = (0..rows.len())
+            .filter_map(|i| Some((crossing(&i)?, i)))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((at, i)) = next.filter(|(at, _)| *at < minimum) else {
+            return minimum.min(f64::MAX);
+        };
         // Rows that share the breakpoint count as well.
         for j in (0..rows.len()).filter(|j| *j == i || crossing(j) == Some(at)) {
             let sign = if slopes[j] < 0.0 { 1.0 } else { -1.0 };

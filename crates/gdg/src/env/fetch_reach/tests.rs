@@ -41,7 +41,10 @@ fn newtons_method_finds_the_minimum_with_many_rows_active() {
             *velocity = rng.random_range(-2.0..2.0);
         }
         let frames = arm.frames();
-        let mocap = Mocap { position: frames.gripper + full_action(&mut rng) * 0.05, orientation: frames.orientation };
+        let mocap = Mocap {
+            position: frames.gripper + full_action(&mut rng) * 0.05,
+            orientation: frames.orientation,
+        };
         rows.clear();
         constraints::weld(&mut rows, &frames, &arm.velocities, &mocap);
         constraints::limits(&mut rows, &arm.angles, &arm.velocities);
@@ -52,8 +55,14 @@ fn newtons_method_finds_the_minimum_with_many_rows_active() {
         let found = |start: f64| solver::accelerations(&dynamics, &rows, &[start; JOINTS]);
         let (a, other) = (found(0.0), found(30.0));
         let (gradient, scale) = gradient(&dynamics, &rows, &a);
-        assert!(gradient.iter().all(|v| v.abs() < 1e-10 * scale), "{gradient:?} at a scale of {scale}");
-        assert!(a.iter().zip(other).all(|(a, b)| (a - b).abs() < 1e-6 * (1.0 + a.abs())), "{a:?}, {other:?}");
+        assert!(
+            gradient.iter().all(|v| v.abs() < 1e-10 * scale),
+            "{gradient:?} at a scale of {scale}"
+        );
+        assert!(
+            a.iter().zip(other).all(|(a, b)| (a - b).abs() < 1e-6 * (1.0 + a.abs())),
+            "{a:?}, {other:?}"
+        );
     }
     assert!(most > 40, "only {most} rows at a time");
 }
@@ -78,7 +87,8 @@ fn out_of_range_full_states_give_a_finite_arm() {
         let mut world = FetchReach::new(wall, 1);
         for case in 0..200 {
             let size = if case % 2 == 0 { 1e300 } else { 30.0 };
-            let full: Vec<f64> = (0..FULL_STATE).map(|_| rng.random_range(-1.0..1.0) * size).collect();
+            let full: Vec<f64> =
+                (0..FULL_STATE).map(|_| rng.random_range(-1.0..1.0) * size).collect();
             world.set_full_state(0, &full);
             for _ in 0..20 {
                 world.step(&[1.0, -1.0, f32::MAX, 0.0], &mut rng);
@@ -98,7 +108,8 @@ fn a_full_state_continues_bitwise() {
         }
         for step in 0..120 {
             // Held pulls lead to limits, table and wall, where the warm start matters.
-            let actions: Vec<f32> = (0..12).map(|i| if (i + step / 20) % 3 == 0 { 1.0 } else { -1.0 }).collect();
+            let actions: Vec<f32> =
+                (0..12).map(|i| if (i + step / 20) % 3 == 0 { 1.0 } else { -1.0 }).collect();
             let mut other = world.fork(3);
             for agent in 0..3 {
                 other.set_full_state(agent, &world.full_state(agent));
@@ -128,7 +139,8 @@ fn noise_disturbs_actions_and_the_fourth_component_does_nothing() {
 fn penetration(arm: &Arm) -> (f64, bool) {
     let frames = arm.frames();
     let depths = SPHERES.iter().filter_map(|sphere| {
-        WALL.distance(sphere.centre(&frames)).map(|(distance, _)| (sphere.radius - distance, distance <= 0.0))
+        WALL.distance(sphere.centre(&frames))
+            .map(|(distance, _)| (sphere.radius - distance, distance <= 0.0))
     });
     depths.fold((0.0, false), |most, depth| (most.0.max(depth.0), most.1 || depth.1))
 }
@@ -148,7 +160,11 @@ fn the_wall_stops_every_push() {
             arm.step(pull, Some(&WALL), &mut rows);
             let (depth, inside) = penetration(&arm);
             deepest = deepest.max(depth);
-            assert!(!inside, "the centre line is inside, episode {episode}, step {step}: {:?}", arm.angles);
+            assert!(
+                !inside,
+                "the centre line is inside, episode {episode}, step {step}: {:?}",
+                arm.angles
+            );
         }
     }
     println!("deepest {:.1} mm", 1000.0 * deepest);
@@ -162,7 +178,8 @@ fn proportional_control_fails_at_the_wall_but_a_way_over_it_leads_to_every_goal(
     let tasks = world.tasks(40, &mut rng).tasks;
     let (mut straight, mut over, mut longest) = (0, 0, 0);
     for task in &tasks {
-        let goal = DVec3::new(f64::from(task.goal[0]), f64::from(task.goal[1]), f64::from(task.goal[2]));
+        let goal =
+            DVec3::new(f64::from(task.goal[0]), f64::from(task.goal[1]), f64::from(task.goal[2]));
         for around in [false, true] {
             let (mut arm, mut rows) = (Arm::from_full_state(&task.start), Rows::new());
             let from = arm.frames().grip();
@@ -174,7 +191,8 @@ fn proportional_control_fails_at_the_wall_but_a_way_over_it_leads_to_every_goal(
             let reached = (1..=EPISODE_STEPS).find(|_| {
                 let off = way[0] - arm.frames().grip();
                 arm.step((off * 15.0).clamp(DVec3::NEG_ONE, DVec3::ONE), Some(&WALL), &mut rows);
-                let near = (way[0] - arm.frames().grip()).length() < if way.len() > 1 { 0.03 } else { 0.05 };
+                let near = (way[0] - arm.frames().grip()).length()
+                    < if way.len() > 1 { 0.03 } else { 0.05 };
                 if near && way.len() > 1 {
                     way.remove(0);
                     return false;

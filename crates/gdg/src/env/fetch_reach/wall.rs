@@ -13,10 +13,12 @@ pub struct Wall {
     pub high: DVec3,
 }
 
-/// Stands on the table between the left and the right half of the goal region: 2 cm thick, from before the arm's
-/// shoulder to beyond its reach, and 5.5 cm higher than the highest goal. So no straight line leads to the other half,
-/// nor does sliding along the wall towards the goal; the way is over the top.
-pub const WALL: Wall = Wall { low: DVec3::new(1.0, 0.739_101, 0.4), high: DVec3::new(1.8, 0.759_101, 0.74) };
+/// Stands on the table between the left and the right half of the goal region: 2 cm thick, from
+/// before the arm's shoulder to beyond its reach, and 5.5 cm higher than the highest goal. So no
+/// straight line leads to the other half, nor does sliding along the wall towards the goal; the way
+/// is over the top.
+pub const WALL: Wall =
+    Wall { low: DVec3::new(1.0, 0.739_101, 0.4), high: DVec3::new(1.8, 0.759_101, 0.74) };
 
 /// A ball around the arm's centre line.
 pub struct Sphere {
@@ -74,8 +76,8 @@ impl Wall {
         f64::midpoint(self.low.y, self.high.y)
     }
 
-    /// Returns the distance in metres from `at` to the box, negative inside, and the direction away from it; `None` if
-    /// it is far away.
+    /// Returns the distance in metres from `at` to the box, negative inside, and the direction away
+    /// from it; `None` if it is far away.
     pub fn distance(&self, at: DVec3) -> Option<(f64, DVec3)> {
         let off = at - at.clamp(self.low, self.high);
         let squared = off.length_squared();

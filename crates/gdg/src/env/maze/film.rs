@@ -1,4 +1,5 @@
-//! The cells whose distances the film of a run shows: all of a small map's, every few of a large one's.
+//! The cells whose distances the film of a run shows: all of a small map's, every few of a large
+//! one's.
 
 use crate::env::{FilmPoints, MAX_FILM_PLACES};
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
@@ -17,8 +18,11 @@ pub struct FilmGrid {
 impl FilmGrid {
     /// Returns the smallest blocks of which there are no more than [`MAX_FILM_PLACES`] on `map`.
     pub fn new(map: &Grid) -> Self {
-        let of_side =
-            |side: usize| Self { side, columns: map.width().div_ceil(side), rows: map.height().div_ceil(side) };
+        let of_side = |side: usize| Self {
+            side,
+            columns: map.width().div_ceil(side),
+            rows: map.height().div_ceil(side),
+        };
         let mut grid = of_side(1);
         while grid.places() > MAX_FILM_PLACES {
             grid = of_side(grid.side + 1);
@@ -31,7 +35,8 @@ impl FilmGrid {
         self.columns * self.rows
     }
 
-    /// Returns the cell that is filmed of block `place`: the free cell nearest to its middle, if it has any.
+    /// Returns the cell that is filmed of block `place`: the free cell nearest to its middle, if it
+    /// has any.
     pub fn cell(&self, map: &Grid, place: usize) -> Option<Cell> {
         let first = Cell::new(place % self.columns * self.side, place / self.columns * self.side);
         let middle = Cell::new(first.x + self.side / 2, first.y + self.side / 2);
@@ -39,14 +44,15 @@ impl FilmGrid {
         if is_free(&middle) {
             return Some(middle);
         }
-        let cells = (0..self.side * self.side).map(|i| Cell::new(first.x + i % self.side, first.y + i / self.side));
+        let cells = (0..self.side * self.side)
+            .map(|i| Cell::new(first.x + i % self.side, first.y + i / self.side));
         let off = |cell: &Cell| cell.x.abs_diff(middle.x).pow(2) + cell.y.abs_diff(middle.y).pow(2);
         cells.filter(is_free).min_by_key(off)
     }
 }
 
-/// Returns what a film shows of `map`: D to its own goal; else to the one of the film so far, if it is still free; else to
-/// the cell farthest from the map's start.
+/// Returns what a film shows of `map`: D to its own goal; else to the one of the film so far, if it
+/// is still free; else to the cell farthest from the map's start.
 pub fn points(map: &Grid, goal_before: Option<&[f32]>) -> FilmPoints {
     let grid = FilmGrid::new(map);
     let mut points = FilmPoints {
@@ -67,14 +73,31 @@ pub fn points(map: &Grid, goal_before: Option<&[f32]>) -> FilmPoints {
 fn goal(map: &Grid, before: Option<&[f32]>) -> Cell {
     let is_free = |cell: &Cell| map.is_free(*cell);
     let before = before.map(|at| Cell::new(at[0] as usize, at[1] as usize));
-    map.goals().first().copied().into_iter().chain(before).find(is_free).unwrap_or_else(|| farthest(map))
+    map.goals()
+        .first()
+        .copied()
+        .into_iter()
+        .chain(before)
+        .find(is_free)
+        .unwrap_or_else(|| farthest(map))
 }
 
-/// Returns the cell with the longest way from the map's first start, or else from its first free cell.
+/// Returns the cell with the longest way from the map's first start, or else from its first free
+/// cell.
 fn farthest(map: &Grid) -> Cell {
-    let start = map.starts().first().copied().or_else(|| map.free_cells().next()).unwrap_or(Cell::new(0, 0));
+    let start = map
+        .starts()
+        .first()
+        .copied()
+        .or_else(|| map.free_cells().next())
+        .unwrap_or(Cell::new(0, 0));
     let mut search = StepSearch::new(map);
-    let steps = search.steps_from(start).iter().copied().enumerate().filter(|(_, steps)| *steps != UNREACHABLE);
+    let steps = search
+        .steps_from(start)
+        .iter()
+        .copied()
+        .enumerate()
+        .filter(|(_, steps)| *steps != UNREACHABLE);
     steps.max_by_key(|(_, steps)| *steps).map_or(start, |(cell, _)| map.cell(cell))
 }
 
@@ -94,8 +117,14 @@ mod tests {
         assert_eq!(small.states, [0.5, 0.5, 1.5, 0.5, 0.5, 1.5, 1.5, 1.5, 2.5, 1.5]);
         for (width, height) in [(36, 36), (37, 37), (2_600, 1), (1_500, 900)] {
             let grid = FilmGrid::new(&Grid::empty("map", width, height));
-            assert!(grid.places() <= MAX_FILM_PLACES && grid.columns * grid.side >= width, "{grid:?}");
-            assert!(grid.side == 1 || 5 * grid.places() > MAX_FILM_PLACES, "no fewer than necessary: {grid:?}");
+            assert!(
+                grid.places() <= MAX_FILM_PLACES && grid.columns * grid.side >= width,
+                "{grid:?}"
+            );
+            assert!(
+                grid.side == 1 || 5 * grid.places() > MAX_FILM_PLACES,
+                "no fewer than necessary: {grid:?}"
+            );
         }
     }
 
@@ -110,7 +139,9 @@ mod tests {
 
     #[test]
     fn the_goal_is_the_maps_own_or_stays_or_is_far() {
-        let goal = |text: &str, before: Option<[f32; 2]>| points(&map(text), before.as_ref().map(|at| &at[..])).goal;
+        let goal = |text: &str, before: Option<[f32; 2]>| {
+            points(&map(text), before.as_ref().map(|at| &at[..])).goal
+        };
         assert_eq!(goal("S..G.\n", Some([1.5, 0.5])), [3.5, 0.5]);
         assert_eq!(goal("S....\n", Some([1.5, 0.5])), [1.5, 0.5]);
         assert_eq!(goal("S#...\n....#\n", Some([1.5, 0.5])), [4.5, 0.5]);

@@ -29,8 +29,9 @@ fn task(start: Cell, goal: Cell, shortest: u32, group: usize) -> Task {
     }
 }
 
-/// Draws `per_distance` random tasks between `cells`, which are connected, at each of six distances, each to within one
-/// step, the farthest at 0.9 of the diameter or 20,000 steps. Skips distances that do not occur.
+/// Draws `per_distance` random tasks between `cells`, which are connected, at each of six
+/// distances, each to within one step, the farthest at 0.9 of the diameter or 20,000 steps. Skips
+/// distances that do not occur.
 pub fn at_distances(
     map: &Grid,
     cells: &[Cell],
@@ -38,14 +39,15 @@ pub fn at_distances(
     per_distance: usize,
     rng: &mut ChaCha8Rng,
 ) -> TaskSet {
-    let farthest = (MAX_DISTANCE_SHARE * f64::from(diameter.steps)).min(f64::from(MAX_DISTANCE_STEPS));
+    let farthest =
+        (MAX_DISTANCE_SHARE * f64::from(diameter.steps)).min(f64::from(MAX_DISTANCE_STEPS));
     let distance = |i: usize| (farthest * i as f64 / DISTANCE_GROUPS as f64).round() as u32;
     let distances: Vec<u32> = (1..=DISTANCE_GROUPS).map(distance).collect();
     at(&distances, map, cells, diameter, per_distance, rng)
 }
 
-/// Draws random tasks between `cells`, which are connected, at each of `distances` in steps, each to within one step. A
-/// distance that does not occur has no tasks.
+/// Draws random tasks between `cells`, which are connected, at each of `distances` in steps, each
+/// to within one step. A distance that does not occur has no tasks.
 pub fn at(
     distances: &[u32],
     map: &Grid,
@@ -71,8 +73,8 @@ pub fn at(
     set
 }
 
-/// Picks tasks evenly spaced through a scenario, `per_group` in each of six ranges of shortest-path length. Skips
-/// unsolvable tasks.
+/// Picks tasks evenly spaced through a scenario, `per_group` in each of six ranges of shortest-path
+/// length. Skips unsolvable tasks.
 pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> TaskSet {
     let mut flood = Flood::new(map);
     let count = (DISTANCE_GROUPS * per_group).clamp(1, scenario.len());
@@ -86,14 +88,18 @@ pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) ->
     let mut set = TaskSet::default();
     for group in 0..groups {
         let own = &found[group * found.len() / groups..(group + 1) * found.len() / groups];
-        set.tasks.extend(own.iter().map(|(shortest, start, goal)| task(*start, *goal, *shortest, group)));
-        let mean = own.iter().map(|(shortest, ..)| f64::from(*shortest)).sum::<f64>() / own.len() as f64;
+        set.tasks.extend(
+            own.iter().map(|(shortest, start, goal)| task(*start, *goal, *shortest, group)),
+        );
+        let mean =
+            own.iter().map(|(shortest, ..)| f64::from(*shortest)).sum::<f64>() / own.len() as f64;
         set.distances.push(Some(mean));
     }
     set
 }
 
-/// Returns the task from the map's first start to its first goal, if it has both and a path between them.
+/// Returns the task from the map's first start to its first goal, if it has both and a path between
+/// them.
 pub fn marked(map: &Grid) -> Option<Task> {
     let (start, goal) = (*map.starts().first()?, *map.goals().first()?);
     let steps = Flood::new(map).steps_to(goal, &[start])[0];
@@ -121,7 +127,8 @@ impl<'a> Starts<'a> {
     fn draw(&mut self, distance: u32, rng: &mut ChaCha8Rng) -> Option<(Cell, Cell, u32)> {
         for _ in 0..MAX_TRIES {
             let start = self.cells[rng.random_range(0..self.cells.len())];
-            // No way from here is longer than one through the middle: most starts without a goal need no search.
+            // No way from here is longer than one through the middle: most starts without a goal
+            // need no search.
             if self.from_middle[self.map.index(start)].saturating_add(self.radius) < distance - 1 {
                 continue;
             }
@@ -143,12 +150,18 @@ mod tests {
     use crate::map::{RandomMapKind, random};
 
     /// Draws a pair by searching the whole map from every start.
-    fn draw_from_whole_maps(map: &Grid, cells: &[Cell], distance: u32, rng: &mut ChaCha8Rng) -> Option<Task> {
+    fn draw_from_whole_maps(
+        map: &Grid,
+        cells: &[Cell],
+        distance: u32,
+        rng: &mut ChaCha8Rng,
+    ) -> Option<Task> {
         let mut search = StepSearch::new(map);
         for _ in 0..MAX_TRIES {
             let start = cells[rng.random_range(0..cells.len())];
             let steps = search.steps_from(start);
-            let fitting: Vec<usize> = (0..steps.len()).filter(|i| steps[*i].abs_diff(distance) <= 1).collect();
+            let fitting: Vec<usize> =
+                (0..steps.len()).filter(|i| steps[*i].abs_diff(distance) <= 1).collect();
             if !fitting.is_empty() {
                 let goal = fitting[rng.random_range(0..fitting.len())];
                 return Some(task(start, map.cell(goal), steps[goal], 0));
@@ -159,7 +172,9 @@ mod tests {
 
     #[test]
     fn bounded_searches_draw_the_same_tasks_as_searches_of_the_whole_map() {
-        for (kind, size) in [(RandomMapKind::City, 70), (RandomMapKind::Maze, 70), (RandomMapKind::Perfect, 71)] {
+        for (kind, size) in
+            [(RandomMapKind::City, 70), (RandomMapKind::Maze, 70), (RandomMapKind::Perfect, 71)]
+        {
             let map = random(kind, Some(size), 3);
             let cells: Vec<Cell> = map.free_cells().collect();
             let diameter = Diameter::compute(&map);
@@ -169,8 +184,14 @@ mod tests {
                 let rngs = || ChaCha8Rng::seed_from_u64(u64::from(distance));
                 let (mut own, mut other) = (rngs(), rngs());
                 for _ in 0..5 {
-                    let drawn = starts.draw(distance, &mut own).map(|(start, goal, steps)| task(start, goal, steps, 0));
-                    assert_eq!(drawn.is_none(), distance > diameter.steps + 1, "{kind:?}, {distance} steps");
+                    let drawn = starts
+                        .draw(distance, &mut own)
+                        .map(|(start, goal, steps)| task(start, goal, steps, 0));
+                    assert_eq!(
+                        drawn.is_none(),
+                        distance > diameter.steps + 1,
+                        "{kind:?}, {distance} steps"
+                    );
                     assert_eq!(drawn, draw_from_whole_maps(&map, &cells, distance, &mut other));
                     assert_eq!(own, other, "both have drawn as many random numbers");
                 }
@@ -182,7 +203,13 @@ mod tests {
     fn tasks_are_no_farther_than_their_budgets_allow() {
         let map = Grid::empty("line", 1 << 15, 1);
         let cells: Vec<Cell> = map.free_cells().collect();
-        let set = at_distances(&map, &cells, Diameter::compute(&map), 2, &mut ChaCha8Rng::seed_from_u64(1));
+        let set = at_distances(
+            &map,
+            &cells,
+            Diameter::compute(&map),
+            2,
+            &mut ChaCha8Rng::seed_from_u64(1),
+        );
         assert_eq!(set.distances.last(), Some(&Some(f64::from(MAX_DISTANCE_STEPS))));
         assert_eq!(set.tasks.len(), 2 * DISTANCE_GROUPS);
         assert!(set.tasks.iter().all(|task| task.budget() <= MAX_BUDGET_STEPS));
@@ -195,7 +222,12 @@ mod tests {
         let map = crate::map::parse_map("map", b"..#.\n..#.\n").expect("a map");
         let task = |start, goal| ScenarioTask { start, goal, optimal_octile: 1.0 };
         let (inside, wall, beyond) = (Cell::new(0, 0), Cell::new(2, 0), Cell::new(3, 1));
-        let scenario = [task(inside, Cell::new(1, 1)), task(inside, wall), task(wall, inside), task(inside, beyond)];
+        let scenario = [
+            task(inside, Cell::new(1, 1)),
+            task(inside, wall),
+            task(wall, inside),
+            task(inside, beyond),
+        ];
         let set = from_scenario(&map, &scenario, 1);
         assert_eq!(set.tasks.len(), 1);
         assert_eq!(set.tasks[0].shortest, Some(1));

@@ -1,4 +1,5 @@
-//! The maze's true distances, by breadth-first search: those that D is measured by are a point's, which cuts corners.
+//! The maze's true distances, by breadth-first search: those that D is measured by are a point's,
+//! which cuts corners.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -26,7 +27,14 @@ impl<'a> MazeGroundTruth<'a> {
     pub fn new(map: &'a Grid, cells: &'a [Cell]) -> Self {
         let half_cells = HalfCells::new(map);
         let point_flood = Flood::new(half_cells.points());
-        Self { map, cells, search: StepSearch::new(map), flood: Flood::new(map), half_cells, point_flood }
+        Self {
+            map,
+            cells,
+            search: StepSearch::new(map),
+            flood: Flood::new(map),
+            half_cells,
+            point_flood,
+        }
     }
 }
 
@@ -35,16 +43,20 @@ fn cell_of(at: &[f32]) -> Cell {
     Cell::new(at[0] as usize, at[1] as usize)
 }
 
-/// Returns the free cells with a position from which `goal` counts as reached: also those behind a corner.
+/// Returns the free cells with a position from which `goal` counts as reached: also those behind a
+/// corner.
 fn cells_within_reach(map: &Grid, goal: &[f32]) -> impl Iterator<Item = Cell> {
     let Cell { x, y } = cell_of(goal);
     // The radius is no longer than a cell.
-    let around = (x.saturating_sub(1)..=x + 1).flat_map(move |x| (y.saturating_sub(1)..=y + 1).map(move |y| (x, y)));
+    let around = (x.saturating_sub(1)..=x + 1)
+        .flat_map(move |x| (y.saturating_sub(1)..=y + 1).map(move |y| (x, y)));
     let off = move |at: f32, low: usize| (low as f32 - at).max(at - (low + 1) as f32).max(0.0);
-    around.filter(move |(x, y)| off(goal[0], *x).hypot(off(goal[1], *y)) < GOAL_RADIUS_CELLS).filter_map(|(x, y)| {
-        let cell = Cell::new(x, y);
-        map.is_free(cell).then_some(cell)
-    })
+    around
+        .filter(move |(x, y)| off(goal[0], *x).hypot(off(goal[1], *y)) < GOAL_RADIUS_CELLS)
+        .filter_map(|(x, y)| {
+            let cell = Cell::new(x, y);
+            map.is_free(cell).then_some(cell)
+        })
 }
 
 impl GroundTruth for MazeGroundTruth<'_> {
@@ -69,12 +81,17 @@ impl GroundTruth for MazeGroundTruth<'_> {
             let goal = cells[draw(cells.len())];
             let drawn: Vec<Cell> = (0..starts).map(|_| cells[draw(cells.len())]).collect();
             let around = flood.rings(goal, 1..=NEAR_STEPS);
-            let near = (0..near_starts.min(around.len())).map(|_| (around[draw(around.len())].0, true));
-            let starts: Vec<(Cell, bool)> = drawn.into_iter().map(|cell| (cell, false)).chain(near).collect();
-            let points: Vec<Cell> = starts.iter().map(|(cell, _)| half_cells.middle(*cell)).collect();
+            let near =
+                (0..near_starts.min(around.len())).map(|_| (around[draw(around.len())].0, true));
+            let starts: Vec<(Cell, bool)> =
+                drawn.into_iter().map(|cell| (cell, false)).chain(near).collect();
+            let points: Vec<Cell> =
+                starts.iter().map(|(cell, _)| half_cells.middle(*cell)).collect();
             let moves = point_flood.steps_to(half_cells.middle(goal), &points);
             let mut pairs = TruePairs { goal: goal.centre().to_vec(), ..TruePairs::default() };
-            for ((cell, near), moves) in starts.into_iter().zip(moves).filter(|(_, moves)| *moves > 0) {
+            for ((cell, near), moves) in
+                starts.into_iter().zip(moves).filter(|(_, moves)| *moves > 0)
+            {
                 pairs.states.extend(cell.centre());
                 pairs.steps.push(half_cells.steps(moves));
                 pairs.near.push(near);
@@ -99,7 +116,8 @@ mod tests {
         let map = parse_map("corner", b"..#\n.#.\n...\n").expect("a map");
         let cells: Vec<Cell> = map.free_cells().collect();
         let mut truth = MazeGroundTruth::new(&map, &cells);
-        // Around the wall from (1, 0) to the cell at the right it takes 6 steps, less the goal radius.
+        // Around the wall from (1, 0) to the cell at the right it takes 6 steps, less the goal
+        // radius.
         let goals = [2.1, 1.1, 2.9, 1.9, 2.5, 2.5];
         let steps = truth.steps(&[1.5, 0.5], &goals, 100);
         assert_eq!(steps, Some(vec![Some(0), Some(4), Some(4)]));
@@ -125,30 +143,42 @@ mod tests {
             env.set_full_state(0, &full_state_at(start.centre()));
             let mut steps = 0;
             while (env.states()[0] - goal_x).hypot(env.states()[1] - goal_y) >= GOAL_RADIUS_CELLS {
-                // To the point nearest to the goal of those two moves from here, which a step reaches.
+                // To the point nearest to the goal of those two moves from here, which a step
+                // reaches.
                 let [x, y] = [env.states()[0], env.states()[1]];
                 let here = Cell::new((2.0 * x).round() as usize, (2.0 * y).round() as usize);
                 let around = around.steps_within(here, 2);
-                let next = (0..around.len()).filter(|point| around[*point] != UNREACHABLE).min_by_key(|i| moves[*i]);
+                let next = (0..around.len())
+                    .filter(|point| around[*point] != UNREACHABLE)
+                    .min_by_key(|i| moves[*i]);
                 let next = half_cells.points().cell(next.expect("a point"));
                 // Not onto the walls themselves: a little towards the free cells around.
                 let touching = |at: usize| (at.saturating_sub(1) / 2)..=(at / 2);
-                let free = touching(next.y).flat_map(|y| touching(next.x).map(move |x| Cell::new(x, y)));
-                let free: Vec<[f32; 2]> = free.filter(|cell| map.is_free(*cell)).map(Cell::centre).collect();
+                let free =
+                    touching(next.y).flat_map(|y| touching(next.x).map(move |x| Cell::new(x, y)));
+                let free: Vec<[f32; 2]> =
+                    free.filter(|cell| map.is_free(*cell)).map(Cell::centre).collect();
                 let aim = |axis: usize, at: usize| {
-                    let mean = free.iter().map(|centre| centre[axis]).sum::<f32>() / free.len() as f32;
+                    let mean =
+                        free.iter().map(|centre| centre[axis]).sum::<f32>() / free.len() as f32;
                     0.9 * at as f32 / 2.0 + 0.1 * mean
                 };
                 env.step(&[aim(0, next.x) - x, aim(1, next.y) - y], &mut rng);
                 steps += 1;
                 assert!(steps < 1_000, "{start:?}");
             }
-            let shortest = half_cells.steps(moves[half_cells.points().index(half_cells.middle(*start))]);
+            let shortest =
+                half_cells.steps(moves[half_cells.points().index(half_cells.middle(*start))]);
             assert!(steps + 1 >= shortest, "{steps} steps instead of {shortest} from {start:?}");
             (walked, true_steps) = (walked + steps, true_steps + shortest);
             cell_steps += by_cells[map.index(*start)];
         }
         let share = |steps: u32| f64::from(walked) / f64::from(steps);
-        assert!(share(true_steps) < 1.1 && share(cell_steps) < 0.85, "{} {}", share(true_steps), share(cell_steps));
+        assert!(
+            share(true_steps) < 1.1 && share(cell_steps) < 0.85,
+            "{} {}",
+            share(true_steps),
+            share(cell_steps)
+        );
     }
 }

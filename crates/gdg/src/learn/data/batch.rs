@@ -9,7 +9,8 @@ use crate::learn::data::known::{KnownDistances, KnownPair, Relearning};
 use crate::learn::data::replay::{Moment, Replay};
 use crate::learn::settings::LearnSettings;
 
-/// Minimum n-step horizon of targets while all distances are doubted: each update raises them by at most this much.
+/// Minimum n-step horizon of targets while all distances are doubted: each update raises them by at
+/// most this much.
 pub(crate) const RELEARN_N_STEP: usize = 20;
 
 /// Share of the dynamics model's transitions that are recent while distances are relearned.
@@ -18,14 +19,17 @@ pub(crate) const RELEARN_RECENT: f32 = 0.5;
 /// Lower bound on a distance that the bridge graph knows, as a multiple of the graph's distance ...
 pub(crate) const GRAPH_LOWER_FACTOR: f32 = 0.6;
 
-/// ... less this many steps: while few paths are known, those through the graph make long detours between near places.
+/// ... less this many steps: while few paths are known, those through the graph make long detours
+/// between near places.
 pub(crate) const GRAPH_LOWER_SLACK_STEPS: f32 = 6.0;
 
-/// Bound of the actor's outputs before tanh where its action makes less progress than [`STUCK_PROGRESS_STEPS`], while
-/// distances are relearned: a saturated actor has hardly any gradient with which to turn round.
+/// Bound of the actor's outputs before tanh where its action makes less progress than
+/// [`STUCK_PROGRESS_STEPS`], while distances are relearned: a saturated actor has hardly any
+/// gradient with which to turn round.
 pub(crate) const STUCK_BOUND: f32 = 1.0;
 
-/// Least progress of an action, in steps: D(s, g) - D(f(s, a), g) is 1 for a step on the shortest path.
+/// Least progress of an action, in steps: D(s, g) - D(f(s, a), g) is 1 for a step on the shortest
+/// path.
 pub(crate) const STUCK_PROGRESS_STEPS: f32 = 0.2;
 
 /// Training data of one update.
@@ -35,7 +39,8 @@ pub struct Batch {
     pub states: Vec<f32>,
     /// Goals g of the pairs, `(batch, goal_dim)`.
     pub goals: Vec<f32>,
-    /// What the actor is to approach on its way to g, `(batch, goal_dim)`: a waypoint if one is known, otherwise g.
+    /// What the actor is to approach on its way to g, `(batch, goal_dim)`: a waypoint if one is
+    /// known, otherwise g.
     pub actor_goals: Vec<f32>,
     /// The states from which targets bootstrap, `(batch, state_dim)`.
     pub bootstrap_states: Vec<f32>,
@@ -47,9 +52,11 @@ pub struct Batch {
     pub bound: Vec<f32>,
     /// Lower bound of the target, no higher than the upper one, `(batch)`; 0 if unknown.
     pub lower: Vec<f32>,
-    /// Whether targets are capped at the actor's one-step lookahead (see [`LearnSettings::greedy_targets`]).
+    /// Whether targets are capped at the actor's one-step lookahead (see
+    /// [`LearnSettings::greedy_targets`]).
     pub greedy_targets: bool,
-    /// Whether the actor is pulled out of saturation where its action makes no progress, while distances are relearned.
+    /// Whether the actor is pulled out of saturation where its action makes no progress, while
+    /// distances are relearned.
     pub frees_stuck_actor: bool,
     /// States of the dynamics model's transitions, `(batch, state_dim)`.
     pub from: Vec<f32>,
@@ -72,10 +79,17 @@ impl Batch {
 
     /// Replaces pair `i` with one that is `steps` apart along the bridge graph (distillation).
     ///
-    /// A path through the graph exists, so its length is an upper bound. A part of it is a lower bound, which raises D
-    /// where it is far too short. In between, the actor's one-step lookahead decides: if D followed the graph, it would
-    /// inherit the graph's detours, and so would the next graph, whose edges are as long as D says.
-    pub fn set_graph_distance(&mut self, i: usize, state: &[f32], [goal, waypoint]: [&[f32]; 2], steps: f32) {
+    /// A path through the graph exists, so its length is an upper bound. A part of it is a lower
+    /// bound, which raises D where it is far too short. In between, the actor's one-step lookahead
+    /// decides: if D followed the graph, it would inherit the graph's detours, and so would the
+    /// next graph, whose edges are as long as D says.
+    pub fn set_graph_distance(
+        &mut self,
+        i: usize,
+        state: &[f32],
+        [goal, waypoint]: [&[f32]; 2],
+        steps: f32,
+    ) {
         self.states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
         self.bootstrap_states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
         self.goals[i * goal.len()..(i + 1) * goal.len()].copy_from_slice(goal);
@@ -97,7 +111,9 @@ impl Batch {
         ] {
             numbers.clear();
         }
-        for numbers in [&mut self.next, &mut self.steps, &mut self.bootstrap, &mut self.bound, &mut self.lower] {
+        for numbers in
+            [&mut self.next, &mut self.steps, &mut self.bootstrap, &mut self.bound, &mut self.lower]
+        {
             numbers.clear();
         }
     }
@@ -116,14 +132,22 @@ impl BatchSampler {
         Self { spec: spec.clone(), settings: settings.clone() }
     }
 
-    /// Refills `batch`. While relearning, the dynamics model sees more of the recent transitions; if there is no graph
-    /// that finds the distances that have changed, targets follow the behaviour alone, over many steps.
-    pub fn sample(&self, replay: &Replay, relearning: Option<Relearning>, rng: &mut ChaCha8Rng, batch: &mut Batch) {
+    /// Refills `batch`. While relearning, the dynamics model sees more of the recent transitions;
+    /// if there is no graph that finds the distances that have changed, targets follow the
+    /// behaviour alone, over many steps.
+    pub fn sample(
+        &self,
+        replay: &Replay,
+        relearning: Option<Relearning>,
+        rng: &mut ChaCha8Rng,
+        batch: &mut Batch,
+    ) {
         batch.clear();
         let doubt_all = relearning.is_some_and(|r| !r.graph_finds_changed);
         batch.greedy_targets = self.settings.greedy_targets && !doubt_all;
         batch.frees_stuck_actor = relearning.is_some();
-        let n_step = if doubt_all { RELEARN_N_STEP.max(self.settings.n_step) } else { self.settings.n_step };
+        let n_step =
+            if doubt_all { RELEARN_N_STEP.max(self.settings.n_step) } else { self.settings.n_step };
         let recent_rows = (RELEARN_RECENT * self.settings.batch_size as f32) as usize;
         for row in 0..self.settings.batch_size {
             let (moment, left) = replay.sample(rng);
@@ -139,7 +163,8 @@ impl BatchSampler {
             batch.bound.push(bound.min(self.max_distance()));
             batch.lower.push(0.0);
             let recent = relearning.filter(|_| row < recent_rows);
-            let moment = recent.and_then(|r| replay.sample_recent(r.recent_slots, rng)).unwrap_or(moment);
+            let moment =
+                recent.and_then(|r| replay.sample_recent(r.recent_slots, rng)).unwrap_or(moment);
             batch.from.extend(replay.state(moment));
             batch.actions.extend(replay.action(moment));
             batch.next.extend(replay.state(later(moment, 1)));
@@ -147,9 +172,15 @@ impl BatchSampler {
         batch.actor_goals.extend(&batch.goals);
     }
 
-    /// Replaces a share of the pairs, the first ones, with pairs of places whose distance is known (distillation), and
-    /// bounds the targets of distances that have changed. Returns the number of pairs replaced.
-    pub fn add_known(&self, known: &KnownDistances, rng: &mut ChaCha8Rng, batch: &mut Batch) -> usize {
+    /// Replaces a share of the pairs, the first ones, with pairs of places whose distance is known
+    /// (distillation), and bounds the targets of distances that have changed. Returns the number of
+    /// pairs replaced.
+    pub fn add_known(
+        &self,
+        known: &KnownDistances,
+        rng: &mut ChaCha8Rng,
+        batch: &mut Batch,
+    ) -> usize {
         if known.pairs.is_empty() {
             return 0;
         }
@@ -157,7 +188,8 @@ impl BatchSampler {
         let state_of = |place: usize| &known.states[place * s..(place + 1) * s];
         let count = (self.settings.distillation * batch.len() as f32).round() as usize;
         for i in 0..count {
-            let KnownPair { from, to, steps, waypoint } = known.pairs[rng.random_range(0..known.pairs.len())];
+            let KnownPair { from, to, steps, waypoint } =
+                known.pairs[rng.random_range(0..known.pairs.len())];
             let towards = if self.settings.actor_waypoints { waypoint } else { to };
             let goals = [to, towards].map(|place| known.goals.goal(place as usize));
             batch.set_graph_distance(i, state_of(from as usize), goals, steps);
@@ -167,13 +199,17 @@ impl BatchSampler {
         }
         let Some(changed) = known.changed else { return count };
         let mut changed_goals = GoalIndex::new(&self.spec);
-        changed.goals.iter().for_each(|place| changed_goals.push(known.goals.goal(*place as usize)));
+        changed
+            .goals
+            .iter()
+            .for_each(|place| changed_goals.push(known.goals.goal(*place as usize)));
         for i in 0..batch.len() {
             let state: Vec<f32> = self.spec.achieved(&batch.states[i * s..(i + 1) * s]).collect();
             let goal = &batch.goals[i * g..(i + 1) * g];
             let (from, to) = (known.goals.nearest(&state), changed_goals.nearest(goal));
             if let (Some((from, off_start)), Some((to, off_goal))) = (from, to) {
-                // The triangle inequality, with straight lines for the short distances to the nearest places.
+                // The triangle inequality, with straight lines for the short distances to the
+                // nearest places.
                 let (pair, off) = (to * known.goals.len() + from, off_start + off_goal);
                 batch.bound[i] = batch.bound[i].min(changed.upper[pair] + off);
                 batch.lower[i] = batch.lower[i].max(changed.lower[pair] - off).min(batch.bound[i]);
@@ -187,8 +223,8 @@ impl BatchSampler {
         Some(self.settings.max_distance_steps).filter(|most| *most > 0.0).unwrap_or(f32::INFINITY)
     }
 
-    /// Chooses a goal for `moment`, which `left` steps of the episode follow, and appends it to `goals`; returns the
-    /// number of steps in which it was reached, infinite if unknown.
+    /// Chooses a goal for `moment`, which `left` steps of the episode follow, and appends it to
+    /// `goals`; returns the number of steps in which it was reached, infinite if unknown.
     pub(in crate::learn) fn push_goal(
         &self,
         replay: &Replay,
@@ -222,10 +258,16 @@ impl BatchSampler {
         if geometric { 1 } else { rng.random_range(1..=left) }
     }
 
-    /// Returns the number of steps from `moment` to the state ahead, at most `last`, and whether the goal is reached
-    /// there: the n-step return is truncated at the goal and at the end of the episode. d = 0 if the state is already
-    /// at the goal (Algorithm 1).
-    fn look_ahead(&self, replay: &Replay, moment: Moment, last: usize, goal: &[f32]) -> (usize, bool) {
+    /// Returns the number of steps from `moment` to the state ahead, at most `last`, and whether
+    /// the goal is reached there: the n-step return is truncated at the goal and at the end of the
+    /// episode. d = 0 if the state is already at the goal (Algorithm 1).
+    fn look_ahead(
+        &self,
+        replay: &Replay,
+        moment: Moment,
+        last: usize,
+        goal: &[f32],
+    ) -> (usize, bool) {
         let reached = (0..=last).find(|k| self.spec.reached(replay.state(later(moment, *k)), goal));
         reached.map_or((last, false), |steps| (steps, true))
     }
@@ -256,12 +298,17 @@ mod tests {
     #[test]
     fn graph_distances_bound_targets_and_changed_distances_raise_them() {
         let (spec, replay) = line();
-        let settings = LearnSettings { batch_size: 64, distillation: 0.25, ..LearnSettings::default() };
+        let settings =
+            LearnSettings { batch_size: 64, distillation: 0.25, ..LearnSettings::default() };
         let sampler = BatchSampler::new(&spec, &settings);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut batch = Batch::default();
         sampler.sample(&replay, None, &mut rng, &mut batch);
-        assert!(batch.greedy_targets && !batch.frees_stuck_actor && batch.lower.iter().all(|steps| *steps == 0.0));
+        assert!(
+            batch.greedy_targets
+                && !batch.frees_stuck_actor
+                && batch.lower.iter().all(|steps| *steps == 0.0)
+        );
         assert!(batch.bound.iter().any(|bound| *bound > 20.0));
         let bounded = LearnSettings { max_distance_steps: 20.0, ..settings };
         let bounded = BatchSampler::new(&spec, &bounded);
@@ -272,33 +319,67 @@ mod tests {
         let (states, pairs) = ([10.0, 90.0], [pair(0, 1, 200.0), pair(1, 0, 80.0)]);
         let mut places = GoalIndex::new(&spec);
         states.iter().for_each(|state| places.push(&[*state]));
-        let changed = ChangedDistances { goals: vec![1], lower: vec![150.0, 0.0], upper: vec![f32::MAX, 7.0] };
-        let known = KnownDistances { states: &states, goals: &places, pairs: &pairs, by_goal: None, changed: None };
+        let changed = ChangedDistances {
+            goals: vec![1],
+            lower: vec![150.0, 0.0],
+            upper: vec![f32::MAX, 7.0],
+        };
+        let known = KnownDistances {
+            states: &states,
+            goals: &places,
+            pairs: &pairs,
+            by_goal: None,
+            changed: None,
+        };
         sampler.add_known(&known, &mut rng, &mut batch);
         for i in 0..16 {
-            let (upper, lower) = if batch.states[i] == 10.0 { (200.0, 114.0) } else { (80.0, 42.0) };
+            let (upper, lower) =
+                if batch.states[i] == 10.0 { (200.0, 114.0) } else { (80.0, 42.0) };
             assert_eq!(batch.bound[i], upper);
             assert!((batch.lower[i] - lower).abs() < 1e-3, "{}", batch.lower[i]);
-            assert_eq!((batch.steps[i], batch.bootstrap[i]), (0.0, 1.0), "lookahead decides in between");
+            assert_eq!(
+                (batch.steps[i], batch.bootstrap[i]),
+                (0.0, 1.0),
+                "lookahead decides in between"
+            );
         }
-        assert!(batch.lower[16..].iter().all(|steps| *steps == 0.0), "other pairs stay as they are");
+        assert!(
+            batch.lower[16..].iter().all(|steps| *steps == 0.0),
+            "other pairs stay as they are"
+        );
         bounded.add_known(&known, &mut rng, &mut batch);
-        assert!(batch.bound.iter().chain(&batch.lower).all(|steps| *steps <= 20.0), "the limit is for all pairs");
+        assert!(
+            batch.bound.iter().chain(&batch.lower).all(|steps| *steps <= 20.0),
+            "the limit is for all pairs"
+        );
         sampler.add_known(&known, &mut rng, &mut batch);
-        sampler.add_known(&KnownDistances { changed: Some(&changed), ..known }, &mut rng, &mut batch);
+        sampler.add_known(
+            &KnownDistances { changed: Some(&changed), ..known },
+            &mut rng,
+            &mut batch,
+        );
         for i in 16..64 {
             let (state, goal) = (batch.states[i], batch.goals[i]);
-            let off = if state < 50.0 { (state - 10.0).abs() } else { (state - 90.0).abs() } + (goal - 90.0).abs();
+            let off = if state < 50.0 { (state - 10.0).abs() } else { (state - 90.0).abs() }
+                + (goal - 90.0).abs();
             let lower = if state < 50.0 { 150.0 - off } else { 0.0 };
-            assert!((batch.lower[i] - lower.max(0.0).min(batch.bound[i])).abs() < 1e-3, "{state} to {goal}");
-            assert!(state < 50.0 || batch.bound[i] <= 7.0 + off + 1e-3, "{state} to {goal}: {}", batch.bound[i]);
+            assert!(
+                (batch.lower[i] - lower.max(0.0).min(batch.bound[i])).abs() < 1e-3,
+                "{state} to {goal}"
+            );
+            assert!(
+                state < 50.0 || batch.bound[i] <= 7.0 + off + 1e-3,
+                "{state} to {goal}: {}",
+                batch.bound[i]
+            );
         }
     }
 
     #[test]
     fn relearning_looks_at_recent_transitions_and_doubts_all_distances_only_without_a_graph() {
         let (spec, replay) = line();
-        let sampler = BatchSampler::new(&spec, &LearnSettings { batch_size: 64, ..LearnSettings::default() });
+        let sampler =
+            BatchSampler::new(&spec, &LearnSettings { batch_size: 64, ..LearnSettings::default() });
         let mut batch = Batch::default();
         let mut relearn = |graph_finds_changed| {
             let relearning = Some(Relearning { recent_slots: 11, graph_finds_changed });

@@ -1,8 +1,9 @@
 //! An index of goals by position, to search for those near a point.
 //!
-//! Goals are kept in a grid of buckets over the first two components, so that a search visits only the buckets around
-//! the point. It finds exactly what a scan of all goals would, ties included: runs must not depend on the index.
-//! (Libraries of spatial trees need the number of dimensions at compile time and leave the order of ties open.)
+//! Goals are kept in a grid of buckets over the first two components, so that a search visits only
+//! the buckets around the point. It finds exactly what a scan of all goals would, ties included:
+//! runs must not depend on the index. (Libraries of spatial trees need the number of dimensions at
+//! compile time and leave the order of ties open.)
 
 use std::collections::BinaryHeap;
 
@@ -17,7 +18,8 @@ const BUCKETS: std::ops::RangeInclusive<usize> = 8..=1024;
 /// The grid is refined when there are more places than this share of its buckets.
 const MAX_PLACES_PER_BUCKET: f32 = 0.25;
 
-/// Share of a bucket's side by which searches go too far: more than rounding could make a place seem nearer.
+/// Share of a bucket's side by which searches go too far: more than rounding could make a place
+/// seem nearer.
 const ROUNDING_SLACK: f32 = 0.01;
 
 /// End of a bucket's list.
@@ -29,7 +31,8 @@ pub struct GoalIndex {
     goal_dim: usize,
     /// `(places, goal_dim)`.
     goals: Vec<f32>,
-    /// Lower end and length of the range of each axis; places outside it belong to the buckets at its edge.
+    /// Lower end and length of the range of each axis; places outside it belong to the buckets at
+    /// its edge.
     ranges: Vec<(f32, f32)>,
     /// Buckets along each axis.
     side: usize,
@@ -88,7 +91,8 @@ impl GoalIndex {
         }
     }
 
-    /// Returns the place nearest to `at` and its straight-line distance; of several, the first. `None` without places.
+    /// Returns the place nearest to `at` and its straight-line distance; of several, the first.
+    /// `None` without places.
     pub fn nearest(&self, at: &[f32]) -> Option<(usize, f32)> {
         let mut best: Option<(f32, usize)> = None;
         self.search(at, f32::INFINITY, |i| {
@@ -102,8 +106,8 @@ impl GoalIndex {
         best.map(|(squared, i)| (i, squared.sqrt()))
     }
 
-    /// Returns the `count` places nearest to `at` by straight-line distance, nearest first and in the order of their
-    /// indices where equally far.
+    /// Returns the `count` places nearest to `at` by straight-line distance, nearest first and in
+    /// the order of their indices where equally far.
     pub fn nearest_few(&self, at: &[f32], count: usize) -> Vec<usize> {
         // The bits of numbers that are not negative are in the same order as the numbers.
         let mut nearest: BinaryHeap<(u32, usize)> = BinaryHeap::new();
@@ -118,9 +122,14 @@ impl GoalIndex {
         nearest.into_sorted_vec().into_iter().map(|(_, i)| i).collect()
     }
 
-    /// Whether `test` holds for any place within `radius` of `at`, given its index and straight-line distance. The order
-    /// of the tests is undefined.
-    pub fn any_within(&self, at: &[f32], radius: f32, mut test: impl FnMut(usize, f32) -> bool) -> bool {
+    /// Whether `test` holds for any place within `radius` of `at`, given its index and
+    /// straight-line distance. The order of the tests is undefined.
+    pub fn any_within(
+        &self,
+        at: &[f32],
+        radius: f32,
+        mut test: impl FnMut(usize, f32) -> bool,
+    ) -> bool {
         let mut found = false;
         self.search(at, radius, |i| {
             let distance = self.squared(at, i).sqrt();
@@ -130,7 +139,8 @@ impl GoalIndex {
         found
     }
 
-    /// Passes all places within `radius` of `at` to `visit`, with their straight-line distance, in no particular order.
+    /// Passes all places within `radius` of `at` to `visit`, with their straight-line distance, in
+    /// no particular order.
     pub fn for_each_within(&self, at: &[f32], radius: f32, mut visit: impl FnMut(usize, f32)) {
         self.search(at, radius, |i| {
             let distance = self.squared(at, i).sqrt();
@@ -141,19 +151,22 @@ impl GoalIndex {
         });
     }
 
-    /// Passes places to `visit`, those around `at` first, until no other can be within the radius that `visit` returned
-    /// last (at first, `radius`).
+    /// Passes places to `visit`, those around `at` first, until no other can be within the radius
+    /// that `visit` returned last (at first, `radius`).
     fn search(&self, at: &[f32], mut radius: f32, mut visit: impl FnMut(usize) -> f32) {
         let centre = self.bucket(at);
         for ring in 0..self.side {
             if self.gap(at, centre, ring) > radius {
                 return;
             }
-            let [columns, rows] = centre.map(|at| at.saturating_sub(ring)..=(at + ring).min(self.side - 1));
+            let [columns, rows] =
+                centre.map(|at| at.saturating_sub(ring)..=(at + ring).min(self.side - 1));
             for y in rows {
                 // Between its first and last row, a ring has two columns.
                 let inner = if y.abs_diff(centre[1]) == ring { 1 } else { 2 * ring };
-                for x in (centre[0] as isize - ring as isize..=(centre[0] + ring) as isize).step_by(inner) {
+                for x in (centre[0] as isize - ring as isize..=(centre[0] + ring) as isize)
+                    .step_by(inner)
+                {
                     if !columns.contains(&(x as usize)) {
                         continue;
                     }
@@ -167,16 +180,22 @@ impl GoalIndex {
         }
     }
 
-    /// Returns a distance from `at`, which is in bucket `centre`, that no place `ring` or more buckets away falls below.
+    /// Returns a distance from `at`, which is in bucket `centre`, that no place `ring` or more
+    /// buckets away falls below.
     fn gap(&self, at: &[f32], centre: [usize; AXES], ring: usize) -> f32 {
         if ring == 0 {
             return 0.0;
         }
         let of_axis = |((at, bucket), (low, length)): ((&f32, usize), &(f32, f32))| {
             let width = length / self.side as f32;
-            let above = (bucket + ring < self.side).then(|| low + (bucket + ring) as f32 * width - at);
+            let above =
+                (bucket + ring < self.side).then(|| low + (bucket + ring) as f32 * width - at);
             let below = (bucket >= ring).then(|| at - (low + (bucket + 1 - ring) as f32 * width));
-            above.into_iter().chain(below).map(move |gap| gap - ROUNDING_SLACK * width).fold(f32::INFINITY, f32::min)
+            above
+                .into_iter()
+                .chain(below)
+                .map(move |gap| gap - ROUNDING_SLACK * width)
+                .fold(f32::INFINITY, f32::min)
         };
         at.iter().zip(centre).zip(&self.ranges).map(of_axis).fold(f32::INFINITY, f32::min)
     }
@@ -219,13 +238,15 @@ mod tests {
 
     /// Returns all places as a scan finds them, nearest first.
     fn scan(places: &GoalIndex, at: &[f32]) -> Vec<(usize, f32)> {
-        let mut all: Vec<(usize, f32)> = (0..places.len()).map(|i| (i, places.squared(at, i))).collect();
+        let mut all: Vec<(usize, f32)> =
+            (0..places.len()).map(|i| (i, places.squared(at, i))).collect();
         all.sort_by(|a, b| a.1.total_cmp(&b.1));
         all
     }
 
     proptest! {
-        /// With ties, places outside the range, an axis without a range, and one, two or three components.
+        /// With ties, places outside the range, an axis without a range, and one, two or three
+        /// components.
         #[test]
         fn a_search_finds_what_a_scan_finds(
             ranges in prop::collection::vec(

@@ -7,8 +7,9 @@ use crate::learn::data::goal_index::GoalIndex;
 pub struct Relearning {
     /// Slots that each agent has filled in the replay buffer since the change, about.
     pub recent_slots: u64,
-    /// Whether a bridge graph finds out which distances have changed (see [`KnownDistances::changed`]), as soon as there
-    /// is one. Otherwise all distances have to be doubted.
+    /// Whether a bridge graph finds out which distances have changed (see
+    /// [`KnownDistances::changed`]), as soon as there is one. Otherwise all distances have to be
+    /// doubted.
     pub graph_finds_changed: bool,
 }
 
@@ -40,8 +41,8 @@ pub struct KnownPair {
     pub waypoint: u32,
 }
 
-/// Least distance of the waypoints that lead the actor, in steps: near enough that D is right, far enough that the way there
-/// shows the direction.
+/// Least distance of the waypoints that lead the actor, in steps: near enough that D is right, far
+/// enough that the way there shows the direction.
 pub(crate) const WAYPOINT_STEPS: f32 = 4.0;
 
 /// Steps from all places to some of them.
@@ -51,10 +52,11 @@ pub struct DistancesByGoal {
     pub places: Vec<u32>,
     /// The same places as goals.
     pub goals: GoalIndex,
-    /// Steps from each place to each goal, `(goals, places)`, with the overhead of each hop, the first as well; infinite
-    /// if unknown.
+    /// Steps from each place to each goal, `(goals, places)`, with the overhead of each hop, the
+    /// first as well; infinite if unknown.
     pub steps: Vec<f32>,
-    /// For each of these, the first place on the path that is at least `WAYPOINT_STEPS` from its start, or its end.
+    /// For each of these, the first place on the path that is at least `WAYPOINT_STEPS` from its
+    /// start, or its end.
     pub waypoints: Vec<u32>,
 }
 
@@ -65,6 +67,7 @@ pub struct ChangedDistances {
     pub goals: Vec<u32>,
     /// Fewest steps from each place to each goal, `(goals, places)`; 0 where D is long enough.
     pub lower: Vec<f32>,
-    /// Most steps from each place to each goal, `(goals, places)`; `f32::MAX` where D is short enough.
+    /// Most steps from each place to each goal, `(goals, places)`; `f32::MAX` where D is short
+    /// enough.
     pub upper: Vec<f32>,
 }

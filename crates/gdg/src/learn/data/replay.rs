@@ -10,8 +10,8 @@ const RECENT_DRAWS: usize = 8;
 
 /// Transitions of many agents: one ring buffer per agent, with episodes one after the other.
 ///
-/// A slot holds a state and the action taken in it towards a goal; the next slot holds the next state. An episode's
-/// last state takes one more slot, without an action.
+/// A slot holds a state and the action taken in it towards a goal; the next slot holds the next
+/// state. An episode's last state takes one more slot, without an action.
 #[derive(Clone, Debug)]
 pub struct Replay {
     sizes: ReplaySizes,
@@ -99,7 +99,8 @@ impl ReplayState {
     }
 }
 
-/// Largest magnitude of a component of a stored state or goal: sums of squares beyond it may overflow.
+/// Largest magnitude of a component of a stored state or goal: sums of squares beyond it may
+/// overflow.
 pub(crate) const MAX_MAGNITUDE: f32 = 1e9;
 
 impl Replay {
@@ -151,10 +152,13 @@ impl Replay {
         moment.agent * self.capacity + (moment.slot % self.capacity as u64) as usize
     }
 
-    /// Removes transitions (state, action, next state) that are not `possible`, splitting their episodes there, and
-    /// restores transitions removed earlier that are possible again. Every agent's episode must have ended. Returns the
-    /// numbers of transitions removed and restored.
-    pub fn retain_possible(&mut self, possible: impl Fn(&[f32], &[f32], &[f32]) -> bool) -> (usize, usize) {
+    /// Removes transitions (state, action, next state) that are not `possible`, splitting their
+    /// episodes there, and restores transitions removed earlier that are possible again. Every
+    /// agent's episode must have ended. Returns the numbers of transitions removed and restored.
+    pub fn retain_possible(
+        &mut self,
+        possible: impl Fn(&[f32], &[f32], &[f32]) -> bool,
+    ) -> (usize, usize) {
         let (mut removed, mut restored) = (0, 0);
         for agent in 0..self.agents {
             let mut left_behind: u16 = 0;
@@ -163,9 +167,11 @@ impl Replay {
                 let at = self.slot_index(moment);
                 let before = self.left[at] > 0;
                 // Only the last state of an episode has no action, or one of zeros.
-                let moved = slot + 1 < self.written[agent] && self.action(moment).iter().any(|a| *a != 0.0);
+                let moved =
+                    slot + 1 < self.written[agent] && self.action(moment).iter().any(|a| *a != 0.0);
                 let next = Moment { agent, slot: slot + 1 };
-                let kept = (before || moved) && possible(self.state(moment), self.action(moment), self.state(next));
+                let kept = (before || moved)
+                    && possible(self.state(moment), self.action(moment), self.state(next));
                 removed += usize::from(before && !kept);
                 restored += usize::from(!before && kept);
                 self.left[at] = if kept { left_behind.saturating_add(1) } else { 0 };
@@ -175,8 +181,8 @@ impl Replay {
         (removed, restored)
     }
 
-    /// Visits all stored episodes, agent by agent: calls `visit(agent, Some(state))` for each state, and
-    /// `visit(agent, None)` at the end of each episode.
+    /// Visits all stored episodes, agent by agent: calls `visit(agent, Some(state))` for each
+    /// state, and `visit(agent, None)` at the end of each episode.
     pub fn visit_episodes(&self, mut visit: impl FnMut(usize, Option<&[f32]>)) {
         for agent in 0..self.agents {
             let mut going = false;
@@ -195,8 +201,8 @@ impl Replay {
         }
     }
 
-    /// Copies all complete episodes to `other`, each to the agent with the least data; if there is not enough room,
-    /// each agent's oldest episodes are overwritten.
+    /// Copies all complete episodes to `other`, each to the agent with the least data; if there is
+    /// not enough room, each agent's oldest episodes are overwritten.
     pub fn copy_episodes_into(&self, other: &mut Self) {
         for agent in 0..self.agents {
             let mut to = None;
@@ -222,7 +228,9 @@ impl Replay {
 
     /// Returns the latest states of `agent`'s current episode, at most `count`, oldest first.
     pub fn latest_states(&self, agent: usize, count: usize) -> impl Iterator<Item = &[f32]> {
-        let from = self.episode[agent].max(self.written[agent].saturating_sub(count as u64)).max(self.oldest(agent));
+        let from = self.episode[agent]
+            .max(self.written[agent].saturating_sub(count as u64))
+            .max(self.oldest(agent));
         (from..self.written[agent]).map(move |slot| self.state(Moment { agent, slot }))
     }
 
@@ -244,7 +252,8 @@ impl Replay {
     /// Returns whether at least one complete transition is stored.
     pub fn has_transitions(&self) -> bool {
         (0..self.agents).any(|agent| {
-            (self.oldest(agent)..self.written[agent]).any(|slot| self.steps_left(Moment { agent, slot }) > 0)
+            (self.oldest(agent)..self.written[agent])
+                .any(|slot| self.steps_left(Moment { agent, slot }) > 0)
         })
     }
 
@@ -257,7 +266,8 @@ impl Replay {
         }
     }
 
-    /// Draws a random moment followed by at least one stored step; returns it with the number of these steps.
+    /// Draws a random moment followed by at least one stored step; returns it with the number of
+    /// these steps.
     ///
     /// # Panics
     /// Loops forever if the replay holds no transition; check [`Self::has_transitions`] first.
@@ -271,14 +281,17 @@ impl Replay {
         }
     }
 
-    /// Draws a random moment, followed by a stored step, among the latest `slots` of an agent; `None` if a few draws
-    /// find no such step.
+    /// Draws a random moment, followed by a stored step, among the latest `slots` of an agent;
+    /// `None` if a few draws find no such step.
     pub fn sample_recent(&self, slots: u64, rng: &mut ChaCha8Rng) -> Option<Moment> {
         (0..RECENT_DRAWS).find_map(|_| {
             let agent = rng.random_range(0..self.agents);
             let to = self.written[agent];
             let from = self.oldest(agent).max(to.saturating_sub(slots));
-            let moment = Moment { agent, slot: if from < to { rng.random_range(from..to) } else { return None } };
+            let moment = Moment {
+                agent,
+                slot: if from < to { rng.random_range(from..to) } else { return None },
+            };
             (self.steps_left(moment) > 0).then_some(moment)
         })
     }
@@ -314,8 +327,11 @@ impl Replay {
 
     /// Returns the full contents, for a checkpoint.
     pub fn snapshot(&self) -> ReplayState {
-        let mut out =
-            ReplayState { written: self.written.clone(), episode: self.episode.clone(), ..ReplayState::default() };
+        let mut out = ReplayState {
+            written: self.written.clone(),
+            episode: self.episode.clone(),
+            ..ReplayState::default()
+        };
         for agent in 0..self.agents {
             for slot in self.oldest(agent)..self.written[agent] {
                 let moment = Moment { agent, slot };
@@ -345,7 +361,8 @@ impl Replay {
     /// Restores the contents that [`Self::snapshot`] returned.
     ///
     /// # Errors
-    /// Returns an error if `state` was saved from a replay of other sizes, or holds numbers out of range.
+    /// Returns an error if `state` was saved from a replay of other sizes, or holds numbers out of
+    /// range.
     pub fn restore(&mut self, state: &ReplayState) -> Result<(), StoreError> {
         let kept = |written: &u64| (*written).min(self.capacity as u64) as usize;
         let slots: usize = state.written.iter().map(kept).sum();
@@ -360,8 +377,9 @@ impl Replay {
             return Err(StoreError::inconsistent("the stored replay does not fit these settings"));
         }
         let within = |numbers: &[f32], most: f32| numbers.iter().all(|v| v.abs() <= most);
-        let are_possible =
-            within(&state.states, MAX_MAGNITUDE) && within(&state.goals, MAX_MAGNITUDE) && within(&state.actions, 1.0);
+        let are_possible = within(&state.states, MAX_MAGNITUDE)
+            && within(&state.goals, MAX_MAGNITUDE)
+            && within(&state.actions, 1.0);
         if !are_possible || !self.has_valid_ends(state) {
             return Err(StoreError::inconsistent("the stored replay contains values out of range"));
         }
@@ -371,9 +389,12 @@ impl Replay {
         for agent in 0..self.agents {
             for slot in self.oldest(agent)..self.written[agent] {
                 let at = self.slot_index(Moment { agent, slot });
-                self.states[at * s..(at + 1) * s].copy_from_slice(&state.states[from * s..(from + 1) * s]);
-                self.actions[at * a..(at + 1) * a].copy_from_slice(&state.actions[from * a..(from + 1) * a]);
-                self.goals[at * g..(at + 1) * g].copy_from_slice(&state.goals[from * g..(from + 1) * g]);
+                self.states[at * s..(at + 1) * s]
+                    .copy_from_slice(&state.states[from * s..(from + 1) * s]);
+                self.actions[at * a..(at + 1) * a]
+                    .copy_from_slice(&state.actions[from * a..(from + 1) * a]);
+                self.goals[at * g..(at + 1) * g]
+                    .copy_from_slice(&state.goals[from * g..(from + 1) * g]);
                 self.left[at] = state.left[from];
                 from += 1;
             }
@@ -441,7 +462,10 @@ mod tests {
         };
         assert!(restored(&|_| {}));
         for wrong in [f32::NAN, f32::INFINITY, -3.4e38] {
-            assert!(!restored(&|s| s.states[3] = wrong) && !restored(&|s| s.goals[3] = wrong), "{wrong}");
+            assert!(
+                !restored(&|s| s.states[3] = wrong) && !restored(&|s| s.goals[3] = wrong),
+                "{wrong}"
+            );
         }
         assert!(!restored(&|s| s.actions[2] = -1.01), "actions lie in [-1, 1]");
     }
@@ -453,8 +477,9 @@ mod tests {
         replay.end_episode(0, &[5.0]);
         (6..8).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[9.0]));
         replay.end_episode(0, &[8.0]);
-        let left =
-            |replay: &Replay| (0..9).map(|slot| replay.steps_left(Moment { agent: 0, slot })).collect::<Vec<_>>();
+        let left = |replay: &Replay| {
+            (0..9).map(|slot| replay.steps_left(Moment { agent: 0, slot })).collect::<Vec<_>>()
+        };
         let before = left(&replay);
         assert_eq!(before, [5, 4, 3, 2, 1, 0, 2, 1, 0]);
         assert_eq!(replay.retain_possible(|s, _, _| s[0] != 2.0), (1, 0));
@@ -473,7 +498,8 @@ mod tests {
             (0..20).for_each(|i| replay.push(agent, &[i as f32], &[1.0], &[0.0]));
             replay.end_episode(agent, &[20.0]);
         }
-        let drawn: Vec<Moment> = (0..200).filter_map(|_| replay.sample_recent(5, &mut rng)).collect();
+        let drawn: Vec<Moment> =
+            (0..200).filter_map(|_| replay.sample_recent(5, &mut rng)).collect();
         assert!(drawn.len() > 150 && drawn.iter().all(|m| (16..20).contains(&m.slot)), "{drawn:?}");
         assert_eq!(replay.sample_recent(0, &mut rng), None);
     }

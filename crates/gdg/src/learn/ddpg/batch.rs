@@ -22,13 +22,15 @@ pub struct Transitions {
     pub goals: Vec<f32>,
     /// `(batch)`.
     pub rewards: Vec<f32>,
-    /// Whether the next state reaches the goal, which ends the task, `(batch)`. The end of an episode does not.
+    /// Whether the next state reaches the goal, which ends the task, `(batch)`. The end of an
+    /// episode does not.
     pub at_goal: Vec<bool>,
     /// Noise on the actions of targets, `(batch, action_dim)`.
     pub noise: Vec<f32>,
 }
 
-/// The noise on the actions of targets is clipped at this many standard deviations (Fujimoto et al. 2018, section 5.3).
+/// The noise on the actions of targets is clipped at this many standard deviations (Fujimoto et al.
+/// 2018, section 5.3).
 pub const MAX_NOISE_DEVIATIONS: f32 = 2.5;
 
 impl Transitions {
@@ -38,7 +40,13 @@ impl Transitions {
     }
 
     fn clear(&mut self) {
-        for numbers in [&mut self.states, &mut self.actions, &mut self.next, &mut self.goals, &mut self.rewards] {
+        for numbers in [
+            &mut self.states,
+            &mut self.actions,
+            &mut self.next,
+            &mut self.goals,
+            &mut self.rewards,
+        ] {
             numbers.clear();
         }
         self.at_goal.clear();
@@ -66,7 +74,8 @@ impl Sampler {
         Self { spec: spec.clone(), returns, batch_size, target_noise, goals }
     }
 
-    /// Refills `batch`. Rewards, and whether the task is over, follow from the goal that was chosen.
+    /// Refills `batch`. Rewards, and whether the task is over, follow from the goal that was
+    /// chosen.
     pub fn sample(&self, replay: &Replay, rng: &mut ChaCha8Rng, batch: &mut Transitions) {
         batch.clear();
         for _ in 0..self.batch_size {
@@ -80,9 +89,13 @@ impl Sampler {
             batch.actions.extend(replay.action(moment));
             batch.next.extend(next);
             for _ in 0..self.spec.action_dim {
-                // Without noise, batches are drawn from the same numbers as if there were no such setting.
-                let noise: f32 = if self.target_noise > 0.0 { StandardNormal.sample(rng) } else { 0.0 };
-                batch.noise.push(self.target_noise * noise.clamp(-MAX_NOISE_DEVIATIONS, MAX_NOISE_DEVIATIONS));
+                // Without noise, batches are drawn from the same numbers as if there were no such
+                // setting.
+                let noise: f32 =
+                    if self.target_noise > 0.0 { StandardNormal.sample(rng) } else { 0.0 };
+                batch.noise.push(
+                    self.target_noise * noise.clamp(-MAX_NOISE_DEVIATIONS, MAX_NOISE_DEVIATIONS),
+                );
             }
         }
     }
@@ -96,7 +109,8 @@ mod tests {
     use super::*;
     use crate::env::tests::positions;
 
-    /// Positions on a line, and a replay of two walks of ten steps along it towards 30, which time ends.
+    /// Positions on a line, and a replay of two walks of ten steps along it towards 30, which time
+    /// ends.
     fn line() -> (Spec, Replay) {
         let spec = Spec { goal_radius: 1.5, ..positions(&[(50.0, 50.0)]) };
         let mut replay = Replay::new((1, 1, 1).into(), 1, 200);
@@ -131,7 +145,10 @@ mod tests {
             assert_eq!(next, state + 1.0);
             let ahead = goal - state;
             let same_walk = (state < 15.0) == (goal < 15.0);
-            assert!(goal == 30.0 || ((1.0..=10.0).contains(&ahead) && same_walk), "{state} to {goal}");
+            assert!(
+                goal == 30.0 || ((1.0..=10.0).contains(&ahead) && same_walk),
+                "{state} to {goal}"
+            );
             assert_eq!(batch.at_goal[i], (next - goal).abs() < 1.5, "{state} to {goal}");
             assert_eq!(batch.rewards[i], -1.0);
             relabelled += usize::from(goal < 30.0);
@@ -146,8 +163,10 @@ mod tests {
     fn target_noise_has_its_deviation_and_is_clipped() {
         assert!(sample(0.8, true, Reward::Sparse).noise.iter().all(|noise| *noise == 0.0));
         let (spec, replay) = line();
-        let settings = LearnSettings { batch_size: 4_000, target_noise: 0.2, ..LearnSettings::default() };
-        let sampler = Sampler::new(&spec, &settings, Returns::new(Reward::Sparse, 0.99, &spec), true);
+        let settings =
+            LearnSettings { batch_size: 4_000, target_noise: 0.2, ..LearnSettings::default() };
+        let sampler =
+            Sampler::new(&spec, &settings, Returns::new(Reward::Sparse, 0.99, &spec), true);
         let mut batch = Transitions::default();
         sampler.sample(&replay, &mut ChaCha8Rng::seed_from_u64(1), &mut batch);
         let square = batch.noise.iter().map(|noise| noise * noise).sum::<f32>() / 4_000.0;

@@ -31,12 +31,21 @@ impl Shapes {
     /// Returns the shapes of the networks that `settings` specify.
     pub fn new(spec: &Spec, settings: &LearnSettings, reward: Reward) -> Self {
         let encoder = Encoder::new(spec, settings);
-        let mlp = |inputs, outputs| Mlp { inputs, hidden: settings.hidden, layers: settings.layers, outputs };
+        let mlp = |inputs, outputs| Mlp {
+            inputs,
+            hidden: settings.hidden,
+            layers: settings.layers,
+            outputs,
+        };
         Self {
             critic: mlp(encoder.pair_width() + spec.action_dim, 1),
             actor: mlp(encoder.pair_width(), spec.action_dim),
             returns: Returns::new(reward, settings.discount, spec),
-            actor_bound: if settings.actor_bound > 0.0 { settings.actor_bound } else { f32::INFINITY },
+            actor_bound: if settings.actor_bound > 0.0 {
+                settings.actor_bound
+            } else {
+                f32::INFINITY
+            },
             actor_l2: settings.actor_l2,
             encoder,
         }
@@ -46,20 +55,28 @@ impl Shapes {
     fn rows(&self, critic: Weights, pairs: Pairs, actions: &[f32], x: &mut Vec<f32>) {
         let (width, pair_width) = (self.critic.inputs, self.encoder.pair_width());
         self.encoder.pair_rows(pairs, critic.table, width, x);
-        for (row, action) in x.chunks_exact_mut(width).zip(actions.chunks_exact(width - pair_width)) {
+        for (row, action) in x.chunks_exact_mut(width).zip(actions.chunks_exact(width - pair_width))
+        {
             row[pair_width..].copy_from_slice(action);
         }
     }
 
     /// Computes Q(s, a, g), `(rows)`; keeps inputs and activations for the backward pass.
-    fn values(&self, critic: Weights, pairs: Pairs, actions: &[f32], out: &mut [f32], ws: &mut Workspace) {
+    fn values(
+        &self,
+        critic: Weights,
+        pairs: Pairs,
+        actions: &[f32],
+        out: &mut [f32],
+        ws: &mut Workspace,
+    ) {
         self.rows(critic, pairs, actions, &mut ws.x);
         let x = &ws.x[..out.len() * self.critic.inputs];
         self.critic.forward((critic.dense, critic.packed), x, out, &mut ws.acts);
     }
 
-    /// Computes the minimum of Q(s, mu(s, g) + noise, g) over `critics`, `(rows)`; Fujimoto et al. 2018, sections 4.2
-    /// and 5.3. `noise` is `(rows, action_dim)`, or empty for none.
+    /// Computes the minimum of Q(s, mu(s, g) + noise, g) over `critics`, `(rows)`; Fujimoto et al.
+    /// 2018, sections 4.2 and 5.3. `noise` is `(rows, action_dim)`, or empty for none.
     pub fn values_of_actor(
         &self,
         (actor, critics): (Weights, &[Weights]),
@@ -70,19 +87,24 @@ impl Shapes {
         let mut actions = std::mem::take(&mut actor_ws.y);
         let actions_of_rows = resized(&mut actions, out.len() * self.actor.outputs);
         actor_ws.actions(&self.encoder, &self.actor, actor, pairs, actions_of_rows);
-        actions_of_rows.iter_mut().zip(noise).for_each(|(action, noise)| *action = (*action + noise).clamp(-1.0, 1.0));
+        actions_of_rows
+            .iter_mut()
+            .zip(noise)
+            .for_each(|(action, noise)| *action = (*action + noise).clamp(-1.0, 1.0));
         let mut own = std::mem::take(&mut critic_ws.y);
         for (k, critic) in critics.iter().enumerate() {
             let own = resized(&mut own, out.len());
             self.values(*critic, pairs, actions_of_rows, own, critic_ws);
-            out.iter_mut().zip(own).for_each(|(least, q)| *least = if k == 0 { *q } else { least.min(*q) });
+            out.iter_mut()
+                .zip(own)
+                .for_each(|(least, q)| *least = if k == 0 { *q } else { least.min(*q) });
         }
         critic_ws.y = own;
         actor_ws.y = actions;
     }
 
-    /// Computes a critic's gradient of the mean squared error towards `targets` into `gradient`. Returns the part's
-    /// loss.
+    /// Computes a critic's gradient of the mean squared error towards `targets` into `gradient`.
+    /// Returns the part's loss.
     fn critic_gradient(
         &self,
         critic: Weights,
@@ -112,9 +134,10 @@ impl Shapes {
         loss
     }
 
-    /// Computes the actor's gradient into `gradient`: that of mean -Q(s, mu(s, g), g) by the frozen critic (Lillicrap et
-    /// al. 2016, Eq. 6), of the weighted mean of z^2 (Andrychowicz et al. 2017, appendix A: the squared outputs before
-    /// tanh, against vanishing gradients) and of their excess over a bound. Returns the part's share of mean -Q.
+    /// Computes the actor's gradient into `gradient`: that of mean -Q(s, mu(s, g), g) by the frozen
+    /// critic (Lillicrap et al. 2016, Eq. 6), of the weighted mean of z^2 (Andrychowicz et al.
+    /// 2017, appendix A: the squared outputs before tanh, against vanishing gradients) and of their
+    /// excess over a bound. Returns the part's share of mean -Q.
     fn actor_gradient(
         &self,
         (actor, critic): (Weights, Weights),
@@ -125,27 +148,38 @@ impl Shapes {
     ) -> f32 {
         let a = self.actor.outputs;
         let rows = pairs.states.len() / self.encoder.spec().state_dim();
-        let (mut actions, mut q) = (std::mem::take(&mut actor_ws.y), std::mem::take(&mut critic_ws.y));
+        let (mut actions, mut q) =
+            (std::mem::take(&mut actor_ws.y), std::mem::take(&mut critic_ws.y));
         let (actions_of_rows, values) = (resized(&mut actions, rows * a), resized(&mut q, rows));
         actor_ws.actions(&self.encoder, &self.actor, actor, pairs, actions_of_rows);
         self.values(critic, pairs, actions_of_rows, values, critic_ws);
         let loss = values.iter().map(|q| -share * q).sum();
         values.fill(-share);
         let d_action = resized(&mut critic_ws.dx, rows * a);
-        let wanted = GradientRequest { parameters: None, inputs: Some((self.critic.inputs - a, &mut *d_action)) };
+        let wanted = GradientRequest {
+            parameters: None,
+            inputs: Some((self.critic.inputs - a, &mut *d_action)),
+        };
         let x = &critic_ws.x[..rows * self.critic.inputs];
         self.critic.backward((critic.dense, critic.packed), x, values, &mut critic_ws.acts, wanted);
         let l2 = self.actor_l2 / a as f32;
         for ((action, d), z) in actions_of_rows.iter_mut().zip(&*d_action).zip(&actor_ws.outputs) {
             let excess = z - z.clamp(-self.actor_bound, self.actor_bound);
-            *action = d * (1.0 - *action * *action) + 2.0 * share * (EXCESS_WEIGHT * excess + l2 * z);
+            *action =
+                d * (1.0 - *action * *action) + 2.0 * share * (EXCESS_WEIGHT * excess + l2 * z);
         }
         let from = self.encoder.plain_pair_width();
-        let dx =
-            (from < self.actor.inputs).then(|| (from, resized(&mut actor_ws.dx, rows * (self.actor.inputs - from))));
+        let dx = (from < self.actor.inputs)
+            .then(|| (from, resized(&mut actor_ws.dx, rows * (self.actor.inputs - from))));
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         let x = &actor_ws.x[..rows * self.actor.inputs];
-        self.actor.backward((actor.dense, actor.packed), x, actions_of_rows, &mut actor_ws.acts, wanted);
+        self.actor.backward(
+            (actor.dense, actor.packed),
+            x,
+            actions_of_rows,
+            &mut actor_ws.acts,
+            wanted,
+        );
         (actor_ws.y, critic_ws.y) = (actions, q);
         gradient.add_pair_corners(&self.encoder, pairs, &actor_ws.dx, 0);
         loss
@@ -171,7 +205,8 @@ impl Part {
         Self { critics: vec![Gradient::default(); critics], ..Self::default() }
     }
 
-    /// Computes the targets of the part's rows with the target networks, then each critic's gradient towards them.
+    /// Computes the targets of the part's rows with the target networks, then each critic's
+    /// gradient towards them.
     pub fn critic_gradients(
         &mut self,
         shapes: &Shapes,
@@ -179,12 +214,26 @@ impl Part {
         critics: &[Weights],
         target_networks: (Weights, &[Weights]),
     ) {
-        let Self { plain, plain_ahead, targets, critics: gradients, actor_ws, critic_ws, losses, .. } = self;
+        let Self {
+            plain,
+            plain_ahead,
+            targets,
+            critics: gradients,
+            actor_ws,
+            critic_ws,
+            losses,
+            ..
+        } = self;
         shapes.encoder.plain_pairs(rows.states, rows.goals, plain);
         shapes.encoder.plain_pairs(rows.next, rows.goals, plain_ahead);
         targets.resize(rows.rewards.len(), 0.0);
         let ahead = Pairs { plain: plain_ahead, states: rows.next, goals: rows.goals };
-        shapes.values_of_actor(target_networks, (ahead, rows.noise), targets, [actor_ws, critic_ws]);
+        shapes.values_of_actor(
+            target_networks,
+            (ahead, rows.noise),
+            targets,
+            [actor_ws, critic_ws],
+        );
         for (i, target) in targets.iter_mut().enumerate() {
             *target = shapes.returns.target(rows.rewards[i], rows.at_goal[i], *target);
         }
@@ -202,7 +251,8 @@ impl Part {
         self.actor.prepare(shapes.actor.parameters());
         let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
         let buffers = [&mut self.actor_ws, &mut self.critic_ws];
-        self.losses.actor = shapes.actor_gradient(networks, pairs, rows.share, &mut self.actor, buffers);
+        self.losses.actor =
+            shapes.actor_gradient(networks, pairs, rows.share, &mut self.actor, buffers);
     }
 }
 

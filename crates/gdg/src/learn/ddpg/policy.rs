@@ -1,4 +1,5 @@
-//! D and mu for inference: borrowed from the learner, or frozen for planning, evaluation and display.
+//! D and mu for inference: borrowed from the learner, or frozen for planning, evaluation and
+//! display.
 
 use std::sync::Arc;
 
@@ -6,7 +7,8 @@ use super::losses::Shapes;
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::policy::{CopiedWeights, OwnedWeights, Policy, Scratch};
 
-/// Borrowed weights of critics and actor. There is no dynamics model, so actions cannot be improved by lookahead.
+/// Borrowed weights of critics and actor. There is no dynamics model, so actions cannot be improved
+/// by lookahead.
 pub struct Nets<'a> {
     pub shapes: &'a Shapes,
     pub critics: Vec<Weights<'a>>,
@@ -17,17 +19,32 @@ impl Policy for Nets<'_> {
     /// Computes D as the steps that Q(s, mu(s, g), g) means, by the most pessimistic critic (see
     /// [`super::returns::Returns::steps`]).
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        scratch.for_pairs(&self.shapes.encoder, (states, goals), (out, 1), |pairs, out, buffers| {
-            self.shapes.values_of_actor((self.actor, &self.critics), (pairs, &[]), out, buffers);
-            out.iter_mut().for_each(|q| *q = self.shapes.returns.steps(*q));
-        });
+        scratch.for_pairs(
+            &self.shapes.encoder,
+            (states, goals),
+            (out, 1),
+            |pairs, out, buffers| {
+                self.shapes.values_of_actor(
+                    (self.actor, &self.critics),
+                    (pairs, &[]),
+                    out,
+                    buffers,
+                );
+                out.iter_mut().for_each(|q| *q = self.shapes.returns.steps(*q));
+            },
+        );
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let width = self.shapes.actor.outputs;
-        scratch.for_pairs(&self.shapes.encoder, (states, goals), (out, width), |pairs, out, [ws, _]| {
-            ws.actions(&self.shapes.encoder, &self.shapes.actor, self.actor, pairs, out);
-        });
+        scratch.for_pairs(
+            &self.shapes.encoder,
+            (states, goals),
+            (out, width),
+            |pairs, out, [ws, _]| {
+                ws.actions(&self.shapes.encoder, &self.shapes.actor, self.actor, pairs, out);
+            },
+        );
     }
 }
 
@@ -40,7 +57,8 @@ pub struct FrozenNets {
 
 impl FrozenNets {
     pub fn new(shapes: Arc<Shapes>, critics: Vec<CopiedWeights>, actor: CopiedWeights) -> Self {
-        let critics = critics.into_iter().map(|copied| OwnedWeights::new(copied, &shapes.critic)).collect();
+        let critics =
+            critics.into_iter().map(|copied| OwnedWeights::new(copied, &shapes.critic)).collect();
         Self { critics, actor: OwnedWeights::new(actor, &shapes.actor), shapes }
     }
 

@@ -42,8 +42,8 @@ impl Returns {
         Self { reward, discount, lowest: -largest_cost / (1.0 - discount), step_length }
     }
 
-    /// Returns the reward of a step that ends in `next`. The one that reaches the goal costs as much as any other; what
-    /// follows costs nothing, as the episode is over.
+    /// Returns the reward of a step that ends in `next`. The one that reaches the goal costs as
+    /// much as any other; what follows costs nothing, as the episode is over.
     pub fn reward(&self, spec: &Spec, next: &[f32], goal: &[f32]) -> f32 {
         match self.reward {
             Reward::Sparse => -1.0,
@@ -51,8 +51,8 @@ impl Returns {
         }
     }
 
-    /// Returns the target of Q: r + gamma Q', or r at the goal, within the possible range (Andrychowicz et al. 2017,
-    /// appendix A).
+    /// Returns the target of Q: r + gamma Q', or r at the goal, within the possible range
+    /// (Andrychowicz et al. 2017, appendix A).
     pub fn target(&self, reward: f32, at_goal: bool, ahead: f32) -> f32 {
         let rest = if at_goal { 0.0 } else { self.discount * ahead };
         (reward + rest).clamp(self.lowest, 0.0)
@@ -60,10 +60,10 @@ impl Returns {
 
     /// Converts Q to the steps to the goal, D: finite and at least 0.
     ///
-    /// With sparse rewards, -Q = 1 + gamma + ... + gamma^(D-1) = (1 - gamma^D) / (1 - gamma). With distances, D is the
-    /// length of a straight walk of full steps that earns Q, -Q = sum over t < D of gamma^t (D - 1 - t): the number of
-    /// steps where nothing is in the way. A way round an obstacle earns as little as a straight way of another length,
-    /// so this D only ranks goals.
+    /// With sparse rewards, -Q = 1 + gamma + ... + gamma^(D-1) = (1 - gamma^D) / (1 - gamma). With
+    /// distances, D is the length of a straight walk of full steps that earns Q, -Q = sum over t <
+    /// D of gamma^t (D - 1 - t): the number of steps where nothing is in the way. A way round an
+    /// obstacle earns as little as a straight way of another length, so this D only ranks goals.
     pub fn steps(&self, q: f32) -> f32 {
         match self.reward {
             Reward::Sparse => {
@@ -75,8 +75,8 @@ impl Returns {
     }
 }
 
-/// Returns the n of at least 1 with n / (1 - gamma) - (1 - gamma^n) / (1 - gamma)^2 = `cost`, by Newton's method from
-/// above: the sum is convex, so that every step stays above the solution.
+/// Returns the n of at least 1 with n / (1 - gamma) - (1 - gamma^n) / (1 - gamma)^2 = `cost`, by
+/// Newton's method from above: the sum is convex, so that every step stays above the solution.
 fn straight_steps(cost: f32, discount: f32) -> f32 {
     let (cost, discount) = (f64::from(cost), f64::from(discount));
     if discount == 0.0 {
@@ -110,7 +110,10 @@ mod tests {
             for steps in 0..200 {
                 let found = returns.steps(q);
                 let told_apart = f64::from(discount).powi(steps) > 1e-3;
-                assert!(!told_apart || (found - steps as f32).abs() < 1e-2 * steps as f32 + 1e-3, "{steps}: {found}");
+                assert!(
+                    !told_apart || (found - steps as f32).abs() < 1e-2 * steps as f32 + 1e-3,
+                    "{steps}: {found}"
+                );
                 q = returns.target(-1.0, false, q);
             }
         }
@@ -118,9 +121,12 @@ mod tests {
 
     #[test]
     fn steps_of_any_value_are_finite_and_not_negative() {
-        for (reward, discount) in [Reward::Sparse, Reward::Distance].into_iter().flat_map(|r| [(r, 0.0), (r, 0.99)]) {
+        for (reward, discount) in
+            [Reward::Sparse, Reward::Distance].into_iter().flat_map(|r| [(r, 0.0), (r, 0.99)])
+        {
             let returns = Returns::new(reward, discount, &spec());
-            let values = [returns.lowest * 2.0, returns.lowest, -3.0, -0.0, 0.0, 7.0, f32::MAX, f32::MIN];
+            let values =
+                [returns.lowest * 2.0, returns.lowest, -3.0, -0.0, 0.0, 7.0, f32::MAX, f32::MIN];
             for q in values {
                 let steps = returns.steps(q);
                 assert!(steps.is_finite() && steps >= 0.0, "{reward:?} {q}: {steps}");

@@ -49,7 +49,9 @@ struct Oracle<'a> {
 impl<'a> Oracle<'a> {
     fn new(shapes: &'a Shapes, batch: &'a Transitions) -> Self {
         let spec = shapes.encoder.spec();
-        let tensor = |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), &Device::Cpu);
+        let tensor = |numbers: &[f32], width: usize| {
+            Tensor::from_slice(numbers, (batch.len(), width), &Device::Cpu)
+        };
         Self {
             shapes,
             states: tensor(&batch.states, spec.state_dim()).unwrap(),
@@ -73,8 +75,12 @@ impl<'a> Oracle<'a> {
     }
 
     fn targets(&self, critics: &[Parameters], actor: &Parameters) -> Tensor {
-        let noise = Tensor::from_slice(&self.batch.noise, self.actions.shape(), &Device::Cpu).unwrap();
-        let actions = (self.outputs(actor, &self.next).tanh().unwrap() + noise).unwrap().clamp(-1.0, 1.0).unwrap();
+        let noise =
+            Tensor::from_slice(&self.batch.noise, self.actions.shape(), &Device::Cpu).unwrap();
+        let actions = (self.outputs(actor, &self.next).tanh().unwrap() + noise)
+            .unwrap()
+            .clamp(-1.0, 1.0)
+            .unwrap();
         let values = critics.iter().map(|critic| self.values(critic, &self.next, &actions));
         let least = values.reduce(|a, b| a.minimum(&b).unwrap()).unwrap();
         let column = |numbers: Vec<f32>| Tensor::new(numbers, &Device::Cpu).unwrap();
@@ -93,10 +99,20 @@ impl<'a> Oracle<'a> {
     /// Mean -Q, and all that the actor minimises.
     fn actor_loss(&self, critic: &Parameters, actor: &Parameters) -> (Tensor, Tensor) {
         let outputs = self.outputs(actor, &self.states);
-        let cost = self.values(critic, &self.states, &outputs.tanh().unwrap()).mean_all().unwrap().neg().unwrap();
-        let mut all = (&cost + (outputs.sqr().unwrap().mean_all().unwrap() * f64::from(self.shapes.actor_l2))).unwrap();
+        let cost = self
+            .values(critic, &self.states, &outputs.tanh().unwrap())
+            .mean_all()
+            .unwrap()
+            .neg()
+            .unwrap();
+        let mut all = (&cost
+            + (outputs.sqr().unwrap().mean_all().unwrap() * f64::from(self.shapes.actor_l2)))
+        .unwrap();
         if self.shapes.actor_bound.is_finite() {
-            let excess = (outputs.abs().unwrap() - f64::from(self.shapes.actor_bound)).unwrap().relu().unwrap();
+            let excess = (outputs.abs().unwrap() - f64::from(self.shapes.actor_bound))
+                .unwrap()
+                .relu()
+                .unwrap();
             let excess = excess.sqr().unwrap().sum(D::Minus1).unwrap().mean_all().unwrap();
             all = (all + (excess * f64::from(EXCESS_WEIGHT)).unwrap()).unwrap();
         }
@@ -115,22 +131,34 @@ fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
     let shapes = learner.shared.shapes.clone();
     let oracle = Oracle::new(&shapes, &batch);
     let at = |averaged: bool| {
-        let critics: Vec<_> = learner.shared.critics.iter().map(|c| parameters_of(&learner, c, averaged)).collect();
+        let critics: Vec<_> =
+            learner.shared.critics.iter().map(|c| parameters_of(&learner, c, averaged)).collect();
         oracle.targets(&critics, &parameters_of(&learner, &learner.shared.actor, averaged))
     };
     let targets = at(true);
-    let [expected, current] = [&targets, &at(false)].map(|targets| targets.to_vec1::<f32>().unwrap());
+    let [expected, current] =
+        [&targets, &at(false)].map(|targets| targets.to_vec1::<f32>().unwrap());
     let apart = expected.iter().zip(&current).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    assert!(apart > 0.003 || batch.len() == 1, "targets at averages and at current weights differ by {apart} only");
+    assert!(
+        apart > 0.003 || batch.len() == 1,
+        "targets at averages and at current weights differ by {apart} only"
+    );
     // The gradients of an update, without its steps.
     learner.shared.batch.write().clone_from(&batch);
     let (parts, touched) = (&learner.shared.parts, &learner.shared.touched);
-    learner.pool.try_run(1 + parts.len(), &learner.shared, None, Shared::touched_corners_or_gradients).unwrap();
+    learner
+        .pool
+        .try_run(1 + parts.len(), &learner.shared, None, Shared::touched_corners_or_gradients)
+        .unwrap();
     learner.pool.try_run(parts.len(), &learner.shared, None, Shared::actor_gradient).unwrap();
     let touched = touched.read();
-    let found: Vec<f32> = learner.shared.parts.iter().flat_map(|part| part.lock().targets.clone()).collect();
+    let found: Vec<f32> =
+        learner.shared.parts.iter().flat_map(|part| part.lock().targets.clone()).collect();
     for (found, expected) in found.iter().zip(&expected) {
-        assert!((found - expected).abs() < 1e-4 * expected.abs() + 1e-5, "target {found} instead of {expected}");
+        assert!(
+            (found - expected).abs() < 1e-4 * expected.abs() + 1e-5,
+            "target {found} instead of {expected}"
+        );
     }
     assert!(batch.len() < 5 || found.contains(&0.0), "a target is clipped");
     let mut critic_losses = Vec::new();
@@ -142,14 +170,22 @@ fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
         assert_close("critic", found, &loss, &vars);
     }
     let (own, vars) = variables_of(&learner.shared.actor, &shapes.encoder);
-    let (cost, loss) = oracle.actor_loss(&parameters_of(&learner, &learner.shared.critics[0], false), &own);
+    let (cost, loss) =
+        oracle.actor_loss(&parameters_of(&learner, &learner.shared.critics[0], false), &own);
     let found = full_gradient(&learner.shared.actor, &touched, parts, |part| &mut part.actor);
     assert_close("actor", found, &loss, &vars);
     let losses = learner.shared.parts.iter().map(|part| part.lock().losses);
-    let (critic, actor) = losses.fold((0.0, 0.0), |sum, part| (sum.0 + part.critic, sum.1 + part.actor));
-    let expected = (critic_losses.iter().sum::<f32>() / critic_losses.len() as f32, cost.to_scalar::<f32>().unwrap());
+    let (critic, actor) =
+        losses.fold((0.0, 0.0), |sum, part| (sum.0 + part.critic, sum.1 + part.actor));
+    let expected = (
+        critic_losses.iter().sum::<f32>() / critic_losses.len() as f32,
+        cost.to_scalar::<f32>().unwrap(),
+    );
     let close = |a: f32, b: f32| (a - b).abs() < 2e-4 * b.abs() + 1e-5;
-    assert!(close(critic, expected.0) && close(actor, expected.1), "{critic}, {actor} instead of {expected:?}");
+    assert!(
+        close(critic, expected.0) && close(actor, expected.1),
+        "{critic}, {actor} instead of {expected:?}"
+    );
 }
 
 fn settings(batch: usize, hidden: usize, layers: usize, critics: usize) -> LearnSettings {
@@ -158,7 +194,8 @@ fn settings(batch: usize, hidden: usize, layers: usize, critics: usize) -> Learn
 
 /// Inputs as the goal-distance learner has them by default.
 fn with_our_inputs(settings: &LearnSettings) -> LearnSettings {
-    let LearnSettings { fourier_octaves, relative_scales, grid_cells, .. } = LearnSettings::default();
+    let LearnSettings { fourier_octaves, relative_scales, grid_cells, .. } =
+        LearnSettings::default();
     LearnSettings { fourier_octaves, relative_scales, grid_cells, ..settings.clone() }
 }
 
@@ -191,7 +228,11 @@ fn gradients_of_odd_sizes_and_batch_one_match_autograd() {
 fn gradients_of_penalised_outputs_match_autograd() {
     let bounded = LearnSettings { actor_bound: 0.05, actor_l2: 0.0, ..settings(40, 32, 2, 1) };
     check(&SPARSE, &spec(2, 2, true), &bounded);
-    check(&SPARSE, &spec(2, 2, true), &LearnSettings { actor_bound: 0.0, actor_l2: 0.7, ..bounded });
+    check(
+        &SPARSE,
+        &spec(2, 2, true),
+        &LearnSettings { actor_bound: 0.0, actor_l2: 0.7, ..bounded },
+    );
 }
 
 #[test]
@@ -201,7 +242,9 @@ fn updates_are_the_same_on_any_number_of_threads() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut learner = Ddpg::new(&HINDSIGHT, (&spec, &settings), threads, &mut rng).unwrap();
         for _ in 0..30 {
-            learner.update_on(&transitions(&spec, 130, &mut rng), None, &mut Profile::default()).unwrap();
+            learner
+                .update_on(&transitions(&spec, 130, &mut rng), None, &mut Profile::default())
+                .unwrap();
         }
         let mut store = Store::default();
         learner.save(&mut store).unwrap();

@@ -1,13 +1,15 @@
-//! What paths through the bridge graph add to a batch: bounds on the targets of far pairs, and waypoints for the actor.
+//! What paths through the bridge graph add to a batch: bounds on the targets of far pairs, and
+//! waypoints for the actor.
 //!
-//! Distillation covers pairs of candidates. Between them, D and the actor are not bound to follow: on big maps, far
-//! distances of other pairs stay a third too long, and where the slope of D to a far goal is lost in its error, the actor
-//! stands at a wall. For each pair (s, g) of a batch whose distance along the graph is known, with a the candidate
-//! nearest to s, b the one nearest to g among those to which distances are known, and d the graph's distance,
+//! Distillation covers pairs of candidates. Between them, D and the actor are not bound to follow:
+//! on big maps, far distances of other pairs stay a third too long, and where the slope of D to a
+//! far goal is lost in its error, the actor stands at a wall. For each pair (s, g) of a batch whose
+//! distance along the graph is known, with a the candidate nearest to s, b the one nearest to g
+//! among those to which distances are known, and d the graph's distance,
 //!
 //! - the target is at most D'(s, a) + d(a, b) + D'(b, g);
-//! - the actor descends D to a waypoint on the path from a to b instead of D to g, if the path begins near s and ends
-//!   near g.
+//! - the actor descends D to a waypoint on the path from a to b instead of D to g, if the path
+//!   begins near s and ends near g.
 //!
 //! D' says how far it really is to a and from b, also where straight lines cross a wall.
 
@@ -17,7 +19,8 @@ use crate::learn::data::known::{DistancesByGoal, KnownDistances};
 use crate::learn::networks::policy::{Policy, Scratch};
 use crate::learn::settings::LearnSettings;
 
-/// Least distance along the graph of the pairs that are bounded, in steps: D of near pairs is better than the graph's.
+/// Least distance along the graph of the pairs that are bounded, in steps: D of near pairs is
+/// better than the graph's.
 pub(crate) const LEAST_BOUND_STEPS: f32 = 20.0;
 
 /// Least distance along the graph of the pairs whose actor is led, in steps.
@@ -80,9 +83,13 @@ impl GraphPaths {
         let least = if self.waypoints { LEAST_LED_STEPS } else { LEAST_BOUND_STEPS };
         let mut ends = (Vec::new(), Vec::new());
         for row in (first..batch.len()).filter(|row| batch.bootstrap[*row] > 0.0) {
-            let (state, goal) = (&batch.states[row * s..(row + 1) * s], &batch.goals[row * g..(row + 1) * g]);
+            let (state, goal) =
+                (&batch.states[row * s..(row + 1) * s], &batch.goals[row * g..(row + 1) * g]);
             let at: Vec<f32> = spec.achieved(state).collect();
-            let (Some((a, _)), Some((b, _))) = (known.goals.nearest(&at), goals.nearest(goal)) else { return };
+            let (Some((a, _)), Some((b, _))) = (known.goals.nearest(&at), goals.nearest(goal))
+            else {
+                return;
+            };
             let (steps, waypoint) = (steps[b * places + a], waypoints[b * places + a]);
             if steps.is_finite() && steps >= least {
                 let b = ends_at[b] as usize;
@@ -103,16 +110,20 @@ impl GraphPaths {
         self.distances.resize(2 * count, 0.0);
         policy.distances(&self.states, &self.goals, &mut self.distances, &mut self.scratch);
         let (before, after) = self.distances.split_at(count);
-        for (Path { row, steps, waypoint }, (before, after)) in self.paths.iter().zip(before.iter().zip(after)) {
+        for (Path { row, steps, waypoint }, (before, after)) in
+            self.paths.iter().zip(before.iter().zip(after))
+        {
             if self.bounds && *steps >= LEAST_BOUND_STEPS {
                 let bound = &mut batch.bound[*row];
                 *bound = bound.min(before + steps + after);
                 batch.lower[*row] = batch.lower[*row].min(*bound);
             }
-            let near = *before <= MAX_STEPS_BEFORE && *after <= MAX_STEPS_AFTER.max(MAX_SHARE_AFTER * steps);
+            let near = *before <= MAX_STEPS_BEFORE
+                && *after <= MAX_STEPS_AFTER.max(MAX_SHARE_AFTER * steps);
             if self.waypoints && near {
                 let waypoint = known.goals.goal(*waypoint as usize);
-                batch.actor_goals[row * waypoint.len()..(row + 1) * waypoint.len()].copy_from_slice(waypoint);
+                batch.actor_goals[row * waypoint.len()..(row + 1) * waypoint.len()]
+                    .copy_from_slice(waypoint);
             }
         }
     }
@@ -129,9 +140,12 @@ mod tests {
 
     impl Policy for Line {
         fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
-            let behind_wall = |s: &f32, g: &f32| if (*s < 50.0) == (*g < 50.0) { 0.0 } else { 300.0 };
+            let behind_wall =
+                |s: &f32, g: &f32| if (*s < 50.0) == (*g < 50.0) { 0.0 } else { 300.0 };
             let pairs = states.iter().zip(goals);
-            out.iter_mut().zip(pairs).for_each(|(d, (s, g))| *d = (s - g).abs() + behind_wall(s, g));
+            out.iter_mut()
+                .zip(pairs)
+                .for_each(|(d, (s, g))| *d = (s - g).abs() + behind_wall(s, g));
         }
 
         fn actions(&self, _: &[f32], _: &[f32], _: &mut [f32], _: &mut Scratch) {}
@@ -145,10 +159,19 @@ mod tests {
         states.iter().for_each(|place| goals.push(&[*place]));
         let mut last = GoalIndex::new(&spec);
         last.push(&[90.0]);
-        let by_goal =
-            DistancesByGoal { places: vec![2], goals: last, steps: vec![82.0, 44.0, 0.0], waypoints: vec![1, 2, 2] };
-        let known =
-            KnownDistances { states: &states, goals: &goals, pairs: &[], by_goal: Some(&by_goal), changed: None };
+        let by_goal = DistancesByGoal {
+            places: vec![2],
+            goals: last,
+            steps: vec![82.0, 44.0, 0.0],
+            waypoints: vec![1, 2, 2],
+        };
+        let known = KnownDistances {
+            states: &states,
+            goals: &goals,
+            pairs: &[],
+            by_goal: Some(&by_goal),
+            changed: None,
+        };
         let from = [12.0, 12.0, 51.0, 88.0, 16.0, 12.0];
         let mut batch = Batch {
             states: from.to_vec(),
@@ -177,7 +200,8 @@ mod tests {
         let settings = LearnSettings { actor_waypoints: false, ..LearnSettings::default() };
         check(&settings, |batch| {
             let through = 2.0 + 82.0 + 3.0;
-            // The nearest candidate of the third row is behind the wall; the fourth is near its goal.
+            // The nearest candidate of the third row is behind the wall; the fourth is near its
+            // goal.
             assert_eq!(batch.bound, [1e9, through, 3.0 + 300.0 + 44.0 + 3.0, 1e9, 60.0, 1e9]);
             assert_eq!(batch.lower[1], through, "no higher than the upper bound");
             assert_eq!(batch.actor_goals, [87.0; 6]);
@@ -196,7 +220,11 @@ mod tests {
 
     #[test]
     fn nothing_is_collected_where_neither_is_wanted() {
-        let settings = LearnSettings { graph_bounds: false, actor_waypoints: false, ..LearnSettings::default() };
+        let settings = LearnSettings {
+            graph_bounds: false,
+            actor_waypoints: false,
+            ..LearnSettings::default()
+        };
         assert!(GraphPaths::new(&settings).is_none());
     }
 }

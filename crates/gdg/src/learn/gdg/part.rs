@@ -38,26 +38,47 @@ impl Part {
             return self.left_out.resize(rows.steps.len(), false);
         }
         self.model_errors.clear();
-        self.model_errors.extend(shapes.model_errors(rows.steps.len(), rows.share, &self.buffers.networks.model));
+        self.model_errors.extend(shapes.model_errors(
+            rows.steps.len(),
+            rows.share,
+            &self.buffers.networks.model,
+        ));
         let s = shapes.encoder.spec().state_dim();
         self.left_out.extend(mispredicted(&self.model_errors, (rows.from, rows.states), s));
     }
 
-    /// Computes the targets of the part's rows: d if the goal was reached, otherwise d + D'(s', g), capped at 1 +
-    /// D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`]) unless the model mispredicts the row's
-    /// own step. Both are kept within the bounds that hindsight or the bridge graph give. D' and mu' use running averages.
-    pub fn targets(&mut self, shapes: &Shapes, rows: &Rows, (actor, model, critics): (Weights, Weights, &[Weights])) {
+    /// Computes the targets of the part's rows: d if the goal was reached, otherwise d + D'(s', g),
+    /// capped at 1 + D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`])
+    /// unless the model mispredicts the row's own step. Both are kept within the bounds that
+    /// hindsight or the bridge graph give. D' and mu' use running averages.
+    pub fn targets(
+        &mut self,
+        shapes: &Shapes,
+        rows: &Rows,
+        (actor, model, critics): (Weights, Weights, &[Weights]),
+    ) {
         shapes.encoder.plain_pairs(rows.states, rows.goals, &mut self.plain);
         shapes.encoder.plain_pairs(rows.bootstrap_states, rows.goals, &mut self.plain_ahead);
         self.targets.resize(rows.steps.len(), 0.0);
-        let ahead = Pairs { plain: &self.plain_ahead, states: rows.bootstrap_states, goals: rows.goals };
-        shapes.joint_distances(critics, ahead, &mut self.targets, &mut self.buffers.networks.critic);
+        let ahead =
+            Pairs { plain: &self.plain_ahead, states: rows.bootstrap_states, goals: rows.goals };
+        shapes.joint_distances(
+            critics,
+            ahead,
+            &mut self.targets,
+            &mut self.buffers.networks.critic,
+        );
         self.targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
         if rows.greedy_targets {
             self.after_actor.resize(rows.steps.len(), 0.0);
             let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
             let buffers = &mut self.buffers.networks;
-            shapes.distances_after_actor((actor, model, critics), pairs, &mut self.after_actor, buffers);
+            shapes.distances_after_actor(
+                (actor, model, critics),
+                pairs,
+                &mut self.after_actor,
+                buffers,
+            );
             let caps = self.after_actor.iter().zip(&self.left_out);
             for (x, (d, left_out)) in self.targets.iter_mut().zip(caps) {
                 if !left_out {

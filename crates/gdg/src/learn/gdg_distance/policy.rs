@@ -13,8 +13,8 @@ pub struct Nets<'a> {
 }
 
 impl Policy for Nets<'_> {
-    /// Computes the straight line in steps: its length over that of a typical step. It passes through walls, so in
-    /// mazes it is too short.
+    /// Computes the straight line in steps: its length over that of a typical step. It passes
+    /// through walls, so in mazes it is too short.
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _scratch: &mut Scratch) {
         let spec = self.objective.shapes.encoder.spec();
         let pairs = states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));
@@ -25,9 +25,14 @@ impl Policy for Nets<'_> {
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let shapes = &self.objective.shapes;
-        scratch.for_pairs(&shapes.encoder, (states, goals), (out, shapes.actor.outputs), |pairs, out, [ws, _]| {
-            shapes.actions(self.actor, pairs, out, ws);
-        });
+        scratch.for_pairs(
+            &shapes.encoder,
+            (states, goals),
+            (out, shapes.actor.outputs),
+            |pairs, out, [ws, _]| {
+                shapes.actions(self.actor, pairs, out, ws);
+            },
+        );
     }
 }
 
@@ -43,7 +48,10 @@ impl FrozenActor {
     }
 
     fn nets(&self) -> Nets<'_> {
-        Nets { objective: &self.objective, actor: self.actor.weights(&self.objective.shapes.encoder) }
+        Nets {
+            objective: &self.objective,
+            actor: self.actor.weights(&self.objective.shapes.encoder),
+        }
     }
 }
 

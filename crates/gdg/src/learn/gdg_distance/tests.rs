@@ -15,7 +15,8 @@ use crate::learn::update::reference::{Layers, Reference, mlp, pair_rows};
 use crate::learn::update::straight::typical_step;
 
 fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
-    let mut batch = Batch { steps: vec![0.0; rows], bootstrap: vec![0.0; rows], ..Batch::default() };
+    let mut batch =
+        Batch { steps: vec![0.0; rows], bootstrap: vec![0.0; rows], ..Batch::default() };
     (batch.bound, batch.lower) = (vec![0.0; rows], vec![0.0; rows]);
     for _ in 0..rows {
         batch.states.extend(random_state(spec, rng));
@@ -34,7 +35,9 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut learner = GdgDistance::new(spec, settings, 2, &mut rng).unwrap();
     for _ in 0..20 {
-        learner.update_on(&batch(spec, settings.batch_size, &mut rng), None, &mut Profile::default()).unwrap();
+        learner
+            .update_on(&batch(spec, settings.batch_size, &mut rng), None, &mut Profile::default())
+            .unwrap();
     }
     let batch = batch(spec, settings.batch_size, &mut rng);
     // The gradients of an update, without its steps.
@@ -42,40 +45,61 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     let parts = learner.shared.parts.len();
     learner
         .pool
-        .try_run(Shared::TOUCH_TASKS + parts, &learner.shared, None, Shared::touched_corners_or_gradients)
+        .try_run(
+            Shared::TOUCH_TASKS + parts,
+            &learner.shared,
+            None,
+            Shared::touched_corners_or_gradients,
+        )
         .unwrap();
     learner.pool.try_run(parts, &learner.shared, None, Shared::actor_gradient).unwrap();
 
-    let tensor =
-        |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), &Device::Cpu).unwrap();
-    let (states, goals) = (tensor(&batch.states, spec.state_dim()), tensor(&batch.goals, spec.goal_dim()));
-    let (from, next) = (tensor(&batch.from, spec.state_dim()), tensor(&batch.next, spec.state_dim()));
+    let tensor = |numbers: &[f32], width: usize| {
+        Tensor::from_slice(numbers, (batch.len(), width), &Device::Cpu).unwrap()
+    };
+    let (states, goals) =
+        (tensor(&batch.states, spec.state_dim()), tensor(&batch.goals, spec.goal_dim()));
+    let (from, next) =
+        (tensor(&batch.from, spec.state_dim()), tensor(&batch.next, spec.state_dim()));
     let shared = &*learner.shared;
     let shapes = &shared.objective.shapes;
     let (model, model_vars) = variables_of(&shared.model, &shapes.encoder);
     let (actor, actor_vars) = variables_of(&shared.actor, &shapes.encoder);
-    let reference = Reference::with_parameters(shapes, vec![model, actor.clone()], Layers::Linear).unwrap();
-    let model_loss = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
-    let found = full_gradient(&shared.model, &shared.transitions.read(), &shared.parts, |part| &mut part.model);
+    let reference =
+        Reference::with_parameters(shapes, vec![model, actor.clone()], Layers::Linear).unwrap();
+    let model_loss =
+        reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
+    let found = full_gradient(&shared.model, &shared.transitions.read(), &shared.parts, |part| {
+        &mut part.model
+    });
     assert_close("model", found, &model_loss, &model_vars);
 
     let indices: Vec<u32> = spec.achieved.iter().map(|i| *i as u32).collect();
-    let after = reference.predictions(&states, &reference.actions(&states, &goals).unwrap()).unwrap();
-    let left = (after.index_select(&Tensor::new(indices, &Device::Cpu).unwrap(), 1).unwrap() - &goals).unwrap();
+    let after =
+        reference.predictions(&states, &reference.actions(&states, &goals).unwrap()).unwrap();
+    let left = (after.index_select(&Tensor::new(indices, &Device::Cpu).unwrap(), 1).unwrap()
+        - &goals)
+        .unwrap();
     let steps = left.sqr().unwrap().sum(D::Minus1).unwrap().sqrt().unwrap().mean_all().unwrap();
     let steps = (steps / f64::from(typical_step(spec))).unwrap();
     let rows = pair_rows(&shapes.encoder, &actor, &states, &goals).unwrap();
     let outputs = mlp(&shapes.actor, &actor.dense, &rows).unwrap().abs().unwrap();
     let excess = (outputs - f64::from(shapes.actor_bound)).unwrap().relu().unwrap().sqr().unwrap();
-    let excess = (excess.sum(D::Minus1).unwrap().mean_all().unwrap() * f64::from(EXCESS_WEIGHT)).unwrap();
-    let whole = if shapes.actor_bound.is_finite() { (&steps + excess).unwrap() } else { steps.clone() };
-    let found = full_gradient(&shared.actor, &shared.pairs.read(), &shared.parts, |part| &mut part.actor);
+    let excess =
+        (excess.sum(D::Minus1).unwrap().mean_all().unwrap() * f64::from(EXCESS_WEIGHT)).unwrap();
+    let whole =
+        if shapes.actor_bound.is_finite() { (&steps + excess).unwrap() } else { steps.clone() };
+    let found =
+        full_gradient(&shared.actor, &shared.pairs.read(), &shared.parts, |part| &mut part.actor);
     assert_close("actor", found, &whole, &actor_vars);
 
     let found = learner.losses();
     let expected = [&model_loss, &steps].map(|loss| loss.to_scalar::<f32>().unwrap());
     let close = |a: f32, b: f32| (a - b).abs() < 2e-4 * b.abs() + 1e-5;
-    assert!(close(found.model, expected[0]) && close(found.actor, expected[1]), "{found:?} instead of {expected:?}");
+    assert!(
+        close(found.model, expected[0]) && close(found.actor, expected[1]),
+        "{found:?} instead of {expected:?}"
+    );
 }
 
 fn settings(batch: usize, hidden: usize, layers: usize) -> LearnSettings {
@@ -112,7 +136,8 @@ fn updates_are_the_same_on_any_number_of_threads_and_after_a_restart() {
         for update in 0..30 {
             if update == 11 && threads == 3 {
                 let saved = state(&learner);
-                learner = GdgDistance::new(&spec, &settings, 1, &mut ChaCha8Rng::seed_from_u64(99)).unwrap();
+                learner = GdgDistance::new(&spec, &settings, 1, &mut ChaCha8Rng::seed_from_u64(99))
+                    .unwrap();
                 learner.load(&saved).unwrap();
             }
             learner.update_on(&batch(&spec, 130, &mut rng), None, &mut Profile::default()).unwrap();
@@ -144,7 +169,9 @@ fn the_exported_actor_is_the_averaged_one() {
 #[test]
 fn distances_are_straight_lines_before_any_update() {
     let spec = spec(4, 2, true);
-    let learner = GdgDistance::new(&spec, &settings(40, 16, 2), 1, &mut ChaCha8Rng::seed_from_u64(3)).unwrap();
+    let learner =
+        GdgDistance::new(&spec, &settings(40, 16, 2), 1, &mut ChaCha8Rng::seed_from_u64(3))
+            .unwrap();
     let (states, goals) = ([9.0, 1.0, 2.0, 9.0, 5.0, 0.5, 0.5, 5.0], [4.0, 6.0, 0.5, 0.5]);
     let mut out = [9.0; 2];
     learner.policy(true).unwrap().distances(&states, &goals, &mut out, &mut Scratch::default());

@@ -1,8 +1,8 @@
-//! Dense kernels on row-major slices. The only place with unsafe code: vector loads and stores for transposing blocks
-//! in registers.
+//! Dense kernels on row-major slices. The only place with unsafe code: vector loads and stores for
+//! transposing blocks in registers.
 //!
-//! Element-wise loops are compiled for several SIMD instruction sets and selected at run time, so that a portable build
-//! uses what the CPU supports.
+//! Element-wise loops are compiled for several SIMD instruction sets and selected at run time, so
+//! that a portable build uses what the CPU supports.
 #![allow(unsafe_code)]
 
 use pulp::Arch;
@@ -11,7 +11,8 @@ use pulp::Arch;
 #[cfg(target_arch = "x86_64")]
 const BLOCK_SIDE: usize = 8;
 
-/// Computes `out[c][r] = x[r][c]` for `x` of `(rows, cols)` and `out` with rows of `stride` numbers.
+/// Computes `out[c][r] = x[r][c]` for `x` of `(rows, cols)` and `out` with rows of `stride`
+/// numbers.
 ///
 /// # Panics
 /// Panics if a slice is too short, or if `rows` exceeds `stride`.
@@ -25,9 +26,15 @@ pub fn transpose(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], strid
     }
 }
 
-/// Does the part of [`transpose`] that the processor can do in registers; returns its number of rows and columns.
+/// Does the part of [`transpose`] that the processor can do in registers; returns its number of
+/// rows and columns.
 #[cfg(target_arch = "x86_64")]
-fn transpose_in_registers(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], stride: usize) -> (usize, usize) {
+fn transpose_in_registers(
+    x: &[f32],
+    (rows, cols): (usize, usize),
+    out: &mut [f32],
+    stride: usize,
+) -> (usize, usize) {
     if !std::is_x86_feature_detected!("avx") {
         return (0, 0);
     }
@@ -46,12 +53,21 @@ fn transpose_in_registers(_: &[f32], _: (usize, usize), _: &mut [f32], _: usize)
 /// Does the part of [`transpose`] within the first `transposed` rows and columns, block by block.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx")]
-fn transpose_blocks(x: &[f32], cols: usize, transposed: (usize, usize), out: &mut [f32], stride: usize) {
+fn transpose_blocks(
+    x: &[f32],
+    cols: usize,
+    transposed: (usize, usize),
+    out: &mut [f32],
+    stride: usize,
+) {
     use std::arch::x86_64::{_mm256_loadu_ps, _mm256_setzero_ps, _mm256_storeu_ps};
-    use std::arch::x86_64::{_mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps};
+    use std::arch::x86_64::{
+        _mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps,
+    };
     for r in (0..transposed.0).step_by(BLOCK_SIDE) {
         for c in (0..transposed.1).step_by(BLOCK_SIDE) {
-            // Plain loops: closures would become calls here, as they cannot be given the target feature.
+            // Plain loops: closures would become calls here, as they cannot be given the target
+            // feature.
             let (mut x8, mut twos, mut fours) =
                 ([_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8]);
             for i in 0..BLOCK_SIDE {
@@ -87,8 +103,8 @@ fn transpose_blocks(x: &[f32], cols: usize, transposed: (usize, usize), out: &mu
 pub fn relu_backward(d: &mut [f32], y: &[f32]) {
     Arch::new().dispatch(|| {
         for (d, y) in d.iter_mut().zip(y) {
-            // Multiply instead of branching: a branch becomes a masked store, which takes some processors a cycle per
-            // number.
+            // Multiply instead of branching: a branch becomes a masked store, which takes some
+            // processors a cycle per number.
             *d *= f32::from(*y > 0.0);
         }
     });
@@ -115,8 +131,8 @@ pub fn add_into(sum: &mut [f32], part: &[f32]) {
     });
 }
 
-/// Computes a layer with few outputs: `y[r][o] = bias[o] + sum_h x[r][h] w[o][h]`, with `w` `(outputs, inputs)`. `gemm`
-/// runs at a tenth of its speed on matrices with 1 to 4 columns.
+/// Computes a layer with few outputs: `y[r][o] = bias[o] + sum_h x[r][h] w[o][h]`, with `w`
+/// `(outputs, inputs)`. `gemm` runs at a tenth of its speed on matrices with 1 to 4 columns.
 pub fn thin_forward(x: &[f32], w: &[f32], bias: &[f32], y: &mut [f32]) {
     Arch::new().dispatch(|| {
         let inputs = w.len() / bias.len();
@@ -128,7 +144,8 @@ pub fn thin_forward(x: &[f32], w: &[f32], bias: &[f32], y: &mut [f32]) {
     });
 }
 
-/// Computes `dx[r][h] = sum_o dy[r][o] w[o][h]`, the thin layer's gradient with respect to its input.
+/// Computes `dx[r][h] = sum_o dy[r][o] w[o][h]`, the thin layer's gradient with respect to its
+/// input.
 pub fn thin_backward_input(dy: &[f32], w: &[f32], outputs: usize, dx: &mut [f32]) {
     Arch::new().dispatch(|| {
         let inputs = w.len() / outputs;
@@ -161,7 +178,8 @@ pub fn thin_backward_weights(dy: &[f32], x: &[f32], dw: &mut [f32], db: &mut [f3
     });
 }
 
-/// Returns the dot product, using sixteen partial sums so that it vectorises (a single sum may not be reordered).
+/// Returns the dot product, using sixteen partial sums so that it vectorises (a single sum may not
+/// be reordered).
 #[inline(always)]
 fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0f32; 16];
@@ -187,7 +205,8 @@ pub struct AdamRate {
 /// Decay of Adam's first and second moment.
 pub const BETA: (f32, f32) = (0.9, 0.999);
 
-/// Moments below this are set to 0: those of dead units would decay into denormals, which are very slow.
+/// Moments below this are set to 0: those of dead units would decay into denormals, which are very
+/// slow.
 const MOMENT_FLOOR: f32 = 1e-20;
 
 /// Takes one Adam step (Kingma and Ba 2015, algorithm 1 in the efficient form of section 2) on `w`.
@@ -199,7 +218,8 @@ pub fn adam(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate:
     });
 }
 
-/// Does the same as [`adam`] for a handful of numbers, where the run-time dispatch would cost more than the step.
+/// Does the same as [`adam`] for a handful of numbers, where the run-time dispatch would cost more
+/// than the step.
 #[inline(always)]
 pub fn adam_small(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate: AdamRate) {
     let ((w4, w), (m4, m)) = (w.as_chunks_mut::<4>(), m.as_chunks_mut::<4>());
@@ -231,8 +251,8 @@ pub fn soft_update(average: &mut [f32], w: &[f32], tau: f32) {
     }
 }
 
-/// Measures this core's peak multiply-add throughput in GFLOP/s (two operations each), with many independent chains in
-/// registers.
+/// Measures this core's peak multiply-add throughput in GFLOP/s (two operations each), with many
+/// independent chains in registers.
 pub fn multiply_add_gflops() -> f64 {
     Arch::new().dispatch(Peak)
 }
@@ -254,7 +274,8 @@ impl pulp::WithSimd for Peak {
                 *chain = simd.mul_add_f32s(factor, *chain, term);
             }
         }
-        // Use the result before reading the clock, or the compiler may compute it later or not at all.
+        // Use the result before reading the clock, or the compiler may compute it later or not at
+        // all.
         std::hint::black_box(chains.map(|chain| simd.reduce_sum_f32s(chain)));
         let seconds = began.elapsed().as_secs_f64();
         (2 * S::F32_LANES * CHAINS * ROUNDS) as f64 / seconds / 1e9
@@ -276,7 +297,8 @@ mod tests {
     fn assert_close(found: &[f32], expected: impl Iterator<Item = f64>, label: &str) {
         let expected: Vec<f64> = expected.collect();
         assert_eq!(found.len(), expected.len(), "{label}");
-        let off = found.iter().zip(&expected).map(|(f, r)| (f64::from(*f) - r).abs()).fold(0.0, f64::max);
+        let off =
+            found.iter().zip(&expected).map(|(f, r)| (f64::from(*f) - r).abs()).fold(0.0, f64::max);
         assert!(off < 1e-4, "{label}: off by {off}");
     }
 
@@ -290,7 +312,8 @@ mod tests {
                 transpose(&x, (rows, cols), &mut out, stride);
                 // The padding between rows must stay untouched.
                 let expected = |c, r| if r < rows { x[r * cols + c] } else { -1.0 };
-                let all = (0..cols).all(|c| (0..stride).all(|r| out[c * stride + r] == expected(c, r)));
+                let all =
+                    (0..cols).all(|c| (0..stride).all(|r| out[c * stride + r] == expected(c, r)));
                 assert!(all, "{rows} x {cols} to rows of {stride}");
             }
         }
@@ -326,7 +349,11 @@ mod tests {
             let pairs = || a.iter().zip(&b);
             let masked: Vec<f32> = pairs().map(|(d, y)| if *y > 0.0 { *d } else { 0.0 }).collect();
             assert_eq!(changed(relu_backward), masked, "{n} masked");
-            assert_eq!(changed(add_into), pairs().map(|(s, p)| s + p).collect::<Vec<_>>(), "{n} added");
+            assert_eq!(
+                changed(add_into),
+                pairs().map(|(s, p)| s + p).collect::<Vec<_>>(),
+                "{n} added"
+            );
             let average: Vec<f32> = pairs().map(|(a, w)| a + 0.25 * (w - a)).collect();
             assert_eq!(changed(|a, w| soft_update(a, w, 0.25)), average, "{n} averaged");
         }
@@ -346,7 +373,10 @@ mod tests {
             let v_expected = |i| b2 * of(&v, i) + (1.0 - b2) * of(&g, i).powi(2);
             assert_close(&m1, (0..n).map(m_expected), "first moments");
             assert_close(&v1, (0..n).map(v_expected), "second moments");
-            let step = |i| f64::from(rate.rate) * m_expected(i) / (v_expected(i).sqrt() + f64::from(rate.epsilon));
+            let step = |i| {
+                f64::from(rate.rate) * m_expected(i)
+                    / (v_expected(i).sqrt() + f64::from(rate.epsilon))
+            };
             assert_close(&w1, (0..n).map(|i| of(&w, i) - step(i)), "weights");
 
             let (mut w2, mut m2, mut v2) = (w, m, v);
@@ -364,33 +394,45 @@ mod tests {
 
     #[test]
     fn sums_and_thin_layers_are_correct_at_any_width() {
-        for (inputs, rows) in LENGTHS.skip(1).flat_map(|inputs| [0, 1, 2, 7].map(|rows| (inputs, rows))) {
+        for (inputs, rows) in
+            LENGTHS.skip(1).flat_map(|inputs| [0, 1, 2, 7].map(|rows| (inputs, rows)))
+        {
             let x = numbers(rows * inputs, 1);
             let x_at = |r: usize, h: usize| f64::from(x[r * inputs + h]);
             let mut sums = vec![f32::NAN; inputs];
             column_sums(&x, &mut sums);
             assert_close(&sums, (0..inputs).map(|h| (0..rows).map(|r| x_at(r, h)).sum()), "sums");
             for outputs in 1..=5 {
-                let (w, bias, dy) = (numbers(outputs * inputs, 2), numbers(outputs, 3), numbers(rows * outputs, 4));
+                let (w, bias, dy) =
+                    (numbers(outputs * inputs, 2), numbers(outputs, 3), numbers(rows * outputs, 4));
                 let w_at = |o: usize, h: usize| f64::from(w[o * inputs + h]);
                 let dy_at = |r: usize, o: usize| f64::from(dy[r * outputs + o]);
 
                 let mut y = vec![f32::NAN; rows * outputs];
                 thin_forward(&x, &w, &bias, &mut y);
                 let dot = |r, o| (0..inputs).map(|h| x_at(r, h) * w_at(o, h)).sum::<f64>();
-                let expected = |i: usize| f64::from(bias[i % outputs]) + dot(i / outputs, i % outputs);
+                let expected =
+                    |i: usize| f64::from(bias[i % outputs]) + dot(i / outputs, i % outputs);
                 assert_close(&y, (0..rows * outputs).map(expected), "forward");
 
                 let mut dx = vec![f32::NAN; rows * inputs];
                 thin_backward_input(&dy, &w, outputs, &mut dx);
-                let expected = |i: usize| (0..outputs).map(|o| dy_at(i / inputs, o) * w_at(o, i % inputs)).sum::<f64>();
+                let expected = |i: usize| {
+                    (0..outputs).map(|o| dy_at(i / inputs, o) * w_at(o, i % inputs)).sum::<f64>()
+                };
                 assert_close(&dx, (0..rows * inputs).map(expected), "inputs' gradient");
 
                 let (mut dw, mut db) = (vec![f32::NAN; outputs * inputs], vec![f32::NAN; outputs]);
                 thin_backward_weights(&dy, &x, &mut dw, &mut db);
-                let expected = |i: usize| (0..rows).map(|r| dy_at(r, i / inputs) * x_at(r, i % inputs)).sum::<f64>();
+                let expected = |i: usize| {
+                    (0..rows).map(|r| dy_at(r, i / inputs) * x_at(r, i % inputs)).sum::<f64>()
+                };
                 assert_close(&dw, (0..outputs * inputs).map(expected), "weights' gradient");
-                assert_close(&db, (0..outputs).map(|o| (0..rows).map(|r| dy_at(r, o)).sum()), "biases' gradient");
+                assert_close(
+                    &db,
+                    (0..outputs).map(|o| (0..rows).map(|r| dy_at(r, o)).sum()),
+                    "biases' gradient",
+                );
             }
         }
     }

@@ -1,10 +1,10 @@
-//! Matrix products whose right-hand side is packed once and reused: between two optimiser steps, a layer's weights
-//! serve every part of a batch and the passes of several networks.
+//! Matrix products whose right-hand side is packed once and reused: between two optimiser steps, a
+//! layer's weights serve every part of a batch and the passes of several networks.
 //!
-//! The kernel keeps a tile of the result in registers: a few rows by two vectors of columns (Goto and van de Geijn
-//! 2008, "Anatomy of high-performance matrix multiplication", section 4). Each number of the result is one chain of
-//! multiply-adds in the order of the inner index, whichever tile it is in, so results do not depend on how rows are
-//! split over parts.
+//! The kernel keeps a tile of the result in registers: a few rows by two vectors of columns (Goto
+//! and van de Geijn 2008, "Anatomy of high-performance matrix multiplication", section 4). Each
+//! number of the result is one chain of multiply-adds in the order of the inner index, whichever
+//! tile it is in, so results do not depend on how rows are split over parts.
 
 use std::ops::Range;
 
@@ -15,12 +15,12 @@ use crate::learn::kernels::kernel;
 /// Vectors of columns in a tile.
 const VECTORS: usize = 2;
 
-/// Maximum rows of a tile, with 32 registers and with fewer: enough chains of multiply-adds to keep a core busy, few
-/// enough to keep the whole tile in registers.
+/// Maximum rows of a tile, with 32 registers and with fewer: enough chains of multiply-adds to keep
+/// a core busy, few enough to keep the whole tile in registers.
 const MAX_TILE_ROWS: (usize, usize) = (8, 6);
 
-/// The right-hand side of products, `(depth, columns)`, cut into panels as wide as a tile; the last panel is padded
-/// with zeros.
+/// The right-hand side of products, `(depth, columns)`, cut into panels as wide as a tile; the last
+/// panel is padded with zeros.
 #[derive(Clone, Debug, Default)]
 pub struct Panels {
     data: Vec<f32>,
@@ -46,7 +46,9 @@ impl Panels {
     /// Panics if `b` is too short.
     pub fn pack(&mut self, b: &[f32], depth: usize, columns: usize) {
         self.prepare(depth, columns);
-        for (panel, from) in self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width)) {
+        for (panel, from) in
+            self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width))
+        {
             let count = self.width.min(columns - from);
             for (k, row) in panel.chunks_exact_mut(self.width).enumerate() {
                 row[..count].copy_from_slice(&b[k * columns + from..][..count]);
@@ -60,9 +62,16 @@ impl Panels {
     /// Panics if `b` is too short.
     pub fn pack_transposed(&mut self, b: &[f32], depth: usize, columns: usize) {
         self.prepare(depth, columns);
-        for (panel, from) in self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width)) {
+        for (panel, from) in
+            self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width))
+        {
             let count = self.width.min(columns - from);
-            kernel::transpose(&b[from * depth..][..count * depth], (count, depth), panel, self.width);
+            kernel::transpose(
+                &b[from * depth..][..count * depth],
+                (count, depth),
+                panel,
+                self.width,
+            );
         }
     }
 
@@ -77,7 +86,8 @@ impl Panels {
         (self.depth, self.columns, self.width) = (depth, columns, width);
     }
 
-    /// Computes the columns of `out = left * self` from `from` on, `(rows, columns - from)` row-major.
+    /// Computes the columns of `out = left * self` from `from` on, `(rows, columns - from)`
+    /// row-major.
     ///
     /// # Panics
     /// Panics if the sizes do not match.
@@ -99,7 +109,11 @@ impl Panels {
         assert!(from <= self.columns, "column {from} of {}", self.columns);
         let wanted = self.columns - from;
         assert!(out.len() >= rows * wanted, "{} numbers for {rows} x {wanted}", out.len());
-        assert!(bias.is_none_or(|b| b.len() == self.columns), "a bias for each of {} columns", self.columns);
+        assert!(
+            bias.is_none_or(|b| b.len() == self.columns),
+            "a bias for each of {} columns",
+            self.columns
+        );
         if rows > 0 && wanted > 0 {
             Arch::new().dispatch(Product { left, panels: self, rows, from, bias, out });
         }
@@ -134,13 +148,18 @@ impl WithSimd for Product<'_> {
         let Self { left, panels, rows, from, bias, out } = self;
         let Panels { ref data, depth, columns, width } = *panels;
         let max_rows = if S::REGISTER_COUNT >= 32 { MAX_TILE_ROWS.0 } else { MAX_TILE_ROWS.1 };
-        // Tiles of nearly equal height: a last tile of one or two rows would take almost as long as a full one.
+        // Tiles of nearly equal height: a last tile of one or two rows would take almost as long as
+        // a full one.
         let tiles = rows.div_ceil(max_rows);
         for panel in from / width..columns.div_ceil(width) {
             let (b, _) = S::as_simd_f32s(&data[panel * depth * width..][..depth * width]);
             let first = panel * width;
-            let to =
-                Window { columns: first.max(from)..(first + width).min(columns), first, from, stride: columns - from };
+            let to = Window {
+                columns: first.max(from)..(first + width).min(columns),
+                first,
+                from,
+                stride: columns - from,
+            };
             let bias = bias.map(|bias| &bias[to.columns.clone()]);
             for tile in 0..tiles {
                 let (r, end) = (rows * tile / tiles, rows * (tile + 1) / tiles);
@@ -202,7 +221,12 @@ fn rows_tile<S: Simd, const R: usize>(simd: S, a: &[f32], b: &[S::f32s]) -> Tile
 
 /// Computes a tile from `R` columns of `a` `(depth, rows)`, starting at `r`.
 #[inline(always)]
-fn columns_tile<S: Simd, const R: usize>(simd: S, a: &[f32], (r, rows): (usize, usize), b: &[S::f32s]) -> Tile<S, R> {
+fn columns_tile<S: Simd, const R: usize>(
+    simd: S,
+    a: &[f32],
+    (r, rows): (usize, usize),
+    b: &[S::f32s],
+) -> Tile<S, R> {
     let mut sums = [[simd.splat_f32s(0.0); VECTORS]; R];
     for (a, b) in a.chunks_exact(rows).zip(b.as_chunks::<VECTORS>().0) {
         let a = &a[r..][..R];
@@ -218,7 +242,13 @@ fn columns_tile<S: Simd, const R: usize>(simd: S, a: &[f32], (r, rows): (usize, 
 
 /// Writes a tile to the rows `out`, applying bias and ReLU if there is a bias.
 #[inline(always)]
-fn store<S: Simd, const R: usize>(simd: S, tile: &Tile<S, R>, to: &Window, bias: Option<&[f32]>, out: &mut [f32]) {
+fn store<S: Simd, const R: usize>(
+    simd: S,
+    tile: &Tile<S, R>,
+    to: &Window,
+    bias: Option<&[f32]>,
+    out: &mut [f32],
+) {
     let (skip, count) = (to.columns.start - to.first, to.columns.len());
     if count == VECTORS * S::F32_LANES {
         let bias = bias.map(|bias| S::as_simd_f32s(bias).0);
@@ -226,8 +256,9 @@ fn store<S: Simd, const R: usize>(simd: S, tile: &Tile<S, R>, to: &Window, bias:
             let row = &mut out[i * to.stride + to.columns.start - to.from..][..count];
             let (row, _) = S::as_mut_simd_f32s(row);
             for v in 0..VECTORS {
-                row[v] = bias
-                    .map_or(tile[i][v], |bias| simd.max_f32s(simd.add_f32s(tile[i][v], bias[v]), simd.splat_f32s(0.0)));
+                row[v] = bias.map_or(tile[i][v], |bias| {
+                    simd.max_f32s(simd.add_f32s(tile[i][v], bias[v]), simd.splat_f32s(0.0))
+                });
             }
         }
         return;
@@ -260,8 +291,12 @@ mod tests {
     fn products_are_correct_in_all_forms_at_odd_sizes() {
         let number = |i: usize| ((i * 7919) % 23) as f32 * 0.25 - 2.5;
         // Tiles of every height; full, partial and no panels; and sizes of the networks.
-        let odd = (0..=17).flat_map(|rows| (0..=70).map(move |columns| (rows, 1 + (rows + columns) % 5, columns)));
-        for (rows, depth, columns) in odd.chain([(12, 16, 32), (13, 9, 65), (29, 40, 72), (64, 31, 128)]) {
+        let odd = (0..=17).flat_map(|rows| {
+            (0..=70).map(move |columns| (rows, 1 + (rows + columns) % 5, columns))
+        });
+        for (rows, depth, columns) in
+            odd.chain([(12, 16, 32), (13, 9, 65), (29, 40, 72), (64, 31, 128)])
+        {
             let a: Vec<f32> = (0..rows * depth).map(number).collect();
             let b: Vec<f32> = (0..depth * columns).map(|i| number(i + 5)).collect();
             let bias: Vec<f32> = (0..columns).map(number).collect();
@@ -271,26 +306,41 @@ mod tests {
 
             panels.pack(&b, depth, columns);
             panels.product(Lhs::Rows(&a), rows, 0, &mut out);
-            let expected =
-                |r: usize, c: usize| plain(|r, k| a[r * depth + k], |k, c| b[k * columns + c], (r, c), depth);
-            assert!((0..rows * columns).all(|i| close(out[i], expected(i / columns, i % columns))), "rows, packed");
+            let expected = |r: usize, c: usize| {
+                plain(|r, k| a[r * depth + k], |k, c| b[k * columns + c], (r, c), depth)
+            };
+            assert!(
+                (0..rows * columns).all(|i| close(out[i], expected(i / columns, i % columns))),
+                "rows, packed"
+            );
 
             panels.relu_layer(Lhs::Rows(&a), rows, &bias, &mut out);
             let relu = |r, c| (expected(r, c) + f64::from(bias[c])).max(0.0);
-            assert!((0..rows * columns).all(|i| close(out[i], relu(i / columns, i % columns))), "a ReLU layer");
+            assert!(
+                (0..rows * columns).all(|i| close(out[i], relu(i / columns, i % columns))),
+                "a ReLU layer"
+            );
 
             // The left-hand side given as its transpose.
             panels.product(Lhs::Columns(&a), rows, 0, &mut out);
-            let expected = |r: usize, c: usize| plain(|r, k| a[k * rows + r], |k, c| b[k * columns + c], (r, c), depth);
-            assert!((0..rows * columns).all(|i| close(out[i], expected(i / columns, i % columns))), "columns, packed");
+            let expected = |r: usize, c: usize| {
+                plain(|r, k| a[k * rows + r], |k, c| b[k * columns + c], (r, c), depth)
+            };
+            assert!(
+                (0..rows * columns).all(|i| close(out[i], expected(i / columns, i % columns))),
+                "columns, packed"
+            );
 
             // The right-hand side given as its transpose, computing only the last columns.
             panels.pack_transposed(&b, depth, columns);
             let from = columns / 2;
             let mut cut = vec![f32::NAN; rows * (columns - from)];
             panels.product(Lhs::Rows(&a), rows, from, &mut cut);
-            let expected = |r: usize, c: usize| plain(|r, k| a[r * depth + k], |k, c| b[c * depth + k], (r, c), depth);
-            let (n, ok) = (columns - from, |i: usize, n: usize| close(cut[i], expected(i / n, from + i % n)));
+            let expected = |r: usize, c: usize| {
+                plain(|r, k| a[r * depth + k], |k, c| b[c * depth + k], (r, c), depth)
+            };
+            let (n, ok) =
+                (columns - from, |i: usize, n: usize| close(cut[i], expected(i / n, from + i % n)));
             assert!((0..rows * n).all(|i| ok(i, n)), "transposed, from {from}");
         }
     }
@@ -298,7 +348,9 @@ mod tests {
     #[test]
     fn a_row_is_bit_identical_alone_and_among_others() {
         let (depth, columns) = (50, 70);
-        let numbers = |n: usize| -> Vec<f32> { (0..n).map(|i| ((i * 31) % 101) as f32 * 0.017 - 0.8).collect() };
+        let numbers = |n: usize| -> Vec<f32> {
+            (0..n).map(|i| ((i * 31) % 101) as f32 * 0.017 - 0.8).collect()
+        };
         let (a, b) = (numbers(20 * depth), numbers(depth * columns));
         let mut panels = Panels::default();
         panels.pack(&b, depth, columns);

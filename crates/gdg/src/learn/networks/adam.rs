@@ -26,7 +26,8 @@ impl Moments {
 /// Returns Adam's bias-corrected step size at update number `step` (from 1).
 pub fn adam_rate(learning_rate: f32, step: u64) -> AdamRate {
     let step = step.min(1 << 30) as i32;
-    let (c1, c2) = (1.0 - f64::from(BETA.0).powi(step), (1.0 - f64::from(BETA.1).powi(step)).sqrt());
+    let (c1, c2) =
+        (1.0 - f64::from(BETA.0).powi(step), (1.0 - f64::from(BETA.1).powi(step)).sqrt());
     AdamRate { rate: (f64::from(learning_rate) * c2 / c1) as f32, epsilon: (EPSILON * c2) as f32 }
 }
 
@@ -44,7 +45,11 @@ pub struct LearningRates {
 impl LearningRates {
     /// Returns the step sizes in `settings`.
     pub fn from_settings(settings: &LearnSettings) -> Self {
-        Self { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau }
+        Self {
+            dense: settings.learning_rate,
+            table: settings.grid_learning_rate,
+            tau: settings.tau,
+        }
     }
 }
 

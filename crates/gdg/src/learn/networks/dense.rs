@@ -39,8 +39,8 @@ pub struct DenseGuard<'a> {
 }
 
 impl DenseGuard<'_> {
-    /// Returns the parameters, or their running average if `averaged` and there is one, flat and packed (averages for
-    /// the forward pass only).
+    /// Returns the parameters, or their running average if `averaged` and there is one, flat and
+    /// packed (averages for the forward pass only).
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
@@ -62,8 +62,10 @@ impl Dense {
         mlp.pack(parameters, true, &mut packed);
         mlp.pack(parameters, false, &mut packed_average);
         let average = averaged.then(|| (parameters.to_vec(), packed_average));
-        let training = TrainingState { steps: 0, packed, moments: Moments::new(parameters.len()), average };
-        let var = Var::from_tensor(&Tensor::from_slice(parameters, parameters.len(), &Device::Cpu)?)?;
+        let training =
+            TrainingState { steps: 0, packed, moments: Moments::new(parameters.len()), average };
+        let var =
+            Var::from_tensor(&Tensor::from_slice(parameters, parameters.len(), &Device::Cpu)?)?;
         Ok(Self { mlp, var, training: RwLock::new(training) })
     }
 
@@ -82,8 +84,8 @@ impl Dense {
         DenseGuard { numbers: self.var.storage_and_layout().0, training: self.training.read() }
     }
 
-    /// Takes one Adam step on the sum of the gradients `parts` (summed in order into the first), then updates the
-    /// average.
+    /// Takes one Adam step on the sum of the gradients `parts` (summed in order into the first),
+    /// then updates the average.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
@@ -112,7 +114,11 @@ impl Dense {
     pub fn state(&self) -> Result<NetworkState> {
         let parameters = self.lock().numbers(false)?.0.to_vec();
         let TrainingState { moments, average, .. } = &*self.training.read();
-        let mut state = vec![("dense", parameters), ("dense_m", moments.m.clone()), ("dense_v", moments.v.clone())];
+        let mut state = vec![
+            ("dense", parameters),
+            ("dense_m", moments.m.clone()),
+            ("dense_v", moments.v.clone()),
+        ];
         state.extend(average.as_ref().map(|(average, _)| ("dense_average", average.clone())));
         Ok(state)
     }

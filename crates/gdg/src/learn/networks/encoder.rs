@@ -9,10 +9,10 @@ use crate::learn::settings::LearnSettings;
 
 /// Input features of states and of (state, goal) pairs.
 ///
-/// A *plain* state row is `[u | sin, cos(pi 2^l u_a)]` where `u` is the state scaled to [-1, 1] and `u_a` its achieved
-/// goal. A plain pair row is that, the same for the goal, and `tanh((g - s_a) / c)` for each relative scale c. Plain
-/// rows depend on no parameters, so all networks share them. A network with a grid encoding appends the encoded
-/// position(s).
+/// A *plain* state row is `[u | sin, cos(pi 2^l u_a)]` where `u` is the state scaled to [-1, 1] and
+/// `u_a` its achieved goal. A plain pair row is that, the same for the goal, and `tanh((g - s_a) /
+/// c)` for each relative scale c. Plain rows depend on no parameters, so all networks share them. A
+/// network with a grid encoding appends the encoded position(s).
 #[derive(Clone, Debug)]
 pub struct Encoder {
     spec: Spec,
@@ -26,14 +26,25 @@ impl Encoder {
     /// Creates the features that `settings` specify for an environment of `spec`.
     pub fn new(spec: &Spec, settings: &LearnSettings) -> Self {
         let dims = spec.goal_dim();
-        let grid =
-            (spec.goals_are_positions && (1..=3).contains(&dims) && !settings.grid_cells.is_empty()).then(|| {
-                let half = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
-                GridShape::new(dims, settings.grid_channels, &settings.grid_cells, 2.0 * half / spec.goal_radius)
-            });
+        let grid = (spec.goals_are_positions
+            && (1..=3).contains(&dims)
+            && !settings.grid_cells.is_empty())
+        .then(|| {
+            let half = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
+            GridShape::new(
+                dims,
+                settings.grid_channels,
+                &settings.grid_cells,
+                2.0 * half / spec.goal_radius,
+            )
+        });
         Self {
             octaves: settings.fourier_octaves,
-            relative: settings.relative_scales.iter().map(|c| 1.0 / (c * spec.goal_radius)).collect(),
+            relative: settings
+                .relative_scales
+                .iter()
+                .map(|c| 1.0 / (c * spec.goal_radius))
+                .collect(),
             spec: spec.clone(),
             grid,
         }
@@ -51,7 +62,8 @@ impl Encoder {
 
     /// Returns the number of trainable parameters of `mlp` and its network's grid table.
     pub fn parameters_with(&self, mlp: &Mlp) -> u64 {
-        (mlp.parameters() + self.grid.as_ref().map_or(0, |grid| grid.corners() * grid.channels)) as u64
+        (mlp.parameters() + self.grid.as_ref().map_or(0, |grid| grid.corners() * grid.channels))
+            as u64
     }
 
     /// Returns the number of Fourier octaves per coordinate.
@@ -101,7 +113,9 @@ impl Encoder {
             *u = self.spec.scaled(i, state[i]);
         }
         if self.octaves > 0 {
-            for (i, out) in self.spec.achieved.iter().zip(fourier.chunks_exact_mut(2 * self.octaves)) {
+            for (i, out) in
+                self.spec.achieved.iter().zip(fourier.chunks_exact_mut(2 * self.octaves))
+            {
                 octaves(scaled[*i], out);
             }
         }
@@ -137,7 +151,8 @@ impl Encoder {
         }
     }
 
-    /// Writes the achieved goal of `state` scaled to [-1, 1]: the position that its grid encoding reads.
+    /// Writes the achieved goal of `state` scaled to [-1, 1]: the position that its grid encoding
+    /// reads.
     pub fn scaled_achieved(&self, state: &[f32], out: &mut [f32]) {
         for (out, i) in out.iter_mut().zip(&self.spec.achieved) {
             *out = self.spec.scaled(*i, state[*i]);
@@ -163,7 +178,13 @@ impl Encoder {
     }
 
     /// Writes the encodings of the positions at row `i` of each of `places`, one after the other.
-    pub fn encode(&self, table: Option<TableView>, places: &[&GridReads], i: usize, out: &mut [f32]) {
+    pub fn encode(
+        &self,
+        table: Option<TableView>,
+        places: &[&GridReads],
+        i: usize,
+        out: &mut [f32],
+    ) {
         if let (Some(grid), Some(table)) = (&self.grid, table) {
             for (places, out) in places.iter().zip(out.chunks_exact_mut(grid.width())) {
                 grid.encode(table, places, i, out);
@@ -171,8 +192,8 @@ impl Encoder {
         }
     }
 
-    /// Backpropagates `d_row`, the gradient with respect to the pair row `row`, to `state`; writes the result to
-    /// `d_state`.
+    /// Backpropagates `d_row`, the gradient with respect to the pair row `row`, to `state`; writes
+    /// the result to `d_state`.
     pub fn pair_state_gradient(
         &self,
         state: &[f32],
@@ -197,7 +218,12 @@ impl Encoder {
             let mut du = [0.0; 3];
             self.scaled_achieved(state, &mut u[..grid.dims]);
             let from = self.plain_pair_width();
-            grid.position_gradient(table, &u[..grid.dims], &d_row[from..from + grid.width()], &mut du[..grid.dims]);
+            grid.position_gradient(
+                table,
+                &u[..grid.dims],
+                &d_row[from..from + grid.width()],
+                &mut du[..grid.dims],
+            );
             for (i, du) in self.spec.achieved.iter().zip(du) {
                 d_state[*i] += du;
             }
@@ -218,7 +244,8 @@ impl Encoder {
     }
 }
 
-/// Writes `sin(pi 2^l u), cos(pi 2^l u)` for l = 0, 1, ..., each from the previous one by the double-angle formulas.
+/// Writes `sin(pi 2^l u), cos(pi 2^l u)` for l = 0, 1, ..., each from the previous one by the
+/// double-angle formulas.
 fn octaves(u: f32, out: &mut [f32]) {
     let (mut sin, mut cos) = (PI * u).sin_cos();
     for pair in out.chunks_exact_mut(2) {

@@ -9,17 +9,18 @@ use crate::learn::networks::network::Network;
 
 /// An actor that other programs can run.
 ///
-/// With `u` the state scaled to [-1, 1], `u_a` its achieved goal, `w` the scaled goal and all arrays by rows, the actor's
-/// input is
+/// With `u` the state scaled to [-1, 1], `u_a` its achieved goal, `w` the scaled goal and all
+/// arrays by rows, the actor's input is
 ///
 /// ```text
 /// x = [u | F(u_a) | w | F(w) | tanh(rate * (goal - achieved)) for each rate | G(u_a) | G(w)]
 /// ```
 ///
-/// where `F(p)` is `sin(pi p), cos(pi p), sin(2 pi p), cos(2 pi p), ...`, `fourier_octaves` pairs for each component,
-/// the relative inputs list all rates of one component before the next, and `G` reads the grids, if there are any. Then
-/// `x = max(0, x @ layerI.weight + layerI.bias)` for each layer, and the action is
-/// `tanh(output.weight @ x + output.bias)`. `tests/policy.py` does this in numpy.
+/// where `F(p)` is `sin(pi p), cos(pi p), sin(2 pi p), cos(2 pi p), ...`, `fourier_octaves` pairs
+/// for each component, the relative inputs list all rates of one component before the next, and `G`
+/// reads the grids, if there are any. Then `x = max(0, x @ layerI.weight + layerI.bias)` for each
+/// layer, and the action is `tanh(output.weight @ x + output.bias)`. `tests/policy.py` does this in
+/// numpy.
 #[derive(Clone, Debug)]
 pub struct ActorExport {
     /// The weights, in order.
@@ -31,8 +32,9 @@ pub struct ActorExport {
 /// An array by name.
 #[derive(Clone, Debug)]
 pub struct NamedTensor {
-    /// `layerI.weight` (inputs, hidden) and `layerI.bias` (hidden), `output.weight` (action_dim, hidden) and `output.bias`
-    /// (action_dim), and `gridI` (corners of the last axis, ..., corners of the first axis, channels).
+    /// `layerI.weight` (inputs, hidden) and `layerI.bias` (hidden), `output.weight` (action_dim,
+    /// hidden) and `output.bias` (action_dim), and `gridI` (corners of the last axis, ..., corners
+    /// of the first axis, channels).
     pub name: String,
     /// Its shape.
     pub shape: Vec<usize>,
@@ -55,8 +57,8 @@ pub struct ActorInputs {
     pub relative_rates: Vec<f32>,
     /// Hidden layers (ReLU).
     pub layers: usize,
-    /// Grids: each spans [-1, 1] along every axis and is read by multilinear interpolation; positions outside are moved
-    /// to its edge.
+    /// Grids: each spans [-1, 1] along every axis and is read by multilinear interpolation;
+    /// positions outside are moved to its edge.
     pub grids: usize,
 }
 
@@ -65,12 +67,18 @@ impl ActorExport {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub(in crate::learn) fn of(encoder: &Encoder, mlp: &Mlp, actor: &Network, averaged: bool) -> Result<Self> {
+    pub(in crate::learn) fn of(
+        encoder: &Encoder,
+        mlp: &Mlp,
+        actor: &Network,
+        averaged: bool,
+    ) -> Result<Self> {
         let (parameters, table) = actor.copy(averaged)?;
         Ok(Self::new(encoder, mlp, &parameters, &table))
     }
 
-    /// Returns the export of an actor `mlp` with these `parameters` and grid `table` `(corners, channels)`.
+    /// Returns the export of an actor `mlp` with these `parameters` and grid `table` `(corners,
+    /// channels)`.
     fn new(encoder: &Encoder, mlp: &Mlp, parameters: &[f32], table: &[f32]) -> Self {
         let tensor = |name: String, shape: &[usize], values: &[f32]| NamedTensor {
             name,
@@ -80,12 +88,24 @@ impl ActorExport {
         let mut tensors = Vec::new();
         for layer in 0..mlp.layers {
             let shape = [mlp.layer_inputs(layer), mlp.hidden];
-            tensors.push(tensor(format!("layer{layer}.weight"), &shape, &parameters[mlp.weights(layer)]));
-            tensors.push(tensor(format!("layer{layer}.bias"), &[mlp.hidden], &parameters[mlp.bias(layer)]));
+            tensors.push(tensor(
+                format!("layer{layer}.weight"),
+                &shape,
+                &parameters[mlp.weights(layer)],
+            ));
+            tensors.push(tensor(
+                format!("layer{layer}.bias"),
+                &[mlp.hidden],
+                &parameters[mlp.bias(layer)],
+            ));
         }
         let shape = [mlp.outputs, mlp.hidden];
         tensors.push(tensor("output.weight".to_owned(), &shape, &parameters[mlp.output_weights()]));
-        tensors.push(tensor("output.bias".to_owned(), &[mlp.outputs], &parameters[mlp.output_bias()]));
+        tensors.push(tensor(
+            "output.bias".to_owned(),
+            &[mlp.outputs],
+            &parameters[mlp.output_bias()],
+        ));
         let grids = encoder.grid().map_or(0, |grid| {
             for (i, level) in grid.levels.iter().enumerate() {
                 let mut shape = vec![level.corners; grid.dims];

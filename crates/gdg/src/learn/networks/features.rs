@@ -60,14 +60,22 @@ impl Encoder {
         }
     }
 
-    /// Builds full pair rows from plain ones and a network's table: the first `pair_width` columns of `x`
-    /// `(rows, stride)`.
-    pub fn pair_rows(&self, pairs: Pairs, table: Option<TableView>, stride: usize, x: &mut Vec<f32>) {
+    /// Builds full pair rows from plain ones and a network's table: the first `pair_width` columns
+    /// of `x` `(rows, stride)`.
+    pub fn pair_rows(
+        &self,
+        pairs: Pairs,
+        table: Option<TableView>,
+        stride: usize,
+        x: &mut Vec<f32>,
+    ) {
         let (width, plain_width) = (self.pair_width(), self.plain_pair_width());
         let count = pairs.states.len() / self.spec().state_dim();
         let places = [&pairs.plain.states, &pairs.plain.goals];
         let plain = pairs.plain.rows.chunks_exact(plain_width);
-        for ((i, row), plain) in resized(x, count * stride).chunks_exact_mut(stride).enumerate().zip(plain) {
+        for ((i, row), plain) in
+            resized(x, count * stride).chunks_exact_mut(stride).enumerate().zip(plain)
+        {
             let (copy, encoded) = row[..width].split_at_mut(plain_width);
             copy.copy_from_slice(plain);
             self.encode(table, &places, i, encoded);
@@ -76,13 +84,25 @@ impl Encoder {
 }
 
 impl Workspace {
-    /// Computes the actions mu(s, g) = tanh(z), `(rows, action_dim)`; keeps inputs, outputs z and activations for the
-    /// backward pass.
-    pub fn actions(&mut self, encoder: &Encoder, mlp: &Mlp, actor: Weights, pairs: Pairs, out: &mut [f32]) {
+    /// Computes the actions mu(s, g) = tanh(z), `(rows, action_dim)`; keeps inputs, outputs z and
+    /// activations for the backward pass.
+    pub fn actions(
+        &mut self,
+        encoder: &Encoder,
+        mlp: &Mlp,
+        actor: Weights,
+        pairs: Pairs,
+        out: &mut [f32],
+    ) {
         encoder.pair_rows(pairs, actor.table, mlp.inputs, &mut self.x);
         let rows = out.len() / mlp.outputs;
         let outputs = resized(&mut self.outputs, out.len());
-        mlp.forward((actor.dense, actor.packed), &self.x[..rows * mlp.inputs], outputs, &mut self.acts);
+        mlp.forward(
+            (actor.dense, actor.packed),
+            &self.x[..rows * mlp.inputs],
+            outputs,
+            &mut self.acts,
+        );
         for (a, z) in out.iter_mut().zip(outputs) {
             *a = z.tanh();
         }

@@ -1,5 +1,6 @@
-//! Trainable multi-resolution grid encoding: feature channels stored at grid corners and read by multilinear
-//! interpolation at a position (the dense levels of Müller et al. 2022, "Instant neural graphics primitives").
+//! Trainable multi-resolution grid encoding: feature channels stored at grid corners and read by
+//! multilinear interpolation at a position (the dense levels of Müller et al. 2022, "Instant neural
+//! graphics primitives").
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -34,14 +35,16 @@ pub struct TableView<'a> {
     pub lines: &'a [f32],
     /// Numbers in a line.
     pub stride: usize,
-    /// For reading the average: the update as of which each corner's average is stored, and its decay since.
+    /// For reading the average: the update as of which each corner's average is stored, and its
+    /// decay since.
     pub average: Option<LazyAverageView<'a>>,
 }
 
 /// The lazy running average of a table of which each update changes only a few corners.
 ///
-/// While a corner's value is unchanged, its average approaches it by the same factor at every update, so the average at
-/// any later time follows from the one at the last change. Only changed corners cost work.
+/// While a corner's value is unchanged, its average approaches it by the same factor at every
+/// update, so the average at any later time follows from the one at the last change. Only changed
+/// corners cost work.
 #[derive(Clone, Copy)]
 pub struct LazyAverageView<'a> {
     /// Update as of which each corner's average is stored, `(corners)`.
@@ -53,15 +56,16 @@ pub struct LazyAverageView<'a> {
 }
 
 impl LazyAverageView<'_> {
-    /// Returns the remaining difference between the average and the value of `corner`, as a share of the stored
-    /// difference.
+    /// Returns the remaining difference between the average and the value of `corner`, as a share
+    /// of the stored difference.
     #[inline]
     pub fn remaining(&self, corner: usize) -> f32 {
         self.decay.get((self.now - self.stored[corner]) as usize).copied().unwrap_or(0.0)
     }
 }
 
-/// Location of a position in one level: the lower corner, and the weight of the upper corner along each axis.
+/// Location of a position in one level: the lower corner, and the weight of the upper corner along
+/// each axis.
 #[derive(Clone, Copy)]
 struct LevelPosition {
     corner: usize,
@@ -84,7 +88,8 @@ impl Level {
     }
 }
 
-/// Table reads of many positions: the corners around each position in every level, and their weights.
+/// Table reads of many positions: the corners around each position in every level, and their
+/// weights.
 #[derive(Clone, Debug, Default)]
 pub struct GridReads {
     /// `(positions, levels, 2^dims)`.
@@ -107,13 +112,16 @@ impl GridReads {
 }
 
 impl GridShape {
-    /// Creates tables for positions with `dims` axes; `cell_sizes` are in units of which the range [-1, 1] spans
-    /// `units`.
+    /// Creates tables for positions with `dims` axes; `cell_sizes` are in units of which the range
+    /// [-1, 1] spans `units`.
     ///
     /// # Panics
     /// Panics if `dims` is not 1, 2 or 3.
     pub fn new(dims: usize, channels: usize, cell_sizes: &[f32], units: f32) -> Self {
-        assert!((1..=3).contains(&dims), "the grid encoding supports positions of one to three axes");
+        assert!(
+            (1..=3).contains(&dims),
+            "the grid encoding supports positions of one to three axes"
+        );
         let mut levels: Vec<Level> = Vec::new();
         let mut first = 0;
         for size in cell_sizes {
@@ -146,8 +154,8 @@ impl GridShape {
         (0..self.corners() * self.channels).map(|_| rng.random_range(-0.01..0.01)).collect()
     }
 
-    /// Calls `visit(corner, bits)` for each corner around a place; bit k of `bits` is set if it is the upper one along
-    /// axis k.
+    /// Calls `visit(corner, bits)` for each corner around a place; bit k of `bits` is set if it is
+    /// the upper one along axis k.
     #[inline]
     fn around(&self, level: Level, place: &LevelPosition, mut visit: impl FnMut(usize, usize)) {
         for bits in 0..1usize << self.dims {
@@ -168,13 +176,16 @@ impl GridShape {
         1 << self.dims
     }
 
-    /// Adds the reads of `position` (`dims`, scaled) to `places`; they are the same for all tables of this shape.
+    /// Adds the reads of `position` (`dims`, scaled) to `places`; they are the same for all tables
+    /// of this shape.
     pub fn locate(&self, position: &[f32], places: &mut GridReads) {
         for level in &self.levels {
             let place = level.place(position);
             self.around(*level, &place, |corner, bits| {
                 places.corners.push(corner as u32);
-                places.weights.push((0..self.dims).map(|axis| axis_weight(&place, bits, axis)).product());
+                places
+                    .weights
+                    .push((0..self.dims).map(|axis| axis_weight(&place, bits, axis)).product());
             });
         }
     }
@@ -215,8 +226,11 @@ impl GridShape {
                     Some(lazy) => {
                         let remaining = lazy.remaining(*corner as usize);
                         // A copy has no average, and shorter lines.
-                        let stored = |c: usize| if STRIDE > C { line[(C + c) % STRIDE] } else { line[c] };
-                        (0..C).for_each(|c| sum[c] += weight * (line[c] + (stored(c) - line[c]) * remaining));
+                        let stored =
+                            |c: usize| if STRIDE > C { line[(C + c) % STRIDE] } else { line[c] };
+                        (0..C).for_each(|c| {
+                            sum[c] += weight * (line[c] + (stored(c) - line[c]) * remaining);
+                        });
                     }
                 }
             }
@@ -247,8 +261,15 @@ impl GridShape {
         }
     }
 
-    /// Adds the encoding's gradient with respect to the scaled position to `d_position`, from `d_out` (`width`).
-    pub fn position_gradient(&self, table: TableView, position: &[f32], d_out: &[f32], d_position: &mut [f32]) {
+    /// Adds the encoding's gradient with respect to the scaled position to `d_position`, from
+    /// `d_out` (`width`).
+    pub fn position_gradient(
+        &self,
+        table: TableView,
+        position: &[f32],
+        d_out: &[f32],
+        d_position: &mut [f32],
+    ) {
         for (level, d_out) in self.levels.iter().zip(d_out.chunks_exact(self.channels)) {
             let place = level.place(position);
             let per_unit = 0.5 * (level.corners - 1) as f32;
@@ -256,8 +277,10 @@ impl GridShape {
                 let values = &table.lines[corner * table.stride..][..self.channels];
                 let along: f32 = values.iter().zip(d_out).map(|(v, d)| v * d).sum();
                 for (axis, d) in d_position.iter_mut().enumerate().take(self.dims) {
-                    let others: f32 =
-                        (0..self.dims).filter(|a| *a != axis).map(|a| axis_weight(&place, bits, a)).product();
+                    let others: f32 = (0..self.dims)
+                        .filter(|a| *a != axis)
+                        .map(|a| axis_weight(&place, bits, a))
+                        .product();
                     let sign = if bits >> axis & 1 == 1 { per_unit } else { -per_unit };
                     // Positions are clamped to the range, so the gradient is zero outside it.
                     if position[axis].abs() <= 1.0 {

@@ -1,13 +1,16 @@
-//! One step of lookahead: the action of a fixed set after which the critics expect the shortest distance.
+//! One step of lookahead: the action of a fixed set after which the critics expect the shortest
+//! distance.
 
 use crate::learn::networks::features::{Pairs, SharedFeatures, Workspace};
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::shapes::Shapes;
 
-/// Steps by which another action must be better than the actor's: differences below this are noise of D.
+/// Steps by which another action must be better than the actor's: differences below this are noise
+/// of D.
 pub const MIN_GAIN_STEPS: f32 = 0.1;
 
-/// An action is blocked if it changes every component by less than this, as a share of its change scale.
+/// An action is blocked if it changes every component by less than this, as a share of its change
+/// scale.
 pub const BLOCKED_CHANGE: f32 = 0.5;
 
 /// Pairs whose actions are tried at a time, few enough for the activations to stay in the cache.
@@ -40,11 +43,12 @@ pub struct WaysOut {
 }
 
 impl Shapes {
-    /// Replaces `actions` `(rows, action_dim)`, the actor's in `states` towards `goals`, by those of [`Shapes::tried_actions`]
-    /// with a smaller D(f(s, a), g) by all `critics`, where there is one.
+    /// Replaces `actions` `(rows, action_dim)`, the actor's in `states` towards `goals`, by those
+    /// of [`Shapes::tried_actions`] with a smaller D(f(s, a), g) by all `critics`, where there is
+    /// one.
     ///
-    /// The actor descends the same objective along its gradient (Algorithm 1), which is no help where a wall stops all
-    /// actions that differ little from its own.
+    /// The actor descends the same objective along its gradient (Algorithm 1), which is no help
+    /// where a wall stops all actions that differ little from its own.
     pub fn improve_actions(
         &self,
         (model, critics): (Weights, &[Weights]),
@@ -54,11 +58,24 @@ impl Shapes {
     ) {
         let spec = self.encoder.spec();
         let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
-        let chunks = states.chunks(PAIRS * s).zip(goals.chunks(PAIRS * g)).zip(actions.chunks_mut(PAIRS * a));
+        let chunks = states
+            .chunks(PAIRS * s)
+            .zip(goals.chunks(PAIRS * g))
+            .zip(actions.chunks_mut(PAIRS * a));
         for ((states, goals), actions) in chunks {
-            let LookaheadBuffers { states: from, goals: to, actions: tried, next, distances, plain, .. } = buffers;
+            let LookaheadBuffers {
+                states: from,
+                goals: to,
+                actions: tried,
+                next,
+                distances,
+                plain,
+                ..
+            } = buffers;
             [&mut *from, to, tried].into_iter().for_each(Vec::clear);
-            for ((state, goal), own) in states.chunks_exact(s).zip(goals.chunks_exact(g)).zip(actions.chunks_exact(a)) {
+            for ((state, goal), own) in
+                states.chunks_exact(s).zip(goals.chunks_exact(g)).zip(actions.chunks_exact(a))
+            {
                 let count = 1 + self.tried_actions.len() / a;
                 for _ in 0..count {
                     from.extend(state);
@@ -72,7 +89,12 @@ impl Shapes {
             self.next_states(model, (from, tried), next, &mut buffers.model);
             self.encoder.plain_pairs(next, to, plain);
             distances.resize(rows, 0.0);
-            self.joint_distances(critics, Pairs { plain, states: next, goals: to }, distances, &mut buffers.critic);
+            self.joint_distances(
+                critics,
+                Pairs { plain, states: next, goals: to },
+                distances,
+                &mut buffers.critic,
+            );
             let count = rows / (actions.len() / a);
             let tried = tried.chunks_exact(count * a).zip(distances.chunks_exact(count));
             for (action, (tried, distances)) in actions.chunks_exact_mut(a).zip(tried) {
@@ -87,8 +109,9 @@ impl Shapes {
         }
     }
 
-    /// Finds what lookahead does better in the rows whose `actions` are blocked according to their predicted `next` states:
-    /// no action that differs little from a blocked one changes anything, so that the gradient of Algorithm 1 vanishes.
+    /// Finds what lookahead does better in the rows whose `actions` are blocked according to their
+    /// predicted `next` states: no action that differs little from a blocked one changes anything,
+    /// so that the gradient of Algorithm 1 vanishes.
     pub fn find_ways_out(
         &self,
         (model, critic): (Weights, Weights),
@@ -100,7 +123,8 @@ impl Shapes {
         let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
         let is_blocked = |row: &usize| {
             let at = row * s..(row + 1) * s;
-            let changes = next[at.clone()].iter().zip(&states[at]).map(|(next, state)| (next - state).abs());
+            let changes =
+                next[at.clone()].iter().zip(&states[at]).map(|(next, state)| (next - state).abs());
             changes.zip(&spec.change_scale).all(|(change, scale)| change <= BLOCKED_CHANGE * scale)
         };
         let WaysOut { rows, states: from, goals: to, own, best, lookahead, actions: found } = ways;

@@ -10,8 +10,8 @@ use crate::learn::kernels::product::{Lhs, Panels};
 
 /// Sizes of an MLP: ReLU hidden layers of equal width and a linear output layer.
 ///
-/// Its parameters are one flat vector: for each hidden layer the weights `(inputs, hidden)` row-major and the
-/// biases, then the output weights `(outputs, hidden)` and the output biases.
+/// Its parameters are one flat vector: for each hidden layer the weights `(inputs, hidden)`
+/// row-major and the biases, then the output weights `(outputs, hidden)` and the output biases.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mlp {
     pub inputs: usize,
@@ -20,13 +20,15 @@ pub struct Mlp {
     pub outputs: usize,
 }
 
-/// Hidden activations of one forward pass and buffers for its backward pass; grows to the largest batch seen.
+/// Hidden activations of one forward pass and buffers for its backward pass; grows to the largest
+/// batch seen.
 #[derive(Clone, Debug, Default)]
 pub struct Activations {
     /// One `(rows, hidden)` block per layer.
     hidden: Vec<Vec<f32>>,
     d_hidden: [Vec<f32>; 2],
-    /// A layer's output gradient, packed as the right-hand side of the product for its weight gradient.
+    /// A layer's output gradient, packed as the right-hand side of the product for its weight
+    /// gradient.
     packed: Panels,
 }
 
@@ -56,7 +58,8 @@ impl Mlp {
     /// Returns the range of hidden layer `layer`'s weights, `(inputs of the layer, hidden)`.
     pub fn weights(&self, layer: usize) -> Range<usize> {
         let first = (self.inputs + 1) * self.hidden;
-        let start = if layer == 0 { 0 } else { first + (layer - 1) * (self.hidden + 1) * self.hidden };
+        let start =
+            if layer == 0 { 0 } else { first + (layer - 1) * (self.hidden + 1) * self.hidden };
         start..start + self.layer_inputs(layer) * self.hidden
     }
 
@@ -107,12 +110,23 @@ impl Mlp {
             panels.pack(&parameters[self.weights(layer)], self.layer_inputs(layer), self.hidden);
         }
         for (layer, panels) in packed.backward.iter_mut().enumerate() {
-            panels.pack_transposed(&parameters[self.weights(layer)], self.hidden, self.layer_inputs(layer));
+            panels.pack_transposed(
+                &parameters[self.weights(layer)],
+                self.hidden,
+                self.layer_inputs(layer),
+            );
         }
     }
 
-    /// Computes `y = mlp(x)` with `x` `(rows, inputs)` and `y` `(rows, outputs)`; takes the parameters flat and packed.
-    pub fn forward(&self, (parameters, packed): (&[f32], &Packed), x: &[f32], y: &mut [f32], acts: &mut Activations) {
+    /// Computes `y = mlp(x)` with `x` `(rows, inputs)` and `y` `(rows, outputs)`; takes the
+    /// parameters flat and packed.
+    pub fn forward(
+        &self,
+        (parameters, packed): (&[f32], &Packed),
+        x: &[f32],
+        y: &mut [f32],
+        acts: &mut Activations,
+    ) {
         let rows = x.len() / self.inputs;
         acts.hidden.resize_with(self.layers, Vec::new);
         for layer in 0..self.layers {
@@ -121,7 +135,12 @@ impl Mlp {
             let out = &mut rest[0];
             out.resize(out.len().max(rows * self.hidden), 0.0);
             let out = &mut out[..rows * self.hidden];
-            packed.forward[layer].relu_layer(Lhs::Rows(input), rows, &parameters[self.bias(layer)], out);
+            packed.forward[layer].relu_layer(
+                Lhs::Rows(input),
+                rows,
+                &parameters[self.bias(layer)],
+                out,
+            );
         }
         let last = &acts.hidden[self.layers - 1][..rows * self.hidden];
         let (w, b) = (&parameters[self.output_weights()], &parameters[self.output_bias()]);
@@ -145,21 +164,37 @@ impl Mlp {
         d_below.resize(d_below.len().max(size), 0.0);
         let last = &acts.hidden[self.layers - 1][..size];
         if let Some(gradient) = gradient.as_deref_mut() {
-            let (dw, db) = gradient[self.output_weights().start..].split_at_mut(self.outputs * self.hidden);
+            let (dw, db) =
+                gradient[self.output_weights().start..].split_at_mut(self.outputs * self.hidden);
             kernel::thin_backward_weights(dy, last, dw, db);
         }
-        kernel::thin_backward_input(dy, &parameters[self.output_weights()], self.outputs, &mut d[..size]);
+        kernel::thin_backward_input(
+            dy,
+            &parameters[self.output_weights()],
+            self.outputs,
+            &mut d[..size],
+        );
         for layer in (0..self.layers).rev() {
             kernel::relu_backward(&mut d[..size], &acts.hidden[layer][..size]);
             let width = self.layer_inputs(layer);
             if let Some(gradient) = gradient.as_deref_mut() {
                 let input = if layer == 0 { x } else { &acts.hidden[layer - 1][..size] };
                 acts.packed.pack(&d[..size], rows, self.hidden);
-                acts.packed.product(Lhs::Columns(input), width, 0, &mut gradient[self.weights(layer)]);
+                acts.packed.product(
+                    Lhs::Columns(input),
+                    width,
+                    0,
+                    &mut gradient[self.weights(layer)],
+                );
                 kernel::column_sums(&d[..size], &mut gradient[self.bias(layer)]);
             }
             if layer > 0 {
-                packed.backward[layer].product(Lhs::Rows(&d[..size]), rows, 0, &mut d_below[..size]);
+                packed.backward[layer].product(
+                    Lhs::Rows(&d[..size]),
+                    rows,
+                    0,
+                    &mut d_below[..size],
+                );
                 std::mem::swap(&mut d, &mut d_below);
             }
         }
@@ -167,9 +202,19 @@ impl Mlp {
             let columns = self.inputs - from;
             if columns <= 4 {
                 let weights = &parameters[self.weights(0)][from * self.hidden..];
-                kernel::thin_forward(&d[..size], weights, &[0.0; 4][..columns], &mut dx[..rows * columns]);
+                kernel::thin_forward(
+                    &d[..size],
+                    weights,
+                    &[0.0; 4][..columns],
+                    &mut dx[..rows * columns],
+                );
             } else {
-                packed.backward[0].product(Lhs::Rows(&d[..size]), rows, from, &mut dx[..rows * columns]);
+                packed.backward[0].product(
+                    Lhs::Rows(&d[..size]),
+                    rows,
+                    from,
+                    &mut dx[..rows * columns],
+                );
             }
         }
         acts.d_hidden = [d, d_below];
@@ -209,14 +254,22 @@ mod tests {
             let mut values = vec![x.iter().map(|x| f64::from(*x)).collect::<Vec<_>>()];
             for layer in 0..self.mlp.layers {
                 let inputs = || values[layer].iter().enumerate();
-                let sum = |to| inputs().map(|(from, x)| x * self.weight(layer, from, to)).sum::<f64>();
+                let sum =
+                    |to| inputs().map(|(from, x)| x * self.weight(layer, from, to)).sum::<f64>();
                 let unit = |to| f64::max(0.0, self.at(self.mlp.bias(layer), to) + sum(to));
                 let outputs = (0..self.mlp.hidden).map(unit).collect();
                 values.push(outputs);
             }
             let last = &values[self.mlp.layers];
-            let sum = |to| last.iter().enumerate().map(|(from, x)| x * self.output_weight(from, to)).sum::<f64>();
-            let outputs = (0..self.mlp.outputs).map(|to| self.at(self.mlp.output_bias(), to) + sum(to)).collect();
+            let sum = |to| {
+                last.iter()
+                    .enumerate()
+                    .map(|(from, x)| x * self.output_weight(from, to))
+                    .sum::<f64>()
+            };
+            let outputs = (0..self.mlp.outputs)
+                .map(|to| self.at(self.mlp.output_bias(), to) + sum(to))
+                .collect();
             values.push(outputs);
             values
         }
@@ -228,7 +281,8 @@ mod tests {
             for (to, dy) in dy.iter().map(|dy| f64::from(*dy)).enumerate() {
                 gradient[self.mlp.output_bias()][to] += dy;
                 for from in 0..hidden {
-                    gradient[self.mlp.output_weights()][to * hidden + from] += values[layers][from] * dy;
+                    gradient[self.mlp.output_weights()][to * hidden + from] +=
+                        values[layers][from] * dy;
                     d[from] += self.output_weight(from, to) * dy;
                 }
             }
@@ -237,7 +291,8 @@ mod tests {
                 for to in (0..hidden).filter(|to| values[layer + 1][*to] > 0.0) {
                     gradient[self.mlp.bias(layer)][to] += d[to];
                     for (from, below) in below.iter_mut().enumerate() {
-                        gradient[self.mlp.weights(layer)][from * hidden + to] += values[layer][from] * d[to];
+                        gradient[self.mlp.weights(layer)][from * hidden + to] +=
+                            values[layer][from] * d[to];
                         *below += self.weight(layer, from, to) * d[to];
                     }
                 }
@@ -257,20 +312,27 @@ mod tests {
         }
     }
 
-    /// Checks an MLP on `rows` rows, forward and backward, with the inputs' gradient from column `from` on.
+    /// Checks an MLP on `rows` rows, forward and backward, with the inputs' gradient from column
+    /// `from` on.
     fn check(mlp: &Mlp, rows: usize, from: usize, (acts, packed): (&mut Activations, &mut Packed)) {
         let label = |part: &str| format!("{part} of {mlp:?}, {rows} rows");
-        let (parameters, x, dy) =
-            (numbers(mlp.parameters(), 1), numbers(rows * mlp.inputs, 2), numbers(rows * mlp.outputs, 3));
-        let (mut y, mut gradient) = (vec![f32::NAN; rows * mlp.outputs], vec![f32::NAN; mlp.parameters()]);
+        let (parameters, x, dy) = (
+            numbers(mlp.parameters(), 1),
+            numbers(rows * mlp.inputs, 2),
+            numbers(rows * mlp.outputs, 3),
+        );
+        let (mut y, mut gradient) =
+            (vec![f32::NAN; rows * mlp.outputs], vec![f32::NAN; mlp.parameters()]);
         let mut dx = vec![f32::NAN; rows * (mlp.inputs - from)];
         mlp.pack(&parameters, true, packed);
         mlp.forward((&parameters, packed), &x, &mut y, acts);
-        let wanted = GradientRequest { parameters: Some(&mut gradient), inputs: Some((from, &mut dx)) };
+        let wanted =
+            GradientRequest { parameters: Some(&mut gradient), inputs: Some((from, &mut dx)) };
         mlp.backward((&parameters, packed), &x, &dy, acts, wanted);
 
         let plain = ReferenceMlp { mlp, parameters: &parameters };
-        let (mut y_expected, mut gradient_expected, mut dx_expected) = (vec![], vec![0.0; mlp.parameters()], vec![]);
+        let (mut y_expected, mut gradient_expected, mut dx_expected) =
+            (vec![], vec![0.0; mlp.parameters()], vec![]);
         for (x, dy) in x.chunks(mlp.inputs).zip(dy.chunks(mlp.outputs)) {
             let values = plain.forward(x);
             dx_expected.extend(&plain.backward(&values, dy, &mut gradient_expected)[from..]);
@@ -285,7 +347,8 @@ mod tests {
     fn an_mlp_and_its_gradients_match_plain_loops_at_odd_sizes() {
         // Buffers kept between passes grow, and smaller passes reuse them.
         let mut kept = (Activations::default(), Packed::default());
-        for (hidden, layers) in [1, 2, 7, 8, 15, 16, 17, 31, 33, 64, 70].into_iter().zip([1, 2, 3].into_iter().cycle())
+        for (hidden, layers) in
+            [1, 2, 7, 8, 15, 16, 17, 31, 33, 64, 70].into_iter().zip([1, 2, 3].into_iter().cycle())
         {
             for (inputs, outputs) in [(1, 1), (3, 2), (4, 4), (9, 3), (33, 1)] {
                 for (rows, from) in [(1, 0), (5, inputs / 2), (16, inputs - 1), (37, inputs / 3)] {

@@ -13,7 +13,8 @@ use crate::learn::networks::table::{Table, TableGuard};
 pub struct Weights<'a> {
     /// Flat parameters of the MLP.
     pub dense: &'a [f32],
-    /// Its hidden weights packed for matrix products; averages are packed for the forward pass only.
+    /// Its hidden weights packed for matrix products; averages are packed for the forward pass
+    /// only.
     pub packed: &'a Packed,
     /// The grid encoding's table.
     pub table: Option<TableView<'a>>,
@@ -37,7 +38,8 @@ impl LockedNetwork<'_> {
     }
 }
 
-/// A network with its training state. Its two halves are stepped separately, possibly by two threads.
+/// A network with its training state. Its two halves are stepped separately, possibly by two
+/// threads.
 #[derive(Debug)]
 pub struct Network {
     dense: Dense,
@@ -49,9 +51,15 @@ impl Network {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn new(mlp: Mlp, grid: Option<&GridShape>, tau: Option<f32>, rng: &mut ChaCha8Rng) -> Result<Self> {
+    pub fn new(
+        mlp: Mlp,
+        grid: Option<&GridShape>,
+        tau: Option<f32>,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Self> {
         let dense = Dense::new(mlp, &mlp.initial(rng), tau.is_some())?;
-        let table = grid.map(|grid| Table::new(&grid.initial(rng), grid.channels, tau)).transpose()?;
+        let table =
+            grid.map(|grid| Table::new(&grid.initial(rng), grid.channels, tau)).transpose()?;
         Ok(Self { dense, table })
     }
 
@@ -60,7 +68,8 @@ impl Network {
         self.dense.var()
     }
 
-    /// Returns the grid table as a candle variable `(corners, 4, channels)`; the first of the four rows is the value.
+    /// Returns the grid table as a candle variable `(corners, 4, channels)`; the first of the four
+    /// rows is the value.
     pub fn table(&self) -> Option<&Var> {
         self.table.as_ref().map(Table::lines)
     }
@@ -101,7 +110,11 @@ impl Network {
     ///
     /// # Errors
     /// Returns an error if a part is missing or has the wrong size.
-    pub fn restore(&self, steps: u64, mut find: impl FnMut(&str) -> Option<Vec<f32>>) -> Result<()> {
+    pub fn restore(
+        &self,
+        steps: u64,
+        mut find: impl FnMut(&str) -> Option<Vec<f32>>,
+    ) -> Result<()> {
         let mut fill = |name: &str, into: &mut [f32]| match find(name) {
             Some(values) if values.len() == into.len() => {
                 into.copy_from_slice(&values);

@@ -1,4 +1,5 @@
-//! D and mu for inference: borrowed from the learner, or frozen for planning, evaluation and display.
+//! D and mu for inference: borrowed from the learner, or frozen for planning, evaluation and
+//! display.
 
 use std::sync::Arc;
 
@@ -24,7 +25,8 @@ pub struct Scratch {
 }
 
 impl Scratch {
-    /// Calls `compute` for a few pairs at a time, with their rows of `out` `(rows, width)` and two buffers.
+    /// Calls `compute` for a few pairs at a time, with their rows of `out` `(rows, width)` and two
+    /// buffers.
     pub(in crate::learn) fn for_pairs(
         &mut self,
         encoder: &Encoder,
@@ -33,7 +35,8 @@ impl Scratch {
         compute: impl Fn(Pairs, &mut [f32], [&mut Workspace; 2]),
     ) {
         let (s, g) = (encoder.spec().state_dim(), encoder.spec().goal_dim());
-        let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS * width));
+        let chunks =
+            states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS * width));
         let Self { plain, ws, second, .. } = self;
         for ((states, goals), out) in chunks {
             encoder.plain_pairs(states, goals, plain);
@@ -44,19 +47,27 @@ impl Scratch {
 
 /// The learned D and mu, for inference.
 ///
-/// D is a number of steps, finite and at least 0. In a world with a hidden state, it is an average over what is hidden.
+/// D is a number of steps, finite and at least 0. In a world with a hidden state, it is an average
+/// over what is hidden.
 pub trait Policy: Send + Sync {
-    /// Computes D(s, g) of each pair in steps, finite and at least 0. `states` `(rows, state_dim)`, `goals`
-    /// `(rows, goal_dim)`, `out` `(rows)`.
+    /// Computes D(s, g) of each pair in steps, finite and at least 0. `states` `(rows, state_dim)`,
+    /// `goals` `(rows, goal_dim)`, `out` `(rows)`.
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
 
-    /// Computes the actions mu(s, g), `out` `(rows, action_dim)`. They should lie in [-1, 1]: during exploration
-    /// the trainer clips what does not, otherwise the world.
+    /// Computes the actions mu(s, g), `out` `(rows, action_dim)`. They should lie in [-1, 1]:
+    /// during exploration the trainer clips what does not, otherwise the world.
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
 
-    /// Replaces `actions` `(rows, action_dim)`, which are mu(s, g), by one step of lookahead: by other actions after
-    /// which D is shorter. A policy without a dynamics model leaves them.
-    fn improve_actions(&self, _states: &[f32], _goals: &[f32], _actions: &mut [f32], _scratch: &mut Scratch) {}
+    /// Replaces `actions` `(rows, action_dim)`, which are mu(s, g), by one step of lookahead: by
+    /// other actions after which D is shorter. A policy without a dynamics model leaves them.
+    fn improve_actions(
+        &self,
+        _states: &[f32],
+        _goals: &[f32],
+        _actions: &mut [f32],
+        _scratch: &mut Scratch,
+    ) {
+    }
 
     /// Returns D of a single pair, in steps.
     fn distance(&self, state: &[f32], goal: &[f32], scratch: &mut Scratch) -> f32 {
@@ -66,7 +77,8 @@ pub trait Policy: Send + Sync {
     }
 }
 
-/// Improves the actor's `actions` `(rows, action_dim)` in the rows that are marked in `ahead` by one step of lookahead.
+/// Improves the actor's `actions` `(rows, action_dim)` in the rows that are marked in `ahead` by
+/// one step of lookahead.
 pub fn look_ahead(
     policy: &dyn Policy,
     ahead: &[bool],
@@ -102,19 +114,35 @@ pub struct Nets<'a> {
 impl Policy for Nets<'_> {
     /// Computes D by all critics.
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        scratch.for_pairs(&self.shapes.encoder, (states, goals), (out, 1), |pairs, out, [ws, _]| {
-            self.shapes.joint_distances(&self.critics, pairs, out, ws);
-        });
+        scratch.for_pairs(
+            &self.shapes.encoder,
+            (states, goals),
+            (out, 1),
+            |pairs, out, [ws, _]| {
+                self.shapes.joint_distances(&self.critics, pairs, out, ws);
+            },
+        );
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let width = self.shapes.actor.outputs;
-        scratch.for_pairs(&self.shapes.encoder, (states, goals), (out, width), |pairs, out, [ws, _]| {
-            self.shapes.actions(self.actor, pairs, out, ws);
-        });
+        scratch.for_pairs(
+            &self.shapes.encoder,
+            (states, goals),
+            (out, width),
+            |pairs, out, [ws, _]| {
+                self.shapes.actions(self.actor, pairs, out, ws);
+            },
+        );
     }
 
-    fn improve_actions(&self, states: &[f32], goals: &[f32], actions: &mut [f32], scratch: &mut Scratch) {
+    fn improve_actions(
+        &self,
+        states: &[f32],
+        goals: &[f32],
+        actions: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
         let networks = (self.model, &self.critics[..]);
         self.shapes.improve_actions(networks, (states, goals), actions, &mut scratch.lookahead);
     }
@@ -151,7 +179,11 @@ impl OwnedWeights {
     /// Returns the weights as slices.
     pub(in crate::learn) fn weights<'a>(&'a self, encoder: &Encoder) -> Weights<'a> {
         let Self { dense, packed, table } = self;
-        let table = encoder.grid().map(|grid| TableView { lines: table, stride: grid.channels, average: None });
+        let table = encoder.grid().map(|grid| TableView {
+            lines: table,
+            stride: grid.channels,
+            average: None,
+        });
         Weights { dense, packed, table }
     }
 }
@@ -162,8 +194,10 @@ impl FrozenNets {
         critics: Vec<CopiedWeights>,
         [model, actor]: [CopiedWeights; 2],
     ) -> Self {
-        let critics = critics.into_iter().map(|copied| OwnedWeights::new(copied, &shapes.critic)).collect();
-        let (model, actor) = (OwnedWeights::new(model, &shapes.model), OwnedWeights::new(actor, &shapes.actor));
+        let critics =
+            critics.into_iter().map(|copied| OwnedWeights::new(copied, &shapes.critic)).collect();
+        let (model, actor) =
+            (OwnedWeights::new(model, &shapes.model), OwnedWeights::new(actor, &shapes.actor));
         Self { shapes, critics, model, actor }
     }
 
@@ -186,7 +220,13 @@ impl Policy for FrozenNets {
         self.nets().actions(states, goals, out, scratch);
     }
 
-    fn improve_actions(&self, states: &[f32], goals: &[f32], actions: &mut [f32], scratch: &mut Scratch) {
+    fn improve_actions(
+        &self,
+        states: &[f32],
+        goals: &[f32],
+        actions: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
         self.nets().improve_actions(states, goals, actions, scratch);
     }
 }

@@ -52,7 +52,12 @@ impl Shapes {
     /// Returns the shapes of the networks that `settings` specify.
     pub fn new(encoder: Encoder, settings: &LearnSettings) -> Self {
         let spec = encoder.spec();
-        let mlp = |inputs, outputs| Mlp { inputs, hidden: settings.hidden, layers: settings.layers, outputs };
+        let mlp = |inputs, outputs| Mlp {
+            inputs,
+            hidden: settings.hidden,
+            layers: settings.layers,
+            outputs,
+        };
         Self {
             critic: mlp(encoder.pair_width(), 1),
             actor: mlp(encoder.pair_width(), spec.action_dim),
@@ -61,7 +66,11 @@ impl Shapes {
             loss: settings.loss,
             pessimism: settings.pessimism,
             expectile: settings.expectile,
-            actor_bound: if settings.actor_bound > 0.0 { settings.actor_bound } else { f32::INFINITY },
+            actor_bound: if settings.actor_bound > 0.0 {
+                settings.actor_bound
+            } else {
+                f32::INFINITY
+            },
             model_check: settings.model_check,
             unblock_actor: settings.unblock_actor,
             tried_actions: tried_actions(spec.action_dim),
@@ -84,8 +93,9 @@ impl Shapes {
         ws.actions(&self.encoder, &self.actor, actor, pairs, out);
     }
 
-    /// Predicts the next states f(s, a) = s + scale * network, component by component, `(rows, state_dim)`; keeps the
-    /// activations for the backward pass. `plain` holds rows of length `stride` that begin with the states' plain rows.
+    /// Predicts the next states f(s, a) = s + scale * network, component by component, `(rows,
+    /// state_dim)`; keeps the activations for the backward pass. `plain` holds rows of length
+    /// `stride` that begin with the states' plain rows.
     fn predict(
         &self,
         model: Weights,
@@ -97,7 +107,10 @@ impl Shapes {
         let spec = self.encoder.spec();
         let (plain_width, width) = (self.encoder.plain_state_width(), self.model.inputs);
         let x = resized(&mut ws.x, states.len() / spec.state_dim() * width);
-        let rows = x.chunks_exact_mut(width).zip(plain.chunks_exact(stride)).zip(actions.chunks_exact(spec.action_dim));
+        let rows = x
+            .chunks_exact_mut(width)
+            .zip(plain.chunks_exact(stride))
+            .zip(actions.chunks_exact(spec.action_dim));
         for (i, ((row, plain), action)) in rows.enumerate() {
             let (copy, rest) = row.split_at_mut(plain_width);
             copy.copy_from_slice(&plain[..plain_width]);
@@ -114,8 +127,8 @@ impl Shapes {
         }
     }
 
-    /// Computes D(f(s, mu(s, g)), g) of each pair by all `critics`: the distance that remains after a step
-    /// of the actor.
+    /// Computes D(f(s, mu(s, g)), g) of each pair by all `critics`: the distance that remains after
+    /// a step of the actor.
     pub fn distances_after_actor(
         &self,
         (actor, model, critics): (Weights, Weights, &[Weights]),
@@ -127,18 +140,32 @@ impl Shapes {
         let states = self.step_with_actor((actor, model), pairs, &mut next, buffers);
         let mut plain = std::mem::take(&mut buffers.critic.plain);
         self.encoder.plain_pairs(states, pairs.goals, &mut plain);
-        self.joint_distances(critics, Pairs { plain: &plain, states, goals: pairs.goals }, out, &mut buffers.critic);
+        self.joint_distances(
+            critics,
+            Pairs { plain: &plain, states, goals: pairs.goals },
+            out,
+            &mut buffers.critic,
+        );
         buffers.critic.plain = plain;
         buffers.model.y = next;
     }
 
-    /// Computes D(s, g) of each pair by one or two critics, `(rows)`: between their mean and their maximum.
-    pub fn joint_distances(&self, critics: &[Weights], pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
+    /// Computes D(s, g) of each pair by one or two critics, `(rows)`: between their mean and their
+    /// maximum.
+    pub fn joint_distances(
+        &self,
+        critics: &[Weights],
+        pairs: Pairs,
+        out: &mut [f32],
+        ws: &mut Workspace,
+    ) {
         let mut own = std::mem::take(&mut ws.y);
         for (k, critic) in critics.iter().enumerate() {
             let own = resized(&mut own, out.len());
             self.distances(*critic, pairs, own, ws);
-            out.iter_mut().zip(own).for_each(|(d, own)| *d = if k == 0 { *own } else { self.joint(*d, *own) });
+            out.iter_mut()
+                .zip(own)
+                .for_each(|(d, own)| *d = if k == 0 { *own } else { self.joint(*d, *own) });
         }
         ws.y = own;
     }
@@ -148,8 +175,8 @@ impl Shapes {
         a.max(b) - 0.5 * (1.0 - self.pessimism) * (a - b).abs()
     }
 
-    /// Computes s' = f(s, mu(s, g)) of each pair into `next`, `(rows, state_dim)`; keeps the activations for the
-    /// backward passes.
+    /// Computes s' = f(s, mu(s, g)) of each pair into `next`, `(rows, state_dim)`; keeps the
+    /// activations for the backward passes.
     pub fn step_with_actor<'a>(
         &self,
         (actor, model): (Weights, Weights),
@@ -160,16 +187,27 @@ impl Shapes {
         let Pairs { plain, states, .. } = pairs;
         let rows = states.len() / self.encoder.spec().state_dim();
         let mut action = std::mem::take(&mut buffers.actor.y);
-        self.actions(actor, pairs, resized(&mut action, rows * self.actor.outputs), &mut buffers.actor);
+        self.actions(
+            actor,
+            pairs,
+            resized(&mut action, rows * self.actor.outputs),
+            &mut buffers.actor,
+        );
         let shared = (&plain.rows[..], self.encoder.plain_pair_width(), &plain.states);
         let next = resized(next, states.len());
-        self.predict(model, (states, &action[..rows * self.actor.outputs]), shared, next, &mut buffers.model);
+        self.predict(
+            model,
+            (states, &action[..rows * self.actor.outputs]),
+            shared,
+            next,
+            &mut buffers.model,
+        );
         buffers.actor.y = action;
         next
     }
 
-    /// Predicts the next states f(s, a) of `states` `(rows, state_dim)` after `actions` `(rows, action_dim)` into
-    /// `next`; keeps the activations for the backward pass.
+    /// Predicts the next states f(s, a) of `states` `(rows, state_dim)` after `actions` `(rows,
+    /// action_dim)` into `next`; keeps the activations for the backward pass.
     pub fn next_states(
         &self,
         model: Weights,
@@ -191,14 +229,20 @@ impl Shapes {
     }
 }
 
-/// Returns the actions to try, `(actions, dim)`: full steps along every combination of axes. (Half steps as well are no
-/// better in mazes with corridors one cell wide.)
+/// Returns the actions to try, `(actions, dim)`: full steps along every combination of axes. (Half
+/// steps as well are no better in mazes with corridors one cell wide.)
 pub fn tried_actions(dim: usize) -> Vec<f32> {
     if dim <= MAX_COMBINED_DIM {
         // The digits of a number in base 3, less 1.
         let count = 3usize.pow(dim as u32);
-        let digits = |i: usize| (0..dim).map(|axis| (i / 3usize.pow(axis as u32) % 3) as f32 - 1.0).collect();
-        (0..count).map(digits).filter(|action: &Vec<f32>| action.iter().any(|v| *v != 0.0)).flatten().collect()
+        let digits = |i: usize| {
+            (0..dim).map(|axis| (i / 3usize.pow(axis as u32) % 3) as f32 - 1.0).collect()
+        };
+        (0..count)
+            .map(digits)
+            .filter(|action: &Vec<f32>| action.iter().any(|v| *v != 0.0))
+            .flatten()
+            .collect()
     } else {
         axis_actions(dim)
     }
@@ -243,7 +287,10 @@ mod tests {
         assert_eq!(tried_actions(1), [-1.0, 1.0]);
         let plane = tried_actions(2);
         assert_eq!(plane.len(), 2 * 8);
-        assert!(plane.chunks_exact(2).any(|a| a == [1.0, -1.0]) && plane.chunks_exact(2).any(|a| a == [0.0, 1.0]));
+        assert!(
+            plane.chunks_exact(2).any(|a| a == [1.0, -1.0])
+                && plane.chunks_exact(2).any(|a| a == [0.0, 1.0])
+        );
         assert!(plane.chunks_exact(2).all(|a| a != [0.0, 0.0]));
         assert_eq!(tried_actions(7).len(), 7 * 14);
     }

@@ -40,12 +40,18 @@ pub fn load_networks<'a>(
     mut networks: impl Iterator<Item = (String, &'a Network)>,
 ) -> std::result::Result<(), StoreError> {
     let updates = store.text("learner_updates")?.parse::<u32>();
-    let updates = updates.map_err(|_| StoreError::inconsistent("its number of updates is out of range"))?.into();
+    let updates = updates
+        .map_err(|_| StoreError::inconsistent("its number of updates is out of range"))?
+        .into();
     let find = |network: &str, part: &str| {
         let name = format!("{network}.{part}");
-        let counts = || store.u32(&name).map(|counts| counts.iter().copied().map(f32::from_bits).collect());
+        let counts =
+            || store.u32(&name).map(|counts| counts.iter().copied().map(f32::from_bits).collect());
         store.f32(&name).map(<[f32]>::to_vec).or_else(|_| counts()).ok()
     };
-    let mut restore = |(name, network): (String, &Network)| network.restore(updates, |part| find(&name, part));
-    networks.try_for_each(&mut restore).map_err(|e| StoreError::inconsistent(format!("its networks do not fit: {e}")))
+    let mut restore =
+        |(name, network): (String, &Network)| network.restore(updates, |part| find(&name, part));
+    networks
+        .try_for_each(&mut restore)
+        .map_err(|e| StoreError::inconsistent(format!("its networks do not fit: {e}")))
 }

@@ -9,8 +9,8 @@ use crate::learn::networks::dense::{FillFn, NetworkState};
 use crate::learn::networks::grid::{LazyAverageView, TableView};
 use crate::learn::networks::touched::TouchedCorners;
 
-/// Rows of a corner's line: value, average, and Adam's first and second moment. With four channels that is one cache
-/// line, so a corner costs one cache miss instead of four.
+/// Rows of a corner's line: value, average, and Adam's first and second moment. With four channels
+/// that is one cache line, so a corner costs one cache miss instead of four.
 const ROWS: usize = 4;
 
 /// A table with its training state.
@@ -42,39 +42,56 @@ pub struct TableGuard<'a> {
 }
 
 impl TableGuard<'_> {
-    /// Returns what encodings read: the values, or their running average if `averaged` and there is one.
+    /// Returns what encodings read: the values, or their running average if `averaged` and there is
+    /// one.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn view(&self, averaged: bool) -> Result<TableView<'_>> {
         let Table { decay, channels, .. } = self.table;
-        let lazy = LazyAverageView { stored: &self.training.stored, now: self.training.steps as u32, decay };
+        let lazy = LazyAverageView {
+            stored: &self.training.stored,
+            now: self.training.steps as u32,
+            decay,
+        };
         let average = (averaged && !decay.is_empty()).then_some(lazy);
         Ok(TableView { lines: slice(&self.lines)?, stride: ROWS * channels, average })
     }
 }
 
 impl Table {
-    /// Creates a table with initial `values` `(corners, channels)`, and a running average if `tau` is given.
+    /// Creates a table with initial `values` `(corners, channels)`, and a running average if `tau`
+    /// is given.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn new(values: &[f32], channels: usize, tau: Option<f32>) -> Result<Self> {
         let corners = values.len() / channels;
         let mut lines = vec![0.0; corners * ROWS * channels];
-        for (line, value) in lines.chunks_exact_mut(ROWS * channels).zip(values.chunks_exact(channels)) {
+        for (line, value) in
+            lines.chunks_exact_mut(ROWS * channels).zip(values.chunks_exact(channels))
+        {
             line[..channels].copy_from_slice(value);
             line[channels..2 * channels].copy_from_slice(value);
         }
         Ok(Self {
             channels,
-            lines: Var::from_tensor(&Tensor::from_vec(lines, (corners, ROWS, channels), &Device::Cpu)?)?,
+            lines: Var::from_tensor(&Tensor::from_vec(
+                lines,
+                (corners, ROWS, channels),
+                &Device::Cpu,
+            )?)?,
             decay: tau.map_or(Vec::new(), decay_table),
-            training: RwLock::new(TrainingState { steps: 0, stored: vec![0; corners], sums: Vec::new() }),
+            training: RwLock::new(TrainingState {
+                steps: 0,
+                stored: vec![0; corners],
+                sums: Vec::new(),
+            }),
         })
     }
 
-    /// Returns the table as a candle variable `(corners, 4, channels)`; the first of the four rows is the value.
+    /// Returns the table as a candle variable `(corners, 4, channels)`; the first of the four rows
+    /// is the value.
     pub fn lines(&self) -> &Var {
         &self.lines
     }
@@ -86,7 +103,11 @@ impl Table {
 
     /// Locks the table for reading.
     pub fn lock(&self) -> TableGuard<'_> {
-        TableGuard { table: self, lines: self.lines.storage_and_layout().0, training: self.training.read() }
+        TableGuard {
+            table: self,
+            lines: self.lines.storage_and_layout().0,
+            training: self.training.read(),
+        }
     }
 
     /// Copies the values `(corners, channels)`, or their averages, evaluating lazy ones.
@@ -104,14 +125,20 @@ impl Table {
         Ok(values.collect())
     }
 
-    /// Takes one Adam step on the `touched` corners (the others' moments stay unchanged), with the sum of `parts`, the
-    /// gradients of encodings. First brings the touched corners' averages up to date with the old values, so that this
-    /// update's averaging step is towards the new ones.
+    /// Takes one Adam step on the `touched` corners (the others' moments stay unchanged), with the
+    /// sum of `parts`, the gradients of encodings. First brings the touched corners' averages up to
+    /// date with the old values, so that this update's averaging step is towards the new ones.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn step(&self, touched: &TouchedCorners, parts: &[Vec<f32>], rates: LearningRates) -> Result<()> {
-        let (Self { channels, decay, .. }, TrainingState { steps, stored, sums }) = (self, &mut *self.training.write());
+    pub fn step(
+        &self,
+        touched: &TouchedCorners,
+        parts: &[Vec<f32>],
+        rates: LearningRates,
+    ) -> Result<()> {
+        let (Self { channels, decay, .. }, TrainingState { steps, stored, sums }) =
+            (self, &mut *self.training.write());
         let before = *steps as u32;
         *steps += 1;
         touched.sum_into(parts, *channels, sums);
@@ -122,22 +149,28 @@ impl Table {
                 let last = std::mem::replace(&mut stored[corner], before);
                 let remaining = decay.get((before - last) as usize).copied().unwrap_or(0.0);
                 let line = &mut lines[corner * ROWS * *channels..(corner + 1) * ROWS * *channels];
-                if let (([value, average, m, v], []), ([sum], [])) = (line.as_chunks_mut::<4>(), sum.as_chunks::<4>()) {
-                    (0..4).for_each(|c| average[c] = value[c] + (average[c] - value[c]) * remaining);
+                if let (([value, average, m, v], []), ([sum], [])) =
+                    (line.as_chunks_mut::<4>(), sum.as_chunks::<4>())
+                {
+                    (0..4)
+                        .for_each(|c| average[c] = value[c] + (average[c] - value[c]) * remaining);
                     kernel::adam_small(value, m, v, sum, rate);
                 } else {
                     let (value, rest) = line.split_at_mut(*channels);
                     let (average, moments) = rest.split_at_mut(*channels);
                     let (m, v) = moments.split_at_mut(*channels);
-                    average.iter_mut().zip(&*value).for_each(|(a, w)| *a = w + (*a - w) * remaining);
+                    average
+                        .iter_mut()
+                        .zip(&*value)
+                        .for_each(|(a, w)| *a = w + (*a - w) * remaining);
                     kernel::adam_small(value, m, v, sum, rate);
                 }
             }
         })
     }
 
-    /// Returns the full training state: the lines, and the updates as of which averages are stored (as the bits of
-    /// floats).
+    /// Returns the full training state: the lines, and the updates as of which averages are stored
+    /// (as the bits of floats).
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.

@@ -1,4 +1,5 @@
-//! The corners of a grid table that an update touches, found once for all networks that read the same positions.
+//! The corners of a grid table that an update touches, found once for all networks that read the
+//! same positions.
 
 use crate::learn::networks::grid::{GridReads, GridShape};
 
@@ -47,19 +48,22 @@ impl TouchedCorners {
         &self.corners
     }
 
-    /// Writes the gradient of each touched corner to `sums`, `(touched, channels)`, from the gradients of the
-    /// positions' encodings: `parts` of `(positions, levels, channels)`, in the order in which the positions were
-    /// located.
+    /// Writes the gradient of each touched corner to `sums`, `(touched, channels)`, from the
+    /// gradients of the positions' encodings: `parts` of `(positions, levels, channels)`, in the
+    /// order in which the positions were located.
     pub fn sum_into(&self, parts: &[Vec<f32>], channels: usize, sums: &mut Vec<f32>) {
         sums.clear();
         sums.resize(self.corners.len() * channels, 0.0);
         let encodings = parts.iter().flat_map(|part| part.chunks_exact(channels));
-        let read = self.slots.chunks_exact(self.around).zip(self.places.weights.chunks_exact(self.around));
+        let read =
+            self.slots.chunks_exact(self.around).zip(self.places.weights.chunks_exact(self.around));
         for ((slots, weights), d) in read.zip(encodings) {
             let reads = slots.iter().zip(weights);
             if let ((sums, []), ([d], [])) = (sums.as_chunks_mut::<4>(), d.as_chunks::<4>()) {
                 // The default of four channels, vectorised.
-                reads.for_each(|(slot, weight)| (0..4).for_each(|c| sums[*slot as usize][c] += weight * d[c]));
+                reads.for_each(|(slot, weight)| {
+                    (0..4).for_each(|c| sums[*slot as usize][c] += weight * d[c]);
+                });
             } else {
                 for (slot, weight) in reads {
                     let sums = &mut sums[*slot as usize * channels..][..channels];

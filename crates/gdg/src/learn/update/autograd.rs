@@ -12,8 +12,8 @@ use crate::learn::networks::network::Network;
 use crate::learn::update::gradient::FullGradient;
 use crate::learn::update::reference::Parameters;
 
-/// Returns a spec whose state has a position among other numbers, as for an arm; `axes` of its numbers are the achieved
-/// goal.
+/// Returns a spec whose state has a position among other numbers, as for an arm; `axes` of its
+/// numbers are the achieved goal.
 pub fn spec(state: usize, axes: usize, positions: bool) -> Spec {
     Spec {
         state_centre: (0..state).map(|i| i as f32 * 0.5).collect(),
@@ -35,7 +35,8 @@ pub fn random_state(spec: &Spec, rng: &mut ChaCha8Rng) -> Vec<f32> {
 /// Returns a network's parameters as variables, and these.
 pub fn variables_of(network: &Network, encoder: &Encoder) -> (Parameters, Vec<Var>) {
     let Parameters { dense, table } = Parameters::copied(network, encoder, false).unwrap();
-    let vars: Vec<Var> = std::iter::once(&dense).chain(&table).map(|t| Var::from_tensor(t).unwrap()).collect();
+    let vars: Vec<Var> =
+        std::iter::once(&dense).chain(&table).map(|t| Var::from_tensor(t).unwrap()).collect();
     let table = table.map(|_| vars[1].as_tensor().clone());
     (Parameters { dense: vars[0].as_tensor().clone(), table }, vars)
 }
@@ -43,7 +44,8 @@ pub fn variables_of(network: &Network, encoder: &Encoder) -> (Parameters, Vec<Va
 /// Compares a network's gradient with that of `loss` with respect to its variables.
 pub fn assert_close(name: &str, (dense, table): FullGradient, loss: &Tensor, vars: &[Var]) {
     let gradients = loss.backward().unwrap();
-    let found: Vec<Vec<f32>> = std::iter::once(dense).chain((!table.is_empty()).then_some(table)).collect();
+    let found: Vec<Vec<f32>> =
+        std::iter::once(dense).chain((!table.is_empty()).then_some(table)).collect();
     assert_eq!(found.len(), vars.len());
     for (found, var) in found.iter().zip(vars) {
         let expected = gradients.get(var).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();

@@ -6,8 +6,9 @@ use parking_lot::Mutex;
 use crate::learn::networks::adam::slice;
 use crate::learn::networks::mlp::{Activations, GradientRequest, Mlp, Packed};
 
-/// Returns `mlp(x)`, `(rows, outputs)`, for `x` `(rows, inputs)` and flat `parameters` (see `mlp::Mlp` for their
-/// order), both f32 on the CPU. Uses the same kernels as [`crate::learn::Gdg::update_on`], which calls them without a tape.
+/// Returns `mlp(x)`, `(rows, outputs)`, for `x` `(rows, inputs)` and flat `parameters` (see
+/// `mlp::Mlp` for their order), both f32 on the CPU. Uses the same kernels as
+/// [`crate::learn::Gdg::update_on`], which calls them without a tape.
 ///
 /// # Errors
 /// Returns an error if the tensors have the wrong sizes or are on another device.
@@ -37,7 +38,13 @@ impl CustomOp2 for FusedMlp {
         "fused-mlp"
     }
 
-    fn cpu_fwd(&self, x: &CpuStorage, lx: &Layout, w: &CpuStorage, lw: &Layout) -> Result<(CpuStorage, Shape)> {
+    fn cpu_fwd(
+        &self,
+        x: &CpuStorage,
+        lx: &Layout,
+        w: &CpuStorage,
+        lw: &Layout,
+    ) -> Result<(CpuStorage, Shape)> {
         let (x, parameters) = (numbers(x, lx)?, numbers(w, lw)?);
         let rows = x.len() / self.mlp.inputs;
         let mut y = vec![0.0; rows * self.mlp.outputs];
@@ -47,7 +54,13 @@ impl CustomOp2 for FusedMlp {
         Ok((CpuStorage::F32(y), Shape::from((rows, self.mlp.outputs))))
     }
 
-    fn bwd(&self, x: &Tensor, w: &Tensor, _: &Tensor, dy: &Tensor) -> Result<(Option<Tensor>, Option<Tensor>)> {
+    fn bwd(
+        &self,
+        x: &Tensor,
+        w: &Tensor,
+        _: &Tensor,
+        dy: &Tensor,
+    ) -> Result<(Option<Tensor>, Option<Tensor>)> {
         let (mut dx, mut dw) = (vec![0.0; x.elem_count()], vec![0.0; w.elem_count()]);
         let dy = dy.to_dtype(DType::F32)?.contiguous()?;
         {
@@ -58,6 +71,9 @@ impl CustomOp2 for FusedMlp {
             let wanted = GradientRequest { parameters: Some(&mut dw), inputs: Some((0, &mut dx)) };
             self.mlp.backward((parameters, packed), &x, &dy, activations, wanted);
         }
-        Ok((Some(Tensor::from_vec(dx, x.shape(), x.device())?), Some(Tensor::from_vec(dw, w.shape(), w.device())?)))
+        Ok((
+            Some(Tensor::from_vec(dx, x.shape(), x.device())?),
+            Some(Tensor::from_vec(dw, w.shape(), w.device())?),
+        ))
     }
 }

@@ -18,13 +18,15 @@ pub struct Gradient {
 }
 
 impl Gradient {
-    /// Resizes for a network of `parameters` flat parameters, whose gradient a backward pass will overwrite.
+    /// Resizes for a network of `parameters` flat parameters, whose gradient a backward pass will
+    /// overwrite.
     pub fn prepare(&mut self, parameters: usize) {
         self.dense.resize(parameters, 0.0);
         self.encoded.clear();
     }
 
-    /// Appends the gradients of encodings: columns `from..from + width` of `d` `(positions, stride)`.
+    /// Appends the gradients of encodings: columns `from..from + width` of `d` `(positions,
+    /// stride)`.
     pub fn add_encoded(&mut self, d: &[f32], (from, width, stride): (usize, usize, usize)) {
         self.encoded.extend(d.chunks_exact(stride).flat_map(|row| &row[from..from + width]));
     }
@@ -33,7 +35,13 @@ impl Gradient {
 impl Gradient {
     /// Adds the gradients of the pairs' grid encodings: the first columns of `dx`
     /// `(rows, 2 * grid_width + further columns)`.
-    pub fn add_pair_corners(&mut self, encoder: &Encoder, pairs: Pairs, dx: &[f32], further: usize) {
+    pub fn add_pair_corners(
+        &mut self,
+        encoder: &Encoder,
+        pairs: Pairs,
+        dx: &[f32],
+        further: usize,
+    ) {
         let width = encoder.grid_width();
         if width > 0 {
             let stride = 2 * width + further;
@@ -47,8 +55,8 @@ impl Gradient {
 /// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
 pub type FullGradient = (Vec<f32>, Vec<f32>);
 
-/// Sums a network's gradients from all parts of a batch, which touched these corners of its table. For checks against
-/// other implementations: steps sum the parts themselves.
+/// Sums a network's gradients from all parts of a batch, which touched these corners of its table.
+/// For checks against other implementations: steps sum the parts themselves.
 pub fn full_gradient<P>(
     network: &Network,
     touched: &TouchedCorners,

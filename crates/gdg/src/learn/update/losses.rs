@@ -1,4 +1,5 @@
-//! Hand-written losses and gradients of one part of a batch (see [`crate::learn::Reference`] for the autograd version).
+//! Hand-written losses and gradients of one part of a batch (see [`crate::learn::Reference`] for
+//! the autograd version).
 
 use std::iter::Sum;
 
@@ -42,8 +43,8 @@ impl Sum for Losses {
 /// Weight of the squared excess of the actor's outputs over their bound.
 pub const EXCESS_WEIGHT: f32 = 0.1;
 
-/// Weight of the squared difference between the actor's outputs before tanh and those that lead out of where its action is
-/// blocked: [`WAY_OUT_OUTPUT`] for a full step, at most the actor's bound.
+/// Weight of the squared difference between the actor's outputs before tanh and those that lead out
+/// of where its action is blocked: [`WAY_OUT_OUTPUT`] for a full step, at most the actor's bound.
 pub const WAY_OUT_WEIGHT: f32 = 0.3;
 
 /// See [`WAY_OUT_WEIGHT`].
@@ -85,14 +86,14 @@ pub struct ActorBuffers {
 pub struct SpecialRows<'a> {
     /// The bound of the outputs, `(rows)`; the actor's for all if empty.
     pub bounds: &'a [f32],
-    /// Actions that the actor is pulled towards instead of following the gradient, `(rows, action_dim)`, NaN in rows
-    /// without; none if empty.
+    /// Actions that the actor is pulled towards instead of following the gradient, `(rows,
+    /// action_dim)`, NaN in rows without; none if empty.
     pub ways_out: &'a [f32],
 }
 
 impl Shapes {
-    /// Computes a critic's gradient towards `targets` into `gradient`; `share` is 1 / batch size. Returns the part's
-    /// loss.
+    /// Computes a critic's gradient towards `targets` into `gradient`; `share` is 1 / batch size.
+    /// Returns the part's loss.
     pub fn critic_gradient(
         &self,
         critic: Weights,
@@ -116,15 +117,16 @@ impl Shapes {
             *z = 2.0 * weight * error * slope * share * self.distance_scale * sigmoid(*z);
         }
         let from = self.encoder.plain_pair_width();
-        let dx = (from < self.critic.inputs).then(|| (from, resized(&mut ws.dx, rows * (self.critic.inputs - from))));
+        let dx = (from < self.critic.inputs)
+            .then(|| (from, resized(&mut ws.dx, rows * (self.critic.inputs - from))));
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         self.critic.backward((critic.dense, critic.packed), x, z, &mut ws.acts, wanted);
         gradient.add_pair_corners(&self.encoder, pairs, &ws.dx, 0);
         loss
     }
 
-    /// Computes the dynamics model's gradient of mean |f(s, a) - s'|^2 (with each component in units of its change
-    /// scale) into `gradient`. Returns the part's loss.
+    /// Computes the dynamics model's gradient of mean |f(s, a) - s'|^2 (with each component in
+    /// units of its change scale) into `gradient`. Returns the part's loss.
     pub fn model_gradient(
         &self,
         model: Weights,
@@ -139,7 +141,8 @@ impl Shapes {
         let mut predicted = std::mem::take(&mut ws.y);
         self.next_states(model, (states, actions), resized(&mut predicted, rows * s), ws);
         let mut loss = 0.0;
-        for (predicted, next) in predicted[..rows * s].chunks_exact_mut(s).zip(next.chunks_exact(s)) {
+        for (predicted, next) in predicted[..rows * s].chunks_exact_mut(s).zip(next.chunks_exact(s))
+        {
             for ((p, n), scale) in predicted.iter_mut().zip(next).zip(&spec.change_scale) {
                 let error = if *scale > 0.0 { (*p - n) / scale } else { 0.0 };
                 loss += error * error * share;
@@ -151,7 +154,13 @@ impl Shapes {
         let dx = (grid_width > 0).then(|| (from, resized(&mut ws.dx, rows * columns)));
         let x = &ws.x[..rows * self.model.inputs];
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
-        self.model.backward((model.dense, model.packed), x, &predicted[..rows * s], &mut ws.acts, wanted);
+        self.model.backward(
+            (model.dense, model.packed),
+            x,
+            &predicted[..rows * s],
+            &mut ws.acts,
+            wanted,
+        );
         ws.y = predicted;
         if grid_width > 0 {
             gradient.add_encoded(&ws.dx[..rows * columns], (0, grid_width, columns));
@@ -160,16 +169,24 @@ impl Shapes {
     }
 
     /// Returns the squared errors of the predictions in each row, after [`Self::model_gradient`].
-    pub fn model_errors(&self, rows: usize, share: f32, ws: &Workspace) -> impl Iterator<Item = f32> {
+    pub fn model_errors(
+        &self,
+        rows: usize,
+        share: f32,
+        ws: &Workspace,
+    ) -> impl Iterator<Item = f32> {
         let s = self.encoder.spec().state_dim();
         // What is left of the predictions is the gradient with respect to the model's outputs.
-        ws.y[..rows * s].chunks_exact(s).map(move |d| d.iter().map(|d| (d / (2.0 * share)).powi(2)).sum())
+        ws.y[..rows * s]
+            .chunks_exact(s)
+            .map(move |d| d.iter().map(|d| (d / (2.0 * share)).powi(2)).sum())
     }
 
-    /// Computes the actor's goal-distance gradient (Algorithm 1) into `gradient`: that of mean D(f(s, mu(s, g)), w), with
-    /// w either g or a waypoint on the way there, which flows through the frozen critic and model into the actor, plus that
-    /// of the excess of the actor's outputs over their bound. A blocked actor is pulled towards what lookahead finds
-    /// instead. Returns the part's contribution to mean D.
+    /// Computes the actor's goal-distance gradient (Algorithm 1) into `gradient`: that of mean
+    /// D(f(s, mu(s, g)), w), with w either g or a waypoint on the way there, which flows through
+    /// the frozen critic and model into the actor, plus that of the excess of the actor's outputs
+    /// over their bound. A blocked actor is pulled towards what lookahead finds instead. Returns
+    /// the part's contribution to mean D.
     pub fn actor_gradient(
         &self,
         path: &ActorLossNetworks,
@@ -214,7 +231,8 @@ impl Shapes {
             loss += share * distance;
             if frees_stuck {
                 let stuck = before[i] - distance < STUCK_PROGRESS_STEPS;
-                before[i] = if stuck { self.actor_bound.min(STUCK_BOUND) } else { self.actor_bound };
+                before[i] =
+                    if stuck { self.actor_bound.min(STUCK_BOUND) } else { self.actor_bound };
             }
             *z = share * self.distance_scale * sigmoid(*z);
         }
@@ -248,9 +266,10 @@ impl Shapes {
         action * WAY_OUT_OUTPUT.min(self.actor_bound)
     }
 
-    /// Computes the actor's gradient into `gradient`, after [`Self::step_with_actor`]: that of a loss whose gradient with
-    /// respect to the model's outputs is `d_change` `(rows, state_dim)`, through the frozen model, plus that of the
-    /// excess of the actor's outputs over their bound, but for what is `special`; `share` is 1 / batch size.
+    /// Computes the actor's gradient into `gradient`, after [`Self::step_with_actor`]: that of a
+    /// loss whose gradient with respect to the model's outputs is `d_change` `(rows, state_dim)`,
+    /// through the frozen model, plus that of the excess of the actor's outputs over their bound,
+    /// but for what is `special`; `share` is 1 / batch size.
     pub fn actor_gradient_through_model(
         &self,
         (actor, model): (Weights, Weights),
@@ -263,16 +282,27 @@ impl Shapes {
         let rows = d_change.len() / self.model.outputs;
         let mut action = std::mem::take(&mut buffers.actor.y);
         let d_action = resized(&mut buffers.model.dx, rows * a);
-        let wanted = GradientRequest { parameters: None, inputs: Some((self.model.inputs - a, &mut *d_action)) };
+        let wanted = GradientRequest {
+            parameters: None,
+            inputs: Some((self.model.inputs - a, &mut *d_action)),
+        };
         let x = &buffers.model.x[..rows * self.model.inputs];
-        self.model.backward((model.dense, model.packed), x, d_change, &mut buffers.model.acts, wanted);
+        self.model.backward(
+            (model.dense, model.packed),
+            x,
+            d_change,
+            &mut buffers.model.acts,
+            wanted,
+        );
         for (i, ((action, d), z)) in
             action[..rows * a].iter_mut().zip(&*d_action).zip(&buffers.actor.outputs).enumerate()
         {
             let bound = special.bounds.get(i / a).copied().unwrap_or(self.actor_bound);
             let excess = z - z.clamp(-bound, bound);
             *action = match special.ways_out.get(i) {
-                Some(way) if !way.is_nan() => 2.0 * WAY_OUT_WEIGHT * share * (z - self.way_out_output(*way)),
+                Some(way) if !way.is_nan() => {
+                    2.0 * WAY_OUT_WEIGHT * share * (z - self.way_out_output(*way))
+                }
                 _ => d * (1.0 - *action * *action) + 2.0 * EXCESS_WEIGHT * share * excess,
             };
         }
@@ -281,14 +311,21 @@ impl Shapes {
             .then(|| (from, resized(&mut buffers.actor.dx, rows * (self.actor.inputs - from))));
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         let x = &buffers.actor.x[..rows * self.actor.inputs];
-        self.actor.backward((actor.dense, actor.packed), x, &action[..rows * a], &mut buffers.actor.acts, wanted);
+        self.actor.backward(
+            (actor.dense, actor.packed),
+            x,
+            &action[..rows * a],
+            &mut buffers.actor.acts,
+            wanted,
+        );
         buffers.actor.y = action;
         gradient.add_pair_corners(&self.encoder, pairs, &buffers.actor.dx, 0);
     }
 }
 
 impl LossScale {
-    /// Returns the error of `distance` against `target` on this scale, and the scale's slope at `distance`.
+    /// Returns the error of `distance` against `target` on this scale, and the scale's slope at
+    /// `distance`.
     fn error(self, distance: f32, target: f32) -> (f32, f32) {
         match self {
             Self::Squared => (distance - target, 1.0),

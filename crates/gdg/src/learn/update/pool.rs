@@ -1,7 +1,8 @@
 //! A thread pool for short pieces of work.
 //!
-//! An update consists of a few pieces of some hundred microseconds each. Waking a thread through the operating system
-//! takes a considerable part of that, so helpers spin for a while waiting for the next piece before they sleep.
+//! An update consists of a few pieces of some hundred microseconds each. Waking a thread through
+//! the operating system takes a considerable part of that, so helpers spin for a while waiting for
+//! the next piece before they sleep.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -38,7 +39,8 @@ impl Job {
             if task >= self.tasks {
                 return;
             }
-            // A panic must not leave the others waiting forever; `ThreadPool::run` panics in the caller instead.
+            // A panic must not leave the others waiting forever; `ThreadPool::run` panics in the
+            // caller instead.
             let work = || {
                 crate::faults::point("helper");
                 (self.work)(task);
@@ -71,7 +73,8 @@ pub struct ThreadPool {
 }
 
 impl ThreadPool {
-    /// Creates a pool of `threads` threads, including the caller; of fewer if the system refuses to start as many.
+    /// Creates a pool of `threads` threads, including the caller; of fewer if the system refuses to
+    /// start as many.
     pub fn new(threads: usize) -> Self {
         Self { slot: Arc::default(), threads, helpers: OnceLock::new() }
     }
@@ -79,13 +82,16 @@ impl ThreadPool {
     fn start_helpers(&self) -> Vec<JoinHandle<()>> {
         let start = |i| {
             let slot = self.slot.clone();
-            let helper = std::thread::Builder::new().name(format!("helper {i}")).spawn(move || slot.run_helper());
+            let helper = std::thread::Builder::new()
+                .name(format!("helper {i}"))
+                .spawn(move || slot.run_helper());
             helper.inspect_err(|error| tracing::warn!("training with fewer threads: {error}")).ok()
         };
         (1..self.threads).map_while(start).collect()
     }
 
-    /// Calls `work` with each index below `tasks`, on all threads of the pool; returns when all calls are done.
+    /// Calls `work` with each index below `tasks`, on all threads of the pool; returns when all
+    /// calls are done.
     ///
     /// # Panics
     /// Panics if a call panicked.
@@ -111,8 +117,8 @@ impl ThreadPool {
 }
 
 impl ThreadPool {
-    /// Calls `work` with each index below `tasks` on data that all threads share; returns when all calls are done. They
-    /// are `parts` of an update, if it is a long one: some may be left out.
+    /// Calls `work` with each index below `tasks` on data that all threads share; returns when all
+    /// calls are done. They are `parts` of an update, if it is a long one: some may be left out.
     ///
     /// # Errors
     /// Returns the first error of a call.
@@ -154,8 +160,8 @@ impl Drop for ThreadPool {
 impl JobSlot {
     /// Signals all helpers, waking those that sleep.
     fn wake_helpers(&self) {
-        // Sequentially consistent with a helper's increment of `sleeping`: either the helper sees the new number, or it
-        // is seen here as sleeping.
+        // Sequentially consistent with a helper's increment of `sleeping`: either the helper sees
+        // the new number, or it is seen here as sleeping.
         self.generation.fetch_add(1, Ordering::SeqCst);
         if self.sleeping.load(Ordering::SeqCst) > 0 {
             let _awake = self.job.lock();
@@ -205,7 +211,8 @@ mod tests {
         for threads in [1, 2, 4] {
             let pool = ThreadPool::new(threads);
             for round in 0..300 {
-                let counts: Arc<Vec<AtomicUsize>> = Arc::new((0..7).map(|_| AtomicUsize::new(0)).collect());
+                let counts: Arc<Vec<AtomicUsize>> =
+                    Arc::new((0..7).map(|_| AtomicUsize::new(0)).collect());
                 let shared = counts.clone();
                 pool.run(7, move |i| {
                     shared[i].fetch_add(1, Ordering::Relaxed);

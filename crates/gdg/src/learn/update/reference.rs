@@ -1,5 +1,5 @@
-//! The learner's losses in candle operations with autograd: the oracle for its hand-written gradients, and the basis of
-//! updates on other devices.
+//! The learner's losses in candle operations with autograd: the oracle for its hand-written
+//! gradients, and the basis of updates on other devices.
 
 use candle_core::{D, Device, Result, Tensor, Var, bail};
 use candle_nn::{Linear, Module};
@@ -30,9 +30,15 @@ impl Parameters {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub(in crate::learn) fn copied(network: &Network, encoder: &Encoder, averaged: bool) -> Result<Self> {
+    pub(in crate::learn) fn copied(
+        network: &Network,
+        encoder: &Encoder,
+        averaged: bool,
+    ) -> Result<Self> {
         let (dense, table) = network.copy(averaged)?;
-        let table = encoder.grid().map(|grid| Tensor::from_vec(table, (grid.corners(), grid.channels), &Device::Cpu));
+        let table = encoder
+            .grid()
+            .map(|grid| Tensor::from_vec(table, (grid.corners(), grid.channels), &Device::Cpu));
         Ok(Self { dense: Tensor::new(dense, &Device::Cpu)?, table: table.transpose()? })
     }
 }
@@ -80,7 +86,9 @@ impl<'a> Reference<'a> {
         mut networks: Vec<Parameters>,
         layers: Layers,
     ) -> Result<Self> {
-        let (Some(actor), Some(model)) = (networks.pop(), networks.pop()) else { bail!("too few networks") };
+        let (Some(actor), Some(model)) = (networks.pop(), networks.pop()) else {
+            bail!("too few networks")
+        };
         Ok(Self { shapes, critics: networks, model, actor, layers })
     }
 
@@ -95,7 +103,8 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Returns D(s, g) by critic `k`, `(rows)`; `states` `(rows, state_dim)`, `goals` `(rows, goal_dim)`.
+    /// Returns D(s, g) by critic `k`, `(rows)`; `states` `(rows, state_dim)`, `goals` `(rows,
+    /// goal_dim)`.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
@@ -131,21 +140,26 @@ impl<'a> Reference<'a> {
             columns.push(encode(grid, table, &achieved(encoder, &u)?)?);
         }
         columns.push(actions.clone());
-        let change = self.mlp(&self.shapes().model, &self.model.dense, &Tensor::cat(&columns, 1)?)?;
+        let change =
+            self.mlp(&self.shapes().model, &self.model.dense, &Tensor::cat(&columns, 1)?)?;
         states + change.broadcast_mul(&row(&encoder.spec().change_scale, states.device())?)?
     }
 
-    /// Returns the targets of the pairs in a [`Batch`], `(rows)`, with distances and actor steps computed from these
-    /// weights.
+    /// Returns the targets of the pairs in a [`Batch`], `(rows)`, with distances and actor steps
+    /// computed from these weights.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn targets(&self, batch: &Batch, device: &Device) -> Result<Tensor> {
         let spec = self.shapes().encoder.spec();
-        let tensor = |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), device);
+        let tensor = |numbers: &[f32], width: usize| {
+            Tensor::from_slice(numbers, (batch.len(), width), device)
+        };
         let column = |numbers: &[f32]| Tensor::from_slice(numbers, batch.len(), device);
-        let (states, ahead) =
-            (tensor(&batch.states, spec.state_dim())?, tensor(&batch.bootstrap_states, spec.state_dim())?);
+        let (states, ahead) = (
+            tensor(&batch.states, spec.state_dim())?,
+            tensor(&batch.bootstrap_states, spec.state_dim())?,
+        );
         let goals = tensor(&batch.goals, spec.goal_dim())?;
         let steps = column(&batch.steps)?;
         let mut far = (&steps + self.joint_distances(&ahead, &goals)?)?;
@@ -153,7 +167,11 @@ impl<'a> Reference<'a> {
             let next = self.predictions(&states, &self.actions(&states, &goals)?)?;
             let capped = far.minimum(&(self.joint_distances(&next, &goals)? + 1.0)?)?;
             let has_check = self.shapes().model_check;
-            far = if has_check { self.mispredicted(batch, device)?.where_cond(&far, &capped)? } else { capped };
+            far = if has_check {
+                self.mispredicted(batch, device)?.where_cond(&far, &capped)?
+            } else {
+                capped
+            };
         }
         let known = column(&batch.bootstrap)?.eq(0.0)?;
         let targets = known.where_cond(&steps, &far)?.minimum(&column(&batch.bound)?)?;
@@ -164,13 +182,17 @@ impl<'a> Reference<'a> {
     fn mispredicted(&self, batch: &Batch, device: &Device) -> Result<Tensor> {
         let spec = self.shapes().encoder.spec();
         let s = spec.state_dim();
-        let tensor = |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), device);
+        let tensor = |numbers: &[f32], width: usize| {
+            Tensor::from_slice(numbers, (batch.len(), width), device)
+        };
         let (from, actions) = (tensor(&batch.from, s)?, tensor(&batch.actions, spec.action_dim)?);
-        let errors: Vec<f32> = self.model_errors(&from, &actions, &tensor(&batch.next, s)?)?.to_vec1()?;
+        let errors: Vec<f32> =
+            self.model_errors(&from, &actions, &tensor(&batch.next, s)?)?.to_vec1()?;
         let of_part = |part| {
             let rows = rows_of_part(batch.len(), part);
             let at = rows.start * s..rows.end * s;
-            mispredicted(&errors[rows], (&batch.from[at.clone()], &batch.states[at]), s).map(u8::from)
+            mispredicted(&errors[rows], (&batch.from[at.clone()], &batch.states[at]), s)
+                .map(u8::from)
         };
         let found: Vec<u8> = (0..parts_of(batch.len())).flat_map(of_part).collect();
         Tensor::from_vec(found, batch.len(), device)
@@ -190,7 +212,12 @@ impl<'a> Reference<'a> {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn critic_loss(&self, k: usize, (states, goals): (&Tensor, &Tensor), targets: &Tensor) -> Result<Tensor> {
+    pub fn critic_loss(
+        &self,
+        k: usize,
+        (states, goals): (&Tensor, &Tensor),
+        targets: &Tensor,
+    ) -> Result<Tensor> {
         let distance = self.distances(k, states, goals)?;
         let scale = |d: &Tensor| match self.shapes().loss {
             LossScale::Squared => Ok(d.clone()),
@@ -212,17 +239,20 @@ impl<'a> Reference<'a> {
         self.model_errors(states, actions, next)?.mean_all()
     }
 
-    /// Returns the squared errors of the predictions, `(rows)`, with each component in units of its change scale.
+    /// Returns the squared errors of the predictions, `(rows)`, with each component in units of its
+    /// change scale.
     fn model_errors(&self, states: &Tensor, actions: &Tensor, next: &Tensor) -> Result<Tensor> {
-        let scale = row(&zero_to_infinity(&self.shapes().encoder.spec().change_scale), states.device())?;
+        let scale =
+            row(&zero_to_infinity(&self.shapes().encoder.spec().change_scale), states.device())?;
         let error = (self.predictions(states, actions)? - next)?.broadcast_div(&scale)?;
         error.sqr()?.sum(D::Minus1)
     }
 
-    /// Returns the actor's loss, mean D(f(s, mu(s, g)), w) by the first critic, and separately the weighted squared
-    /// excess of its outputs over their bound, which is lower for a stuck actor if `frees_stuck` (see
-    /// [`Batch::frees_stuck_actor`]). Where the actor is blocked and lookahead finds a way out, the former has no gradient,
-    /// and the latter is the weighted squared difference from that action's outputs.
+    /// Returns the actor's loss, mean D(f(s, mu(s, g)), w) by the first critic, and separately the
+    /// weighted squared excess of its outputs over their bound, which is lower for a stuck actor if
+    /// `frees_stuck` (see [`Batch::frees_stuck_actor`]). Where the actor is blocked and lookahead
+    /// finds a way out, the former has no gradient, and the latter is the weighted squared
+    /// difference from that action's outputs.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
@@ -241,7 +271,9 @@ impl<'a> Reference<'a> {
             let progress = (self.distances(0, states, towards)? - &after)?.detach();
             let full = |value: f32| Tensor::full(value, progress.shape(), progress.device());
             let stuck = progress.lt(f64::from(STUCK_PROGRESS_STEPS))?;
-            outputs.broadcast_sub(&stuck.where_cond(&full(bound.min(STUCK_BOUND))?, &full(bound)?)?.unsqueeze(1)?)?
+            outputs.broadcast_sub(
+                &stuck.where_cond(&full(bound.min(STUCK_BOUND))?, &full(bound)?)?.unsqueeze(1)?,
+            )?
         } else {
             (outputs - f64::from(bound))?
         };
@@ -255,8 +287,9 @@ impl<'a> Reference<'a> {
         Ok((found.where_cond(&after.detach(), &after)?.mean_all()?, excess.mean_all()?))
     }
 
-    /// Returns where the actor's action is blocked and lookahead finds a way out, `(rows)`, and the outputs before tanh that
-    /// lead there, `(rows, action_dim)`: `next` `(rows, state_dim)` and `after` `(rows)` follow the actor's action.
+    /// Returns where the actor's action is blocked and lookahead finds a way out, `(rows)`, and the
+    /// outputs before tanh that lead there, `(rows, action_dim)`: `next` `(rows, state_dim)` and
+    /// `after` `(rows)` follow the actor's action.
     fn ways_out(
         &self,
         states: &Tensor,
@@ -266,15 +299,21 @@ impl<'a> Reference<'a> {
         let (shapes, device) = (self.shapes(), states.device());
         let spec = shapes.encoder.spec();
         let scale = row(&spec.change_scale, device)?.affine(f64::from(BLOCKED_CHANGE), 0.0)?;
-        let moved = (next - states)?.abs()?.broadcast_gt(&scale)?.to_dtype(after.dtype())?.sum(D::Minus1)?;
+        let moved = (next - states)?
+            .abs()?
+            .broadcast_gt(&scale)?
+            .to_dtype(after.dtype())?
+            .sum(D::Minus1)?;
         let (rows, a) = (states.dim(0)?, spec.action_dim);
         let enough = (after - f64::from(MIN_GAIN_STEPS))?.detach();
         let mut shortest = enough.clone();
         let mut ways = Tensor::zeros((rows, a), after.dtype(), device)?;
         for tried in shapes.tried_actions.chunks_exact(a) {
-            let outputs: Vec<f32> = tried.iter().map(|action| shapes.way_out_output(*action)).collect();
+            let outputs: Vec<f32> =
+                tried.iter().map(|action| shapes.way_out_output(*action)).collect();
             let actions = row(tried, device)?.broadcast_as((rows, a))?.contiguous()?;
-            let distances = self.distances(0, &self.predictions(states, &actions)?, towards)?.detach();
+            let distances =
+                self.distances(0, &self.predictions(states, &actions)?, towards)?.detach();
             let better = distances.lt(&shortest)?;
             shortest = shortest.minimum(&distances)?;
             let outputs = row(&outputs, device)?.broadcast_as((rows, a))?.contiguous()?;
@@ -300,7 +339,8 @@ pub(in crate::learn) fn pair_rows(
         let difference = (goals - achieved(encoder, states)?)?;
         for axis in 0..encoder.spec().goal_dim() {
             let d = difference.narrow(1, axis, 1)?;
-            let rates = Tensor::from_slice(encoder.relative(), (1, encoder.relative().len()), d.device())?;
+            let rates =
+                Tensor::from_slice(encoder.relative(), (1, encoder.relative().len()), d.device())?;
             columns.push(d.broadcast_mul(&rates)?.tanh()?);
         }
     }
@@ -328,8 +368,12 @@ fn scaled(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {
 
 fn scaled_goals(encoder: &Encoder, goals: &Tensor) -> Result<Tensor> {
     let spec = encoder.spec();
-    let of = |values: &[f32]| row(&spec.achieved.iter().map(|i| values[*i]).collect::<Vec<_>>(), goals.device());
-    goals.broadcast_sub(&of(&spec.state_centre)?)?.broadcast_div(&of(&zero_to_infinity(&spec.state_half_range))?)
+    let of = |values: &[f32]| {
+        row(&spec.achieved.iter().map(|i| values[*i]).collect::<Vec<_>>(), goals.device())
+    };
+    goals
+        .broadcast_sub(&of(&spec.state_centre)?)?
+        .broadcast_div(&of(&zero_to_infinity(&spec.state_half_range))?)
 }
 
 fn achieved(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {
@@ -348,7 +392,8 @@ fn fourier(encoder: &Encoder, u: &Tensor) -> Result<Tensor> {
     let mut columns = Vec::new();
     for axis in 0..u.dim(1)? {
         for octave in 0..encoder.octaves() {
-            let angle = (u.narrow(1, axis, 1)? * (std::f64::consts::PI * f64::from(1u32 << octave)))?;
+            let angle =
+                (u.narrow(1, axis, 1)? * (std::f64::consts::PI * f64::from(1u32 << octave)))?;
             columns.extend([angle.sin()?, angle.cos()?]);
         }
     }
@@ -375,7 +420,8 @@ fn encode(grid: &GridShape, table: &Tensor, u: &Tensor) -> Result<Tensor> {
                 index = (index + ((lower.narrow(1, axis, 1)? + upper as f64)? * stride)?)?;
                 stride *= level.corners as f64;
             }
-            let index = (index + level.first as f64)?.squeeze(1)?.to_dtype(candle_core::DType::U32)?;
+            let index =
+                (index + level.first as f64)?.squeeze(1)?.to_dtype(candle_core::DType::U32)?;
             let read = table.index_select(&index, 0)?.broadcast_mul(&weight)?;
             sum = Some(match sum {
                 Some(sum) => (sum + read)?,

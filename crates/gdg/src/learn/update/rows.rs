@@ -7,8 +7,8 @@ use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::shapes::Shapes;
 use crate::learn::networks::touched::TouchedCorners;
 
-/// Number of parts that a batch is split into, and minimum rows per part. The parts do not depend on the number of
-/// threads and are summed in order, so the results do not depend on it either.
+/// Number of parts that a batch is split into, and minimum rows per part. The parts do not depend
+/// on the number of threads and are summed in order, so the results do not depend on it either.
 const PARTS: usize = 4;
 const MIN_PART_ROWS: usize = 32;
 
@@ -28,8 +28,8 @@ pub fn rows_of_part(batch: usize, part: usize) -> Range<usize> {
     part * size..((part + 1) * size).min(batch)
 }
 
-/// Finds the table corners that the states and goals of a batch touch, given part by part: in the order of the parts'
-/// gradients.
+/// Finds the table corners that the states and goals of a batch touch, given part by part: in the
+/// order of the parts' gradients.
 pub fn find_corners<'a>(
     encoder: &Encoder,
     parts: impl Iterator<Item = (&'a [f32], &'a [f32])>,
@@ -90,19 +90,28 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// A model mispredicts a step if its squared error, with each component in units of its change scale, exceeds this ...
+/// A model mispredicts a step if its squared error, with each component in units of its change
+/// scale, exceeds this ...
 pub const MISPREDICTED_ERROR: f32 = 0.01;
 
-/// ... and this multiple of the mean over the part of the batch: where steps are random, or nothing has been learned yet,
-/// all are off.
+/// ... and this multiple of the mean over the part of the batch: where steps are random, or nothing
+/// has been learned yet, all are off.
 pub const MISPREDICTED_FACTOR: f32 = 3.0;
 
-/// Returns the rows of a part whose pair begins with a step that the model mispredicts: of squared `errors` `(rows)` on
-/// transitions that begin in `from` `(rows, state_dim)`, for pairs that begin in `states` `(rows, state_dim)`.
-pub fn mispredicted(errors: &[f32], (from, states): (&[f32], &[f32]), state_dim: usize) -> impl Iterator<Item = bool> {
+/// Returns the rows of a part whose pair begins with a step that the model mispredicts: of squared
+/// `errors` `(rows)` on transitions that begin in `from` `(rows, state_dim)`, for pairs that begin
+/// in `states` `(rows, state_dim)`.
+pub fn mispredicted(
+    errors: &[f32],
+    (from, states): (&[f32], &[f32]),
+    state_dim: usize,
+) -> impl Iterator<Item = bool> {
     let mean = errors.iter().sum::<f32>() / errors.len() as f32;
     let most = MISPREDICTED_ERROR.max(MISPREDICTED_FACTOR * mean);
-    let own = from.chunks_exact(state_dim).zip(states.chunks_exact(state_dim)).map(|(from, state)| from == state);
+    let own = from
+        .chunks_exact(state_dim)
+        .zip(states.chunks_exact(state_dim))
+        .map(|(from, state)| from == state);
     errors.iter().zip(own).map(move |(error, own)| own && *error > most)
 }
 

@@ -22,8 +22,8 @@ impl Half {
     }
 }
 
-/// Steps one half of a network with the sum of all parts' gradients. Moves these out of the parts meanwhile, so that
-/// other threads can lock the parts for their own steps.
+/// Steps one half of a network with the sum of all parts' gradients. Moves these out of the parts
+/// meanwhile, so that other threads can lock the parts for their own steps.
 ///
 /// # Errors
 /// Returns candle's error if a tensor operation fails.
@@ -36,7 +36,10 @@ pub fn step_half<P>(
 ) -> Result<()> {
     let numbers = |part: &mut P, exchange: &mut Vec<f32>| {
         let gradient = gradient(part);
-        std::mem::swap(exchange, if half == Half::Dense { &mut gradient.dense } else { &mut gradient.encoded });
+        std::mem::swap(
+            exchange,
+            if half == Half::Dense { &mut gradient.dense } else { &mut gradient.encoded },
+        );
     };
     let mut taken: Vec<Vec<f32>> = vec![Vec::new(); parts.len()];
     parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));

@@ -2,15 +2,16 @@
 
 use crate::env::Spec;
 
-/// Returns the length of a typical step: the mean change scale of the state components that form the achieved goal.
+/// Returns the length of a typical step: the mean change scale of the state components that form
+/// the achieved goal.
 pub fn typical_step(spec: &Spec) -> f32 {
     let steps = spec.achieved.iter().map(|i| spec.change_scale[*i]).filter(|scale| *scale > 0.0);
     let (sum, count) = steps.fold((0.0, 0.0), |(sum, count), scale| (sum + scale, count + 1.0));
     if count > 0.0 { sum / count } else { 1.0 }
 }
 
-/// The given distance of the paper's section 4.1, D(s, g) = |s - g|, from the achieved goal to the goal in typical steps.
-/// It passes through walls.
+/// The given distance of the paper's section 4.1, D(s, g) = |s - g|, from the achieved goal to the
+/// goal in typical steps. It passes through walls.
 #[derive(Clone, Debug)]
 pub struct StraightLine {
     spec: Spec,
@@ -28,8 +29,8 @@ impl StraightLine {
         self.spec.goal_distance(state, goal) / self.step
     }
 
-    /// Returns D(s, g) and writes its gradient with respect to `state`: 1 / step towards the state, and 0 at the goal,
-    /// where D has none.
+    /// Returns D(s, g) and writes its gradient with respect to `state`: 1 / step towards the state,
+    /// and 0 at the goal, where D has none.
     pub fn gradient(&self, state: &[f32], goal: &[f32], d_state: &mut [f32]) -> f32 {
         d_state.fill(0.0);
         let length = self.spec.goal_distance(state, goal);

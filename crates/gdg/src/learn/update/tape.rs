@@ -1,5 +1,5 @@
-//! Updates on candle's autograd tape: the same losses, averages and steps as the learner's own kernels; slower,
-//! but easy to change.
+//! Updates on candle's autograd tape: the same losses, averages and steps as the learner's own
+//! kernels; slower, but easy to change.
 
 use std::ops::Range;
 
@@ -53,10 +53,15 @@ impl Tape {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn new<'a>(backend: Backend, networks: impl Iterator<Item = &'a Network>) -> Result<Option<Self>> {
+    pub fn new<'a>(
+        backend: Backend,
+        networks: impl Iterator<Item = &'a Network>,
+    ) -> Result<Option<Self>> {
         match backend {
             Backend::Fused => Ok(None),
-            Backend::Tape => Ok(Some(Self { networks: networks.map(TapeNetwork::new).collect::<Result<_>>()? })),
+            Backend::Tape => {
+                Ok(Some(Self { networks: networks.map(TapeNetwork::new).collect::<Result<_>>()? }))
+            }
         }
     }
 
@@ -64,10 +69,17 @@ impl Tape {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn update(&mut self, shapes: &Shapes, batch: &Batch, steps: u64, rates: LearningRates) -> Result<Losses> {
+    pub fn update(
+        &mut self,
+        shapes: &Shapes,
+        batch: &Batch,
+        steps: u64,
+        rates: LearningRates,
+    ) -> Result<Losses> {
         let spec = shapes.encoder.spec();
-        let tensor =
-            |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu);
+        let tensor = |numbers: &[f32], width: usize| {
+            Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu)
+        };
         let (s, g) = (spec.state_dim(), spec.goal_dim());
         let (states, goals) = (tensor(&batch.states, s)?, tensor(&batch.goals, g)?);
         let towards = tensor(&batch.actor_goals, g)?;
@@ -86,8 +98,11 @@ impl Tape {
         let model_loss = now.model_loss(&from, &actions, &next)?;
         self.step(critics.clone(), &critic_loss, steps, rates)?;
         self.step(model..model + 1, &model_loss, steps, rates)?;
-        let (actor_loss, excess) =
-            self.reference(shapes, false)?.actor_loss(&states, [&goals, &towards], batch.frees_stuck_actor)?;
+        let (actor_loss, excess) = self.reference(shapes, false)?.actor_loss(
+            &states,
+            [&goals, &towards],
+            batch.frees_stuck_actor,
+        )?;
         self.step(actor..actor + 1, &(&actor_loss + excess)?, steps, rates)?;
         Ok(Losses {
             critic: critic_loss.to_scalar::<f32>()? / critics.len() as f32,
@@ -103,7 +118,13 @@ impl Tape {
     }
 
     /// Takes an optimiser step on `loss` for some of the networks.
-    fn step(&mut self, which: Range<usize>, loss: &Tensor, steps: u64, rates: LearningRates) -> Result<()> {
+    fn step(
+        &mut self,
+        which: Range<usize>,
+        loss: &Tensor,
+        steps: u64,
+        rates: LearningRates,
+    ) -> Result<()> {
         let gradients = loss.backward()?;
         for network in &mut self.networks[which] {
             if let Some(gradient) = gradients.get(&network.dense.values) {
@@ -113,7 +134,8 @@ impl Tape {
                 && let Some(gradient) = gradients.get(&table.values)
             {
                 // Corners that no position in the batch reads stay unchanged.
-                let touched = gradient.abs()?.sum_keepdim(1)?.gt(0.0)?.broadcast_as(gradient.shape())?;
+                let touched =
+                    gradient.abs()?.sum_keepdim(1)?.gt(0.0)?.broadcast_as(gradient.shape())?;
                 table.step(gradient, Some(&touched), adam_rate(rates.table, steps), rates.tau)?;
             }
         }
@@ -124,7 +146,11 @@ impl Tape {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn write_back<'a>(&self, networks: impl Iterator<Item = &'a Network>, steps: u64) -> Result<()> {
+    pub fn write_back<'a>(
+        &self,
+        networks: impl Iterator<Item = &'a Network>,
+        steps: u64,
+    ) -> Result<()> {
         for (network, trained) in networks.zip(&self.networks) {
             let state = trained.state(steps)?;
             let mut state: std::collections::HashMap<_, _> = state.into_iter().collect();
@@ -138,22 +164,33 @@ impl TapeNetwork {
     fn new(network: &Network) -> Result<Self> {
         let state: std::collections::HashMap<_, _> = network.state()?.into_iter().collect();
         let (average, table_average) = network.copy(true)?;
-        let numbers = |name: &str| Tensor::from_slice(&state[name], state[name].len(), &Device::Cpu);
+        let numbers =
+            |name: &str| Tensor::from_slice(&state[name], state[name].len(), &Device::Cpu);
         let averaged = state.contains_key("dense_average");
         let dense = TapeParameters {
             values: Var::from_tensor(&numbers("dense")?)?,
             m: numbers("dense_m")?,
             v: numbers("dense_v")?,
-            average: if averaged { Some(Tensor::from_slice(&average, average.len(), &Device::Cpu)?) } else { None },
+            average: if averaged {
+                Some(Tensor::from_slice(&average, average.len(), &Device::Cpu)?)
+            } else {
+                None
+            },
         };
         let table = match network.table() {
             Some(lines) => {
                 let (corners, rows, channels) = lines.dims3()?;
                 let lines = numbers("table")?.reshape((corners, rows, channels))?;
                 let row = |i: usize| lines.narrow(1, i, 1)?.squeeze(1)?.contiguous();
-                let average = Tensor::from_slice(&table_average, (corners, channels), &Device::Cpu)?;
+                let average =
+                    Tensor::from_slice(&table_average, (corners, channels), &Device::Cpu)?;
                 let average = averaged.then_some(average);
-                Some(TapeParameters { values: Var::from_tensor(&row(0)?)?, m: row(2)?, v: row(3)?, average })
+                Some(TapeParameters {
+                    values: Var::from_tensor(&row(0)?)?,
+                    m: row(2)?,
+                    v: row(3)?,
+                    average,
+                })
             }
             None => None,
         };
@@ -172,13 +209,17 @@ impl TapeNetwork {
     fn state(&self, steps: u64) -> Result<NetworkState> {
         let numbers = |t: &Tensor| t.flatten_all()?.to_vec1::<f32>();
         let TapeParameters { values, m, v, average } = &self.dense;
-        let mut state = vec![("dense", numbers(values)?), ("dense_m", numbers(m)?), ("dense_v", numbers(v)?)];
+        let mut state =
+            vec![("dense", numbers(values)?), ("dense_m", numbers(m)?), ("dense_v", numbers(v)?)];
         if let Some(average) = average {
             state.push(("dense_average", numbers(average)?));
         }
         if let Some(TapeParameters { values, m, v, average }) = &self.table {
             let average = average.as_ref().unwrap_or(values.as_tensor());
-            state.push(("table", numbers(&Tensor::stack(&[values.as_tensor(), average, m, v], 1)?)?));
+            state.push((
+                "table",
+                numbers(&Tensor::stack(&[values.as_tensor(), average, m, v], 1)?)?,
+            ));
             state.push(("table_last", vec![f32::from_bits(steps as u32); values.dim(0)?]));
         }
         Ok(state)
@@ -187,13 +228,21 @@ impl TapeNetwork {
 
 impl TapeParameters {
     /// Takes one Adam step where `touched`, then updates the average.
-    fn step(&mut self, gradient: &Tensor, touched: Option<&Tensor>, rate: AdamRate, tau: f32) -> Result<()> {
+    fn step(
+        &mut self,
+        gradient: &Tensor,
+        touched: Option<&Tensor>,
+        rate: AdamRate,
+        tau: f32,
+    ) -> Result<()> {
         let beta = (f64::from(BETA.0), f64::from(BETA.1));
         let m = ((&self.m * beta.0)? + (gradient * (1.0 - beta.0))?)?;
         let v = ((&self.v * beta.1)? + (gradient.sqr()? * (1.0 - beta.1))?)?;
         let step = ((&m * f64::from(rate.rate))? / (v.sqrt()? + f64::from(rate.epsilon))?)?;
         let values = (self.values.as_tensor() - step)?;
-        let chosen = |new: Tensor, old: &Tensor| touched.map_or(Ok(new.clone()), |t| t.where_cond(&new, old));
+        let chosen = |new: Tensor, old: &Tensor| {
+            touched.map_or(Ok(new.clone()), |t| t.where_cond(&new, old))
+        };
         let values = chosen(values, &self.values)?.detach();
         (self.m, self.v) = (chosen(m, &self.m)?.detach(), chosen(v, &self.v)?.detach());
         self.values.set(&values)?;

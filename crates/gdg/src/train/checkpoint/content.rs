@@ -11,7 +11,8 @@ use crate::train::policy_file::POLICY_KEY;
 /// Beginning of the name of every format.
 const FORMAT_PREFIX: &str = "gdg-tui checkpoint ";
 
-/// Format name in the metadata. Format 1 had neither checksum nor history; formats 1 and 2 did not name the world.
+/// Format name in the metadata. Format 1 had neither checksum nor history; formats 1 and 2 did not
+/// name the world.
 const FORMAT: &str = "gdg-tui checkpoint 3";
 const FORMAT_WITHOUT_WORLD: &str = "gdg-tui checkpoint 2";
 const FORMAT_WITHOUT_CHECKSUM: &str = "gdg-tui checkpoint 1";
@@ -98,7 +99,10 @@ pub fn to_bytes(store: Store) -> Result<Vec<u8>, ContentError> {
     let (arrays, mut texts) = store.into_parts();
     texts.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
     texts.insert(FORMAT_KEY.to_owned(), FORMAT.to_owned());
-    serialized_with_checksum(&arrays.into_iter().map(|(name, array)| (name, array.into())).collect(), texts)
+    serialized_with_checksum(
+        &arrays.into_iter().map(|(name, array)| (name, array.into())).collect(),
+        texts,
+    )
 }
 
 /// Serialises tensors and texts with a checksum over both.
@@ -106,7 +110,8 @@ fn serialized_with_checksum(
     tensors: &BTreeMap<String, Tensor>,
     mut texts: BTreeMap<String, String>,
 ) -> Result<Vec<u8>, ContentError> {
-    let parts = tensors.iter().map(|(name, tensor)| (name.as_str(), tensor.dtype, tensor.bytes.as_slice()));
+    let parts =
+        tensors.iter().map(|(name, tensor)| (name.as_str(), tensor.dtype, tensor.bytes.as_slice()));
     let sum = checksum(texts.iter().map(|(name, text)| (name.as_str(), text.as_str())), parts);
     texts.insert(CHECKSUM_KEY.to_owned(), sum);
     let views = tensors.iter().map(|(name, Tensor { dtype, bytes })| {
@@ -118,7 +123,8 @@ fn serialized_with_checksum(
     Ok(safetensors::serialize(views, Some(texts.into_iter().collect()))?)
 }
 
-/// Returns the CRC-32 of texts and tensors, each in order of name so that it does not depend on the order in the file.
+/// Returns the CRC-32 of texts and tensors, each in order of name so that it does not depend on the
+/// order in the file.
 fn checksum<'a>(
     texts: impl Iterator<Item = (&'a str, &'a str)>,
     tensors: impl Iterator<Item = (&'a str, Dtype, &'a [u8])>,
@@ -155,7 +161,8 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Store, ContentError> {
             kept.map(|(name, text)| (name.as_str(), text.as_str())),
             views.iter().map(|(name, view)| (*name, view.dtype(), view.data())),
         );
-        let stated = texts.get(CHECKSUM_KEY).ok_or_else(|| StoreError::Missing(CHECKSUM_KEY.to_owned()))?;
+        let stated =
+            texts.get(CHECKSUM_KEY).ok_or_else(|| StoreError::Missing(CHECKSUM_KEY.to_owned()))?;
         if *stated != sum {
             return Err(ContentError::Damaged);
         }
@@ -170,18 +177,20 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Store, ContentError> {
     Ok(store)
 }
 
-/// Parses the texts of a checkpoint of `size` bytes from its start, which contains the header; the tensors need not be
-/// present.
+/// Parses the texts of a checkpoint of `size` bytes from its start, which contains the header; the
+/// tensors need not be present.
 ///
 /// # Errors
-/// The header is not from a checkpoint of this program, the format is unknown, or the file has another size.
+/// The header is not from a checkpoint of this program, the format is unknown, or the file has
+/// another size.
 pub fn texts_from_start(start: &[u8], size: u64) -> Result<Store, ContentError> {
     let mut store = Store::default();
     checked_texts(start, size)?.into_iter().for_each(|(name, text)| store.put_text(name, text));
     Ok(store)
 }
 
-/// Returns the texts in a file's header. Tells a file of `size` bytes that was cut off from a whole one.
+/// Returns the texts in a file's header. Tells a file of `size` bytes that was cut off from a whole
+/// one.
 fn checked_texts(start: &[u8], size: u64) -> Result<BTreeMap<String, String>, ContentError> {
     if size == 0 {
         return Err(ContentError::Empty);
@@ -217,10 +226,13 @@ fn metadata(header: &[u8]) -> Result<Option<HashMap<String, String>>, ContentErr
         metadata: Option<HashMap<String, String>>,
     }
     // The safetensors library needs the whole file to read the header.
-    serde_json::from_slice::<Header>(header).map(|header| header.metadata).map_err(|_| ContentError::Header)
+    serde_json::from_slice::<Header>(header)
+        .map(|header| header.metadata)
+        .map_err(|_| ContentError::Header)
 }
 
-/// Returns the size in bytes of the whole file with this header: the header's length, the header, the tensors.
+/// Returns the size in bytes of the whole file with this header: the header's length, the header,
+/// the tensors.
 fn file_size(header: &[u8]) -> Option<u64> {
     #[derive(Deserialize)]
     struct Tensor {
@@ -228,17 +240,27 @@ fn file_size(header: &[u8]) -> Option<u64> {
     }
     let entries: HashMap<String, serde_json::Value> = serde_json::from_slice(header).ok()?;
     let tensors = entries.into_iter().filter(|(name, _)| name != "__metadata__");
-    let ends = tensors.map(|(_, entry)| Tensor::deserialize(entry).map(|tensor| tensor.data_offsets.1));
+    let ends =
+        tensors.map(|(_, entry)| Tensor::deserialize(entry).map(|tensor| tensor.data_offsets.1));
     let end = ends.collect::<Result<Vec<_>, _>>().ok()?.into_iter().max().unwrap_or(0);
     (8 + header.len() as u64).checked_add(end)
 }
 
-fn texts_of(metadata: Option<HashMap<String, String>>) -> Result<BTreeMap<String, String>, ContentError> {
+fn texts_of(
+    metadata: Option<HashMap<String, String>>,
+) -> Result<BTreeMap<String, String>, ContentError> {
     let texts: BTreeMap<String, String> = metadata.unwrap_or_default().into_iter().collect();
-    let format = texts.get(FORMAT_KEY).filter(|format| format.starts_with(FORMAT_PREFIX)).ok_or_else(|| {
-        let is_policy = texts.contains_key(POLICY_KEY);
-        ContentError::Other(if is_policy { "an exported policy" } else { "a safetensors file of another program" })
-    })?;
+    let format = texts
+        .get(FORMAT_KEY)
+        .filter(|format| format.starts_with(FORMAT_PREFIX))
+        .ok_or_else(|| {
+            let is_policy = texts.contains_key(POLICY_KEY);
+            ContentError::Other(if is_policy {
+                "an exported policy"
+            } else {
+                "a safetensors file of another program"
+            })
+        })?;
     if [FORMAT, FORMAT_WITHOUT_WORLD, FORMAT_WITHOUT_CHECKSUM].contains(&format.as_str()) {
         return Ok(texts);
     }
@@ -246,8 +268,8 @@ fn texts_of(metadata: Option<HashMap<String, String>>) -> Result<BTreeMap<String
     Err(ContentError::Format { format: format.clone(), version })
 }
 
-/// Returns the checkpoint with its checksum recomputed, for tests of the checks after it; `None` if it is not a
-/// checkpoint.
+/// Returns the checkpoint with its checksum recomputed, for tests of the checks after it; `None` if
+/// it is not a checkpoint.
 pub fn with_updated_checksum(bytes: &[u8]) -> Option<Vec<u8>> {
     let (_, header) = SafeTensors::read_metadata(bytes).ok()?;
     let read = SafeTensors::deserialize(bytes).ok()?;
@@ -255,5 +277,9 @@ pub fn with_updated_checksum(bytes: &[u8]) -> Option<Vec<u8>> {
     texts.remove(CHECKSUM_KEY);
     texts.insert(FORMAT_KEY.to_owned(), FORMAT.to_owned());
     let tensor = |view: &TensorView| Tensor { dtype: view.dtype(), bytes: view.data().to_vec() };
-    serialized_with_checksum(&read.iter().map(|(name, view)| (name.to_owned(), tensor(&view))).collect(), texts).ok()
+    serialized_with_checksum(
+        &read.iter().map(|(name, view)| (name.to_owned(), tensor(&view))).collect(),
+        texts,
+    )
+    .ok()
 }

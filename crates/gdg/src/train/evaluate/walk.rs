@@ -8,8 +8,8 @@ use crate::learn::{Policy, Scratch};
 /// The plan for a task, and the walk that followed it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskWalk {
-    /// Waypoints of the plan made at the start, ending with the goal, each `(goal_dim)`; none if the method does not
-    /// plan.
+    /// Waypoints of the plan made at the start, ending with the goal, each `(goal_dim)`; none if
+    /// the method does not plan.
     pub plan: Vec<Vec<f32>>,
     /// State at the start and after every step, each `(state_dim)`.
     pub states: Vec<Vec<f32>>,
@@ -29,7 +29,8 @@ impl EvaluationJob {
         let tasks = std::slice::from_ref(task);
         let mut watch = |state: &[f32]| states.push(state.to_vec());
         let actor = self.actor(graph.as_ref());
-        let runs = run_tasks_watched(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch);
+        let runs =
+            run_tasks_watched(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch);
         let plan = match (&graph, states.first()) {
             (Some(graph), Some(start)) => plan(graph, start, &task.goal, &*self.policy),
             _ => Vec::new(),

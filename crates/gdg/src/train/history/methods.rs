@@ -17,7 +17,8 @@ pub struct Stretch {
     pub learned: u64,
     /// The method.
     pub method: String,
-    /// Whether its learner learns: if not, updates are counted as the time they would have taken, but not done.
+    /// Whether its learner learns: if not, updates are counted as the time they would have taken,
+    /// but not done.
     pub learns: bool,
 }
 
@@ -27,8 +28,14 @@ pub struct Stretch {
 pub struct Methods(Vec<Stretch>);
 
 impl Methods {
-    /// Records a change of the method after `updates`, given the names before and after and whether they learn.
-    pub fn change(&mut self, updates: u64, (before, learned_before): (String, bool), (now, learns): (String, bool)) {
+    /// Records a change of the method after `updates`, given the names before and after and whether
+    /// they learn.
+    pub fn change(
+        &mut self,
+        updates: u64,
+        (before, learned_before): (String, bool),
+        (now, learns): (String, bool),
+    ) {
         if self.0.is_empty() {
             self.0.push(Stretch { from: 0, learned: 0, method: before, learns: learned_before });
         }
@@ -48,7 +55,8 @@ impl Methods {
         &self.0
     }
 
-    /// Returns how many of the first `updates` were done by a learner, given whether the current one learns.
+    /// Returns how many of the first `updates` were done by a learner, given whether the current
+    /// one learns.
     pub fn learned(&self, updates: u64, learns_now: bool) -> u64 {
         match self.0.iter().rev().find(|stretch| stretch.from <= updates) {
             Some(stretch) if stretch.learns => stretch.learned + (updates - stretch.from),
@@ -77,7 +85,9 @@ impl Methods {
     pub(super) fn is_sound(&self) -> bool {
         self.0.len() <= MAX_STRETCHES
             && self.0.is_sorted_by_key(|stretch| (stretch.from, stretch.learned))
-            && self.0.iter().all(|stretch| stretch.learned <= stretch.from && stretch.method.len() <= MAX_NAME_BYTES)
+            && self.0.iter().all(|stretch| {
+                stretch.learned <= stretch.from && stretch.method.len() <= MAX_NAME_BYTES
+            })
     }
 }
 
@@ -116,7 +126,10 @@ mod tests {
         let mut methods = Methods::default();
         methods.change(100, method("gdg"), method("random"));
         methods.change(100, method("random"), method("sorb"));
-        assert_eq!(methods.stretches().iter().map(|s| s.method.as_str()).collect::<Vec<_>>(), ["gdg", "sorb"]);
+        assert_eq!(
+            methods.stretches().iter().map(|s| s.method.as_str()).collect::<Vec<_>>(),
+            ["gdg", "sorb"]
+        );
         methods.change(100, method("sorb"), method("gdg"));
         assert_eq!(methods.stretches().len(), 1);
         assert!(methods.is_current(50), "it is the same method again");

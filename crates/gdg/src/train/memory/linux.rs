@@ -1,4 +1,5 @@
-//! The memory that Linux leaves to this process: that of the machine, and of the control groups around the process.
+//! The memory that Linux leaves to this process: that of the machine, and of the control groups
+//! around the process.
 //!
 //! What cannot be read limits nothing: there may be no /proc, or only a part of it.
 
@@ -10,9 +11,10 @@ use crate::files;
 /// Size limit of the files read here: the table of mounts of a busy host is some hundred kilobytes.
 const MAX_BYTES: u64 = 16 << 20;
 
-/// Limits of a group in version 2 with what is used of them; beyond `memory.high` the kernel slows a group down so much
-/// that it makes no progress.
-const V2_LIMITS: [(&str, &str); 2] = [("memory.max", "memory.current"), ("memory.high", "memory.current")];
+/// Limits of a group in version 2 with what is used of them; beyond `memory.high` the kernel slows
+/// a group down so much that it makes no progress.
+const V2_LIMITS: [(&str, &str); 2] =
+    [("memory.max", "memory.current"), ("memory.high", "memory.current")];
 
 /// The same in version 1: without and with swap.
 const V1_LIMITS: [(&str, &str); 2] = [
@@ -41,7 +43,10 @@ pub fn free_memory(proc: &Path) -> Option<u64> {
     let mounts = read(&proc.join("self/mountinfo")).unwrap_or_default();
     let folders = mounts.lines().filter_map(parse_mount).flat_map(|mount| {
         let own = groups.lines().find_map(|line| parse_group(line, mount.version));
-        own.map(|group| folders_of(&mount, Path::new(group))).into_iter().flatten().map(move |dir| (mount.version, dir))
+        own.map(|group| folders_of(&mount, Path::new(group)))
+            .into_iter()
+            .flatten()
+            .map(move |dir| (mount.version, dir))
     });
     let free = folders.filter_map(|(version, folder)| free_in_group(version, &folder));
     free.chain(free_on_machine(proc)).min()
@@ -67,7 +72,8 @@ fn free_on_machine(proc: &Path) -> Option<u64> {
     kilobytes(&read(&proc.join("meminfo"))?, "MemAvailable:")
 }
 
-/// Parses a line of `/proc/self/cgroup`, `ID:CONTROLLERS:GROUP`; returns the group if it may limit memory.
+/// Parses a line of `/proc/self/cgroup`, `ID:CONTROLLERS:GROUP`; returns the group if it may limit
+/// memory.
 fn parse_group(line: &str, version: Version) -> Option<&str> {
     let mut parts = line.splitn(3, ':');
     let (id, controllers, group) = (parts.next()?, parts.next()?, parts.next()?);
@@ -78,7 +84,8 @@ fn parse_group(line: &str, version: Version) -> Option<&str> {
     is_meant.then_some(group)
 }
 
-/// Parses a line of `/proc/self/mountinfo` (proc(5)); returns a mount of control groups that may limit memory.
+/// Parses a line of `/proc/self/mountinfo` (proc(5)); returns a mount of control groups that may
+/// limit memory.
 fn parse_mount(line: &str) -> Option<Mount> {
     let (place, kind) = line.split_once(" - ")?;
     let mut place = place.split(' ').skip(3);
@@ -105,25 +112,34 @@ fn unescaped(text: &str) -> PathBuf {
     PathBuf::from(out + rest)
 }
 
-/// Returns the folders of `group` and of all groups around it, up to the top of the mount. A container may not see its own
-/// folder below the mount, whose top is then the container's group.
+/// Returns the folders of `group` and of all groups around it, up to the top of the mount. A
+/// container may not see its own folder below the mount, whose top is then the container's group.
 fn folders_of(mount: &Mount, group: &Path) -> Vec<PathBuf> {
     let below = group.strip_prefix(&mount.root).unwrap_or(Path::new(""));
     let is_inside = below.components().all(|part| matches!(part, Component::Normal(_)));
     let own = mount.folder.join(if is_inside { below } else { Path::new("") });
-    own.ancestors().take_while(|folder| folder.starts_with(&mount.folder)).map(Path::to_owned).collect()
+    own.ancestors()
+        .take_while(|folder| folder.starts_with(&mount.folder))
+        .map(Path::to_owned)
+        .collect()
 }
 
 /// Returns the bytes that the group in `folder` may still use; `None` if it has no limit.
 fn free_in_group(version: Version, folder: &Path) -> Option<u64> {
     let number = |name: &str| read(&folder.join(name))?.trim().parse::<u64>().ok();
     let limits = if version == Version::V2 { V2_LIMITS } else { V1_LIMITS };
-    let free =
-        limits.into_iter().filter_map(|(limit, usage)| Some(number(limit)?.saturating_sub(number(usage)?))).min()?;
-    Some(free.saturating_add(reclaimable(version, &read(&folder.join("memory.stat")).unwrap_or_default())))
+    let free = limits
+        .into_iter()
+        .filter_map(|(limit, usage)| Some(number(limit)?.saturating_sub(number(usage)?)))
+        .min()?;
+    Some(free.saturating_add(reclaimable(
+        version,
+        &read(&folder.join("memory.stat")).unwrap_or_default(),
+    )))
 }
 
-/// Returns the bytes that the kernel takes back before it refuses memory: copies of files, and its own caches.
+/// Returns the bytes that the kernel takes back before it refuses memory: copies of files, and its
+/// own caches.
 fn reclaimable(version: Version, stat: &str) -> u64 {
     let numbers: HashMap<&str, u64> = stat
         .lines()
@@ -137,8 +153,13 @@ fn reclaimable(version: Version, stat: &str) -> u64 {
     match version {
         Version::V2 => sum(&["inactive_file", "active_file", "slab_reclaimable"]),
         // In version 1, the plain numbers leave out the groups below.
-        Version::V1 => sum(&["total_inactive_file", "total_active_file"])
-            .or_else(|| Some(numbers.get("total_cache")?.saturating_sub(*numbers.get("total_shmem").unwrap_or(&0)))),
+        Version::V1 => sum(&["total_inactive_file", "total_active_file"]).or_else(|| {
+            Some(
+                numbers
+                    .get("total_cache")?
+                    .saturating_sub(*numbers.get("total_shmem").unwrap_or(&0)),
+            )
+        }),
     }
     .unwrap_or(0)
 }
@@ -151,7 +172,8 @@ mod tests {
     struct Machine(tempfile::TempDir);
 
     impl Machine {
-        /// Creates one with 8 GB available, in `groups` (`/proc/self/cgroup`), with `mounts`, in which @ is the folder.
+        /// Creates one with 8 GB available, in `groups` (`/proc/self/cgroup`), with `mounts`, in
+        /// which @ is the folder.
         fn new(groups: &str, mounts: &str) -> Self {
             let machine = Self(tempfile::tempdir().expect("a folder"));
             machine.write("proc/meminfo", "MemTotal: 16000000 kB\nMemAvailable:    8000000 kB\n");
@@ -181,12 +203,20 @@ mod tests {
     fn page_cache_is_free_in_both_versions() {
         let stat = "anon 300\nfile 900\nshmem 100\ninactive_file 500\nactive_file 300\nslab_reclaimable 50\n";
         let machine = Machine::new("0::/\n", V2);
-        machine.write("cg/memory.max", "1500\n").write("cg/memory.current", "1490\n").write("cg/memory.stat", stat);
+        machine
+            .write("cg/memory.max", "1500\n")
+            .write("cg/memory.current", "1490\n")
+            .write("cg/memory.stat", stat);
         assert_eq!(machine.free(), Some(10 + 850));
         let machine = Machine::new("5:memory:/\n2:cpu:/x\n0::/x\n", V1);
-        machine.write("cg/memory/memory.limit_in_bytes", "1500\n").write("cg/memory/memory.usage_in_bytes", "1490\n");
+        machine
+            .write("cg/memory/memory.limit_in_bytes", "1500\n")
+            .write("cg/memory/memory.usage_in_bytes", "1490\n");
         assert_eq!(machine.free(), Some(10), "no statistics");
-        machine.write("cg/memory/memory.stat", "inactive_file 1\ntotal_inactive_file 500\ntotal_active_file 300\n");
+        machine.write(
+            "cg/memory/memory.stat",
+            "inactive_file 1\ntotal_inactive_file 500\ntotal_active_file 300\n",
+        );
         assert_eq!(machine.free(), Some(810));
         machine.write("cg/memory/memory.stat", "total_cache 700\ntotal_shmem 200\n");
         assert_eq!(machine.free(), Some(510));
@@ -195,8 +225,15 @@ mod tests {
     #[test]
     fn the_strictest_limit_on_the_way_to_the_top_counts() {
         let machine = Machine::new("0::/slurm/job 7/step/task\n", V2);
-        for (group, max) in [("", "max"), ("/slurm", "90000"), ("/slurm/job 7", "3000"), ("/slurm/job 7/step", "max")] {
-            machine.write(&format!("cg{group}/memory.max"), max).write(&format!("cg{group}/memory.current"), "1000");
+        for (group, max) in [
+            ("", "max"),
+            ("/slurm", "90000"),
+            ("/slurm/job 7", "3000"),
+            ("/slurm/job 7/step", "max"),
+        ] {
+            machine
+                .write(&format!("cg{group}/memory.max"), max)
+                .write(&format!("cg{group}/memory.current"), "1000");
         }
         assert_eq!(machine.free(), Some(2000), "the task's own folder has no files at all");
         machine.write("cg/slurm/job 7/step/memory.high", "2500");
@@ -210,7 +247,9 @@ mod tests {
         let hybrid = "31 1 0:27 / @/cg/unified rw - cgroup2 cgroup2 rw\n\
                       32 1 0:28 / @/odd\\040place rw,relatime master:3 - cgroup cgroup rw,cpu,memory\n";
         let machine = Machine::new("9:cpu,memory:/job\n0::/other\n", hybrid);
-        machine.write("odd place/job/memory.limit_in_bytes", "700").write("odd place/job/memory.usage_in_bytes", "200");
+        machine
+            .write("odd place/job/memory.limit_in_bytes", "700")
+            .write("odd place/job/memory.usage_in_bytes", "200");
         machine
             .write("odd place/memory.limit_in_bytes", "9223372036854771712")
             .write("odd place/memory.usage_in_bytes", "1");
@@ -225,21 +264,32 @@ mod tests {
         let docker = "30 1 0:26 /docker/abc @/cg ro - cgroup cgroup rw,memory\n";
         for group in ["/docker/abc", "/", "/elsewhere", "/../.."] {
             let machine = Machine::new(&format!("4:memory:{group}\n"), docker);
-            machine.write("cg/memory.limit_in_bytes", "4000").write("cg/memory.usage_in_bytes", "1000");
+            machine
+                .write("cg/memory.limit_in_bytes", "4000")
+                .write("cg/memory.usage_in_bytes", "1000");
             assert_eq!(machine.free(), Some(3000), "{group}");
         }
         let machine = Machine::new("4:memory:/docker/abc/sub\n", docker);
-        machine.write("cg/sub/memory.limit_in_bytes", "400").write("cg/sub/memory.usage_in_bytes", "100");
+        machine
+            .write("cg/sub/memory.limit_in_bytes", "400")
+            .write("cg/sub/memory.usage_in_bytes", "100");
         assert_eq!(machine.free(), Some(300));
     }
 
     #[test]
     fn what_cannot_be_read_limits_nothing() {
         let nothing = tempfile::tempdir().expect("a folder");
-        assert_eq!((free_memory(nothing.path()), address_space(nothing.path())), (None, 0), "no /proc");
+        assert_eq!(
+            (free_memory(nothing.path()), address_space(nothing.path())),
+            (None, 0),
+            "no /proc"
+        );
         assert_eq!(Machine::new("0::/\n", V2).free(), Some(ALL), "no control groups");
         for garbage in ["", "max", "-1", "99999999999999999999999", "\u{0}", "1 2"] {
-            let machine = Machine::new("0::/a\nx\n::\n", &format!("x\n - \n1 2 3 - cgroup2\n - cgroup x\n{V2}"));
+            let machine = Machine::new(
+                "0::/a\nx\n::\n",
+                &format!("x\n - \n1 2 3 - cgroup2\n - cgroup x\n{V2}"),
+            );
             machine
                 .write("cg/a/memory.max", garbage)
                 .write("cg/a/memory.current", "5")

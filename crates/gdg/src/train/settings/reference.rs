@@ -1,5 +1,5 @@
-//! The reference of all settings: meaning, unit, range and the effect of a change. Errors, the settings dialog,
-//! `--print-config` and the reference page use it.
+//! The reference of all settings: meaning, unit, range and the effect of a change. Errors, the
+//! settings dialog, `--print-config` and the reference page use it.
 
 use super::Effect;
 

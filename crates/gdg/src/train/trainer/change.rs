@@ -41,9 +41,9 @@ pub struct KeptState {
 }
 
 impl Trainer {
-    /// Continues with the same networks in `world`, an edited version. Removes transitions that are no longer possible
-    /// from the replay buffer, rebuilds bridge candidates and edges from the rest, and moves agents out of invalid
-    /// positions.
+    /// Continues with the same networks in `world`, an edited version. Removes transitions that are
+    /// no longer possible from the replay buffer, rebuilds bridge candidates and edges from the
+    /// rest, and moves agents out of invalid positions.
     ///
     /// # Errors
     /// `world` cannot replace the run's world; nothing has changed then.
@@ -69,8 +69,8 @@ impl Trainer {
         Ok(WorldChange { summary, warning, facts, transitions_removed, transitions_restored })
     }
 
-    /// Continues with other settings, method or preset. Keeps the replay buffer and all counters, and networks, agents and
-    /// bridge graph where they fit.
+    /// Continues with other settings, method or preset. Keeps the replay buffer and all counters,
+    /// and networks, agents and bridge graph where they fit.
     ///
     /// # Errors
     /// The learner fails; nothing has changed then.
@@ -93,12 +93,17 @@ impl Trainer {
         (self.learner, self.last_good) = (learner, last_good);
         if self.run.method != before.method {
             let now = (self.run.method.name(), self.learns());
-            self.history.methods.change(self.counters.updates, (before.method.name(), learned), now);
+            self.history.methods.change(
+                self.counters.updates,
+                (before.method.name(), learned),
+                now,
+            );
         }
         // The change may have fixed the cause of earlier divergence.
         self.counters.recoveries = 0;
         let agents = self.fit_agents(&before);
-        let same_graph = self.run.bridge() == before.bridge() && self.run.method.planner == before.method.planner;
+        let same_graph = self.run.bridge() == before.bridge()
+            && self.run.method.planner == before.method.planner;
         if !(networks && agents && same_graph) {
             self.rollout.discard_plans();
             self.replace_graph()?;
@@ -106,8 +111,8 @@ impl Trainer {
         Ok(KeptState { networks, agents })
     }
 
-    /// Adapts world, agents, replay buffer and candidates to settings changed from `before`; returns whether the agents
-    /// were kept.
+    /// Adapts world, agents, replay buffer and candidates to settings changed from `before`;
+    /// returns whether the agents were kept.
     fn fit_agents(&mut self, before: &Run) -> bool {
         let (now, then) = (&self.run.settings, &before.settings);
         let same_agents = now.train.agents == then.train.agents;
@@ -174,9 +179,12 @@ impl Trainer {
     }
 }
 
-/// Whether the networks can be kept after a change of settings. Matching shapes are not enough: with another scale of
-/// D, the same parameters mean something else.
+/// Whether the networks can be kept after a change of settings. Matching shapes are not enough:
+/// with another scale of D, the same parameters mean something else.
 fn keeps_networks(before: &Settings, now: &Settings) -> bool {
     let values = list_settings(now).into_iter().zip(list_settings(before));
-    SETTINGS.iter().zip(values).all(|(s, (now, before))| s.effect != Effect::NewNetworks || now == before)
+    SETTINGS
+        .iter()
+        .zip(values)
+        .all(|(s, (now, before))| s.effect != Effect::NewNetworks || now == before)
 }

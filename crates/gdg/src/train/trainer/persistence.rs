@@ -97,7 +97,11 @@ impl Trainer {
         let [current, next] = GRAPHS.map(|name| StoredGraph::read(store, name));
         let graphs = [current?, next?];
         // Format 1 has no history.
-        let history = if store.texts().contains_key("history") { store.json("history")? } else { History::default() };
+        let history = if store.texts().contains_key("history") {
+            store.json("history")?
+        } else {
+            History::default()
+        };
         trainer.restore(state, &graphs, history)?;
         trainer.film = Film::read(store, trainer.spec())?.fitting(trainer.world());
         Ok(trainer)
@@ -112,7 +116,12 @@ impl Trainer {
         }
     }
 
-    fn restore(&mut self, state: TrainerState, graphs: &[Option<StoredGraph>; 2], history: History) -> Result<()> {
+    fn restore(
+        &mut self,
+        state: TrainerState,
+        graphs: &[Option<StoredGraph>; 2],
+        history: History,
+    ) -> Result<()> {
         history.check(self.spec())?;
         state.counters.check()?;
         if !(0.0..1e12).contains(&state.seconds) {
@@ -126,7 +135,8 @@ impl Trainer {
         self.seconds = state.seconds;
         self.batch_rng = state.batch_rng;
         self.history = history;
-        self.last_good = LastGood::capture(self.counters.updates, self.counters.losses, &*self.learner)?;
+        self.last_good =
+            LastGood::capture(self.counters.updates, self.counters.losses, &*self.learner)?;
         if !self.last_good.is_finite() {
             let problem = "its networks contain non-finite values: the run had diverged";
             return Err(StoreError::inconsistent(problem).into());

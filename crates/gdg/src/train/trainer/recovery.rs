@@ -72,11 +72,16 @@ impl Trainer {
     /// # Errors
     /// No rollbacks are left; the networks are good even then.
     pub(super) fn check_update(&mut self, losses: &Losses) -> Result<()> {
-        let finite = [losses.critic, losses.model, losses.actor].iter().all(|loss| loss.is_finite());
+        let finite =
+            [losses.critic, losses.model, losses.actor].iter().all(|loss| loss.is_finite());
         if !finite || crate::faults::point("loss") {
             return self.roll_back();
         }
-        if self.counters.updates.is_multiple_of(KEEP_EVERY_UPDATES) { self.check_and_keep() } else { Ok(()) }
+        if self.counters.updates.is_multiple_of(KEEP_EVERY_UPDATES) {
+            self.check_and_keep()
+        } else {
+            Ok(())
+        }
     }
 
     /// Ensures before saving that the networks are finite, rolling back if necessary.
@@ -110,7 +115,8 @@ impl Trainer {
         LastGood::capture(self.counters.updates, self.counters.losses, &*self.learner)
     }
 
-    /// Rolls back to the last good networks with smaller learning rates; keeps replay buffer and agents.
+    /// Rolls back to the last good networks with smaller learning rates; keeps replay buffer and
+    /// agents.
     pub(super) fn roll_back(&mut self) -> Result<()> {
         let gives_up = self.counters.recoveries >= MAX_RECOVERIES;
         if !gives_up {
@@ -152,7 +158,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Repairs what a panic in the middle of a tick may have left half done, so that the run can be saved.
+    /// Repairs what a panic in the middle of a tick may have left half done, so that the run can be
+    /// saved.
     ///
     /// # Errors
     /// The learner fails.

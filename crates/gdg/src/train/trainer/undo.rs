@@ -1,5 +1,5 @@
-//! Leaving a long update unfinished when training is to stop: what it has changed is undone, so that the run continues as
-//! if it had not begun.
+//! Leaving a long update unfinished when training is to stop: what it has changed is undone, so
+//! that the run continues as if it had not begun.
 
 use std::time::Duration;
 
@@ -9,8 +9,8 @@ use super::{Result, Trainer};
 use crate::store::Store;
 use crate::train::run::Counters;
 
-/// An update is long if the latest one took at least this long. Others are finished: it takes less time than copying the
-/// networks before each.
+/// An update is long if the latest one took at least this long. Others are finished: it takes less
+/// time than copying the networks before each.
 const LONG_UPDATE: Duration = Duration::from_millis(500);
 
 /// What an update changes, as it was before.
@@ -26,8 +26,8 @@ impl Trainer {
         self.update_took.is_none_or(|took| took >= LONG_UPDATE)
     }
 
-    /// Returns what is needed to undo the next update; nothing if it is to be finished: it changes the bridge graph and the
-    /// plans too, as few do.
+    /// Returns what is needed to undo the next update; nothing if it is to be finished: it changes
+    /// the bridge graph and the plans too, as few do.
     pub(super) fn undo_for_update(&self) -> Result<Option<Undo>> {
         if self.changes_graph_at(self.counters.updates + 1) || !self.learns() {
             return Ok(None);
@@ -55,12 +55,14 @@ mod tests {
 
     fn trainer(method: &str, threads: usize) -> Trainer {
         let mut settings = Settings::default();
-        (settings.learn.hidden, settings.learn.batch_size, settings.learn.buffer_size) = (16, 64, 2_000);
+        (settings.learn.hidden, settings.learn.batch_size, settings.learn.buffer_size) =
+            (16, 64, 2_000);
         (settings.train.learning_starts, settings.bridge.candidates) = (200, 20);
         settings.bridge.graph_every_updates = 8;
         let method: Method = method.parse().expect("a method");
         let run = Run { method, preset: Preset::Default, seed: 1, settings };
-        let world = PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
+        let world =
+            PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
         Trainer::new(run, &world, &Registry::builtin(), threads).expect("a trainer")
     }
 
@@ -85,7 +87,11 @@ mod tests {
                     parts += 7;
                     match stopped.tick().expect("a tick") {
                         Tick::Undone => {
-                            assert!(state(&mut stopped) == before, "{method}: update {}", whole.counters().updates);
+                            assert!(
+                                state(&mut stopped) == before,
+                                "{method}: update {}",
+                                whole.counters().updates
+                            );
                             undone += 1;
                         }
                         // A short way to the end, or a change of the graph.

@@ -10,7 +10,8 @@ pub fn film_goal(frame: &FilmFrame) -> [f32; 3] {
     std::array::from_fn(|i| frame.goal.get(i).copied().unwrap_or_default())
 }
 
-/// Returns the value at every pixel of a plane through the frame's goal; NaN where the grip cannot be.
+/// Returns the value at every pixel of a plane through the frame's goal; NaN where the grip cannot
+/// be.
 pub fn film_field(scene: &ArmScene, frame: &FilmFrame, plane: &Plane) -> Vec<f32> {
     let (lattice, goal) = (FilmLattice::new(scene), film_goal(frame));
     let value = |i: usize| {
@@ -20,8 +21,12 @@ pub fn film_field(scene: &ArmScene, frame: &FilmFrame, plane: &Plane) -> Vec<f32
         let known = around.into_iter().map(|(place, weight)| (frame.distance(place), weight));
         let (sum, weights) = known
             .filter(|(distance, _)| distance.is_finite())
-            .fold((0.0, 0.0), |(sum, weights), (distance, weight)| (sum + weight * distance, weights + weight));
+            .fold((0.0, 0.0), |(sum, weights), (distance, weight)| {
+                (sum + weight * distance, weights + weight)
+            });
         (weights > 0.0).then(|| sum / weights)
     };
-    (0..plane.raster.pixels.0 * plane.raster.pixels.1).map(|i| value(i).unwrap_or(f32::NAN)).collect()
+    (0..plane.raster.pixels.0 * plane.raster.pixels.1)
+        .map(|i| value(i).unwrap_or(f32::NAN))
+        .collect()
 }

@@ -24,8 +24,8 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 }
 
 impl Plane {
-    /// Returns where the line of sight to a point on the screen, to the right and downwards in metres, meets the plane
-    /// through `goal`.
+    /// Returns where the line of sight to a point on the screen, to the right and downwards in
+    /// metres, meets the plane through `goal`.
     pub fn point(&self, [right, down]: [f32; 2], goal: [f32; 3]) -> [f32; 3] {
         let Self { across, up, .. } = *self;
         let (by_x, by_y) = (right - dot(goal, across), -down - dot(goal, up));
@@ -41,12 +41,15 @@ impl Plane {
 }
 
 impl ArmWorker {
-    /// Computes the value at every pixel of a plane through `goal` that shows where a grip may be; the others are NaN.
+    /// Computes the value at every pixel of a plane through `goal` that shows where a grip may be;
+    /// the others are NaN.
     pub(super) fn field(&mut self, plane: &Plane, goal: [f32; 3]) -> Vec<f32> {
         let count = plane.raster.pixels.0 * plane.raster.pixels.1;
         let mut field = vec![f32::NAN; count];
-        let shown: Vec<(usize, [f32; 3])> =
-            (0..count).map(|i| (i, plane.pixel(i, goal))).filter(|(_, at)| self.scene.has_room(*at)).collect();
+        let shown: Vec<(usize, [f32; 3])> = (0..count)
+            .map(|i| (i, plane.pixel(i, goal)))
+            .filter(|(_, at)| self.scene.has_room(*at))
+            .collect();
         if self.view.kind == Field::Plain || shown.is_empty() {
             return field;
         }
@@ -63,20 +66,36 @@ impl ArmWorker {
     }
 
     /// Returns the values at `states`, which lie at the positions in `shown`.
-    fn distances(&mut self, states: &[f32], shown: &[(usize, [f32; 3])], goal: [f32; 3]) -> Vec<f32> {
+    fn distances(
+        &mut self,
+        states: &[f32],
+        shown: &[(usize, [f32; 3])],
+        goal: [f32; 3],
+    ) -> Vec<f32> {
         let policy = &*self.shown.networks.policy;
         let mut distances = vec![0.0; shown.len()];
         match (self.view.kind, self.pilot.graph()) {
             (Field::Composed, Some(graph)) => {
                 let route = graph.route(&goal, policy, &mut self.scratch);
-                return graph.composed_distances(states, &route, LINK_CANDIDATES_PER_PIXEL, policy, &mut self.scratch);
+                return graph.composed_distances(
+                    states,
+                    &route,
+                    LINK_CANDIDATES_PER_PIXEL,
+                    policy,
+                    &mut self.scratch,
+                );
             }
             (Field::FromStart, _) => {
                 let starts = self.view.reach.start_state.repeat(shown.len());
                 let goals: Vec<f32> = shown.iter().flat_map(|(_, at)| *at).collect();
                 policy.distances(&starts, &goals, &mut distances, &mut self.scratch);
             }
-            _ => policy.distances(states, &goal.repeat(shown.len()), &mut distances, &mut self.scratch),
+            _ => policy.distances(
+                states,
+                &goal.repeat(shown.len()),
+                &mut distances,
+                &mut self.scratch,
+            ),
         }
         distances
     }

@@ -47,7 +47,13 @@ impl ArmWorker {
         let (pose, start_state) = (self.world.pose(0), self.state());
         let finished = self.view.reach.finished;
         let unknown = (f32::NAN, f32::NAN);
-        self.view.reach = Reach { start: pose.grip, start_state, finished, distances: unknown, ..Default::default() };
+        self.view.reach = Reach {
+            start: pose.grip,
+            start_state,
+            finished,
+            distances: unknown,
+            ..Default::default()
+        };
         self.view.pose = pose;
         self.view.path.clear();
         self.view.reach.metres = self.metres_to_goal();
@@ -58,10 +64,14 @@ impl ArmWorker {
 
     /// Returns the straight-line distance from the grip to the goal; NaN without a goal.
     fn metres_to_goal(&self) -> f32 {
-        self.view.goal.0.map_or(f32::NAN, |goal| self.world.spec().goal_distance(self.world.states(), &goal))
+        self.view
+            .goal
+            .0
+            .map_or(f32::NAN, |goal| self.world.spec().goal_distance(self.world.states(), &goal))
     }
 
-    /// Moves the arm by one step. At the goal it goes on, to stay there, and then does what `on_arrival` says.
+    /// Moves the arm by one step. At the goal it goes on, to stay there, and then does what
+    /// `on_arrival` says.
     pub(super) fn reach_on(&mut self) {
         let Some(goal) = self.view.goal.0 else { return };
         self.changed = true;
@@ -72,7 +82,9 @@ impl ArmWorker {
         }
         if reach.arrived {
             self.resting += 1;
-            if self.resting > REST_STEPS && matches!(self.on_arrival, OnArrival::Again | OnArrival::Visit) {
+            if self.resting > REST_STEPS
+                && matches!(self.on_arrival, OnArrival::Again | OnArrival::Visit)
+            {
                 return self.continue_after_arrival();
             }
         } else if reach.steps >= self.scene.episode_steps() {
@@ -89,7 +101,8 @@ impl ArmWorker {
         self.view.pose = self.world.pose(0);
         push_to_trail(&mut self.view.trail, self.view.pose.grip, TRAIL_STEPS);
         let reach = &mut self.view.reach;
-        reach.distances = (self.pilot.distance(&state, &goal), self.pilot.distance(&state, &target));
+        reach.distances =
+            (self.pilot.distance(&state, &goal), self.pilot.distance(&state, &target));
         reach.waypoint = (target != goal).then_some(target);
         reach.steps += u32::from(!reach.arrived);
         self.view.reach.metres = self.metres_to_goal();

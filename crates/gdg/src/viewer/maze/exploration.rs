@@ -6,8 +6,8 @@ use std::time::Instant;
 use super::MazeWorker;
 use crate::map::{Cell, Grid};
 
-/// Steps from any visited cell up to which unvisited cells do not count as beyond the known world: agents leave many
-/// cells out on their way, and outlines of all these would hide the edge.
+/// Steps from any visited cell up to which unvisited cells do not count as beyond the known world:
+/// agents leave many cells out on their way, and outlines of all these would hide the edge.
 const POCKET_STEPS: usize = 2;
 
 /// What the agents know of a cell.
@@ -20,8 +20,8 @@ pub enum Knowledge {
     Edge,
     /// Not visited, but only a pocket in the known world.
     Pocket,
-    /// Beyond the known world: not visited, and part of an area that reaches more than two steps from all visited cells,
-    /// or out of their reach.
+    /// Beyond the known world: not visited, and part of an area that reaches more than two steps
+    /// from all visited cells, or out of their reach.
     Beyond,
 }
 
@@ -35,11 +35,14 @@ pub struct Exploration {
 }
 
 impl Exploration {
-    /// Derives it from the number of visits of each cell of `map`. Before the first visit, it is empty.
+    /// Derives it from the number of visits of each cell of `map`. Before the first visit, it is
+    /// empty.
     pub fn new(map: &Grid, visits: &[u32]) -> Self {
         let unvisited = |cell: Cell| visits.get(map.index(cell)) == Some(&0);
-        let visited_beside: Vec<Cell> =
-            map.free_cells().filter(|c| !unvisited(*c) && map.neighbours(*c).any(unvisited)).collect();
+        let visited_beside: Vec<Cell> = map
+            .free_cells()
+            .filter(|c| !unvisited(*c) && map.neighbours(*c).any(unvisited))
+            .collect();
         let has_visited = map.free_cells().any(|cell| !unvisited(cell));
         if !has_visited || !map.free_cells().any(unvisited) {
             return Self::default();
@@ -50,7 +53,9 @@ impl Exploration {
         for steps in 1.. {
             let from = std::mem::take(&mut reached);
             let kind = if steps <= POCKET_STEPS { Knowledge::Pocket } else { Knowledge::Beyond };
-            for next in from.iter().flat_map(|cell| map.neighbours(*cell)).filter(|next| unvisited(*next)) {
+            for next in
+                from.iter().flat_map(|cell| map.neighbours(*cell)).filter(|next| unvisited(*next))
+            {
                 let own = &mut cells[map.index(next)];
                 if *own == Knowledge::Known {
                     *own = kind;
@@ -69,7 +74,8 @@ impl Exploration {
             }
         }
         // Cells around those far from the visited ones belong to the same area.
-        let mut beyond: Vec<Cell> = map.free_cells().filter(|c| cells[map.index(*c)] == Knowledge::Beyond).collect();
+        let mut beyond: Vec<Cell> =
+            map.free_cells().filter(|c| cells[map.index(*c)] == Knowledge::Beyond).collect();
         for _ in 0..POCKET_STEPS {
             let from = std::mem::take(&mut beyond);
             for next in from.iter().flat_map(|cell| map.neighbours(*cell)) {
@@ -131,8 +137,8 @@ mod tests {
         parse_map("map", rows.join("\n").as_bytes()).expect("a map")
     }
 
-    /// Returns what is known of each cell, row by row: `x` visited, `e` edge, `p` pocket, `?` beyond. In `rows`, `x`
-    /// marks visited cells.
+    /// Returns what is known of each cell, row by row: `x` visited, `e` edge, `p` pocket, `?`
+    /// beyond. In `rows`, `x` marks visited cells.
     fn explored(rows: &[&str]) -> Vec<String> {
         let free: Vec<String> = rows.iter().map(|row| row.replace('x', ".")).collect();
         let map = map(&free.iter().map(String::as_str).collect::<Vec<_>>());
@@ -145,14 +151,20 @@ mod tests {
             Knowledge::Pocket => 'p',
             Knowledge::Beyond => '?',
         };
-        (0..map.height()).map(|y| (0..map.width()).map(|x| letter(Cell::new(x, y))).collect()).collect()
+        (0..map.height())
+            .map(|y| (0..map.width()).map(|x| letter(Cell::new(x, y))).collect())
+            .collect()
     }
 
     #[test]
     fn the_edge_is_next_to_unvisited_areas() {
         assert_eq!(explored(&["xxx.....", "xx#....."]), ["xxe?????", "xx#?????"]);
         let tip = explored(&["xx......", "xxxx....", "xx......"]);
-        assert_eq!(tip, ["xxpp????", "xxxe????", "xxpp????"], "the corners beside a tip are pockets");
+        assert_eq!(
+            tip,
+            ["xxpp????", "xxxe????", "xxpp????"],
+            "the corners beside a tip are pockets"
+        );
     }
 
     #[test]
@@ -165,7 +177,10 @@ mod tests {
     #[test]
     fn what_is_out_of_reach_is_beyond_the_known_world_but_has_no_edge() {
         // No step leads diagonally between walls.
-        assert_eq!(explored(&["xxx#....", "xxxx#...", "xxxxx#.."]), ["xxx#????", "xxxx#???", "xxxxx#??"]);
+        assert_eq!(
+            explored(&["xxx#....", "xxxx#...", "xxxxx#.."]),
+            ["xxx#????", "xxxx#???", "xxxxx#??"]
+        );
         assert_eq!(explored(&["xxx#....", "xxxx#...", "xxxxx#..", "xxxxx..."])[3], "xxxxe???");
     }
 

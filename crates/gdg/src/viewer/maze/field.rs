@@ -21,11 +21,13 @@ impl MazeWorker {
             self.view.field = Arc::new(self.filmed_map().field(&frame, raster));
             (self.view.farthest, self.view.raster) = (frame.farthest(), Some(raster));
             self.view.directions = Arc::default();
-        } else if let (Some(goal), Some((raster, arrows))) = (self.view.goal.0, self.frame.clone()) {
+        } else if let (Some(goal), Some((raster, arrows))) = (self.view.goal.0, self.frame.clone())
+        {
             let shown = self.shown.networks.clone();
             let policy = &*shown.policy;
             self.view.field = Arc::new(self.field(raster, goal.centre(), policy));
-            self.view.farthest = self.view.field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
+            self.view.farthest =
+                self.view.field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
             self.view.raster = Some(raster);
             self.view.directions = Arc::default();
             if self.directions {
@@ -36,7 +38,8 @@ impl MazeWorker {
                 let goals = goal.centre().repeat(at.len());
                 policy.actions(at.as_flattened(), &goals, &mut actions, &mut self.scratch);
                 let (actions, _) = actions.as_chunks::<2>();
-                self.view.directions = Arc::new(at.into_iter().zip(actions.iter().copied()).collect());
+                self.view.directions =
+                    Arc::new(at.into_iter().zip(actions.iter().copied()).collect());
             }
         }
         self.shown.timer.done(began);
@@ -59,7 +62,9 @@ impl MazeWorker {
         let values = match (self.view.kind, self.pilot.graph()) {
             (Field::Plain, _) => return vec![f32::NAN; columns * rows],
             (Field::Visits, _) => {
-                let of = |at: &[f32; 2]| self.latest_visits.get(map.index(cell_of(*at))).copied().unwrap_or(0);
+                let of = |at: &[f32; 2]| {
+                    self.latest_visits.get(map.index(cell_of(*at))).copied().unwrap_or(0)
+                };
                 positions.iter().map(|at| of(at) as f32).collect()
             }
             (Field::True, _) => self.true_distances(&positions, goal),
@@ -71,11 +76,22 @@ impl MazeWorker {
             }
             (Field::Composed, Some(graph)) => {
                 let route = graph.route(&goal, policy, &mut self.scratch);
-                graph.composed_distances(states, &route, LINK_CANDIDATES_PER_PIXEL, policy, &mut self.scratch)
+                graph.composed_distances(
+                    states,
+                    &route,
+                    LINK_CANDIDATES_PER_PIXEL,
+                    policy,
+                    &mut self.scratch,
+                )
             }
             (kind, _) => {
                 let mut distances = vec![0.0; free.len()];
-                policy.distances(states, &goal.repeat(free.len()), &mut distances, &mut self.scratch);
+                policy.distances(
+                    states,
+                    &goal.repeat(free.len()),
+                    &mut distances,
+                    &mut self.scratch,
+                );
                 if kind == Field::Error {
                     let truth = self.true_distances(&positions, goal);
                     distances.iter_mut().zip(truth).for_each(|(d, t)| *d = (*d - t) / t.max(1.0));

@@ -11,7 +11,8 @@ use crate::train::FilmFrame;
 /// Samples per cell along a line of sight.
 const SAMPLES_PER_CELL: f32 = 4.0;
 
-/// Least share of the filmed cells around a position that has to be in sight, to interpolate between these.
+/// Least share of the filmed cells around a position that has to be in sight, to interpolate
+/// between these.
 const MIN_SHARE: f32 = 1e-3;
 
 /// Places with their weights.
@@ -32,9 +33,15 @@ impl FilmedMap {
     /// Prepares a map.
     pub fn new(map: Arc<Grid>) -> Self {
         let grid = FilmGrid::new(&map);
-        let cells: Vec<Option<Cell>> = (0..grid.places()).map(|place| grid.cell(&map, place)).collect();
+        let cells: Vec<Option<Cell>> =
+            (0..grid.places()).map(|place| grid.cell(&map, place)).collect();
         let nearest = nearest_places(&map, &cells);
-        Self { places: cells.into_iter().map(|cell| cell.map(Cell::centre)).collect(), nearest, grid, map }
+        Self {
+            places: cells.into_iter().map(|cell| cell.map(Cell::centre)).collect(),
+            nearest,
+            grid,
+            map,
+        }
     }
 
     /// Returns the map.
@@ -42,8 +49,8 @@ impl FilmedMap {
         &self.map
     }
 
-    /// Returns the places between which a free position lies, with weights that sum up to 1: those in sight, or else the
-    /// nearest one on foot, as D jumps at walls.
+    /// Returns the places between which a free position lies, with weights that sum up to 1: those
+    /// in sight, or else the nearest one on foot, as D jumps at walls.
     fn around(&self, at: [f32; 2]) -> Around {
         let FilmGrid { side, columns, rows } = self.grid;
         // The middle of the cell that is filmed of most blocks.
@@ -53,20 +60,30 @@ impl FilmedMap {
             (along as usize, along.fract())
         };
         let ((column, right), (row, down)) = (along(at[0], columns), along(at[1], rows));
-        let corners = [(0, 0, 1.0 - right, 1.0 - down), (1, 0, right, 1.0 - down), (0, 1, 1.0 - right, down)];
-        let mut around = [corners[0], corners[1], corners[2], (1, 1, right, down)].map(|(across, below, x, y)| {
-            // Beyond the last block, there is no weight.
-            let place = (row + below).min(rows - 1) * columns + (column + across).min(columns - 1);
-            let seen = x * y > 0.0 && self.places[place].is_some_and(|from| self.is_in_sight(from, at));
-            (place as u32, if seen { x * y } else { 0.0 })
-        });
+        let corners =
+            [(0, 0, 1.0 - right, 1.0 - down), (1, 0, right, 1.0 - down), (0, 1, 1.0 - right, down)];
+        let mut around = [corners[0], corners[1], corners[2], (1, 1, right, down)].map(
+            |(across, below, x, y)| {
+                // Beyond the last block, there is no weight.
+                let place =
+                    (row + below).min(rows - 1) * columns + (column + across).min(columns - 1);
+                let seen = x * y > 0.0
+                    && self.places[place].is_some_and(|from| self.is_in_sight(from, at));
+                (place as u32, if seen { x * y } else { 0.0 })
+            },
+        );
         let sum: f32 = around.iter().map(|(_, weight)| weight).sum();
         if sum >= MIN_SHARE {
             around.iter_mut().for_each(|(_, weight)| *weight /= sum);
             return around;
         }
         let nearest = self.nearest[self.map.index(Cell::new(at[0] as usize, at[1] as usize))];
-        [(nearest.unwrap_or(0), if nearest.is_some() { 1.0 } else { 0.0 }), (0, 0.0), (0, 0.0), (0, 0.0)]
+        [
+            (nearest.unwrap_or(0), if nearest.is_some() { 1.0 } else { 0.0 }),
+            (0, 0.0),
+            (0, 0.0),
+            (0, 0.0),
+        ]
     }
 
     /// Returns D from a free position; NaN if it is not known.
@@ -97,7 +114,9 @@ fn value(frame: &FilmFrame, around: &Around) -> f32 {
     let known = known.map(|(place, weight)| (frame.distance(*place as usize), weight));
     let (sum, weights) = known
         .filter(|(distance, _)| distance.is_finite())
-        .fold((0.0, 0.0), |(sum, weights), (distance, weight)| (sum + weight * distance, weights + weight));
+        .fold((0.0, 0.0), |(sum, weights), (distance, weight)| {
+            (sum + weight * distance, weights + weight)
+        });
     if weights > 0.0 { sum / weights } else { f32::NAN }
 }
 
@@ -111,7 +130,8 @@ impl FilmedPixels {
     /// Looks up the places of all pixels.
     pub fn new(filmed: &FilmedMap, raster: Raster) -> Self {
         let (free, positions) = raster.free_ground(&filmed.map);
-        let free = free.into_iter().zip(positions.into_iter().map(|at| filmed.around(at))).collect();
+        let free =
+            free.into_iter().zip(positions.into_iter().map(|at| filmed.around(at))).collect();
         Self { count: raster.pixels.0 * raster.pixels.1, free }
     }
 
@@ -127,7 +147,9 @@ impl FilmedPixels {
 fn nearest_places(map: &Grid, cells: &[Option<Cell>]) -> Vec<Option<u32>> {
     let mut nearest = vec![None; map.free().len()];
     let mut reached = VecDeque::new();
-    for (place, cell) in cells.iter().enumerate().filter_map(|(place, cell)| Some((place, (*cell)?))) {
+    for (place, cell) in
+        cells.iter().enumerate().filter_map(|(place, cell)| Some((place, (*cell)?)))
+    {
         nearest[map.index(cell)] = Some(place as u32);
         reached.push_back(cell);
     }
@@ -173,7 +195,10 @@ mod tests {
             assert!((found - at[0] - 10.0 * at[1]).abs() < 0.01, "{at:?}: {found}");
         }
         let beside_wall = [3.99, 5.01].map(|x| filmed.distance(&frame, [x, 0.5]) - 5.0);
-        assert!((beside_wall[0] - 3.5).abs() < 0.01 && (beside_wall[1] - 5.5).abs() < 0.01, "{beside_wall:?}");
+        assert!(
+            (beside_wall[0] - 3.5).abs() < 0.01 && (beside_wall[1] - 5.5).abs() < 0.01,
+            "{beside_wall:?}"
+        );
     }
 
     #[test]

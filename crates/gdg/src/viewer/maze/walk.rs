@@ -56,10 +56,12 @@ impl MazeWorker {
         let at = self.position();
         self.resting = 0;
         let finished_walks = self.view.walk.finished_walks;
-        self.view.walk = Walk { start: at, finished_walks, distances: (f32::NAN, f32::NAN), ..Walk::default() };
+        self.view.walk =
+            Walk { start: at, finished_walks, distances: (f32::NAN, f32::NAN), ..Walk::default() };
         self.pilot.forget_plan();
         self.view.path.clear();
-        self.view.walk.shortest = self.view.goal.0.and_then(|goal| self.true_steps(cell_of(at), goal));
+        self.view.walk.shortest =
+            self.view.goal.0.and_then(|goal| self.true_steps(cell_of(at), goal));
         self.changed = true;
     }
 
@@ -98,12 +100,15 @@ impl MazeWorker {
         if self.world.spec().reached(&at, &goal) {
             self.view.walk.arrived = true;
             self.view.walk.waypoint = None;
-            self.view.walk.finished_walks = (self.view.walk.finished_walks.0 + 1, self.view.walk.finished_walks.1 + 1);
+            self.view.walk.finished_walks =
+                (self.view.walk.finished_walks.0 + 1, self.view.walk.finished_walks.1 + 1);
             self.view.path.clear();
             return;
         }
         // The same step budget as in evaluation.
-        if self.view.walk.steps >= self.view.walk.shortest.map_or(MIN_STEP_BUDGET, |s| (3 * s).max(MIN_STEP_BUDGET)) {
+        if self.view.walk.steps
+            >= self.view.walk.shortest.map_or(MIN_STEP_BUDGET, |s| (3 * s).max(MIN_STEP_BUDGET))
+        {
             self.view.walk.finished_walks.1 += 1;
             if self.on_arrival == OnArrival::Wait {
                 self.view.walk.gave_up = true;

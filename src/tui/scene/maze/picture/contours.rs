@@ -14,26 +14,29 @@ const LABEL_HEIGHT: f32 = 0.75;
 const LINE_SHARE: f32 = 0.5;
 const LABEL_SHARE: f32 = 0.9;
 
-/// A label's gap is longer than its text by this share of its height, and its line by this factor than the gap.
+/// A label's gap is longer than its text by this share of its height, and its line by this factor
+/// than the gap.
 const MARGIN: f32 = 0.4;
 const LEAST_LENGTH: f32 = 1.8;
 
-/// A line is straight enough for a label if its ends are apart by this share of the length between them.
+/// A line is straight enough for a label if its ends are apart by this share of the length between
+/// them.
 const LEAST_STRAIGHTNESS: f32 = 0.97;
 
-/// Distance between two labels, and between two of the same level, at least, as multiples of a character's height.
+/// Distance between two labels, and between two of the same level, at least, as multiples of a
+/// character's height.
 const LABEL_SPACING: f32 = 2.5;
 const SAME_LEVEL_SPACING: f32 = 14.0;
 
 /// Places looked at for a label are so many pixels apart along the line.
 const STEP: f32 = 6.0;
 
-/// Values of ground beside a wall are continued into it if they differ by at most this many intervals: otherwise they belong
-/// to different sides of it.
+/// Values of ground beside a wall are continued into it if they differ by at most this many
+/// intervals: otherwise they belong to different sides of it.
 const MAX_JUMP: f32 = 1.5;
 
-/// Draws the lines of `field` (rows of `columns` values over the whole sheet; NaN where there are none) at the multiples of
-/// `interval`.
+/// Draws the lines of `field` (rows of `columns` values over the whole sheet; NaN where there are
+/// none) at the multiples of `interval`.
 pub fn draw(
     sheet: &mut Sheet,
     scale: &Scale,
@@ -51,7 +54,9 @@ pub fn draw(
     };
     let continued = continue_into_walls(field, columns, grounds, interval);
     let mut lines = contour_paths(&continued, columns, interval);
-    lines.iter_mut().for_each(|line| line.points.iter_mut().for_each(|at| *at = [at[0] * across, at[1] * down]));
+    lines.iter_mut().for_each(|line| {
+        line.points.iter_mut().for_each(|at| *at = [at[0] * across, at[1] * down]);
+    });
     lines.sort_by_key(|line| std::cmp::Reverse(line.points.len()));
     let mut labels: Vec<Label> = Vec::new();
     for line in &lines {
@@ -79,16 +84,24 @@ fn shaded(ground: Rgb, share: f32) -> Rgb {
 }
 
 /// Continues the field by one value into walls, so that lines reach them.
-fn continue_into_walls(field: &[f32], columns: usize, grounds: &[Ground], interval: f32) -> Vec<f32> {
+fn continue_into_walls(
+    field: &[f32],
+    columns: usize,
+    grounds: &[Ground],
+    interval: f32,
+) -> Vec<f32> {
     let mut continued = field.to_vec();
     for (i, value) in continued.iter_mut().enumerate() {
         if !matches!(grounds[i], Ground::Wall | Ground::Crossed(_) | Ground::Outside) {
             continue;
         }
         let (x, y) = (i % columns, i / columns);
-        let around = (y.saturating_sub(1)..=y + 1).flat_map(|y| (x.saturating_sub(1)..=x + 1).map(move |x| (x, y)));
-        let known = around.filter(|(x, _)| *x < columns).filter_map(|(x, y)| field.get(y * columns + x));
-        let (mut least, mut most, mut sum, mut count) = (f32::INFINITY, f32::NEG_INFINITY, 0.0, 0.0);
+        let around = (y.saturating_sub(1)..=y + 1)
+            .flat_map(|y| (x.saturating_sub(1)..=x + 1).map(move |x| (x, y)));
+        let known =
+            around.filter(|(x, _)| *x < columns).filter_map(|(x, y)| field.get(y * columns + x));
+        let (mut least, mut most, mut sum, mut count) =
+            (f32::INFINITY, f32::NEG_INFINITY, 0.0, 0.0);
         for own in known.filter(|own| own.is_finite()) {
             (least, most, sum, count) = (least.min(*own), most.max(*own), sum + own, count + 1.0);
         }
@@ -123,8 +136,8 @@ impl Label {
         vec![first, [to].into_iter().chain(points[after..].iter().copied()).collect()]
     }
 
-    /// Places a label where its line is straight, on ground that is known, away from others, and as near to `near` as
-    /// possible: there, lines move least as the field changes.
+    /// Places a label where its line is straight, on ground that is known, away from others, and as
+    /// near to `near` as possible: there, lines move least as the field changes.
     fn place(
         line: &ContourPath,
         unit: f32,
@@ -146,9 +159,11 @@ impl Label {
             return None;
         }
         let at = |along: f32| {
-            let after = lengths.partition_point(|length| *length < along).clamp(1, lengths.len() - 1);
+            let after =
+                lengths.partition_point(|length| *length < along).clamp(1, lengths.len() - 1);
             let (from, to) = (line.points[after - 1], line.points[after]);
-            let share = (along - lengths[after - 1]) / (lengths[after] - lengths[after - 1]).max(1e-6);
+            let share =
+                (along - lengths[after - 1]) / (lengths[after] - lengths[after - 1]).max(1e-6);
             [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])]
         };
         let count = ((length - gap) / STEP) as usize;
@@ -162,9 +177,14 @@ impl Label {
             let along = [(ends[1][0] - ends[0][0]) / apart, (ends[1][1] - ends[0][1]) / apart];
             let corner = |(by, aside): (f32, f32)| {
                 let [by, aside] = [by * gap / 2.0, aside * height / 2.0];
-                [middle[0] + by * along[0] - aside * along[1], middle[1] + by * along[1] + aside * along[0]]
+                [
+                    middle[0] + by * along[0] - aside * along[1],
+                    middle[1] + by * along[1] + aside * along[0],
+                ]
             };
-            let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (0.0, 1.0)].map(corner);
+            let corners =
+                [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (0.0, 1.0)]
+                    .map(corner);
             let has_room = apart >= LEAST_STRAIGHTNESS * gap
                 && others.iter().all(|other| {
                     let least = if other.text == text { SAME_LEVEL_SPACING } else { LABEL_SPACING };
@@ -185,7 +205,11 @@ impl Label {
 mod tests {
     use super::*;
 
-    fn label(points: Vec<[f32; 2]>, others: &[Label], is_known: impl Fn([f32; 2]) -> bool) -> Option<Label> {
+    fn label(
+        points: Vec<[f32; 2]>,
+        others: &[Label],
+        is_known: impl Fn([f32; 2]) -> bool,
+    ) -> Option<Label> {
         Label::place(&ContourPath { level: 40.0, points }, 20.0, [0.0; 2], &is_known, others)
     }
 
@@ -200,7 +224,10 @@ mod tests {
         assert!((label.angle - (-0.5_f32).atan()).abs() < 0.01, "not upside down: {}", label.angle);
         let [from, to] = label.ends;
         let room = text_width("40", LABEL_HEIGHT * 20.0);
-        assert!((room..room + 10.0).contains(&distance(from, to)), "room for the text, and no more");
+        assert!(
+            (room..room + 10.0).contains(&distance(from, to)),
+            "room for the text, and no more"
+        );
         let [before, after] = <[_; 2]>::try_from(label.pieces(&straight())).expect("two");
         assert_eq!((before[0], after[after.len() - 1]), (straight()[0], straight()[29]));
         assert_eq!((before[before.len() - 1], after[0]), (from, to));
@@ -212,7 +239,9 @@ mod tests {
         assert!(right.middle[0] > 150.0);
         assert!(label(straight(), &[], |at| at[0] % 20.0 > 10.0).is_none(), "walls everywhere");
         let middle = right.middle;
-        let left = label(straight(), &[Label { text: "50".to_owned(), ..right }], |at| at[0] > 100.0).expect("room");
+        let left =
+            label(straight(), &[Label { text: "50".to_owned(), ..right }], |at| at[0] > 100.0)
+                .expect("room");
         assert!(distance(left.middle, middle) >= LABEL_SPACING * 20.0);
         assert!(label(straight(), &[left], |at| at[0] > 100.0).is_none(), "the same level");
         let zigzag = (0..30).map(|n| [10.0 * n as f32, 12.0 * (n % 2) as f32]).collect();

@@ -67,7 +67,9 @@ impl Scale {
     /// Returns the columns and the rows of cells (first, end) that are shown of a map of this size.
     fn shown_cells(&self, size: [usize; 2]) -> [[usize; 2]; 2] {
         let [left, top, width, height] = self.window;
-        let of = |from: f32, shown: f32, all: usize| [from as usize, ((from + shown).ceil() as usize).min(all)];
+        let of = |from: f32, shown: f32, all: usize| {
+            [from as usize, ((from + shown).ceil() as usize).min(all)]
+        };
         [of(left, width, size[0]), of(top, height, size[1])]
     }
 
@@ -80,7 +82,11 @@ impl Scale {
                 // A pixel shows the cell of its middle, and others whose middles are in it.
                 let (first, end) = ((at(i, 0.0) + 0.5) as usize, (at(i, 1.0) + 0.5) as usize);
                 let middle = at(i, 0.5).max(0.0) as usize;
-                if first < end && shown > pixels as f32 { (first, end) } else { (middle, middle + 1) }
+                if first < end && shown > pixels as f32 {
+                    (first, end)
+                } else {
+                    (middle, middle + 1)
+                }
             };
             (0..pixels).map(span).collect()
         })
@@ -97,11 +103,17 @@ enum Kind {
     Outside,
 }
 
-/// Draws the ground as if there were no walls: `field` has rows of `columns` values, evenly spaced over the window, between
-/// which others are interpolated.
-pub fn draw(sheet: &mut Sheet, scale: &Scale, (field, columns): (Option<&[f32]>, usize), screen: &Screen) {
+/// Draws the ground as if there were no walls: `field` has rows of `columns` values, evenly spaced
+/// over the window, between which others are interpolated.
+pub fn draw(
+    sheet: &mut Sheet,
+    scale: &Scale,
+    (field, columns): (Option<&[f32]>, usize),
+    screen: &Screen,
+) {
     let colours = Colours::new(screen);
-    let shades: Vec<f32> = field.unwrap_or_default().iter().map(|value| colours.shade(*value, screen)).collect();
+    let shades: Vec<f32> =
+        field.unwrap_or_default().iter().map(|value| colours.shade(*value, screen)).collect();
     let width = scale.size.0 as usize;
     let samples = Samples::new(&shades, columns, screen.shown_field() != Field::Visits);
     let across = samples.across(width);
@@ -121,7 +133,8 @@ pub fn draw(sheet: &mut Sheet, scale: &Scale, (field, columns): (Option<&[f32]>,
             runs.clear();
             let mut x = 0;
             for same_cell in columns_of_cells.chunk_by(|a, b| a.0 == b.0) {
-                let (own, end) = (kind(Cell::new(same_cell[0].0, cell_row), screen), x + same_cell.len());
+                let (own, end) =
+                    (kind(Cell::new(same_cell[0].0, cell_row), screen), x + same_cell.len());
                 match runs.last_mut() {
                     Some((run, kind)) if *kind == own => run.end = end,
                     _ => runs.push((x..end, own)),
@@ -132,8 +145,9 @@ pub fn draw(sheet: &mut Sheet, scale: &Scale, (field, columns): (Option<&[f32]>,
         samples.row(y, scale.size.1 as usize, &mut values);
         fill_row(&values, &across, &mut shown);
         for (run, kind) in &runs {
-            colours
-                .paint(&mut row[run.clone()], &shown[run.clone()], *kind, |x| hatching.is_on(x + run.start, y, *kind));
+            colours.paint(&mut row[run.clone()], &shown[run.clone()], *kind, |x| {
+                hatching.is_on(x + run.start, y, *kind)
+            });
         }
     }
 }
@@ -159,12 +173,21 @@ fn kind(cell: Cell, screen: &Screen) -> Kind {
         return Kind::Outside;
     }
     let view = &screen.maze.view;
-    let to_goal = matches!(screen.shown_field(), Field::Learned | Field::Composed | Field::True | Field::Error);
+    let to_goal = matches!(
+        screen.shown_field(),
+        Field::Learned | Field::Composed | Field::True | Field::Error
+    );
     if to_goal && view.cut_off.len() == map.free().len() && view.cut_off[map.index(cell)] {
         return Kind::CutOff;
     }
-    let fades = matches!(screen.shown_field(), Field::Learned | Field::FromStart | Field::Composed | Field::Plain);
-    if !screen.overlays.has(Overlay::Unexplored) || view.exploration.is_complete(map) || !map.is_free(cell) {
+    let fades = matches!(
+        screen.shown_field(),
+        Field::Learned | Field::FromStart | Field::Composed | Field::Plain
+    );
+    if !screen.overlays.has(Overlay::Unexplored)
+        || view.exploration.is_complete(map)
+        || !map.is_free(cell)
+    {
         return Kind::Plain;
     }
     match view.exploration.at(cell.centre()) {
@@ -177,8 +200,8 @@ fn kind(cell: Cell, screen: &Screen) -> Kind {
 /// A shade that is not known.
 const UNKNOWN: u16 = SHADES as u16;
 
-/// The colours of all shades and of what is not known, of ground that is plain, a pocket, beyond the known world, and
-/// hatched there.
+/// The colours of all shades and of what is not known, of ground that is plain, a pocket, beyond
+/// the known world, and hatched there.
 struct Colours {
     shades: [Vec<[u8; 4]>; 4],
     cut_off: [[u8; 4]; 2],
@@ -195,14 +218,20 @@ impl Colours {
         let theme = &screen.theme;
         let variants = |rgb: Rgb| {
             let beyond = blend(rgb, theme.unknown, FADE);
-            [rgb, blend(rgb, theme.unknown, POCKET_FADE), beyond, blend(beyond, theme.wall, HATCH)].map(opaque)
+            [rgb, blend(rgb, theme.unknown, POCKET_FADE), beyond, blend(beyond, theme.wall, HATCH)]
+                .map(opaque)
         };
         let shade = |i: usize| {
             let share = i as f32 / (SHADES - 1) as f32;
             let is_error = screen.shown_field() == Field::Error;
-            variants(if is_error { theme.error_colour(2.0 * share - 1.0) } else { theme.distance_colour(share) })
+            variants(if is_error {
+                theme.error_colour(2.0 * share - 1.0)
+            } else {
+                theme.distance_colour(share)
+            })
         };
-        let all: Vec<[[u8; 4]; 4]> = (0..SHADES).map(shade).chain([variants(theme.unknown)]).collect();
+        let all: Vec<[[u8; 4]; 4]> =
+            (0..SHADES).map(shade).chain([variants(theme.unknown)]).collect();
         Self {
             shades: [0, 1, 2, 3].map(|variant| all.iter().map(|own| own[variant]).collect()),
             cut_off: CUT_OFF_FADES.map(|fade| opaque(blend(theme.unknown, theme.wall, fade))),
@@ -222,11 +251,20 @@ impl Colours {
     }
 
     /// Colours pixels of one kind by their shades.
-    fn paint(&self, pixels: &mut [[u8; 4]], shades: &[u16], kind: Kind, is_hatched: impl Fn(usize) -> bool) {
+    fn paint(
+        &self,
+        pixels: &mut [[u8; 4]],
+        shades: &[u16],
+        kind: Kind,
+        is_hatched: impl Fn(usize) -> bool,
+    ) {
         let [plain, pocket, beyond, hatched] = &self.shades;
         let [line, between] = self.cut_off;
         let mut by = |colours: &[[u8; 4]]| {
-            pixels.iter_mut().zip(shades).for_each(|(pixel, shade)| *pixel = colours[usize::from(*shade)]);
+            pixels
+                .iter_mut()
+                .zip(shades)
+                .for_each(|(pixel, shade)| *pixel = colours[usize::from(*shade)]);
         };
         match kind {
             Kind::Plain => by(plain),
@@ -320,7 +358,9 @@ fn fill_row(values: &[f32], across: &[Place], shades: &mut [u16]) {
         if a.is_nan() {
             own.fill(UNKNOWN);
         } else {
-            own.iter_mut().zip(places).for_each(|(shade, place)| *shade = (a + place.share * (b - a)) as u16);
+            own.iter_mut()
+                .zip(places)
+                .for_each(|(shade, place)| *shade = (a + place.share * (b - a)) as u16);
         }
     }
 }
@@ -342,7 +382,8 @@ pub fn draw_walls(sheet: &mut Sheet, scale: &Scale, screen: &Screen) {
                 let ((left, right), end) = (same_cells[0], x + same_cells.len());
                 if right <= map.width() && bottom <= map.height() {
                     let row = |y: usize| &free[y * map.width() + left..y * map.width() + right];
-                    let walls: usize = (top..bottom).map(|y| row(y).iter().filter(|free| !**free).count()).sum();
+                    let walls: usize =
+                        (top..bottom).map(|y| row(y).iter().filter(|free| !**free).count()).sum();
                     let share = walls as f32 / ((right - left) * (bottom - top)) as f32;
                     match runs.last_mut() {
                         Some((run, own)) if run.end == x && *own == share => run.end = end,
@@ -354,7 +395,8 @@ pub fn draw_walls(sheet: &mut Sheet, scale: &Scale, screen: &Screen) {
             }
         }
         for (run, share) in &runs {
-            let mix = |[r, g, b, _]: [u8; 4]| opaque(blend((r, g, b), wall, share.max(LEAST_WALL_SHARE)));
+            let mix =
+                |[r, g, b, _]: [u8; 4]| opaque(blend((r, g, b), wall, share.max(LEAST_WALL_SHARE)));
             match &mut row[run.clone()] {
                 all if *share == 1.0 => all.fill(opaque(wall)),
                 some => some.iter_mut().for_each(|pixel| *pixel = mix(*pixel)),
