@@ -183,14 +183,14 @@ fn apply_typed(
 }
 
 /// Returns the value of a setting that is a number as one, if it is written in another way: `1e6`,
-/// `"60_000"`, `100.0`, `".5"`. `now` is its present value.
-fn as_number(setting: &Setting, value: &Value, now: &Value) -> Result<Value, Box<ConfigError>> {
+/// `"60_000"`, `100.0`, `".5"`.
+fn as_number(setting: &Setting, value: &Value) -> Result<Value, Box<ConfigError>> {
     /// Whole numbers below this are exact in double precision.
     const MAX_EXACT: f64 = (1_u64 << 53) as f64;
     let parsed = match value {
         Value::String(text) if setting.is_count() => parse_count(text).map(Value::from),
         // JSON keeps whole numbers as they are.
-        Value::String(text) if now.is_number() => {
+        Value::String(text) => {
             parse_real(text).map(|number| json_number(text).unwrap_or(number.into()))
         }
         Value::Number(number) if setting.is_count() && !number.is_u64() => match number.as_f64() {
@@ -250,7 +250,7 @@ fn apply(
     value: &Value,
 ) -> Result<(), Box<ConfigError>> {
     let Some(setting) = Setting::named(name) else { return Err(unknown(name)) };
-    let value = &as_number(setting, value, &values[setting.name])?;
+    let value = &as_number(setting, value)?;
     values.insert(setting.name.to_owned(), value.clone());
     let kind = |_| {
         let help = format!("{name} must be {}{}", setting.range, decimal_comma(value));
