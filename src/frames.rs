@@ -335,7 +335,10 @@ mod tests {
             (format!("{HEADER}\nhello\n"), "short.cast:2:"),
             (format!("{HEADER}\n[1,\"r\",\"wide\"]\n"), "short.cast:2:"),
             ("[1,\"o\",\"\"]\n".to_owned(), "short.cast:1:"),
-            (HEADER.replace("\"version\":2", "\"version\":1"), "short.cast:1:"),
+            (
+                HEADER.replace("\"version\":2", "\"version\":1"),
+                "short.cast: is an asciinema recording of version 1",
+            ),
             (String::new(), "short.cast: is empty"),
         ] {
             let error = error(&lines, &[0.0]);

@@ -967,16 +967,17 @@ fn edits_at_the_first_update_are_applied_before_the_first_step() {
             .join(" ");
         (output.status.code(), error, edits(&records(&output.stdout)))
     };
+    let unsaved = "not saved: 20 updates; give --save FILE to keep them".to_owned();
     assert_eq!(
         resume(&at(40, "again"), "60"),
-        (Some(0), String::new(), vec![(40, "again".to_owned())])
+        (Some(0), unsaved.clone(), vec![(40, "again".to_owned())])
     );
     assert_eq!(
         resume(&at(60, "again"), "60"),
-        (Some(0), String::new(), vec![(60, "again".to_owned())])
+        (Some(0), unsaved.clone(), vec![(60, "again".to_owned())])
     );
     // The run had applied this one before it was saved.
-    assert_eq!(resume(&third, "60"), (Some(0), String::new(), vec![]));
+    assert_eq!(resume(&third, "60"), (Some(0), unsaved, vec![]));
     for (at, expected) in [
         (at(39, "late"), "the run starts at update 40"),
         (at(0, "late"), "the run starts at update 40"),
