@@ -114,7 +114,7 @@ fn maps_too_long_for_positions_in_single_precision_are_refused() {
     for file in ["long.map", "long.txt"] {
         let (status, _, errors) = check(file);
         assert!(
-            status == 2 && errors.contains("too large") && errors.contains("32768"),
+            status == 2 && errors.contains("too large") && errors.contains("32,768"),
             "{errors}"
         );
     }

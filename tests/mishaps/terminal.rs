@@ -131,7 +131,7 @@ fn within_a_script_the_shell_is_back_at_once() {
     session.press("sh train.sh\r");
     session.wait_for("training");
     session.press("\x1a");
-    session.wait_for("train.sh");
+    session.wait_for("Stopped");
     session.press("echo the pr''ompt\r");
     session.wait_for("the prompt");
     assert!(!session.screen_text().contains("after"), "the script waits too");
