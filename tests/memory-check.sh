@@ -9,4 +9,4 @@ if ! valgrind --version >/dev/null 2>&1; then
     exit 0
 fi
 runner="['valgrind', '--quiet', '--error-exitcode=1']"
-cargo --config "target.'cfg(all())'.runner=$runner" test --release -p gdg --lib -- learn::kernels learn::networks::mlp
+cargo --config "target.'cfg(all())'.runner=$runner" test --release --workspace --lib -- learn::kernels learn::networks::mlp

@@ -2,7 +2,7 @@
 
 mod earlier;
 
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
@@ -75,12 +75,23 @@ impl Table {
     /// # Errors
     /// The file is not the run's table and must not be replaced, or cannot be written.
     pub fn open(path: &Path, overwrite: bool, setup: &Setup) -> Result<Self, Report> {
+        let in_use = || {
+            let help = "give --csv another name";
+            miette!(help = help, "{}: another run is writing this table", path.display())
+        };
+        if files::is_in_use(path) {
+            return Err(in_use());
+        }
         let is_there = setup.resumed.is_some() && path.exists();
         let file = match is_there.then(|| go_on(path, &setup.trainer)) {
             None => create(path, overwrite)?,
             Some(Err(_)) if overwrite => create(path, true)?,
             Some(file) => file?,
         };
+        // Held until the table is closed; where there are no locks, nobody is kept from it.
+        if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+            return Err(in_use());
+        }
         let is_empty = file.metadata().is_ok_and(|found| found.len() == 0);
         let mut writer = csv::Writer::from_writer(file);
         if is_empty {

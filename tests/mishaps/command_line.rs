@@ -279,3 +279,18 @@ fn a_resumed_run_trains_for_max_seconds_more() {
         assert_eq!(records.last().unwrap()["updates"], 350);
     }
 }
+
+#[test]
+fn a_table_that_another_run_is_writing_is_left_alone() {
+    let folder = folder();
+    let table = folder.path().join("table.csv");
+    std::fs::write(&table, "somebody's rows\n").unwrap();
+    let other = std::fs::OpenOptions::new().write(true).open(&table).unwrap();
+    other.try_lock().unwrap();
+    let args = ["--no-ui", "trap", "--max-updates", "0", "--csv", "table.csv", "--overwrite"];
+    let (status, _, errors) = typed(folder.path(), &args);
+    assert!(status != 0 && errors.contains("another run is writing"), "{status}: {errors}");
+    assert_eq!(std::fs::read_to_string(&table).unwrap(), "somebody's rows\n");
+    drop(other);
+    assert_eq!(typed(folder.path(), &args).0, 0);
+}

@@ -6,7 +6,7 @@ use super::ascii::{check_row_length, check_some_free, too_large, unknown_charact
 use super::error::MapResult;
 use super::grid::{Cell, Grid, MAX_SIDE, is_size};
 use super::text::Text;
-use crate::text::counted;
+use crate::text::{counted, grouped};
 
 const HEADER: &str = "a Moving AI map begins with the lines 'type octile', 'height H', 'width W' and 'map', then H rows follow";
 
@@ -139,7 +139,7 @@ fn parse_size(text: &Text, line: usize, value: &str) -> MapResult<usize> {
     let column = text.lines[line].chars().count() - text.lines[line].trim_start().chars().count();
     let from = column + text.lines[line].trim_start().to_ascii_lowercase().find(value).unwrap_or(0);
     let error = |problem: String| {
-        let help = format!("sizes are integers from 1 to {MAX_SIDE}");
+        let help = format!("sizes are integers from 1 to {}", grouped(MAX_SIDE as u64));
         text.error(line, from..from + value.chars().count(), problem, help)
     };
     match value.parse::<usize>() {
