@@ -1,20 +1,22 @@
 //! Runs long work on another thread while the main thread listens for signals.
 
+use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-use miette::{IntoDiagnostic, Report};
+use miette::Report;
+use parking_lot::Mutex;
 
 use crate::signals::TerminationSignal;
 
 /// Polling interval for signals.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Runs `work` on a thread called `name`. Returns `None` if a signal arrives first; the thread then
+/// Runs `work` on a thread called `name`, or on this one where none can be started. Returns `None` if a signal arrives first; the thread then
 /// ends with the program.
 ///
 /// # Errors
-/// The thread cannot be started, or panics.
+/// The thread panics.
 pub fn run_interruptibly<T: Send + 'static>(
     name: &str,
     termination: &TerminationSignal,
@@ -22,8 +24,17 @@ pub fn run_interruptibly<T: Send + 'static>(
 ) -> Result<Option<T>, Report> {
     let (done, result) = channel();
     // Sending fails only if a signal has ended the wait.
-    let work = move || drop(done.send(work()));
-    std::thread::Builder::new().name(name.to_owned()).spawn(work).into_diagnostic()?;
+    let work = Arc::new(Mutex::new(Some(move || drop(done.send(work())))));
+    let theirs = work.clone();
+    let run = move || {
+        let own = theirs.lock().take();
+        own.into_iter().for_each(|work| work());
+    };
+    if let Err(error) = std::thread::Builder::new().name(name.to_owned()).spawn(run) {
+        tracing::warn!("no thread for the {name}: {error}");
+        let own = work.lock().take();
+        own.into_iter().for_each(|work| work());
+    }
     loop {
         match result.recv_timeout(POLL_INTERVAL) {
             Ok(result) => return Ok(Some(result)),

@@ -47,7 +47,10 @@ impl Progress {
             // A resumed run's earlier progress says nothing about the remaining time.
             self.started = true;
             self.bar.reset_eta();
-            self.bar.enable_steady_tick(Duration::from_millis(250));
+            // Ticks need a thread, which may not be had.
+            if !self.bar.is_hidden() {
+                self.bar.enable_steady_tick(Duration::from_millis(250));
+            }
         }
     }
 

@@ -200,18 +200,21 @@ impl Graphs {
         self.current.as_ref()
     }
 
-    /// Starts a build at update `at` that takes effect `delay` updates later.
-    ///
-    /// # Errors
-    /// The thread cannot be started.
-    pub fn start_build(&mut self, at: u64, delay: u64, job: GraphJob) -> std::io::Result<()> {
+    /// Starts a build at update `at` that takes effect `delay` updates later: on a thread of its
+    /// own or, where none can be started, at once.
+    pub fn start_build(&mut self, at: u64, delay: u64, job: GraphJob) {
         let job = Arc::new(job);
         let own = job.clone();
-        let result = std::thread::Builder::new()
-            .name("bridge graph".to_owned())
-            .spawn(move || own.run(at))?;
-        self.next = Some((at + delay.max(1), PendingGraph::Building { at, job, result }));
-        Ok(())
+        let result =
+            std::thread::Builder::new().name("bridge graph".to_owned()).spawn(move || own.run(at));
+        let next = match result {
+            Ok(result) => PendingGraph::Building { at, job, result },
+            Err(error) => {
+                tracing::warn!("the bridge graph is built without a thread of its own: {error}");
+                PendingGraph::Ready(job.run(at))
+            }
+        };
+        self.next = Some((at + delay.max(1), next));
     }
 
     /// Returns whether the next graph is due at update `now`.

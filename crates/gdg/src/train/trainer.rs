@@ -461,11 +461,12 @@ impl Trainer {
             finds_changed: self.relearns(),
             rng: self.graph_rng(now),
         };
-        Ok(self.graphs.start_build(
+        self.graphs.start_build(
             now,
             self.run.settings.bridge.graph_every_updates / activation_divisor,
             job,
-        )?)
+        );
+        Ok(())
     }
 
     /// Returns the RNG for the distilled distances of a graph whose build began at update `at`.
