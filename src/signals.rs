@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicI32, Ordering};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
-use miette::{IntoDiagnostic, Report};
+use miette::{IntoDiagnostic, Report, WrapErr};
 use signal_hook::consts::{
     SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ,
 };
@@ -108,7 +108,11 @@ impl TerminationSignal {
             }
             drop(waiting);
         };
-        std::thread::Builder::new().name("signals".to_owned()).spawn(listen).into_diagnostic()?;
+        std::thread::Builder::new()
+            .name("signals".to_owned())
+            .spawn(listen)
+            .into_diagnostic()
+            .wrap_err("a thread cannot be started; ulimit -u limits them")?;
         Ok(termination)
     }
 
