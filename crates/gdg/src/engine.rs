@@ -125,7 +125,7 @@ impl Engine {
         self.snapshots.clone()
     }
 
-    /// Returns what tells whether the trainer moves, and what it is doing.
+    /// Returns the trainer's progress signal: whether it advances, and its current activity.
     pub fn pulse(&self) -> &Pulse {
         &self.pulse
     }

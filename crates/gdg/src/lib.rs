@@ -12,11 +12,14 @@
 //! Each module depends only on modules to its left (`tests/layers` checks it):
 //!
 //! ```text
-//! text, faults, files, store <- map <- env <- learn <- bridge <- train <- engine <- draw <- viewer
+//! printing, pulse, text, faults, files, store <- map <- env <- learn <- bridge <- train
+//!     <- engine <- draw <- viewer
 //! ```
 //!
-//! * [`text`]: makes external text safe to display. [`files`]: reads and replaces files safely.
-//!   [`faults`]: collects panics. [`store`]: named arrays and texts, the form of all saved state.
+//! * [`printing`]: standard output and error, written by threads of their own. [`pulse`]: progress
+//!   of a run, and the request to stop it. [`text`]: makes external text safe to display.
+//!   [`files`]: reads and replaces files safely. [`faults`]: collects panics. [`store`]: named
+//!   arrays and texts, the form of all saved state.
 //! * [`map`]: grid maps and the true distances on them. Evaluation and display read these; learning
 //!   never does.
 //! * [`env`](mod@env): the interface of a world ([`env::Environment`]) and the built-in worlds, a

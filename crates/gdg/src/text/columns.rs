@@ -8,7 +8,7 @@ pub fn display_width(text: &str) -> usize {
     text.width()
 }
 
-/// Returns `text` with blanks after it, so that it takes at least so many columns.
+/// Pads `text` with blanks to at least this display width, in columns.
 pub fn padded(text: &str, columns: usize) -> String {
     format!("{text}{}", " ".repeat(columns.saturating_sub(display_width(text))))
 }

@@ -150,7 +150,7 @@ impl Trainer {
         self.threads
     }
 
-    /// Returns what tells others that training moves, and what ends it.
+    /// Returns the progress signal, which also carries the request to stop.
     pub fn pulse(&self) -> &Pulse {
         &self.pulse
     }

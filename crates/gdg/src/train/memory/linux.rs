@@ -37,7 +37,7 @@ struct Mount {
     folder: PathBuf,
 }
 
-/// Returns the free memory in bytes, as far as the tree at `proc` tells; `None` if it does not.
+/// Returns the free memory in bytes according to the tree at `proc`; `None` if unknown.
 pub fn free_memory(proc: &Path) -> Option<u64> {
     let groups = read(&proc.join("self/cgroup")).unwrap_or_default();
     let mounts = read(&proc.join("self/mountinfo")).unwrap_or_default();
