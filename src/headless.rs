@@ -8,17 +8,18 @@ mod table;
 
 use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
 
-use crate::cli::{EXIT_BAD_INPUT, EXIT_NOT_REACHED, TrainArgs};
-use crate::setup::{Setup, save_elsewhere};
-use crate::signals::TerminationSignal;
+use crate::host::setup::{Setup, save_elsewhere};
+use crate::host::signals::TerminationSignal;
+use crate::host::status::{EXIT_BAD_INPUT, EXIT_NOT_REACHED};
 use gdg::printing;
 use gdg::printing::eprint_line;
 use gdg::text::{counted, escape_json_line, grouped};
-use gdg::train::{EndReason, Evaluation, Limits, Tick, Trainer};
+use gdg::train::{EndReason, Evaluation, Tick, Trainer};
 use interruptible::run_interruptibly;
 use progress::Progress;
 use records::Record;
@@ -29,28 +30,47 @@ use table::Table;
 /// run prints the same records.
 const PROGRESS_EVERY_UPDATES: u64 = 1_000;
 
+/// What a run without the interface needs besides what is trained.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Updates between evaluations; otherwise only at the end.
+    pub eval_every_updates: Option<u64>,
+    /// Evaluation tasks at each distance.
+    pub eval_tasks: usize,
+    /// Minutes between checkpoints, 0 for none; otherwise the default.
+    pub save_every_minutes: Option<f64>,
+    /// The table to write.
+    pub table: Option<PathBuf>,
+    /// Whether an existing table is replaced.
+    pub overwrite: bool,
+    /// The success rate to reach.
+    pub require_success: Option<f64>,
+}
+
 /// Runs training to its end and returns the exit status.
 ///
 /// # Errors
 /// Training, writing records or saving fails.
-pub fn run(mut setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
+pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     let termination = TerminationSignal::listen()?;
     setup.trainer.set_pulse(termination.pulse().clone());
     setup.warnings.iter().for_each(|warning| eprint_line(warning));
-    let saver = setup.save.clone().map(|to| Saver::new(to, args.save_every));
-    let table =
-        args.csv.as_deref().map(|path| Table::open(path, args.overwrite, &setup)).transpose();
+    let saver = setup.save.clone().map(|to| Saver::new(to, options.save_every_minutes));
+    let table = options
+        .table
+        .as_deref()
+        .map(|path| Table::open(path, options.overwrite, &setup))
+        .transpose();
     let table = match table {
         Ok(table) => table,
         Err(error) => {
-            crate::report::print_error(error);
+            crate::host::report::print_error(error);
             return Ok(EXIT_BAD_INPUT);
         }
     };
-    let limits = args.limits(setup.trainer.seconds());
     let updates_before = setup.trainer.counters().updates;
-    let progress = Progress::new(args, setup.trainer.seconds());
-    let mut session = Session { setup, args, limits, progress, saver, table, termination };
+    let progress = Progress::new(&setup.limits, setup.trainer.seconds());
+    let mut session = Session { setup, options, progress, saver, table, termination };
     let ended = session.run();
     // Saves what was learned, even after an error.
     let saved = session.save_at_end();
@@ -59,7 +79,7 @@ pub fn run(mut setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     saved?;
     if let Some(failure) = gdg::faults::take_failures().first() {
         let problem = format!("internal error in thread {}: {}", failure.thread, failure.message);
-        return Err(miette::miette!(help = crate::logging::hint(), "{problem}"));
+        return Err(miette::miette!(help = crate::host::logging::hint(), "{problem}"));
     }
     print(&Record::end(reason, &session.setup.trainer))?;
     printing::stdout().flush().map_err(unwritten)?;
@@ -67,7 +87,7 @@ pub fn run(mut setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     if let (EndReason::Interrupted, Some(status)) = (reason, session.termination.status()) {
         return Ok(status);
     }
-    match (args.require_success, evaluation) {
+    match (options.require_success, evaluation) {
         (Some(required), Some(found)) => match found.success_rate() {
             Some(rate) if rate >= required => Ok(0),
             Some(rate) => {
@@ -100,8 +120,7 @@ fn unwritten(error: std::io::Error) -> Report {
 
 struct Session<'a> {
     setup: Setup,
-    args: &'a TrainArgs,
-    limits: Limits,
+    options: &'a Options,
     progress: Progress,
     saver: Option<Saver>,
     table: Option<Table>,
@@ -131,7 +150,7 @@ impl Session<'_> {
             let state =
                 if mended { "the run is saved if --save is given" } else { "saving may fail" };
             Err(miette::miette!(
-                help = crate::logging::hint(),
+                help = crate::host::logging::hint(),
                 "an internal error ended training; {state}"
             ))
         })
@@ -205,7 +224,7 @@ impl Session<'_> {
     /// Whether the run is evaluated after the current number of updates.
     fn is_evaluation_due(&self) -> bool {
         let updates = self.setup.trainer.counters().updates;
-        self.args.eval_every_updates.is_some_and(|every| updates.is_multiple_of(every))
+        self.options.eval_every_updates.is_some_and(|every| updates.is_multiple_of(every))
     }
 
     /// Whether a signal ended the resumed run in the evaluation that is due now.
@@ -220,7 +239,7 @@ impl Session<'_> {
     fn save_periodically(&mut self) {
         if let Err(error) = self.save() {
             tracing::warn!("{error}");
-            crate::report::print_error(
+            crate::host::report::print_error(
                 error.wrap_err("training continues; saving will be tried again"),
             );
         }
@@ -287,14 +306,13 @@ impl Session<'_> {
     }
 
     fn limit_reached(&self) -> Option<EndReason> {
-        self.setup.trainer.limit_reached(&self.limits)
+        self.setup.trainer.limit_reached(&self.setup.limits)
     }
 
     /// Evaluates and prints the result; returns `None` if a signal arrives.
     fn evaluate(&mut self) -> Result<Option<Evaluation>, Report> {
         let trainer = &mut self.setup.trainer;
-        let Some(evaluation) =
-            evaluate(trainer, self.args.eval_tasks as usize, None, &self.termination)?
+        let Some(evaluation) = evaluate(trainer, self.options.eval_tasks, None, &self.termination)?
         else {
             return Ok(None);
         };

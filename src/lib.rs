@@ -4,12 +4,11 @@
 //!
 //! # The layout
 //!
+//! * [`host`]: what the program needs of the machine: terminal, signals, files, saved runs.
 //! * [`headless`] (one run), `tui` (one run, or two side by side) and [`experiment`] (many runs in
 //!   parallel, whose results are kept: benchmark suites, the paper's figures) are the front ends.
-//! * [`cli`], [`setup`], [`runs`], [`report`], [`signals`], [`waiting`], [`logging`] and [`facts`]
-//!   serve them; [`export_policy`] writes an actor for other programs, [`film`] an animation of how
-//!   distance was learned, and `frames` renders frames of recordings. `tui` and `frames` need the
-//!   feature `tui`, which is on by default.
+//! * [`cli`] parses the command line into what they need; [`commands`] has a file for each command.
+//!   `tui` needs the feature of that name, which is on by default.
 //!
 //! # Add a pane
 //!
@@ -21,28 +20,16 @@
 //! # Add a figure
 //!
 //! An entry in `FIGURES` in `src/experiment/reproduce/figures.rs` (map or world, methods, what it
-//! shows), its title in `src/cli/reproduce.rs` and, for a new method, an entry in `methods.rs`.
-//! Another kind of chart is a variant
-//! of `Shows` with its lines in `curves.rs`, another kind of picture one in `maps.rs`; files,
+//! shows) and, for a new method, an entry in `methods.rs`. Another kind of chart is a variant of `Shows` with its lines in `curves.rs`, another kind of picture one in `maps.rs`; files,
 //! report and terminal follow. What a figure needs of the trained networks is measured in
 //! `src/experiment/measure.rs`.
 
 #![forbid(unsafe_code)]
 
 pub mod cli;
+pub mod commands;
 pub mod experiment;
-pub mod export_policy;
-pub mod facts;
-pub mod film;
-#[cfg(feature = "tui")]
-pub mod frames;
 pub mod headless;
-pub mod logging;
-mod progress_bar;
-pub mod report;
-pub mod runs;
-pub mod setup;
-pub mod signals;
+pub mod host;
 #[cfg(feature = "tui")]
 pub mod tui;
-pub mod waiting;

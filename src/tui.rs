@@ -33,6 +33,7 @@ mod keymap;
 mod layers;
 mod layout;
 mod log;
+mod marker;
 mod measure;
 mod output;
 mod panes;
@@ -54,12 +55,11 @@ use std::thread::JoinHandle;
 
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::cli::{InterfaceArgs, TourArgs, TrainArgs};
-use crate::report::ExplainedError;
-use crate::setup::{self, Setup};
-use crate::signals::TerminationSignal;
+use crate::host::report::ExplainedError;
+use crate::host::setup::{self, Setup};
+use crate::host::signals::TerminationSignal;
 use app::{App, Files};
-pub use compare::{prepare as prepare_comparison, run as compare};
+pub use compare::{ComparisonOptions, prepare as prepare_comparison, run as compare};
 pub use config::{
     UiConfig, load as load_config, parse as parse_config, template as config_template,
 };
@@ -69,10 +69,23 @@ use gdg::map;
 use gdg::train::{Limits, Registry, Trainer};
 use gdg::viewer::Viewer;
 pub use keymap::Keymap;
+pub use marker::Marker;
 pub use measure::{MeasuredInterface, MeasuredScreen};
 pub use record::LARGEST_SCREEN;
 use record::Recorder;
 pub use terminal::{GUARD_COMMAND, run_guard as guard_terminal};
+
+/// How the interface is shown and recorded.
+pub struct InterfaceOptions {
+    /// The recording to write.
+    pub record: Option<PathBuf>,
+    /// The configuration file, instead of the default one.
+    pub config: Option<PathBuf>,
+    /// What the map is drawn with, instead of what the configuration says.
+    pub marker: Option<Marker>,
+    /// Whether an existing recording is replaced.
+    pub overwrite: bool,
+}
 
 /// The configuration and the recording, opened before the interface starts.
 pub struct PreparedInterface {
@@ -91,14 +104,17 @@ const MIN_OPEN_FILES: usize = 24;
 /// # Errors
 /// The configuration is invalid, the recording exists already or cannot be written, or too few
 /// files can be open at once.
-pub fn prepare(args: &InterfaceArgs, overwrite: bool) -> Result<PreparedInterface, Report> {
+pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> {
     #[cfg(unix)]
     check_open_files()?;
-    let mut config = config::load(args.ui_config.as_deref())
+    let mut config = config::load(options.config.as_deref())
         .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
-    config.0.marker = args.marker.unwrap_or(config.0.marker);
-    let recorder =
-        args.record.as_deref().map(|path| Recorder::start(path, overwrite)).transpose()?;
+    config.0.marker = options.marker.unwrap_or(config.0.marker);
+    let recorder = options
+        .record
+        .as_deref()
+        .map(|path| Recorder::start(path, options.overwrite))
+        .transpose()?;
     Ok(PreparedInterface { config, recorder })
 }
 
@@ -116,22 +132,21 @@ fn check_open_files() -> Result<(), Report> {
     })
 }
 
-/// Runs the trainer and returns the exit status.
+/// Runs the trainer on the map that the user has named, if any, and returns the exit status.
 ///
 /// # Errors
 /// Errors of the terminal, of training or of saving.
 pub fn run(
     setup: Setup,
     PreparedInterface { config, recorder }: PreparedInterface,
-    args: &TrainArgs,
+    named_map: Option<&Path>,
 ) -> Result<u8, Report> {
     let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
-    let Setup { trainer, save, resumed, warnings, .. } = setup;
+    let Setup { trainer, limits, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
     let search =
         resumed.is_none().then(|| app::search(trainer.world().title().to_owned()).ok()).flatten();
     // What is to be saved elsewhere is not saved yet.
-    let limits = args.limits(trainer.seconds());
     let engine =
         Engine::resume(trainer, limits, resumed.filter(|_| save.is_none())).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
@@ -139,10 +154,8 @@ pub fn run(
     let mut app = App::new(engine, viewer, config, Files { save });
     app.search = search;
     app.screen.first_run = is_first_run();
-    let file = args
-        .map
-        .as_deref()
-        .filter(|file| file.to_str().is_none_or(|name| map::builtin(name).is_none()));
+    let file =
+        named_map.filter(|file| file.to_str().is_none_or(|name| map::builtin(name).is_none()));
     let file = file.filter(|file| file.is_file()).map(Path::to_owned);
     // Writing to the disk must not delay the first frame.
     let remember = |file: PathBuf| {
@@ -165,10 +178,10 @@ fn is_first_run() -> bool {
 ///
 /// # Errors
 /// The run needs more memory than is left.
-pub fn prepare_tour(args: &TourArgs, registry: &Arc<Registry>) -> Result<Trainer, Report> {
+pub fn prepare_tour(threads: Option<u16>, registry: &Arc<Registry>) -> Result<Trainer, Report> {
     let run = tour::run();
     let maze = setup::open_maze(Path::new(tour::steps::MAP), &run, registry)?;
-    setup::begin(run, &maze, registry, setup::threads(args.threads))
+    setup::begin(run, &maze, registry, setup::threads(threads))
 }
 
 /// Runs the trainer with the guided tour and returns the exit status.

@@ -11,7 +11,8 @@ mod runs;
 use clap::Parser;
 use gdg::train::{self, Preset, Run, SaveTo, Trainer};
 use gdg_tui::cli::Cli;
-use gdg_tui::{headless, setup};
+use gdg_tui::headless;
+use gdg_tui::host::setup;
 
 use own_world::registry;
 use runs::{state, train_to};
@@ -116,7 +117,8 @@ fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
     let run = |more: &[&str]| {
         let common = ["own_world", "--no-ui", "--eval-tasks", "5", "--require-success", "0.8"];
         let args = Cli::try_parse_from(common.iter().chain(more)).unwrap().train;
-        headless::run(setup::prepare(&args, &registry()).unwrap(), &args).unwrap()
+        let setup = setup::prepare(&args.request(), &registry()).unwrap();
+        headless::run(setup, &args.headless()).unwrap()
     };
     assert_eq!(
         run(&["bead", "--method", "table+bridges", "--max-updates", "2000", "--save", path]),
@@ -134,7 +136,7 @@ fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
     ] {
         let args =
             Cli::try_parse_from(["own_world", world, "--no-ui", "--method", method]).unwrap().train;
-        let error = format!("{:?}", setup::prepare(&args, &registry()).err().unwrap());
+        let error = format!("{:?}", setup::prepare(&args.request(), &registry()).err().unwrap());
         let error =
             error.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");
         assert!(expected.iter().all(|part| error.contains(part)), "{error}");

@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use gdg::text::counted;
 use gdg::train::TrainError;
-use gdg_tui::setup;
+use gdg_tui::host::setup;
 
 /// Shapes at which updates are measured: batch and width.
 const SHAPES: [(usize, usize); 4] = [(64, 64), (64, 128), (64, 256), (256, 256)];

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-use gdg_tui::frames::play;
+use gdg_tui::commands::frames::play;
 use libfuzzer_sys::fuzz_target;
 
 /// One file per process, in memory if possible.

@@ -4,7 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{MethodParser, ScreenArgs, counts};
+use super::ScreenArgs;
+use super::method::MethodParser;
+use super::values::counts;
+use crate::tui::ComparisonOptions;
 use gdg::train::Method;
 
 const EXAMPLES: &str = "\
@@ -51,4 +54,18 @@ pub struct CompareArgs {
     /// Options of what is shown and recorded.
     #[command(flatten)]
     pub screen: ScreenArgs,
+}
+
+impl CompareArgs {
+    /// Returns what is compared.
+    pub fn options(&self) -> ComparisonOptions {
+        ComparisonOptions {
+            methods: [self.a.clone(), self.b.clone()],
+            map: self.map.clone(),
+            seed: self.seed,
+            set: self.set.clone(),
+            threads: self.threads,
+            recording: self.screen.interface.record.clone(),
+        }
+    }
 }

@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
-use super::{counts, output};
+use super::values::{counts, output};
+use crate::experiment::reproduce::{self, Budget, FIGURES};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -18,37 +19,6 @@ Examples:
 Exit status: 0 success; 1 a job failed, or --collect found jobs missing; 2 bad usage or input;
 128 + its number after a signal, as 130 after Ctrl-C (all jobs are saved; the same signal again exits without saving).";
 
-/// The figures, and what each shows.
-pub const FIGURES: [(&str, &str); 7] = [
-    ("fig1", "Arm: success over training"),
-    ("fig1-wall", "Arm with a wall: success over training, and paths of the grip"),
-    ("fig2", "A bridge point in the four rooms"),
-    ("fig3", "City: success over training"),
-    ("fig4", "City: success by distance"),
-    ("fig5", "City: paths"),
-    ("fig6", "Local optimum: distance left to the goal"),
-];
-
-/// How much is trained for the figures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum BudgetArg {
-    /// All figures in 35 to 50 minutes on two cores
-    Quick,
-    /// As many episodes as in the paper, tested every 20,000, and the arm three times as long: days
-    /// on one machine
-    Paper,
-}
-
-impl BudgetArg {
-    /// Returns its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Quick => "quick",
-            Self::Paper => "paper",
-        }
-    }
-}
-
 /// Options of `gdg-tui reproduce`.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
@@ -58,8 +28,8 @@ pub struct ReproduceArgs {
     pub figures: Vec<String>,
 
     /// How much to train
-    #[arg(long, value_enum, default_value_t = BudgetArg::Quick)]
-    pub budget: BudgetArg,
+    #[arg(long, default_value = Budget::Quick.name(), value_parser = budgets())]
+    pub budget: Budget,
 
     /// Train every job for N updates instead
     #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]
@@ -113,6 +83,34 @@ pub struct ReproduceArgs {
 }
 
 fn figures() -> PossibleValuesParser {
-    let figures = FIGURES.iter().map(|(name, title)| PossibleValue::new(*name).help(*title));
+    let figures = FIGURES.iter().map(|figure| PossibleValue::new(figure.name).help(figure.title));
     figures.chain([PossibleValue::new("all").help("All of them")]).collect::<Vec<_>>().into()
+}
+
+fn budgets() -> impl TypedValueParser<Value = Budget> {
+    let values = Budget::ALL.map(|budget| PossibleValue::new(budget.name()).help(budget.about()));
+    PossibleValuesParser::new(values).map(|name| {
+        Budget::ALL.into_iter().find(|budget| budget.name() == name).unwrap_or(Budget::Quick)
+    })
+}
+
+impl From<ReproduceArgs> for reproduce::Options {
+    fn from(args: ReproduceArgs) -> Self {
+        Self {
+            figures: args.figures,
+            budget: args.budget,
+            updates: args.updates,
+            episodes: args.episodes,
+            steps: args.steps,
+            seeds: args.seeds,
+            eval_tasks: args.eval_tasks,
+            set: args.set,
+            out: args.out,
+            jobs: args.jobs,
+            list_jobs: args.list_jobs,
+            job: args.job,
+            collect: args.collect,
+            keep: args.keep,
+        }
+    }
 }

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{RunArgs, counts, output, parse_share};
+use super::RunArgs;
+use super::values::{counts, output, parse_share};
+use crate::experiment::suite;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -65,4 +67,22 @@ pub struct SuiteArgs {
     /// Exit with status 3 unless every run's final success rate is at least X
     #[arg(long, value_name = "X", value_parser = parse_share)]
     pub require_success: Option<f64>,
+}
+
+impl From<SuiteArgs> for suite::Options {
+    fn from(args: SuiteArgs) -> Self {
+        Self {
+            maps: args.maps,
+            budget: args.budget,
+            seeds: args.seeds,
+            eval_tasks: args.eval_tasks,
+            out: args.out,
+            jobs: args.jobs,
+            run: args.run.into(),
+            list: args.list,
+            job: args.job,
+            keep: args.keep,
+            require_success: args.require_success,
+        }
+    }
 }

@@ -2,7 +2,8 @@
 
 use clap::Args;
 
-use super::{ScreenArgs, counts};
+use super::ScreenArgs;
+use super::values::counts;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap_lex::OsStrExt as _;
 
-use super::EditAt;
+use crate::host::setup::EditAt;
 use gdg::text::{NumberError, parse_count, parse_real};
 
 /// Returns the parser of a count within `range`, as people write them: 60000, 60_000, 60,000, 6e4.

@@ -1,7 +1,8 @@
 //! `gdg-tui ablate`: measures the effect of switching off each component of the default preset, or
 //! of adding one after the other to the preset `paper`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use serde::Serialize;
@@ -12,15 +13,38 @@ use super::plan::{Length, Plan};
 use super::runner::Runner;
 use super::suite::{any_failed, print};
 use super::world::JobWorld;
-use crate::cli::{AblateArgs, EXIT_FAILURE};
-use crate::facts::{find_map, warn};
-use crate::report::from_config_error;
-use crate::setup::{refuse_existing, refuse_input, threads};
+use crate::host::maps::{find_map, warn};
+use crate::host::report::from_config_error;
+use crate::host::setup::{refuse_existing, refuse_input, threads};
+use crate::host::status::EXIT_FAILURE;
 use gdg::files::{check_writable, write_atomically};
 use gdg::map::Grid;
 use gdg::printing::eprint_line;
 use gdg::text::{counted, markdown};
 use gdg::train::{Evaluation, Method, Overrides, Preset, Registry, Run, Settings, settings_from};
+
+/// What to train, and where results go.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Built-in map or map file.
+    pub map: PathBuf,
+    /// Whether to climb from the preset paper to the default instead.
+    pub ladder: bool,
+    /// Updates per run.
+    pub updates: u64,
+    /// Runs per variant, with seeds 1, 2, ...
+    pub seeds: u64,
+    /// Evaluation tasks at each distance.
+    pub eval_tasks: u32,
+    /// Parallel runs; otherwise one a core.
+    pub jobs: Option<u16>,
+    /// Folder of the results.
+    pub out: PathBuf,
+    /// File for all results as JSON.
+    pub json: Option<PathBuf>,
+    /// Whether that is replaced if it exists.
+    pub overwrite: bool,
+}
 
 /// What is trained and evaluated.
 struct Case {
@@ -139,17 +163,16 @@ struct Outcome {
 /// # Errors
 /// The map is invalid, the folder is not writable, or the JSON file exists already or cannot be
 /// written.
-pub fn run(args: &AblateArgs) -> Result<u8, Report> {
-    if let Some(path) = &args.json {
-        check_json(path, args)?;
+pub fn run(options: &Options, registry: &Arc<Registry>) -> Result<u8, Report> {
+    if let Some(path) = &options.json {
+        check_json(path, options)?;
     }
-    let registry = Registry::builtin();
-    let map = find_map(&args.map, &registry)?;
+    let map = find_map(&options.map, registry)?;
     warn(&map);
-    let plan = Plan::new(Length::Updates(args.updates), 1, args.eval_tasks);
-    let (cases, mut runs) = (cases(args.ladder), Vec::new());
+    let plan = Plan::new(Length::Updates(options.updates), 1, options.eval_tasks);
+    let (cases, mut runs) = (cases(options.ladder), Vec::new());
     for case in &cases {
-        for seed in 1..=args.seeds {
+        for seed in 1..=options.seeds {
             let method: Method = case.method.parse().into_diagnostic()?;
             let run = Run { method, preset: case.preset, seed, settings: settings(case)? };
             let job =
@@ -157,10 +180,10 @@ pub fn run(args: &AblateArgs) -> Result<u8, Report> {
             runs.push((case, job));
         }
     }
-    let folder = Folder::new(&args.out);
+    let folder = Folder::new(&options.out);
     folder.check_writable(&["jobs/NAME.json"])?;
     let jobs = runs.iter().map(|(_, job)| job);
-    let outcome = Runner::run_open((&folder, &registry), jobs, threads(args.jobs), false)?;
+    let outcome = Runner::run_open((&folder, registry), jobs, threads(options.jobs), false)?;
     // It says which.
     any_failed(&outcome);
     let result = |(case, job): &(&Case, Job)| {
@@ -180,8 +203,8 @@ pub fn run(args: &AblateArgs) -> Result<u8, Report> {
         return Ok(outcome.interrupted.unwrap_or(EXIT_FAILURE));
     };
     // Before the file: the table is printed even if that cannot be written.
-    print(&table(&map, &outcomes, args))?;
-    args.json.as_ref().map_or(Ok(()), |path| write_json(path, args.overwrite, &outcomes))?;
+    print(&table(&map, &outcomes, options))?;
+    options.json.as_ref().map_or(Ok(()), |path| write_json(path, options.overwrite, &outcomes))?;
     Ok(outcome.interrupted.unwrap_or(0))
 }
 
@@ -192,9 +215,9 @@ fn slug(name: &str) -> String {
 }
 
 /// Checks that the results can be written, to fail before hours of training instead of after.
-fn check_json(path: &Path, args: &AblateArgs) -> Result<(), Report> {
-    refuse_existing(path, args.overwrite)?;
-    refuse_input(("--json", path), std::iter::once(args.map.as_path()))?;
+fn check_json(path: &Path, options: &Options) -> Result<(), Report> {
+    refuse_existing(path, options.overwrite)?;
+    refuse_input(("--json", path), std::iter::once(options.map.as_path()))?;
     let folder =
         path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
@@ -225,13 +248,13 @@ fn settings(case: &Case) -> Result<Settings, Report> {
         .map_err(from_config_error)
 }
 
-fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {
+fn table(map: &Grid, outcomes: &[Outcome], options: &Options) -> String {
     let mut out = format!(
         "{}, {}, means of {} (success: worst seed in brackets), {} at each of six distances\n\n",
         markdown(map.name()),
-        counted(args.updates, "update"),
-        counted(args.seeds, "seed"),
-        counted(args.eval_tasks.into(), "task")
+        counted(options.updates, "update"),
+        counted(options.seeds, "seed"),
+        counted(options.eval_tasks.into(), "task")
     );
     out += "| variant | planned | SPL | greedy | error of D | error of graph | false edges |\n|---|---|---|---|---|---|---|\n";
     for own in outcomes.chunk_by(|a, b| a.variant == b.variant) {

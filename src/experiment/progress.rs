@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use parking_lot::Mutex;
 
 use super::job::Job;
-use crate::progress_bar;
+use crate::host::progress_bar;
 use gdg::printing::eprint_line;
 
 /// Parts that the bar is divided into.

@@ -25,18 +25,51 @@ use super::plan::{Length, Plan};
 use super::runner::Runner;
 use super::suite::{any_failed, print, print_raw};
 use super::world::JobWorld;
-use crate::cli::{EXIT_FAILURE, ReproduceArgs};
-use crate::report::from_config_error;
-use crate::setup::{settings_of, split_prefix, threads};
-pub use figures::{FIGURES, Figure};
+use crate::host::report::from_config_error;
+use crate::host::setup::{settings_of, split_prefix, threads};
+use crate::host::status::EXIT_FAILURE;
+pub use figures::{Budget, FIGURES, Figure};
 use gdg::printing::eprint_line;
 use gdg::text::counted;
 use gdg::train::{Overrides, Preset, Registry, Run, settings_from};
 use methods::Entry;
 
+/// Which figures to reproduce, how, and where.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Names of figures, or `all`.
+    pub figures: Vec<String>,
+    /// How much to train.
+    pub budget: Budget,
+    /// Updates of every job instead.
+    pub updates: Option<u64>,
+    /// Episodes of every job instead.
+    pub episodes: Option<u64>,
+    /// Environment steps of every job instead.
+    pub steps: Option<u64>,
+    /// Runs per method in figures over several seeds; otherwise as many as the figure has.
+    pub seeds: Option<u64>,
+    /// Evaluation tasks at each distance; otherwise those of the figure.
+    pub eval_tasks: Option<u32>,
+    /// Changes of settings of all methods, or of one, `[METHOD:]NAME=VALUE`.
+    pub set: Vec<String>,
+    /// Folder of jobs and results.
+    pub out: PathBuf,
+    /// Parallel jobs; otherwise one a core.
+    pub jobs: Option<u16>,
+    /// Whether to print a command per job instead.
+    pub list_jobs: bool,
+    /// Names or numbers of the only jobs to run.
+    pub job: Vec<String>,
+    /// Whether to report from finished jobs alone.
+    pub collect: bool,
+    /// Whether checkpoints of finished jobs are kept.
+    pub keep: bool,
+}
+
 /// Figures, ready to be reproduced.
 pub struct Reproduction<'a> {
-    args: &'a ReproduceArgs,
+    options: &'a Options,
     registry: Arc<Registry>,
     folder: Folder,
     figures: Vec<FigureJobs>,
@@ -71,20 +104,22 @@ struct MethodResults {
 /// # Errors
 /// A setting or a job's name is invalid, or the folder is not writable.
 pub fn prepare<'a>(
-    args: &'a ReproduceArgs,
+    options: &'a Options,
     registry: &Arc<Registry>,
 ) -> Result<Reproduction<'a>, Report> {
     let chosen =
-        |figure: &&Figure| args.figures.iter().any(|name| name == figure.name || name == "all");
+        |figure: &&Figure| options.figures.iter().any(|name| name == figure.name || name == "all");
     let chosen: Vec<&'static Figure> = FIGURES.iter().filter(chosen).collect();
-    check_prefixes(&args.set, &chosen)?;
+    check_prefixes(&options.set, &chosen)?;
     let (mut figures, mut unavailable) = (Vec::new(), BTreeSet::new());
     for figure in chosen {
         let mut methods = Vec::new();
         for entry in figure.methods {
             match entry.preset(registry) {
-                Some(preset) => methods
-                    .push(MethodJobs { entry, jobs: jobs(figure, entry, preset, args, registry)? }),
+                Some(preset) => methods.push(MethodJobs {
+                    entry,
+                    jobs: jobs(figure, entry, preset, options, registry)?,
+                }),
                 None => drop(unavailable.insert(entry.name)),
             }
         }
@@ -94,13 +129,14 @@ pub fn prepare<'a>(
     let all = figures.iter().flat_map(|figure| &figure.methods).flat_map(|method| &method.jobs);
     let jobs: Vec<Job> = all.filter(|job| known.insert(job.name.clone())).cloned().collect();
     let unavailable = unavailable.into_iter().collect();
-    let folder = Folder::new(&args.out);
-    let own = Reproduction { args, registry: registry.clone(), folder, figures, jobs, unavailable };
+    let folder = Folder::new(&options.out);
+    let own =
+        Reproduction { options, registry: registry.clone(), folder, figures, jobs, unavailable };
     own.chosen()?;
-    if args.collect {
+    if options.collect {
         own.folder.check_has_jobs()?;
     }
-    if !args.list_jobs {
+    if !options.list_jobs {
         own.folder.check_writable(&[
             "report.md",
             "jobs/NAME.json",
@@ -116,28 +152,28 @@ fn jobs(
     figure: &Figure,
     entry: &Entry,
     preset: Preset,
-    args: &ReproduceArgs,
+    options: &Options,
     registry: &Registry,
 ) -> Result<Vec<Job>, Report> {
     let own = entry.set.iter().map(|text| (*text).to_owned());
-    let set: Vec<String> = own.chain(settings_of(entry.name, &args.set)).collect();
+    let set: Vec<String> = own.chain(settings_of(entry.name, &options.set)).collect();
     let defaults = registry.world_opened_by(figure.world).map_or(&[][..], |kind| kind.defaults);
     let settings = settings_from(preset, &Overrides { defaults, config: None, set: &set })
         .map_err(|error| {
             from_config_error(error)
                 .wrap_err(format!("the settings of {} cannot be used", entry.name))
         })?;
-    let mut plan = figure.plan(args.budget, entry.name);
+    let mut plan = figure.plan(options.budget, entry.name);
     let lengths = [
-        args.updates.map(Length::Updates),
-        args.episodes.map(Length::Episodes),
-        args.steps.map(Length::Steps),
+        options.updates.map(Length::Updates),
+        options.episodes.map(Length::Episodes),
+        options.steps.map(Length::Steps),
     ];
     plan.length = lengths.into_iter().flatten().next().unwrap_or(plan.length);
-    if let Some(tasks) = args.eval_tasks {
+    if let Some(tasks) = options.eval_tasks {
         (plan.eval_tasks, plan.last_tasks) = (plan.eval_tasks.min(tasks), tasks);
     }
-    let seeds = if figure.several_seeds { args.seeds.unwrap_or(figure.seeds()) } else { 1 };
+    let seeds = if figure.several_seeds { options.seeds.unwrap_or(figure.seeds()) } else { 1 };
     let job = |seed| {
         let run = Run { method: entry.method(), preset, seed, settings: settings.clone() };
         Job::new(JobWorld::find(figure.world, seed, registry)?, Some(entry.name), run, plan.clone())
@@ -172,26 +208,26 @@ impl Reproduction<'_> {
                 self.unavailable.join(", ")
             ));
         }
-        if self.args.list_jobs {
+        if self.options.list_jobs {
             return print(&self.list()).map(|()| 0);
         }
-        if self.args.collect {
+        if self.options.collect {
             return self.draw();
         }
         let place = (&self.folder, &self.registry);
         let jobs = self.chosen()?.into_iter();
-        let outcome = Runner::run_open(place, jobs, threads(self.args.jobs), self.args.keep)?;
+        let outcome = Runner::run_open(place, jobs, threads(self.options.jobs), self.options.keep)?;
         let failed = any_failed(&outcome);
         if let Some(status) = outcome.interrupted {
             return Ok(status);
         }
-        let drawn = if self.args.job.is_empty() { self.draw()? } else { 0 };
+        let drawn = if self.options.job.is_empty() { self.draw()? } else { 0 };
         Ok(if failed { EXIT_FAILURE } else { drawn })
     }
 
     /// Returns the jobs to run: those given with `--job`, or all.
     fn chosen(&self) -> Result<Vec<&Job>, Report> {
-        if self.args.job.is_empty() {
+        if self.options.job.is_empty() {
             return Ok(self.jobs.iter().collect());
         }
         let find = |name: &String| {
@@ -207,7 +243,7 @@ impl Reproduction<'_> {
                 miette!(help = help, "--job {name}: there is no such job")
             })
         };
-        let mut chosen = self.args.job.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let mut chosen = self.options.job.iter().map(find).collect::<Result<Vec<_>, _>>()?;
         let mut seen = BTreeSet::new();
         chosen.retain(|job| seen.insert(&job.name));
         Ok(chosen)
@@ -216,9 +252,10 @@ impl Reproduction<'_> {
     /// Returns a complete command per job, one a line.
     fn list(&self) -> String {
         let program = std::env::current_exe().unwrap_or_else(|_| PathBuf::from("gdg-tui"));
-        let out = std::path::absolute(&self.args.out).unwrap_or_else(|_| self.args.out.clone());
+        let out =
+            std::path::absolute(&self.options.out).unwrap_or_else(|_| self.options.out.clone());
         let (program, out) = (quoted(&program.to_string_lossy()), quoted(&out.to_string_lossy()));
-        let command = self.arguments() + if self.args.keep { " --keep" } else { "" };
+        let command = self.arguments() + if self.options.keep { " --keep" } else { "" };
         let line =
             |job: &Job| format!("{program} {command} --out {out} --job {}\n", quoted(&job.name));
         self.jobs.iter().map(line).collect()
@@ -227,21 +264,21 @@ impl Reproduction<'_> {
     /// Returns the arguments that determine what is drawn, without those that say where and how to
     /// run.
     fn arguments(&self) -> String {
-        let args = self.args;
+        let options = self.options;
         let mut words = vec!["reproduce".to_owned()];
-        words.extend(args.figures.iter().cloned());
-        words.extend(["--budget".to_owned(), args.budget.name().to_owned()]);
+        words.extend(options.figures.iter().cloned());
+        words.extend(["--budget".to_owned(), options.budget.name().to_owned()]);
         let numbers = [
-            ("--updates", args.updates),
-            ("--episodes", args.episodes),
-            ("--steps", args.steps),
-            ("--seeds", args.seeds),
-            ("--eval-tasks", args.eval_tasks.map(u64::from)),
+            ("--updates", options.updates),
+            ("--episodes", options.episodes),
+            ("--steps", options.steps),
+            ("--seeds", options.seeds),
+            ("--eval-tasks", options.eval_tasks.map(u64::from)),
         ];
         for (name, value) in numbers {
             words.extend(value.map(|value| format!("{name} {value}")));
         }
-        words.extend(args.set.iter().map(|setting| format!("--set {}", quoted(setting))));
+        words.extend(options.set.iter().map(|setting| format!("--set {}", quoted(setting))));
         words.join(" ")
     }
 

@@ -14,9 +14,9 @@ use super::picture;
 use super::plan::Length;
 use super::progress::Progress;
 use crate::headless::{Saver, evaluate};
-use crate::report::print_error;
-use crate::setup::{begin, elsewhere, save_elsewhere};
-use crate::signals::TerminationSignal;
+use crate::host::report::print_error;
+use crate::host::setup::{begin, elsewhere, save_elsewhere};
+use crate::host::signals::TerminationSignal;
 use gdg::files::{LockFile, check_writable};
 use gdg::printing::eprint_line;
 use gdg::text::counted;
@@ -142,7 +142,9 @@ impl Runner {
         match catch_unwind(AssertUnwindSafe(run)) {
             Ok(Ok(end)) => end,
             Ok(Err(error)) => failed(job, error),
-            Err(_) => failed(job, miette!(help = crate::logging::hint(), "an internal error")),
+            Err(_) => {
+                failed(job, miette!(help = crate::host::logging::hint(), "an internal error"))
+            }
         }
     }
 

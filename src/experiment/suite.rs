@@ -13,10 +13,10 @@ use super::report::report;
 use super::runner::{End, Outcome, Runner};
 use super::table::{Row, table};
 use super::world::JobWorld;
-use crate::cli::{EXIT_FAILURE, EXIT_NOT_REACHED, SuiteArgs};
-use crate::facts::{find_map, warn};
-use crate::report::from_map_error;
-use crate::setup::{self, threads};
+use crate::host::maps::{find_map, warn};
+use crate::host::report::from_map_error;
+use crate::host::setup::{self, RunChoice, threads};
+use crate::host::status::{EXIT_FAILURE, EXIT_NOT_REACHED};
 use gdg::env::maze;
 use gdg::files::{has_extension, is_hidden};
 use gdg::map::{Grid, builtin, load_map};
@@ -24,6 +24,33 @@ use gdg::printing::eprint_line;
 use gdg::printing::print_text;
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
 use gdg::train::Registry;
+
+/// What to train on, and where results go.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Built-in maps, map files, and folders of them.
+    pub maps: Vec<PathBuf>,
+    /// Updates per map; otherwise by its size.
+    pub budget: Option<u64>,
+    /// Runs per map, with seeds 1, 2, ...
+    pub seeds: u64,
+    /// Evaluation tasks at each distance.
+    pub eval_tasks: u32,
+    /// Folder of the results.
+    pub out: PathBuf,
+    /// Parallel jobs; otherwise one a core.
+    pub jobs: Option<u16>,
+    /// Method and settings.
+    pub run: RunChoice,
+    /// Whether to print the jobs instead.
+    pub list: bool,
+    /// Names of the only jobs to run.
+    pub job: Vec<String>,
+    /// Whether checkpoints of finished jobs are kept.
+    pub keep: bool,
+    /// The success rate that every run has to reach.
+    pub require_success: Option<f64>,
+}
 
 /// Default budgets: maximum number of free cells, and updates.
 const BUDGETS: [(usize, u64); 2] = [(6_000, 60_000), (50_000, 200_000)];
@@ -33,7 +60,7 @@ const LARGEST_BUDGET: u64 = 600_000;
 
 /// A suite, ready to run.
 pub struct Suite<'a> {
-    args: &'a SuiteArgs,
+    options: &'a Options,
     registry: Arc<Registry>,
     folder: Folder,
     /// The jobs of each map, a job per seed.
@@ -44,17 +71,17 @@ pub struct Suite<'a> {
 ///
 /// # Errors
 /// A map, a setting or a job's name is invalid, or the folder is not writable.
-pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suite<'a>, Report> {
+pub fn prepare<'a>(options: &'a Options, registry: &Arc<Registry>) -> Result<Suite<'a>, Report> {
     let (mut groups, mut known) = (Vec::new(), BTreeSet::new());
     let job = |map: &Grid, seed, plan: &Plan| {
-        let run = setup::run(&args.run, Path::new(maze::KIND.name), registry, seed)?;
+        let run = setup::run(&options.run, Path::new(maze::KIND.name), registry, seed)?;
         Job::new(JobWorld::maze(map, seed), None, run, plan.clone())
     };
-    for map in &args.maps {
+    for map in &options.maps {
         for grid in maps(map, registry)? {
-            let updates = args.budget.unwrap_or_else(|| default_budget(&grid));
-            let plan = Plan::suite(updates, args.eval_tasks);
-            let jobs = (1..=args.seeds).map(|seed| job(&grid, seed, &plan));
+            let updates = options.budget.unwrap_or_else(|| default_budget(&grid));
+            let plan = Plan::suite(updates, options.eval_tasks);
+            let jobs = (1..=options.seeds).map(|seed| job(&grid, seed, &plan));
             let mut jobs = jobs.collect::<Result<Vec<_>, _>>()?;
             // The same map may be given twice, by itself and in its folder.
             jobs.retain(|job| known.insert(job.name.clone()));
@@ -63,10 +90,11 @@ pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suit
             }
         }
     }
-    let suite = Suite { args, registry: registry.clone(), folder: Folder::new(&args.out), groups };
+    let suite =
+        Suite { options, registry: registry.clone(), folder: Folder::new(&options.out), groups };
     suite.check_names()?;
-    registry.learner(&args.run.method.learner).into_diagnostic()?;
-    if !args.list {
+    registry.learner(&options.run.method.learner).into_diagnostic()?;
+    if !options.list {
         suite.folder.check_writable(&["report.md", "jobs/NAME.json", "pictures/NAME.png"])?;
     }
     Ok(suite)
@@ -121,7 +149,7 @@ impl Suite<'_> {
     /// Checks the names given with `--job`.
     fn check_names(&self) -> Result<(), Report> {
         let unknown = |name: &&String| self.jobs().all(|job| job.name != **name);
-        let Some(name) = self.args.job.iter().find(unknown) else { return Ok(()) };
+        let Some(name) = self.options.job.iter().find(unknown) else { return Ok(()) };
         let names: Vec<&str> = self.jobs().map(|job| job.name.as_str()).collect();
         Err(miette!(
             help = format!("jobs: {}", names.join(", ")),
@@ -134,13 +162,14 @@ impl Suite<'_> {
     /// # Errors
     /// The report cannot be written.
     pub fn run(&self) -> Result<u8, Report> {
-        if self.args.list {
+        if self.options.list {
             return print(&self.list()).map(|()| 0);
         }
-        let chosen = |job: &&Job| self.args.job.is_empty() || self.args.job.contains(&job.name);
+        let chosen =
+            |job: &&Job| self.options.job.is_empty() || self.options.job.contains(&job.name);
         let jobs = self.jobs().filter(chosen);
         let place = (&self.folder, &self.registry);
-        let outcome = Runner::run_open(place, jobs, threads(self.args.jobs), self.args.keep)?;
+        let outcome = Runner::run_open(place, jobs, threads(self.options.jobs), self.options.keep)?;
         let rows = self.rows();
         let text = report(&self.groups, &rows, &self.folder);
         self.folder.write("report.md", text.as_bytes())?;
@@ -189,7 +218,7 @@ impl Suite<'_> {
     /// Returns the exit status that `--require-success` gives, and says which maps are below it.
     /// Jobs that other processes run have not reached anything yet.
     fn required_success(&self, rows: &[Row], Outcome { ends, .. }: &Outcome) -> u8 {
-        let Some(required) = self.args.require_success else { return 0 };
+        let Some(required) = self.options.require_success else { return 0 };
         let elsewhere = ends.contains(&End::Elsewhere);
         let results = rows.iter().flat_map(|row| &row.results);
         let rate = |result: &super::job::JobResult| {

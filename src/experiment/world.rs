@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use miette::{Report, miette};
 
-use crate::facts::find_map;
+use crate::host::maps::find_map;
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Grid, print_ascii, with_start};
 use gdg::train::Registry;

@@ -7,7 +7,7 @@ use std::time::Duration;
 use miette::Report;
 use parking_lot::Mutex;
 
-use crate::signals::TerminationSignal;
+use crate::host::signals::TerminationSignal;
 
 /// Polling interval for signals.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
@@ -42,7 +42,7 @@ pub fn run_interruptibly<T: Send + 'static>(
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => {
                 return Err(miette::miette!(
-                    help = crate::logging::hint(),
+                    help = crate::host::logging::hint(),
                     "an internal error ended the {name} thread"
                 ));
             }

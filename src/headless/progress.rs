@@ -5,9 +5,8 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::updates_per_second;
-use crate::cli::TrainArgs;
-use crate::progress_bar;
-use gdg::train::Trainer;
+use crate::host::progress_bar;
+use gdg::train::{Limits, Trainer};
 
 /// Shows training progress towards the limit.
 pub struct Progress {
@@ -19,12 +18,13 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Creates a bar towards `--max-updates`, else `--max-seconds`, else without an end, for a run
+    /// Creates a bar towards the limit of updates, else of seconds, else without an end, for a run
     /// that has been trained for `seconds` before.
-    pub fn new(args: &TrainArgs, seconds: f64) -> Self {
+    pub fn new(limits: &Limits, seconds: f64) -> Self {
         let from_seconds =
-            (args.max_updates.is_none() && args.max_seconds.is_some()).then_some(seconds);
-        let length = args.max_updates.or(args.max_seconds.map(|s| (s * 1000.0) as u64));
+            (limits.updates.is_none() && limits.seconds.is_some()).then_some(seconds);
+        let left = limits.seconds.map(|until| ((until - seconds) * 1000.0).round() as u64);
+        let length = limits.updates.or(left);
         let bar = ProgressBar::with_draw_target(length, progress_bar::target());
         let template = match length {
             Some(_) => "{bar:32} {percent:>3} %  {msg}  {eta_precise} left",

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::updates_per_second;
-use crate::setup::Setup;
+use crate::host::setup::Setup;
 use gdg::learn::Losses;
 use gdg::train::{
     BridgeFacts, DistanceError, EndReason, Evaluation, MarkedTask, Recovery, Score, Trainer,

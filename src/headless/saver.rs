@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, Report};
 
-use crate::report::from_checkpoint_error;
+use crate::host::report::from_checkpoint_error;
 use gdg::printing::eprint_line;
 use gdg::text::sanitized;
 use gdg::train::{self, SaveTo, Trainer};

@@ -6,7 +6,7 @@ use ratatui::style::{Color, Style};
 
 use super::raster::MapFrame;
 use super::theme::{ColourDepth, Rgb, Theme, blend};
-use crate::cli::Marker;
+use crate::tui::marker::Marker;
 
 /// The map as pixels, before it becomes characters.
 #[derive(Clone, Debug)]

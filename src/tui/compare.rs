@@ -34,14 +34,14 @@ use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::log::{Log, Notice};
 use super::render::Cache;
-use crate::signals::TerminationSignal;
+use crate::host::signals::TerminationSignal;
 use curves::Axis;
 use gdg::engine::{Command, Engine, Snapshot};
 use gdg::map::Cell;
 use gdg::train::Limits;
 use gdg::viewer::{OnArrival, View, Viewer};
 use pace::Pace;
-pub use prepare::{Contestant, prepare};
+pub use prepare::{ComparisonOptions, Contestant, prepare};
 use race::Race;
 
 /// The names of the sides.

@@ -12,7 +12,7 @@ use serde::Deserialize;
 use super::action::SECTIONS;
 use super::keymap::Keymap;
 use super::theme::ThemeName;
-use crate::cli::Marker;
+use crate::tui::marker::Marker;
 use gdg::files::{self, Format, Mismatch, Wanted};
 use gdg::text::{Excerpt, sanitized, sanitized_lines, truncated};
 

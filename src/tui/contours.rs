@@ -145,7 +145,7 @@ fn pixels_of(area: Rect, map_frame: &MapFrame) -> impl Iterator<Item = usize> + 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::Marker;
+    use crate::tui::marker::Marker;
     use gdg::draw::Raster;
 
     const AREA: Rect = Rect::new(4, 2, 60, 20);

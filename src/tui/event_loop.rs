@@ -11,8 +11,8 @@ use super::app::ClosedRun;
 use super::graphics::{Graphics, Picture, Redraw};
 use super::record::Recorder;
 use super::terminal::Terminal;
-use crate::cli::Marker;
-use crate::signals::TerminationSignal;
+use crate::host::signals::TerminationSignal;
+use crate::tui::marker::Marker;
 use gdg::printing;
 use gdg::text::sanitized_lines;
 
@@ -116,7 +116,7 @@ pub fn show(
     }
     match shown {
         Err(_) => Err(miette::miette!(
-            help = crate::logging::hint(),
+            help = crate::host::logging::hint(),
             "an internal error ended the interface"
         )),
         Ok(shown) => shown.into_diagnostic().map(|()| u8::from(closed.failed)),

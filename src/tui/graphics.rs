@@ -21,7 +21,7 @@ use ratatui::layout::Rect;
 use ratatui::style::{Color, Style};
 use tiny_skia::Pixmap;
 
-use crate::cli::Marker;
+use crate::tui::marker::Marker;
 use gdg::text::obeys_escapes;
 use query::Answer;
 

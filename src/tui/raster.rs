@@ -4,7 +4,7 @@ use gdg::draw::Raster;
 use gdg::map::{Cell, Grid};
 use ratatui::layout::{Position, Rect};
 
-use crate::cli::Marker;
+use crate::tui::marker::Marker;
 
 /// Characters between two arrows, across and down.
 const ARROW_SPACING: (usize, usize) = (4, 2);

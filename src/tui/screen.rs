@@ -16,7 +16,7 @@ use super::panes::Pane;
 use super::scene::{ArmState, MazeState, SceneKind};
 use super::theme::{ColourDepth, Theme};
 use super::tour::Tour;
-use crate::cli::Marker;
+use crate::tui::marker::Marker;
 use gdg::bridge::SearchOutcome;
 use gdg::engine::{Phase, Snapshot};
 use gdg::env::Scene;

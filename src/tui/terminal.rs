@@ -28,7 +28,7 @@ use super::graphics::query::{self, Answer};
 use super::graphics::{self, Graphics, Protocol, Redraw, encode};
 use super::input::{Input, InputStream};
 use super::record::{LARGEST_SCREEN, Recorder};
-use crate::cli::Marker;
+use crate::tui::marker::Marker;
 use gdg::printing;
 use guard::Guard;
 pub use guard::{GUARD_COMMAND, run_guard};

@@ -16,23 +16,7 @@ const LIBRARY: [&str; 14] = [
 ];
 
 /// The program's modules: each depends only on those before it, and on the library.
-const PROGRAM: [&str; 15] = [
-    "progress_bar",
-    "report",
-    "waiting",
-    "signals",
-    "logging",
-    "runs",
-    "cli",
-    "facts",
-    "setup",
-    "headless",
-    "experiment",
-    "tui",
-    "frames",
-    "film",
-    "export_policy",
-];
+const PROGRAM: [&str; 6] = ["host", "headless", "experiment", "tui", "cli", "commands"];
 
 /// Modules that work with states, goals and actions, and do not depend on maps.
 const MAP_FREE_MODULES: [&str; 4] = ["learn", "bridge", "train", "engine"];

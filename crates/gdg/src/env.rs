@@ -5,8 +5,8 @@
 //! ([`Spec`]). [`WORLDS`] lists the built-in worlds.
 
 pub mod fetch_reach;
-mod film;
 pub mod maze;
+mod probes;
 mod task;
 
 use std::any::Any;
@@ -19,8 +19,8 @@ use serde_json::{Map, Value};
 use crate::map::Grid;
 use crate::store::{Store, StoreError};
 pub use fetch_reach::{ArmScene, FetchReach};
-pub use film::{FilmPoints, MAX_FILM_PLACES};
 pub use maze::PointMaze;
+pub use probes::{MAX_PROBES, Probes};
 pub(crate) use task::{BUDGET_FACTOR, MAX_BUDGET_STEPS};
 pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
 
@@ -272,10 +272,10 @@ pub trait Environment: Any + Send + Sync {
         Scene::Nothing
     }
 
-    /// Returns where the film of a run shows D, or `None` if there is to be no film of this world.
+    /// Returns the states at which the film of a run shows D, or `None` if this world has no film.
     /// `goal_before` is the goal of the film so far, which it should keep. The number of places
     /// must not change during a run.
-    fn film_points(&self, _goal_before: Option<&[f32]>) -> Option<FilmPoints> {
+    fn probes(&self, _goal_before: Option<&[f32]>) -> Option<Probes> {
         None
     }
 

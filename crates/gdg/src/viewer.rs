@@ -2,9 +2,9 @@
 //! distance fields, the bridge graph, the planned path, and an agent walking to the goal. Each kind
 //! of scene has a folder; `pilot` is what their agents have in common.
 
+mod animation;
 pub mod arm;
 mod field;
-mod film;
 pub mod maze;
 mod pilot;
 
@@ -17,10 +17,10 @@ use tokio::sync::watch;
 use crate::engine::{Engine, Networks, Snapshot};
 use crate::env::Scene;
 use crate::train::FilmFrame;
+pub use animation::{FilmError, animate};
 pub use arm::ArmView;
 use arm::ArmWorker;
 pub use field::Field;
-pub use film::{FilmError, animate};
 pub use maze::MazeView;
 use maze::MazeWorker;
 pub use pilot::{Candidate, OnArrival, ShownEdge};

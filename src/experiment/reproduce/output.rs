@@ -45,7 +45,7 @@ impl Drawn {
         };
         let paths =
             (!panels.is_empty() && !maps.is_empty()).then(|| positions_csv(methods)).transpose()?;
-        let drawing = Drawing { title: figure.title(), panels: &panels, maps: &maps };
+        let drawing = Drawing { title: figure.title, panels: &panels, maps: &maps };
         let (svg, png) = (draw::svg(&drawing)?, draw::png(&drawing)?);
         Ok(Self { figure, panels, maps, data, csv, paths, svg, png })
     }
@@ -58,7 +58,7 @@ impl Drawn {
         let name = self.figure.name;
         let data = json!({
             "figure": name,
-            "title": self.figure.title(),
+            "title": self.figure.title,
             (if builtin(self.figure.world).is_some() { "map" } else { "world" }): self.figure.world,
             "command": format!("gdg-tui {arguments}"),
             "version": env!("CARGO_PKG_VERSION"),
@@ -82,7 +82,7 @@ impl Drawn {
 
     /// Returns the figure as text for the terminal.
     pub fn for_terminal(&self) -> String {
-        let heading = format!("\n{}: {}\n", self.figure.name, self.figure.title());
+        let heading = format!("\n{}: {}\n", self.figure.name, self.figure.title);
         #[cfg(feature = "tui")]
         let charts = super::terminal::charts(&self.panels);
         #[cfg(not(feature = "tui"))]

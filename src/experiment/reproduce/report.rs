@@ -57,7 +57,7 @@ pub fn report(
 
 /// Returns a figure's section.
 pub fn section(figure: &Figure, methods: &[MethodResults], drawn: &Drawn) -> String {
-    let (name, title) = (figure.name, figure.title());
+    let (name, title) = (figure.name, figure.title);
     let mut out = format!(
         "\n## {name}: {title}\n\n![{title}](figures/{name}.png)\n\n[SVG](figures/{name}.svg), \
          [JSON](data/{name}.json), [CSV](data/{name}.csv)\n\n"

@@ -5,11 +5,11 @@ use std::time::Instant;
 use crossterm::event::{KeyCode, KeyEvent};
 
 use super::App;
-use crate::cli::Marker;
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::dialog::{Choice, Dialog, Help, Picker, Prompt, Question, lists};
 use crate::tui::event_loop::TerminalRequest;
 use crate::tui::layers::{Overlay, Overlays};
+use crate::tui::marker::Marker;
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::scene::{self, SceneKind};

@@ -7,8 +7,8 @@ use jiff::tz::TimeZone;
 
 use super::App;
 use super::answer::AnswerError;
-use crate::facts::warnings;
-use crate::runs::{self, SAVES};
+use crate::host::maps::warnings;
+use crate::host::runs::{self, SAVES};
 use crate::tui::action::Action;
 use crate::tui::config::recent_path;
 use crate::tui::dialog::{Prompt, Question, lists};

@@ -5,7 +5,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::App;
-use crate::runs;
+use crate::host::runs;
 use crate::tui::action::Action;
 use crate::tui::config::used_path;
 use crate::tui::dialog::Choice;

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use miette::Report;
 
 use super::{App, Autosaved};
-use crate::logging;
-use crate::report::from_checkpoint_error;
-use crate::runs::{self, SAVES};
-use crate::setup::save_elsewhere;
+use crate::host::logging;
+use crate::host::report::from_checkpoint_error;
+use crate::host::runs::{self, SAVES};
+use crate::host::setup::save_elsewhere;
+use crate::host::waiting::{TWICE, Waiting};
 use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question, lists};
 use crate::tui::terminal;
-use crate::waiting::{TWICE, Waiting};
 use gdg::engine::{Command, Phase, Snapshot};
 use gdg::files::{named, unused_path};
 use gdg::text::grouped;

@@ -1,18 +1,35 @@
 //! The two runs, prepared from the command line.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use miette::{Report, miette};
 
 use super::LETTERS;
-use crate::cli::CompareArgs;
-use crate::facts::warn;
-use crate::report::from_config_error;
-use crate::setup;
+use crate::host::maps::warn;
+use crate::host::report::from_config_error;
+use crate::host::setup;
 use gdg::env::PointMaze;
 use gdg::train::{Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
-/// A run that takes part in a comparison.
+/// What to compare.
+#[derive(Clone, Debug)]
+pub struct ComparisonOptions {
+    /// The methods, from left to right.
+    pub methods: [Method; 2],
+    /// Built-in map or map file.
+    pub map: PathBuf,
+    /// Random seed of both.
+    pub seed: u64,
+    /// Changes of settings of both, or of one side, `[A:|B:]NAME=VALUE`.
+    pub set: Vec<String>,
+    /// Threads per side; otherwise half of the cores.
+    pub threads: Option<u16>,
+    /// The recording to write.
+    pub recording: Option<PathBuf>,
+}
+
+/// A run that takes part in a options.
 pub struct Contestant {
     /// The run.
     pub trainer: Trainer,
@@ -24,9 +41,12 @@ pub struct Contestant {
 ///
 /// # Errors
 /// The map or a setting is invalid, or a run needs more memory than is left.
-pub fn prepare(args: &CompareArgs, registry: &Arc<Registry>) -> Result<[Contestant; 2], Report> {
+pub fn prepare(
+    options: &ComparisonOptions,
+    registry: &Arc<Registry>,
+) -> Result<[Contestant; 2], Report> {
     let sides = LETTERS.map(|letter| letter.to_string());
-    for setting in &args.set {
+    for setting in &options.set {
         if let Some(prefix) =
             setup::split_prefix(setting).0.filter(|prefix| sides.iter().all(|side| side != prefix))
         {
@@ -38,11 +58,12 @@ pub fn prepare(args: &CompareArgs, registry: &Arc<Registry>) -> Result<[Contesta
             ));
         }
     }
-    if let Some(path) = &args.screen.interface.record {
-        setup::refuse_input(("--record", path), std::iter::once(args.map.as_path()))?;
+    if let Some(path) = &options.recording {
+        setup::refuse_input(("--record", path), std::iter::once(options.map.as_path()))?;
     }
-    let [a, b] = [(&args.a, &sides[0]), (&args.b, &sides[1])]
-        .map(|(method, side)| contestant(method, side, args, registry));
+    let [left, right] = &options.methods;
+    let [a, b] = [(left, &sides[0]), (right, &sides[1])]
+        .map(|(method, side)| contestant(method, side, options, registry));
     let contestants = [a?, b?];
     if let Some(maze) = PointMaze::downcast_ref(contestants[0].trainer.world()) {
         warn(maze.map());
@@ -53,17 +74,18 @@ pub fn prepare(args: &CompareArgs, registry: &Arc<Registry>) -> Result<[Contesta
 fn contestant(
     method: &Method,
     side: &str,
-    args: &CompareArgs,
+    options: &ComparisonOptions,
     registry: &Arc<Registry>,
 ) -> Result<Contestant, Report> {
     let preset = Preset::of_method(method);
-    let set = setup::settings_of(side, &args.set);
+    let set = setup::settings_of(side, &options.set);
     let settings = settings_from(preset, &Overrides { set: &set, ..Overrides::default() })
         .map_err(from_config_error)?;
-    let run = Run { method: method.clone(), preset, seed: args.seed, settings };
-    let maze = setup::open_maze(&args.map, &run, registry)?;
-    let threads = args.threads.map_or((setup::threads(None) / LETTERS.len()).max(1), usize::from);
-    let own = args.set.iter().filter_map(|setting| match setup::split_prefix(setting) {
+    let run = Run { method: method.clone(), preset, seed: options.seed, settings };
+    let maze = setup::open_maze(&options.map, &run, registry)?;
+    let threads =
+        options.threads.map_or((setup::threads(None) / LETTERS.len()).max(1), usize::from);
+    let own = options.set.iter().filter_map(|setting| match setup::split_prefix(setting) {
         (Some(prefix), setting) if prefix == side => Some(format!(" {setting}")),
         _ => None,
     });

@@ -153,7 +153,7 @@ fn entries(
     }
     entries.push(vec![Line::default()]);
     entries.extend(scene::legend_lines(screen).into_iter().map(|line| vec![line]));
-    if let Some(folder) = crate::logging::folder() {
+    if let Some(folder) = crate::host::logging::folder() {
         entries.push(vec![Line::default()]);
         entries.push(entry("log files", &folder.display().to_string(), "", width));
     }

@@ -6,7 +6,7 @@ use ratatui::text::Span;
 use ratatui::widgets::Clear;
 
 use super::{BOLD, REVERSED, footer};
-use crate::runs;
+use crate::host::runs;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::scene::{SceneKind, shown_goal};

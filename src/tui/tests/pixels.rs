@@ -4,10 +4,10 @@ use ratatui::layout::Rect;
 
 use super::screens::staged_app;
 use super::*;
-use crate::cli::Marker;
 use crate::tui::graphics::patches::Patches;
 use crate::tui::graphics::{Graphics, Picture, Protocol, Redraw};
 use crate::tui::layers::Overlay;
+use crate::tui::marker::Marker;
 use crate::tui::output::ExportKind;
 use crate::tui::theme::Rgb;
 

@@ -12,10 +12,10 @@
 mod arm;
 mod constraints;
 mod dynamics;
-mod film;
 mod kinematics;
 mod linear;
 mod model;
+mod probe_lattice;
 mod scene;
 mod solver;
 mod wall;
@@ -26,13 +26,13 @@ use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
 use super::{
-    DistanceUnit, EnvSettings, Environment, FilmPoints, Scene, Spec, Task, TaskSet, WorldKind,
+    DistanceUnit, EnvSettings, Environment, Probes, Scene, Spec, Task, TaskSet, WorldKind,
 };
 use crate::store::Store;
 use arm::{Arm, STEP_SECS};
 use constraints::Rows;
-pub use film::FilmLattice;
 use model::GOAL_CENTRE;
+pub use probe_lattice::ProbeLattice;
 pub use scene::{ArmScene, Corners, Pose};
 use scene::{guide, random_goal};
 pub use wall::{WALL, Wall};
@@ -298,8 +298,8 @@ impl Environment for FetchReach {
         Scene::Arm(ArmScene::new(self.wall))
     }
 
-    fn film_points(&self, _: Option<&[f32]>) -> Option<FilmPoints> {
-        Some(film::points(&ArmScene::new(self.wall)))
+    fn probes(&self, _: Option<&[f32]>) -> Option<Probes> {
+        Some(probe_lattice::points(&ArmScene::new(self.wall)))
     }
 
     fn episode_steps(&self) -> Option<u32> {

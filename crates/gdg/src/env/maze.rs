@@ -1,6 +1,6 @@
 //! The point maze: continuous positions on a grid map, the setting of SoRB (Eysenbach et al. 2019).
 
-mod film;
+mod probe_grid;
 mod tasks;
 mod truth;
 
@@ -13,13 +13,13 @@ use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
 use super::{
-    Change, EnvError, EnvSettings, Environment, FilmPoints, GroundTruth, MazeScene, Restart, Scene,
+    Change, EnvError, EnvSettings, Environment, GroundTruth, MazeScene, Probes, Restart, Scene,
     Spec, Task, TaskSet, WorldKind,
 };
 use crate::map::{Cell, Diameter, Grid, ScenarioTask, StepSearch, parse_map, print_ascii};
 use crate::store::{Store, StoreError};
 use crate::text::{counted, safe_file_name};
-pub use film::FilmGrid;
+pub use probe_grid::ProbeGrid;
 
 /// Registry entry of the maze.
 pub const KIND: WorldKind = WorldKind {
@@ -430,8 +430,8 @@ impl Environment for PointMaze {
         Scene::Maze(MazeScene { map: self.map.clone(), visits: self.visits.clone() })
     }
 
-    fn film_points(&self, goal_before: Option<&[f32]>) -> Option<FilmPoints> {
-        Some(film::points(&self.map, goal_before))
+    fn probes(&self, goal_before: Option<&[f32]>) -> Option<Probes> {
+        Some(probe_grid::points(&self.map, goal_before))
     }
 
     fn memory_bytes(&self) -> u64 {

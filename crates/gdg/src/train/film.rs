@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::env::{Environment, FilmPoints, MAX_FILM_PLACES, Spec};
+use crate::env::{Environment, MAX_PROBES, Probes, Spec};
 use crate::store::{Store, StoreError};
 
 /// Initial number of updates between two frames.
@@ -41,7 +41,7 @@ pub struct FilmFrame {
     pub agents: Vec<f32>,
     /// Steps per unit of `values`.
     scale: f32,
-    /// D of each place of [`FilmPoints`], in units of `scale`.
+    /// D of each place of [`Probes`], in units of `scale`.
     values: Vec<u16>,
 }
 
@@ -89,8 +89,8 @@ impl Film {
     }
 
     /// Returns where the next frame shows D in `world`, if there are films of it.
-    pub fn points(&self, world: &dyn Environment) -> Option<FilmPoints> {
-        world.film_points(self.frames.last().map(|frame| &*frame.goal))
+    pub fn points(&self, world: &dyn Environment) -> Option<Probes> {
+        world.probes(self.frames.last().map(|frame| &*frame.goal))
     }
 
     /// Returns the film if it is of `world`, as far as can be told, and otherwise an empty one:
@@ -115,7 +115,7 @@ impl Film {
         &mut self,
         at: (u64, u64),
         world: &dyn Environment,
-        points: &FilmPoints,
+        points: &Probes,
         distances: &[f32],
     ) {
         let spec = world.spec();
@@ -196,7 +196,7 @@ impl Film {
             frames.push(Arc::new(FilmFrame { updates, env_steps, goal, agents, scale, values }));
         }
         let sound = (1..1 << 50).contains(&every)
-            && places <= MAX_FILM_PLACES
+            && places <= MAX_PROBES
             && frames.len() <= MAX_FRAMES
             && frames.iter().all(|frame| (1..1 << 53).contains(&frame.updates))
             && frames.windows(2).all(|pair| pair[0].updates < pair[1].updates)
@@ -209,7 +209,7 @@ impl Film {
 /// Returns the frame of `distances` at `points`.
 fn frame(
     (updates, env_steps): (u64, u64),
-    points: &FilmPoints,
+    points: &Probes,
     distances: &[f32],
     agents: Vec<f32>,
 ) -> FilmFrame {
@@ -272,8 +272,8 @@ mod tests {
 
     const SPACING: u64 = FRAME_EVERY_UPDATES;
 
-    fn points() -> FilmPoints {
-        FilmPoints { places: 4, place_of: vec![0, 2, 3], states: Vec::new(), goal: vec![1.5, 2.5] }
+    fn points() -> Probes {
+        Probes { places: 4, place_of: vec![0, 2, 3], states: Vec::new(), goal: vec![1.5, 2.5] }
     }
 
     /// Returns the film after `last` updates.
@@ -365,7 +365,7 @@ mod tests {
     #[test]
     fn another_world_begins_another_film() {
         let mut film = film_after(3 * SPACING);
-        let elsewhere = FilmPoints { places: 9, ..points() };
+        let elsewhere = Probes { places: 9, ..points() };
         film.push(frame((4 * SPACING, 0), &elsewhere, &[0.0; 3], Vec::new()));
         assert_eq!(updates(&film), [4 * SPACING]);
     }
@@ -415,6 +415,6 @@ mod tests {
     #[test]
     fn the_largest_film_takes_less_than_a_megabyte() {
         let agents = MAX_FILM_AGENTS * 3;
-        assert!(MAX_FRAMES * (2 * MAX_FILM_PLACES + 4 * agents) < 1_000_000);
+        assert!(MAX_FRAMES * (2 * MAX_PROBES + 4 * agents) < 1_000_000);
     }
 }

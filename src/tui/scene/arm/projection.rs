@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 
 use ratatui::layout::{Constraint, Layout, Position, Rect};
 
-use crate::cli::Marker;
+use crate::tui::marker::Marker;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
 use gdg::draw::Raster;

@@ -6,9 +6,9 @@ use ratatui::style::Style;
 use ratatui::widgets::{Block, Clear};
 
 use super::map::{ground_style, shown_goal};
-use crate::cli::Marker;
 use crate::tui::canvas::Canvas;
 use crate::tui::layout::ScreenLayout;
+use crate::tui::marker::Marker;
 use crate::tui::raster::{MapFrame, Viewport};
 use crate::tui::screen::Screen;
 use crate::tui::theme::blend;

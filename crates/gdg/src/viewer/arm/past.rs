@@ -2,7 +2,7 @@
 
 use super::Plane;
 use crate::env::ArmScene;
-use crate::env::fetch_reach::FilmLattice;
+use crate::env::fetch_reach::ProbeLattice;
 use crate::train::FilmFrame;
 
 /// Returns the goal of a frame.
@@ -13,7 +13,7 @@ pub fn film_goal(frame: &FilmFrame) -> [f32; 3] {
 /// Returns the value at every pixel of a plane through the frame's goal; NaN where the grip cannot
 /// be.
 pub fn film_field(scene: &ArmScene, frame: &FilmFrame, plane: &Plane) -> Vec<f32> {
-    let (lattice, goal) = (FilmLattice::new(scene), film_goal(frame));
+    let (lattice, goal) = (ProbeLattice::new(scene), film_goal(frame));
     let value = |i: usize| {
         let at = plane.pixel(i, goal);
         let around = lattice.around(at).filter(|_| scene.has_room(at))?;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crate::draw::Raster;
-use crate::env::maze::FilmGrid;
+use crate::env::maze::ProbeGrid;
 use crate::map::{Cell, Grid};
 use crate::train::FilmFrame;
 
@@ -22,7 +22,7 @@ type Around = [(u32, f32); 4];
 #[derive(Clone, Debug)]
 pub struct FilmedMap {
     map: Arc<Grid>,
-    grid: FilmGrid,
+    grid: ProbeGrid,
     /// The middle of the filmed cell of each place.
     places: Vec<Option<[f32; 2]>>,
     /// The place that is nearest to each cell on foot; none if no path leads to any.
@@ -32,7 +32,7 @@ pub struct FilmedMap {
 impl FilmedMap {
     /// Prepares a map.
     pub fn new(map: Arc<Grid>) -> Self {
-        let grid = FilmGrid::new(&map);
+        let grid = ProbeGrid::new(&map);
         let cells: Vec<Option<Cell>> =
             (0..grid.places()).map(|place| grid.cell(&map, place)).collect();
         let nearest = nearest_places(&map, &cells);
@@ -52,7 +52,7 @@ impl FilmedMap {
     /// Returns the places between which a free position lies, with weights that sum up to 1: those
     /// in sight, or else the nearest one on foot, as D jumps at walls.
     fn around(&self, at: [f32; 2]) -> Around {
-        let FilmGrid { side, columns, rows } = self.grid;
+        let ProbeGrid { side, columns, rows } = self.grid;
         // The middle of the cell that is filmed of most blocks.
         let middle = (side / 2) as f32 + 0.5;
         let along = |at: f32, count: usize| {

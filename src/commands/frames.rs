@@ -14,7 +14,7 @@ use ratatui::style::{Color, Modifier, Style};
 use serde::Deserialize;
 
 use crate::cli::FramesArgs;
-use crate::setup::refuse_existing;
+use crate::host::setup::refuse_existing;
 use crate::tui::{LARGEST_SCREEN, PageColours, png_of};
 use gdg::files::{self, Format, Mismatch, Wanted, write_atomically};
 

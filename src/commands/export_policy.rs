@@ -1,12 +1,13 @@
 //! `gdg-tui export-policy`: a checkpoint's actor for other programs.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::ExportPolicyArgs;
-use crate::report::from_checkpoint_error;
-use crate::setup::refuse_existing;
+use crate::host::report::from_checkpoint_error;
+use crate::host::setup::refuse_existing;
 use gdg::files;
 use gdg::train::{self, Registry, policy_file};
 
@@ -14,11 +15,10 @@ use gdg::train::{self, Registry, policy_file};
 ///
 /// # Errors
 /// The checkpoint cannot be read, has no actor, or the file exists or cannot be written.
-pub fn run(args: &ExportPolicyArgs) -> Result<String, Report> {
+pub fn run(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     let path = args.out.clone().unwrap_or_else(|| default_path(args));
     refuse_existing(&path, args.overwrite)?;
-    let loaded =
-        train::load(&args.checkpoint, &Registry::builtin(), 1).map_err(from_checkpoint_error)?;
+    let loaded = train::load(&args.checkpoint, registry, 1).map_err(from_checkpoint_error)?;
     let bytes = policy_file(&loaded.trainer).into_diagnostic()?;
     files::write_atomically(&path, &bytes).map_err(|error| {
         miette!(

@@ -8,15 +8,77 @@ use std::sync::Arc;
 use directories::ProjectDirs;
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::cli::{EditAt, RunArgs, TrainArgs};
-use crate::facts::{self, find_map, known_name};
-use crate::report::{from_checkpoint_error, from_config_error, from_map_error};
-use crate::runs::{self, SAVES};
+use crate::host::maps::{self, find_map, known_name};
+use crate::host::report::{from_checkpoint_error, from_config_error, from_map_error};
+use crate::host::runs::{self, SAVES};
 use gdg::env::{Environment, PointMaze, Restart};
 use gdg::files;
 use gdg::map::{self, Grid, MapError};
 use gdg::text::{safe_file_name, sanitized};
-use gdg::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, TrainError, Trainer};
+use gdg::train::{
+    self, Limits, Loaded, Method, Overrides, Preset, Registry, Run, SaveTo, Settings, TrainError,
+    Trainer,
+};
+
+/// Which method to train, and with which settings.
+#[derive(Clone, Debug)]
+pub struct RunChoice {
+    /// Learner and planner.
+    pub method: Method,
+    /// The preset to start from; otherwise that of the method.
+    pub preset: Option<Preset>,
+    /// A settings file.
+    pub config: Option<PathBuf>,
+    /// Changes of single settings, `NAME=VALUE`.
+    pub set: Vec<String>,
+}
+
+impl RunChoice {
+    /// Returns the preset to start from.
+    pub fn preset(&self) -> Preset {
+        self.preset.unwrap_or_else(|| Preset::of_method(&self.method))
+    }
+}
+
+/// A change of the map to another one.
+#[derive(Clone, Debug)]
+pub struct EditAt {
+    /// Number of updates after which to switch.
+    pub updates: u64,
+    /// The map file.
+    pub file: PathBuf,
+}
+
+/// A run to begin or to resume.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// The map or world.
+    pub map: PathBuf,
+    /// Whether the user has named it.
+    pub named_map: bool,
+    /// Method and settings.
+    pub run: RunChoice,
+    /// Random seed.
+    pub seed: u64,
+    /// Whether to resume: from the newest checkpoint, or from this one.
+    pub resume: Option<Option<PathBuf>>,
+    /// Changes of the map.
+    pub edits: Vec<EditAt>,
+    /// The scenario to evaluate on.
+    pub scenario: Option<PathBuf>,
+    /// Threads per update; otherwise one a core.
+    pub threads: Option<u16>,
+    /// The checkpoint to write.
+    pub save: Option<PathBuf>,
+    /// The table to write.
+    pub table: Option<PathBuf>,
+    /// The recording to write.
+    pub recording: Option<PathBuf>,
+    /// Whether existing files are replaced.
+    pub overwrite: bool,
+    /// Where the run ends; its seconds are counted from where it begins or goes on.
+    pub limits: Limits,
+}
 
 /// A scheduled change of the world.
 pub struct Edit {
@@ -34,6 +96,8 @@ pub struct Setup {
     pub edits: Vec<Edit>,
     /// Threads that share an update's work.
     pub threads: usize,
+    /// Where the run ends, its seconds counted from the start of training.
+    pub limits: Limits,
     /// Where to save the run, if given.
     pub save: Option<SaveTo>,
     /// The checkpoint that the run was resumed from.
@@ -42,32 +106,32 @@ pub struct Setup {
     pub warnings: Vec<String>,
 }
 
-/// Returns the settings given by `args` for a run in the world that `world` opens: a map or a world
+/// Returns the settings of `choice` for a run in the world that `world` opens: a map or a world
 /// of `registry`.
 ///
 /// # Errors
 /// See [`train::settings_from`].
-pub fn settings(args: &RunArgs, world: &Path, registry: &Registry) -> Result<Settings, Report> {
+pub fn settings(choice: &RunChoice, world: &Path, registry: &Registry) -> Result<Settings, Report> {
     let defaults =
         registry.world_opened_by(known_name(world)).map_or(&[][..], |kind| kind.defaults);
-    let overrides = Overrides { defaults, config: args.config.as_deref(), set: &args.set };
-    train::settings_from(args.preset(), &overrides).map_err(from_config_error)
+    let overrides = Overrides { defaults, config: choice.config.as_deref(), set: &choice.set };
+    train::settings_from(choice.preset(), &overrides).map_err(from_config_error)
 }
 
 /// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or
-/// those given by `args`.
+/// those of `request`.
 ///
 /// # Errors
 /// See [`settings`] and [`train::load`].
-pub fn settings_to_print(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Settings, Report> {
-    match resumed_file(args, registry)? {
+pub fn settings_to_print(request: &Request, registry: &Arc<Registry>) -> Result<Settings, Report> {
+    match resumed_file(request, registry)? {
         Some(path) => Ok(train::load(&path, registry, 1)
             .map_err(from_checkpoint_error)?
             .trainer
             .run()
             .settings
             .clone()),
-        None => settings(&args.run, args.map(), registry),
+        None => settings(&request.run, &request.map, registry),
     }
 }
 
@@ -89,13 +153,18 @@ pub fn settings_of(name: &str, set: &[String]) -> Vec<String> {
         .collect()
 }
 
-/// Returns the run given by `args` and `seed` in the world that `world` opens.
+/// Returns the run of `choice` and `seed` in the world that `world` opens.
 ///
 /// # Errors
 /// See [`settings`].
-pub fn run(args: &RunArgs, world: &Path, registry: &Registry, seed: u64) -> Result<Run, Report> {
-    let settings = settings(args, world, registry)?;
-    Ok(Run { method: args.method.clone(), preset: args.preset(), seed, settings })
+pub fn run(
+    choice: &RunChoice,
+    world: &Path,
+    registry: &Registry,
+    seed: u64,
+) -> Result<Run, Report> {
+    let settings = settings(choice, world, registry)?;
+    Ok(Run { method: choice.method.clone(), preset: choice.preset(), seed, settings })
 }
 
 /// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from
@@ -103,46 +172,49 @@ pub fn run(args: &RunArgs, world: &Path, registry: &Registry, seed: u64) -> Resu
 ///
 /// # Errors
 /// A file or setting is invalid; the report is meant for the user.
-pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Report> {
-    let threads = threads(args.threads);
+pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Report> {
+    let threads = threads(request.threads);
     // Checked before training: otherwise, what was learned might be impossible to save.
-    let resumed = resumed_file(args, registry)?;
-    let save = args
+    let resumed = resumed_file(request, registry)?;
+    let save = request
         .save
         .as_deref()
-        .map(|path| save_to(path, resumed.as_deref(), args.overwrite))
+        .map(|path| save_to(path, resumed.as_deref(), request.overwrite))
         .transpose()?;
-    if let Some(path) = &args.csv {
+    if let Some(path) = &request.table {
         // A resumed run goes on in its own table.
-        refuse_existing(path, args.overwrite || resumed.is_some())?;
-        refuse_input(("--csv", path), inputs(args, resumed.as_deref()))?;
+        refuse_existing(path, request.overwrite || resumed.is_some())?;
+        refuse_input(("--csv", path), inputs(request, resumed.as_deref()))?;
         files::check_writable(path).map_err(|error| {
             let help = "give --csv a file in a writable folder";
             miette!(help = help, "{}: a table cannot be written here: {error}", path.display())
         })?;
     }
-    #[cfg(feature = "tui")]
-    if let Some(path) = &args.interface.record {
-        refuse_input(("--record", path), inputs(args, resumed.as_deref()))?;
+    if let Some(path) = &request.recording {
+        refuse_input(("--record", path), inputs(request, resumed.as_deref()))?;
     }
     let Loaded { mut trainer, warning } = if let Some(path) = &resumed {
         train::load(path, registry, threads).map_err(from_checkpoint_error)?
     } else {
-        let run = self::run(&args.run, args.map(), registry, args.seed)?;
-        let world = open_world(args.map(), &run, registry)?;
+        let run = self::run(&request.run, &request.map, registry, request.seed)?;
+        let world = open_world(&request.map, &run, registry)?;
         Loaded { trainer: begin(run, &*world, registry, threads)?, warning: None }
     };
     let mut warnings = Vec::from_iter(warning);
-    if let Some(path) = &args.scen {
+    if let Some(path) = &request.scenario {
         let maze =
             PointMaze::downcast_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
         warnings.extend(load_scenario(path, maze, resumed.is_some())?);
     }
-    let edits = load_edits(args, &trainer)?;
+    let edits = load_edits(request, &trainer)?;
     let worlds = std::iter::once(trainer.world()).chain(edits.iter().map(|edit| &*edit.world));
     let mazes = worlds.filter_map(PointMaze::downcast_ref);
-    warnings.extend(mazes.flat_map(|maze| facts::warnings(maze.map())));
-    Ok(Setup { trainer, edits, threads, save, resumed, warnings })
+    warnings.extend(mazes.flat_map(|maze| maps::warnings(maze.map())));
+    let limits = Limits {
+        seconds: request.limits.seconds.map(|more| trainer.seconds() + more),
+        ..request.limits
+    };
+    Ok(Setup { trainer, edits, threads, limits, save, resumed, warnings })
 }
 
 /// Gives `maze` the tasks of a scenario; returns a warning if that names another map. The map of a
@@ -164,9 +236,10 @@ fn load_scenario(
 
 /// Returns the checkpoint that `--resume` asks for: the given file, or the newest, of a map if one
 /// is named.
-fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>, Report> {
-    let Some(given) = &args.resume else { return Ok(None) };
-    let name = match (given, &args.map) {
+fn resumed_file(request: &Request, registry: &Registry) -> Result<Option<PathBuf>, Report> {
+    let Some(given) = &request.resume else { return Ok(None) };
+    let map = request.named_map.then_some(&request.map);
+    let name = match (given, map) {
         (Some(_), Some(map)) => {
             let map = map.display();
             let help = format!(
@@ -188,7 +261,7 @@ fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>
             }
             Some(file.clone())
         }
-        (None, map) => map.clone(),
+        (None, map) => map.cloned(),
     };
     let title = name.map(|name| title_of(&name, registry)).transpose()?;
     let newest = runs::newest(Path::new(SAVES), title.as_deref());
@@ -282,10 +355,10 @@ fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveT
 }
 
 /// Returns the files that a run reads.
-fn inputs<'a>(args: &'a TrainArgs, resumed: Option<&'a Path>) -> impl Iterator<Item = &'a Path> {
-    let map = args.map.as_deref();
-    let edits = args.edit_at.iter().map(|edit| edit.file.as_path());
-    [map, args.scen.as_deref(), args.run.config.as_deref(), resumed]
+fn inputs<'a>(request: &'a Request, resumed: Option<&'a Path>) -> impl Iterator<Item = &'a Path> {
+    let map = request.named_map.then_some(request.map.as_path());
+    let edits = request.edits.iter().map(|edit| edit.file.as_path());
+    [map, request.scenario.as_deref(), request.run.config.as_deref(), resumed]
         .into_iter()
         .flatten()
         .chain(edits)
@@ -324,8 +397,8 @@ pub fn threads(requested: Option<u16>) -> usize {
 
 /// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their
 /// updates. Leaves out those that the run had applied before it was saved, right after them.
-fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> {
-    if args.edit_at.is_empty() {
+fn load_edits(request: &Request, trainer: &Trainer) -> Result<Vec<Edit>, Report> {
+    if request.edits.is_empty() {
         return Ok(Vec::new());
     }
     let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| not_a_maze("--edit-at"))?;
@@ -338,7 +411,7 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
                 "the run starts at update {begun}: give that or a later one"
             )));
         }
-        if let Some(most) = args.max_updates.filter(|most| edit.updates > *most) {
+        if let Some(most) = request.limits.updates.filter(|most| edit.updates > *most) {
             return Err(never(format!(
                 "the run ends at update {most}: give that or an earlier one"
             )));
@@ -360,14 +433,14 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
         let new: Box<dyn Environment> = Box::new(maze.with_map(Arc::new(new)));
         Ok(Edit { updates: edit.updates, world: new })
     };
-    let mut edits = args.edit_at.iter().map(load).collect::<Result<Vec<Edit>, Report>>()?;
+    let mut edits = request.edits.iter().map(load).collect::<Result<Vec<Edit>, Report>>()?;
     let last = edits
         .iter()
         .rfind(|edit| edit.updates == begun)
         .and_then(|edit| PointMaze::downcast_ref(&*edit.world));
     // Checkpoints have names without what could lead out of a folder.
     let as_saved = |map: &Grid| map.clone().named(&safe_file_name(map.name()));
-    if args.resume.is_some() && last.is_some_and(|edited| as_saved(edited.map()) == **map) {
+    if request.resume.is_some() && last.is_some_and(|edited| as_saved(edited.map()) == **map) {
         edits.retain(|edit| edit.updates != begun);
     }
     Ok(edits)

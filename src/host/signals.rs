@@ -14,7 +14,7 @@ use signal_hook::consts::{
 };
 use signal_hook::iterator::Signals;
 
-use crate::waiting::{TWICE, Waiting};
+use crate::host::waiting::{TWICE, Waiting};
 use gdg::printing;
 use gdg::pulse::Pulse;
 

@@ -8,7 +8,7 @@ use ratatui::layout::Rect;
 
 use super::{buffer_of, check_within, duration, play};
 use crate::cli::FramesArgs;
-use crate::setup::{refuse_existing, refuse_input};
+use crate::host::setup::{refuse_existing, refuse_input};
 use crate::tui::{PageColours, picture_of};
 use gdg::draw::Animation;
 use gdg::files::write_atomically;
@@ -123,7 +123,7 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::frames::tests::{HEADER, recording};
+    use crate::commands::frames::tests::{HEADER, recording};
 
     /// Creates a recording of three screens, the second of them shown for two seconds, and
     /// arguments that animate it.

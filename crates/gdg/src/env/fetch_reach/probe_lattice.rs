@@ -2,21 +2,21 @@
 //! rest.
 
 use super::{ArmScene, STATE};
-use crate::env::FilmPoints;
+use crate::env::Probes;
 
 /// Points along each axis.
 const ALONG: usize = 11;
 
 /// The points of a film, a lattice along all axes.
 #[derive(Clone, Copy, Debug)]
-pub struct FilmLattice {
+pub struct ProbeLattice {
     low: [f32; 3],
     high: [f32; 3],
     /// From a point to the next one.
     apart: [f32; 3],
 }
 
-impl FilmLattice {
+impl ProbeLattice {
     /// Returns the lattice between the corners of where the grip of an arm gets.
     pub fn new(scene: &ArmScene) -> Self {
         let [low, high] = scene.positions();
@@ -56,8 +56,8 @@ impl FilmLattice {
 }
 
 /// Returns what a film shows: D to the middle of where goals lie; with the wall, of its left side.
-pub fn points(scene: &ArmScene) -> FilmPoints {
-    let lattice = FilmLattice::new(scene);
+pub fn points(scene: &ArmScene) -> Probes {
+    let lattice = ProbeLattice::new(scene);
     let [low, high] = scene.goals();
     let mut middle: [f32; 3] = std::array::from_fn(|i| f32::midpoint(low[i], high[i]));
     if let Some([_, wall]) = scene.wall() {
@@ -69,7 +69,7 @@ pub fn points(scene: &ArmScene) -> FilmPoints {
     for (state, place) in states.chunks_exact_mut(STATE).zip(&of_place) {
         state[..3].copy_from_slice(&lattice.point(*place));
     }
-    FilmPoints {
+    Probes {
         places: lattice.places(),
         place_of: of_place.into_iter().map(|place| place as u32).collect(),
         states,
@@ -80,14 +80,14 @@ pub fn points(scene: &ArmScene) -> FilmPoints {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::env::MAX_FILM_PLACES;
+    use crate::env::MAX_PROBES;
     use crate::env::fetch_reach::WALL;
 
     #[test]
     fn points_lie_where_the_grip_may_be() {
         let [free, walled] = [None, Some(WALL)].map(|wall| points(&ArmScene::new(wall)));
         assert!(
-            free.places <= MAX_FILM_PLACES && free.place_of.len() < free.places,
+            free.places <= MAX_PROBES && free.place_of.len() < free.places,
             "none is below the table"
         );
         assert!(walled.place_of.len() < free.place_of.len(), "none is in the wall");
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn between_points_a_linear_function_is_exact() {
-        let lattice = FilmLattice::new(&ArmScene::new(None));
+        let lattice = ProbeLattice::new(&ArmScene::new(None));
         let value = |[x, y, z]: [f32; 3]| 1.0 + 2.0 * x - 3.0 * y + 0.5 * z;
         let [low, high] = ArmScene::new(None).positions();
         for share in [[0.0, 0.0, 0.0], [0.31, 0.77, 0.5], [0.99, 0.02, 0.6]] {

@@ -1,12 +1,12 @@
 //! The cells whose distances the film of a run shows: all of a small map's, every few of a large
 //! one's.
 
-use crate::env::{FilmPoints, MAX_FILM_PLACES};
+use crate::env::{MAX_PROBES, Probes};
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
 
 /// Square blocks of cells, row by row; one cell of each is filmed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FilmGrid {
+pub struct ProbeGrid {
     /// Cells along the side of a block.
     pub side: usize,
     /// Blocks across.
@@ -15,8 +15,8 @@ pub struct FilmGrid {
     pub rows: usize,
 }
 
-impl FilmGrid {
-    /// Returns the smallest blocks of which there are no more than [`MAX_FILM_PLACES`] on `map`.
+impl ProbeGrid {
+    /// Returns the smallest blocks of which there are no more than [`MAX_PROBES`] on `map`.
     pub fn new(map: &Grid) -> Self {
         let of_side = |side: usize| Self {
             side,
@@ -24,7 +24,7 @@ impl FilmGrid {
             rows: map.height().div_ceil(side),
         };
         let mut grid = of_side(1);
-        while grid.places() > MAX_FILM_PLACES {
+        while grid.places() > MAX_PROBES {
             grid = of_side(grid.side + 1);
         }
         grid
@@ -53,9 +53,9 @@ impl FilmGrid {
 
 /// Returns what a film shows of `map`: D to its own goal; else to the one of the film so far, if it
 /// is still free; else to the cell farthest from the map's start.
-pub fn points(map: &Grid, goal_before: Option<&[f32]>) -> FilmPoints {
-    let grid = FilmGrid::new(map);
-    let mut points = FilmPoints {
+pub fn points(map: &Grid, goal_before: Option<&[f32]>) -> Probes {
+    let grid = ProbeGrid::new(map);
+    let mut points = Probes {
         places: grid.places(),
         place_of: Vec::new(),
         states: Vec::new(),
@@ -116,13 +116,10 @@ mod tests {
         assert_eq!((small.places, small.place_of), (6, vec![0, 1, 3, 4, 5]));
         assert_eq!(small.states, [0.5, 0.5, 1.5, 0.5, 0.5, 1.5, 1.5, 1.5, 2.5, 1.5]);
         for (width, height) in [(36, 36), (37, 37), (2_600, 1), (1_500, 900)] {
-            let grid = FilmGrid::new(&Grid::empty("map", width, height));
+            let grid = ProbeGrid::new(&Grid::empty("map", width, height));
+            assert!(grid.places() <= MAX_PROBES && grid.columns * grid.side >= width, "{grid:?}");
             assert!(
-                grid.places() <= MAX_FILM_PLACES && grid.columns * grid.side >= width,
-                "{grid:?}"
-            );
-            assert!(
-                grid.side == 1 || 5 * grid.places() > MAX_FILM_PLACES,
+                grid.side == 1 || 5 * grid.places() > MAX_PROBES,
                 "no fewer than necessary: {grid:?}"
             );
         }
@@ -130,7 +127,7 @@ mod tests {
 
     #[test]
     fn of_a_block_the_free_cell_nearest_to_its_middle_is_filmed() {
-        let grid = FilmGrid { side: 3, columns: 2, rows: 1 };
+        let grid = ProbeGrid { side: 3, columns: 2, rows: 1 };
         let map = map("######\n#.####\n.#####\n");
         assert_eq!([0, 1].map(|place| grid.cell(&map, place)), [Some(Cell::new(1, 1)), None]);
         let map = map.with_cells([(Cell::new(1, 1), false)]).expect("a map");

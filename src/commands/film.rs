@@ -1,12 +1,13 @@
 //! `gdg-tui film`: how a checkpoint's run learned distance, as an animation.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::FilmArgs;
-use crate::report::from_checkpoint_error;
-use crate::setup::refuse_existing;
+use crate::host::report::from_checkpoint_error;
+use crate::host::setup::refuse_existing;
 use gdg::engine::Snapshot;
 use gdg::files;
 use gdg::train::{self, Registry};
@@ -16,11 +17,10 @@ use gdg::viewer::{FilmError, animate};
 ///
 /// # Errors
 /// The checkpoint cannot be read or has no film, or the file exists or cannot be written.
-pub fn run(args: &FilmArgs) -> Result<String, Report> {
+pub fn run(args: &FilmArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     let path = args.out.clone().unwrap_or_else(|| default_path(args));
     refuse_existing(&path, args.overwrite)?;
-    let loaded =
-        train::load(&args.checkpoint, &Registry::builtin(), 1).map_err(from_checkpoint_error)?;
+    let loaded = train::load(&args.checkpoint, registry, 1).map_err(from_checkpoint_error)?;
     let run = Snapshot::capture(&loaded.trainer).into_diagnostic()?;
     let bytes = animate(&run).map_err(|error| {
         let help = match error {

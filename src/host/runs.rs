@@ -2,6 +2,7 @@
 //! continues one.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::SystemTime;
 
 use jiff::tz::TimeZone;
@@ -59,7 +60,7 @@ pub fn newest(folder: &Path, title: Option<&str>) -> Option<Description> {
 ///
 /// # Errors
 /// The folder cannot be read.
-pub fn list(folder: &Path) -> Result<String, Report> {
+pub fn list(folder: &Path, registry: &Arc<Registry>) -> Result<String, Report> {
     if !folder.exists() && folder == Path::new(SAVES) {
         return Ok(
             "no saved runs yet: train with --save FILE, or press s in the interface\n".to_owned()
@@ -72,8 +73,7 @@ pub fn list(folder: &Path) -> Result<String, Report> {
     if files.is_empty() {
         return Ok(format!("no checkpoints in {}\n", sanitized(&folder.to_string_lossy())));
     }
-    let registry = Registry::builtin();
-    let mut found: Vec<_> = files.iter().map(|path| examine(path, &registry)).collect();
+    let mut found: Vec<_> = files.iter().map(|path| examine(path, registry)).collect();
     found.sort_by_key(|found| {
         std::cmp::Reverse(found.as_ref().ok().and_then(|found| found.written))
     });
@@ -189,7 +189,7 @@ mod tests {
         std::fs::write(folder.path().join("b.safetensors"), "damaged").expect("a file");
         assert!(newest(folder.path(), None).is_none());
         assert!(newest(&folder.path().join("none"), None).is_none());
-        let table = list(folder.path()).expect("a table");
+        let table = list(folder.path(), &Registry::builtin()).expect("a table");
         assert!(
             table.contains("b.safetensors  cannot be loaded:") && !table.contains("policy"),
             "{table}"

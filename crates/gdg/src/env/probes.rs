@@ -1,11 +1,11 @@
-//! Where the film of a run shows what was learned.
+//! Probes: the states at which the film of a run shows D.
 
 /// Maximum number of places of a film. A frame then takes less time than two updates.
-pub const MAX_FILM_PLACES: usize = 1_350;
+pub const MAX_PROBES: usize = 1_350;
 
 /// The states at which a film shows D, and the goal that it is to.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FilmPoints {
+pub struct Probes {
     /// The number of places, which stays the same as long as the run does. Not every place need
     /// have a state.
     pub places: usize,

@@ -1,0 +1,54 @@
+//! Options of the interface.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::values::output;
+use crate::host::logging::LogLevel;
+use crate::tui::{InterfaceOptions, Marker};
+
+/// Options of the interface.
+#[derive(Debug, Args)]
+pub struct InterfaceArgs {
+    /// Record the screen as an asciinema cast
+    #[arg(long, value_name = "FILE", value_parser = output())]
+    pub record: Option<PathBuf>,
+
+    /// Configuration file for theme, keys etc., instead of the default one
+    #[arg(long, value_name = "FILE")]
+    pub ui_config: Option<PathBuf>,
+
+    /// What the map is drawn with [default: auto: pixels where the terminal shows pictures, else
+    /// half blocks or quadrants]
+    #[arg(long, value_name = "MARKER", value_enum)]
+    pub marker: Option<Marker>,
+}
+
+/// Options of commands that only show something.
+#[derive(Debug, Args)]
+pub struct ScreenArgs {
+    /// Options of the interface.
+    #[command(flatten)]
+    pub interface: InterfaceArgs,
+
+    /// Replace the recording if it exists
+    #[arg(long, requires = "record")]
+    pub overwrite: bool,
+
+    /// Minimum severity written to the log file; the help screen (?) shows its path
+    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
+    pub log_level: LogLevel,
+}
+
+impl InterfaceArgs {
+    /// Returns what the interface is prepared with.
+    pub fn options(&self, overwrite: bool) -> InterfaceOptions {
+        InterfaceOptions {
+            record: self.record.clone(),
+            config: self.ui_config.clone(),
+            marker: self.marker,
+            overwrite,
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Options of a training run.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::RunArgs;
+#[cfg(feature = "tui")]
+use super::screen::InterfaceArgs;
+use super::values::{counts, edits, output, parse_minutes, parse_seconds, parse_share};
+use crate::headless;
+use crate::host::logging::LogLevel;
+use crate::host::setup::{EditAt, Request};
+use gdg::train::Limits;
+
+/// The map to train on unless another is given.
+const DEFAULT_MAP: &str = "fourrooms";
+
+/// Options of a training run.
+#[derive(Debug, Args)]
+pub struct TrainArgs {
+    /// Built-in map, map file, or world: fetch-reach or fetch-reach-wall [default: fourrooms]
+    #[arg(value_name = "MAP")]
+    pub map: Option<PathBuf>,
+
+    /// Train without the interface: JSON lines on standard output
+    #[cfg_attr(feature = "tui", arg(long, conflicts_with_all = ["record", "ui_config", "marker"]))]
+    #[cfg_attr(not(feature = "tui"), arg(long))]
+    pub no_ui: bool,
+
+    /// Method and settings.
+    #[command(flatten)]
+    pub run: RunArgs,
+
+    /// Random seed: same seed, same run
+    #[arg(long, default_value_t = 0, value_parser = counts::<u64>(0..=u64::MAX))]
+    pub seed: u64,
+
+    /// Print all settings as JSON, with MAP's own or those of --resume, and exit
+    #[arg(long)]
+    pub print_config: bool,
+
+    /// Stop after N updates, counted from the start of training; with the method random, which
+    /// makes none, after the steps of N updates (env_steps_per_update each)
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(0..=u64::MAX))]
+    pub max_updates: Option<u64>,
+
+    /// Stop after S seconds of training, not counting evaluation; counted from where a resumed run
+    /// goes on
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub max_seconds: Option<f64>,
+
+    /// Stop after N episodes, counted from the start of training
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(0..=u64::MAX))]
+    pub max_episodes: Option<u64>,
+
+    /// Evaluate every N updates
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=u64::MAX))]
+    pub eval_every_updates: Option<u64>,
+
+    /// Switch to another map of the same size at this update, 0 for the start (repeatable; requires
+    /// --no-ui)
+    #[arg(long, value_name = "UPDATES:FILE", value_parser = edits(), requires = "no_ui")]
+    pub edit_at: Vec<EditAt>,
+
+    /// Evaluation tasks at each of six distances (five in fetch-reach)
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = counts::<u32>(1..=10_000))]
+    pub eval_tasks: u32,
+
+    /// Evaluate on this scenario's tasks (6 x --eval-tasks of them, evenly spaced)
+    #[arg(long, value_name = "FILE")]
+    pub scen: Option<PathBuf>,
+
+    /// Threads per update; results do not depend on their number [default: this machine's cores]
+    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
+    pub threads: Option<u16>,
+
+    /// Save checkpoints to this file during training and at the end, or beside it if it belongs to
+    /// another run
+    #[arg(long, value_name = "FILE", value_parser = output())]
+    pub save: Option<PathBuf>,
+
+    /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface:
+    /// see autosave_minutes]
+    #[arg(long, value_name = "MINUTES", value_parser = parse_minutes, requires = "no_ui")]
+    pub save_every: Option<f64>,
+
+    /// Replace existing files: recordings, tables and, with --save, checkpoints of other runs
+    #[arg(long)]
+    pub overwrite: bool,
+
+    /// Also write the metrics of progress and evaluations to this file as CSV; a resumed run goes
+    /// on in its own table
+    #[arg(long, value_name = "FILE", requires = "no_ui", value_parser = output())]
+    pub csv: Option<PathBuf>,
+
+    /// Minimum severity written to the log file; the help screen (?) shows its path
+    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
+    pub log_level: LogLevel,
+
+    /// Resume from a checkpoint, which contains its map and settings: from FILE; else from the
+    /// newest in saves/, of the map if one is named, before or after (city --resume, --resume city)
+    #[arg(long, value_name = "FILE|MAP", num_args = 0..=1, conflicts_with_all = ["method", "preset", "seed", "config", "set"])]
+    pub resume: Option<Option<PathBuf>>,
+
+    /// Options of the interface.
+    #[cfg(feature = "tui")]
+    #[command(flatten)]
+    pub interface: InterfaceArgs,
+
+    /// Print a template of the configuration file for theme, keys etc. with its default path, and
+    /// exit
+    #[cfg(feature = "tui")]
+    #[arg(long)]
+    pub print_config_template: bool,
+
+    /// Exit with status 3 unless the final evaluation's success rate is at least X
+    #[arg(long, value_name = "X", value_parser = parse_share)]
+    pub require_success: Option<f64>,
+}
+
+impl TrainArgs {
+    /// Returns the map or world to train on.
+    pub fn map(&self) -> &Path {
+        self.map.as_deref().unwrap_or(Path::new(DEFAULT_MAP))
+    }
+
+    /// Returns the run to begin or to resume.
+    pub fn request(&self) -> Request {
+        Request {
+            map: self.map().to_owned(),
+            named_map: self.map.is_some(),
+            run: self.run.clone().into(),
+            seed: self.seed,
+            resume: self.resume.clone(),
+            edits: self.edit_at.clone(),
+            scenario: self.scen.clone(),
+            threads: self.threads,
+            save: self.save.clone(),
+            table: self.csv.clone(),
+            #[cfg(feature = "tui")]
+            recording: self.interface.record.clone(),
+            #[cfg(not(feature = "tui"))]
+            recording: None,
+            overwrite: self.overwrite,
+            limits: Limits {
+                updates: self.max_updates,
+                seconds: self.max_seconds,
+                episodes: self.max_episodes,
+            },
+        }
+    }
+
+    /// Returns what a run without the interface needs besides.
+    pub fn headless(&self) -> headless::Options {
+        headless::Options {
+            eval_every_updates: self.eval_every_updates,
+            eval_tasks: self.eval_tasks as usize,
+            save_every_minutes: self.save_every,
+            table: self.csv.clone(),
+            overwrite: self.overwrite,
+            require_success: self.require_success,
+        }
+    }
+}

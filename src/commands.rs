@@ -1,0 +1,65 @@
+//! The commands, one file each: what each does with its arguments.
+
+mod ablate;
+mod check;
+#[cfg(feature = "tui")]
+mod compare;
+mod export_policy;
+mod film;
+#[cfg(feature = "tui")]
+pub mod frames;
+mod maps;
+mod output;
+mod reproduce;
+#[cfg(feature = "tui")]
+mod screen;
+mod suite;
+#[cfg(feature = "tui")]
+mod tour;
+mod train;
+
+use std::sync::Arc;
+
+use clap::CommandFactory;
+use miette::Report;
+
+use crate::cli::{Cli, Command, completions};
+use crate::host::runs;
+use gdg::train::{Registry, reference_page};
+pub use output::{Failure, Outcome};
+use output::{OrFail, print, print_safely};
+
+/// Runs a command, with the worlds and learners of `registry`, and returns the exit status.
+///
+/// # Errors
+/// It fails; the failure has an exit status of its own.
+pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
+    let text = |made: Result<String, Report>| print_safely(&made.or_bad_input()?);
+    match cli.command {
+        None => train::run(&cli.train, registry),
+        Some(Command::Maps { random, size, seed }) => maps::run(random, size, seed),
+        Some(Command::Runs { folder }) => text(runs::list(&folder, registry)),
+        Some(Command::Settings) => print(&reference_page()),
+        #[cfg(feature = "tui")]
+        Some(Command::Tour(args)) => tour::run(args, registry),
+        #[cfg(feature = "tui")]
+        Some(Command::Compare(args)) => compare::run(args, registry),
+        Some(Command::Suite(args)) => suite::run(args, registry),
+        Some(Command::Reproduce(args)) => reproduce::run(args, registry),
+        Some(Command::Ablate(args)) => ablate::run(args, registry),
+        #[cfg(feature = "tui")]
+        Some(Command::Frames(args)) => text(frames::run(&args)),
+        Some(Command::Completions { shell }) => print(&completions(shell)),
+        Some(Command::Man) => print(&manual().or_failure()?),
+        Some(Command::Check { file, map }) => text(check::run(&file, map.as_deref(), registry)),
+        Some(Command::ExportPolicy(args)) => text(export_policy::run(&args, registry)),
+        Some(Command::Film(args)) => text(film::run(&args, registry)),
+    }
+}
+
+/// Returns the manual page.
+fn manual() -> Result<String, Report> {
+    let mut page = Vec::new();
+    clap_mangen::Man::new(Cli::command()).render(&mut page).map_err(Report::msg)?;
+    Ok(String::from_utf8_lossy(&page).into_owned())
+}

@@ -1,0 +1,129 @@
+//! `gdg-tui check`: validates a map or scenario file and prints facts about it.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use miette::{Report, miette};
+
+use crate::host::maps::{doubts, find_map, unconnected_parts};
+use crate::host::progress_bar;
+use crate::host::report::from_map_error;
+use gdg::files::has_extension;
+use gdg::map::{self, Diameter, Grid, MapError, StepSearch};
+use gdg::text::counted;
+use gdg::train::Registry;
+
+/// Validates a map or scenario file, or a built-in map, and returns the facts about it.
+///
+/// # Errors
+/// Returns what is wrong with the file.
+pub fn run(file: &Path, map_file: Option<&Path>, registry: &Registry) -> Result<String, Report> {
+    let _spinner = Spinner::start("measuring the map");
+    if !has_extension(file, "scen") {
+        if map_file.is_some() {
+            let help = "leave --map out, or give a .scen file with it";
+            return Err(miette!(
+                help = help,
+                "{}: is not a scenario: --map goes with a .scen file",
+                file.display()
+            ));
+        }
+        let grid = find_map(file, registry)?;
+        return Ok(facts(&grid, None));
+    }
+    let scenario = map::read_scenario(file).map_err(from_map_error)?;
+    let path = map_file
+        .map_or_else(|| map_beside(file, &scenario.map_name()), |path| Ok(path.to_owned()))?;
+    let grid = map::load_map(&path).map_err(from_map_error)?;
+    let tasks = scenario.tasks(&grid).map_err(from_map_error)?;
+    scenario.check_lengths(&tasks, &grid).map_err(from_map_error)?;
+    let longest = tasks.iter().map(|t| t.optimal_octile).fold(0.0, f64::max);
+    let tasks = counted(tasks.len() as u64, "task");
+    let facts = facts(&grid, scenario.other_map(&grid));
+    Ok(format!("scenario: {tasks}, longest {longest:.1} cells\n{facts}"))
+}
+
+/// Returns the map of a scenario in the same folder: the one that it names, or the one that it is
+/// named after.
+fn map_beside(scenario: &Path, named: &str) -> Result<PathBuf, Report> {
+    let after = scenario.file_stem().unwrap_or_default();
+    let folder =
+        scenario.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let others: Vec<PathBuf> =
+        std::fs::read_dir(folder).into_iter().flatten().flatten().map(|f| f.path()).collect();
+    let find = |name: &OsStr| {
+        let exact = scenario.with_file_name(name);
+        // Scenarios made on Windows may name it in other letters.
+        let similar = || {
+            others
+                .iter()
+                .find(|path| path.file_name().is_some_and(|own| own.eq_ignore_ascii_case(name)))
+        };
+        if exact.is_file() { Some(exact) } else { similar().filter(|path| path.is_file()).cloned() }
+    };
+    [OsStr::new(named), after]
+        .into_iter()
+        .filter(|name| !name.is_empty())
+        .find_map(find)
+        .ok_or_else(|| {
+            let problem = format!("its map {named} is not in the same folder");
+            from_map_error(MapError::whole_file(
+                &scenario.to_string_lossy(),
+                problem,
+                "give it with --map FILE",
+            ))
+        })
+}
+
+/// Returns the facts about a map, and a line for each warning.
+fn facts(grid: &Grid, other_map: Option<String>) -> String {
+    let components = StepSearch::new(grid).components(grid);
+    let free = grid.free_count();
+    let largest = components.sizes[components.largest() as usize];
+    let mut lines = vec![
+        format!("map:        {}", grid.name()),
+        format!("size:       {} x {}", grid.width(), grid.height()),
+        format!("free cells: {free} ({:.1} %)", 100.0 * free as f64 / grid.free().len() as f64),
+        format!(
+            "components: {}, the largest {} ({:.1} % of the free cells)",
+            components.sizes.len(),
+            counted(largest as u64, "cell"),
+            100.0 * largest as f64 / free as f64
+        ),
+        format!(
+            "farthest:   {} steps",
+            describe_diameter(Diameter::compute_from(grid, &components))
+        ),
+    ];
+    if !grid.starts().is_empty() || !grid.goals().is_empty() {
+        let (starts, goals) = (grid.starts().len() as u64, grid.goals().len() as u64);
+        lines.push(format!("marked:     {}, {}", counted(starts, "start"), counted(goals, "goal")));
+    }
+    let warnings =
+        doubts(grid).into_iter().chain(unconnected_parts(grid, &components)).chain(other_map);
+    lines.extend(warnings.map(|problem| format!("warning:    {problem}")));
+    lines.join("\n") + "\n"
+}
+pub fn describe_diameter(diameter: Diameter) -> String {
+    if diameter.exact { diameter.steps.to_string() } else { format!("at least {}", diameter.steps) }
+}
+
+/// A spinner on standard error, if that is a terminal, until it is dropped.
+struct Spinner(ProgressBar);
+
+impl Spinner {
+    fn start(message: &'static str) -> Self {
+        let bar = ProgressBar::with_draw_target(None, progress_bar::target());
+        let bar = bar.with_style(ProgressStyle::default_spinner()).with_message(message);
+        bar.enable_steady_tick(Duration::from_millis(100));
+        Self(bar)
+    }
+}
+
+impl Drop for Spinner {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}

@@ -1,0 +1,22 @@
+//! `gdg-tui compare`.
+
+use std::sync::Arc;
+
+use super::output::Outcome;
+use super::screen::{Refusal, watch};
+use crate::cli::CompareArgs;
+use crate::tui;
+use gdg::train::Registry;
+
+/// Shows two methods side by side.
+///
+/// # Errors
+/// See [`watch`].
+pub fn run(args: CompareArgs, registry: &Arc<Registry>) -> Outcome {
+    let refusal = Refusal {
+        problem: "a comparison is something to watch: it needs a terminal",
+        help: "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one",
+    };
+    let options = args.options();
+    watch(args.screen, &refusal, || tui::prepare_comparison(&options, registry), tui::compare)
+}

@@ -1,0 +1,61 @@
+//! How commands print and fail.
+
+use miette::Report;
+
+use crate::host::status::{EXIT_BAD_INPUT, EXIT_FAILURE};
+use gdg::printing::print_text;
+use gdg::text::sanitized_lines;
+
+/// Why a command failed.
+pub struct Failure {
+    /// For the user.
+    pub error: Report,
+    /// The exit status.
+    pub status: u8,
+}
+
+/// The exit status of a command.
+pub type Outcome = Result<u8, Failure>;
+
+/// Gives an error the exit status of its cause.
+pub trait OrFail<T> {
+    /// The input is bad.
+    ///
+    /// # Errors
+    /// The same, with that status.
+    fn or_bad_input(self) -> Result<T, Failure>;
+
+    /// Something failed while running.
+    ///
+    /// # Errors
+    /// The same, with that status.
+    fn or_failure(self) -> Result<T, Failure>;
+}
+
+impl<T> OrFail<T> for Result<T, Report> {
+    fn or_bad_input(self) -> Result<T, Failure> {
+        self.map_err(|error| Failure { error, status: EXIT_BAD_INPUT })
+    }
+
+    fn or_failure(self) -> Result<T, Failure> {
+        self.map_err(|error| Failure { error, status: EXIT_FAILURE })
+    }
+}
+
+/// Prints a text that may contain what users wrote, to standard output.
+///
+/// # Errors
+/// See [`print`].
+pub fn print_safely(text: &str) -> Outcome {
+    print(&sanitized_lines(text))
+}
+
+/// Prints to standard output. An early close (`| head`) is not an error.
+///
+/// # Errors
+/// Standard output cannot be written.
+pub fn print(text: &str) -> Outcome {
+    let printed = print_text(text);
+    printed.map_err(|error| Report::msg(error).wrap_err("standard output")).or_failure()?;
+    Ok(0)
+}

@@ -1,0 +1,51 @@
+//! What commands that show something have in common.
+
+use std::io::IsTerminal;
+
+use miette::{Report, miette};
+
+use super::output::{OrFail, Outcome};
+use crate::cli::ScreenArgs;
+use crate::host::logging;
+use crate::tui::{self, PreparedInterface};
+use gdg::text::{sanitized_lines, terminal_obeys_escapes};
+
+/// What to say without a terminal.
+pub struct Refusal {
+    /// That it is needed.
+    pub problem: &'static str,
+    /// What does without.
+    pub help: &'static str,
+}
+
+/// Prepares and shows something that makes no sense without a terminal.
+///
+/// # Errors
+/// There is no terminal, preparing fails, or what is shown does.
+pub fn watch<T>(
+    args: ScreenArgs,
+    refusal: &Refusal,
+    prepare: impl FnOnce() -> Result<T, Report>,
+    show: impl FnOnce(T, PreparedInterface) -> Result<u8, Report>,
+) -> Outcome {
+    logging::start(args.log_level);
+    let prepared = prepare().or_bad_input()?;
+    if let Some(obstacle) = obstacle() {
+        let error = miette!(help = refusal.help, "{}, but {obstacle}", refusal.problem);
+        return Err(error).or_bad_input();
+    }
+    let interface = tui::prepare(&args.interface.options(args.overwrite)).or_bad_input()?;
+    show(prepared, interface).or_failure()
+}
+
+/// Returns why the interface cannot be shown, if it cannot.
+pub fn obstacle() -> Option<String> {
+    if !std::io::stdout().is_terminal() {
+        return Some("the output is not a terminal".to_owned());
+    }
+    let of_kind = || match std::env::var("TERM").unwrap_or_default().as_str() {
+        "" => "TERM is not set".to_owned(),
+        term => format!("TERM={}", sanitized_lines(term)),
+    };
+    (!terminal_obeys_escapes()).then(|| format!("the terminal cannot draw it ({})", of_kind()))
+}

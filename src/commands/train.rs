@@ -1,0 +1,90 @@
+//! `gdg-tui [MAP]`: trains, with or without the interface.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use clap::CommandFactory;
+#[cfg(feature = "tui")]
+use gdg::env::Scene;
+#[cfg(feature = "tui")]
+use gdg::printing::eprint_line;
+use gdg::train::{Registry, print_settings};
+#[cfg(feature = "tui")]
+use miette::miette;
+
+use super::output::{OrFail, Outcome, print};
+#[cfg(feature = "tui")]
+use super::screen::obstacle;
+use crate::cli::{Cli, TrainArgs};
+use crate::headless;
+#[cfg(feature = "tui")]
+use crate::host::setup::Setup;
+use crate::host::{logging, maps, setup};
+#[cfg(feature = "tui")]
+use crate::tui;
+
+/// Trains, or prints what it would train with.
+///
+/// # Errors
+/// The arguments are invalid, or training or saving fails.
+pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
+    let request = args.request();
+    if args.print_config {
+        let settings = setup::settings_to_print(&request, registry).or_bad_input()?;
+        return print(&print_settings(&settings));
+    }
+    #[cfg(feature = "tui")]
+    if args.print_config_template {
+        return print(&tui::config_template());
+    }
+    logging::start(args.log_level);
+    #[cfg(feature = "tui")]
+    let with_ui = is_shown(args)?;
+    if args.resume.is_none() {
+        check_for_command(args.map(), registry)?;
+    }
+    let setup = setup::prepare(&request, registry).or_bad_input()?;
+    #[cfg(feature = "tui")]
+    if with_ui {
+        return show(setup, args);
+    }
+    headless::run(setup, &args.headless()).or_failure()
+}
+
+/// Decides whether the run is shown; says so if it is not and could have been meant to be.
+#[cfg(feature = "tui")]
+fn is_shown(args: &TrainArgs) -> Result<bool, super::Failure> {
+    if args.no_ui {
+        return Ok(false);
+    }
+    let Some(obstacle) = obstacle() else { return Ok(true) };
+    if args.interface.record.is_some() {
+        let help = "run it in a terminal, or without --record";
+        return Err(miette!(help = help, "--record: there is no screen, as {obstacle}"))
+            .or_bad_input();
+    }
+    eprint_line(&format!(
+        "trains without the interface, as {obstacle} (--no-ui says that this is meant)"
+    ));
+    Ok(false)
+}
+
+#[cfg(feature = "tui")]
+fn show(setup: Setup, args: &TrainArgs) -> Outcome {
+    if matches!(setup.trainer.world().scene(), Scene::Nothing) {
+        let help = "train it with --no-ui";
+        return Err(miette!(help = help, "the interface cannot draw this world")).or_bad_input();
+    }
+    let prepared = tui::prepare(&args.interface.options(args.overwrite)).or_bad_input()?;
+    tui::run(setup, prepared, args.map.as_deref()).or_failure()
+}
+
+/// Checks that what is given as a map is not a mistyped command.
+fn check_for_command(map: &Path, registry: &Registry) -> Result<(), super::Failure> {
+    if !maps::is_unknown_name(map, registry) {
+        return Ok(());
+    }
+    let commands: Vec<String> =
+        Cli::command().get_subcommands().map(|command| command.get_name().to_owned()).collect();
+    Err(maps::unknown_name(map, registry, &commands)).or_bad_input()
+}

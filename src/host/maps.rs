@@ -1,0 +1,141 @@
+//! Finds the maps that commands name, and warns about them.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use miette::{Report, miette};
+
+use crate::host::report::from_map_error;
+use gdg::map::{self, Cell, Components, Grid, MapError, StepSearch};
+use gdg::printing::eprint_line;
+use gdg::text::{counted, nearest, sanitized};
+use gdg::train::Registry;
+
+/// A map with fewer free cells is a mistake.
+const FEWEST_CELLS: usize = 4;
+
+/// Prints the warnings about a map.
+pub fn warn(grid: &Grid) {
+    warnings(grid).iter().for_each(|warning| eprint_line(warning));
+}
+
+/// Returns warnings about a map for its user, with its name.
+pub fn warnings(grid: &Grid) -> Vec<String> {
+    let named = |problem| format!("warning: {}: {problem}", sanitized(grid.name()));
+    doubts(grid).into_iter().chain(unconnected(grid)).map(named).collect()
+}
+
+/// Returns what suggests that a map is not what its author meant.
+pub fn doubts(grid: &Grid) -> Vec<String> {
+    let free = grid.free_count();
+    let few = format!(
+        "the map has only {}: too few to learn anything",
+        counted(free as u64, "free cell")
+    );
+    let few = (free < FEWEST_CELLS).then_some(few);
+    let letters =
+        grid.doubt().map(|doubt| format!("{doubt}: write walls as '#' and free cells as '.'"));
+    letters.into_iter().chain(few).collect()
+}
+
+/// Returns what is wrong if starts and goals of a map lie in different components, or the starts
+/// outside the largest.
+fn unconnected(grid: &Grid) -> Option<String> {
+    let has_starts = !grid.starts().is_empty();
+    has_starts.then(|| unconnected_parts(grid, &StepSearch::new(grid).components(grid))).flatten()
+}
+
+/// Returns what is wrong if starts and goals lie in different `components`, or the starts outside
+/// the largest.
+pub fn unconnected_parts(grid: &Grid, components: &Components) -> Option<String> {
+    disconnected_marks(grid, components).or_else(|| cut_off_starts(grid, components))
+}
+
+fn cut_off_starts(grid: &Grid, components: &Components) -> Option<String> {
+    let own = components.of_cell[grid.index(*grid.starts().first()?)]?;
+    let largest = components.largest();
+    let is_reached =
+        grid.starts().iter().any(|start| components.of_cell[grid.index(*start)] == Some(largest));
+    (!is_reached).then(|| {
+        let [own, largest] = [own, largest].map(|component| components.sizes[component as usize] as u64);
+        let own = counted(own, "cell");
+        format!("the start S is cut off, with {own}: agents that begin there stay there, but tasks are drawn among {largest} others")
+    })
+}
+
+fn disconnected_marks(grid: &Grid, components: &Components) -> Option<String> {
+    let component = |cell: &Cell| components.of_cell[grid.index(*cell)];
+    let (starts, goals) = (grid.starts(), grid.goals());
+    let (start, goal) = (starts.first()?, goals.first()?);
+    let all = |cells: &[Cell]| cells.iter().map(component).collect::<BTreeSet<_>>();
+    let which = match (starts, goals) {
+        _ if all(starts) == all(goals) => return None,
+        ([_], [_]) => "the start S and the goal G",
+        _ if component(start) != component(goal) => "the first start S and the first goal G",
+        _ => "some starts S and goals G",
+    };
+    Some(format!("{which} lie in different components: no path connects them"))
+}
+/// Returns a path as the name of a built-in map or world, which it may be; those are UTF-8.
+pub fn known_name(path: &Path) -> &str {
+    path.to_str().unwrap_or_default()
+}
+
+/// Loads the built-in map or the file at `path`; errors also list the worlds of `registry` that
+/// need no file.
+///
+/// # Errors
+/// The file is invalid, or `path` is neither a built-in map nor a file.
+pub fn find_map(path: &Path, registry: &Registry) -> Result<Grid, Report> {
+    let name = known_name(path);
+    if let Some(grid) = map::builtin(name) {
+        return Ok(grid);
+    }
+    if registry.world(name).is_some_and(|kind| kind.create.is_some()) && !path.exists() {
+        let help = "give a map: a built-in name or a file";
+        return Err(miette!(
+            help = help,
+            "{name}: is a world without a map, which this command needs"
+        ));
+    }
+    if is_unknown_name(path, registry) {
+        return Err(unknown_name(path, registry, &[]));
+    }
+    map::load_map(path).map_err(|mut error| {
+        if !path.exists() {
+            error.help.push_str(", or a name from 'gdg-tui maps'");
+        }
+        from_map_error(error)
+    })
+}
+
+/// Returns whether `path` looks like a name rather than a file, and is neither that of a built-in
+/// map nor that of a world of `registry`.
+pub fn is_unknown_name(path: &Path, registry: &Registry) -> bool {
+    let name = known_name(path);
+    name != "-"
+        && !path.exists()
+        && path.extension().is_none()
+        && path.components().count() == 1
+        && map::builtin(name).is_none()
+        && !registry.world(name).is_some_and(|kind| kind.create.is_some())
+}
+
+/// Reports an unknown name, with the nearest of those that are known, among them `others`.
+pub fn unknown_name(path: &Path, registry: &Registry, others: &[String]) -> Report {
+    let maps = map::BUILTIN.map(|(known, _)| known);
+    let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some());
+    let worlds: Vec<&str> = worlds.map(|kind| kind.name).collect();
+    let names = maps.iter().chain(&worlds).copied().chain(others.iter().map(String::as_str));
+    let nearest = nearest(known_name(path), names);
+    let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
+    let worlds = match &worlds[..] {
+        [] => String::new(),
+        worlds => format!("; worlds: {}", worlds.join(", ")),
+    };
+    from_map_error(MapError::whole_file(
+        &path.to_string_lossy(),
+        "is neither a built-in map nor a file",
+        format!("{nearest}Built-in maps: {}{worlds}; or give a map file", maps.join(", ")),
+    ))
+}
