@@ -34,9 +34,9 @@ pub struct RunChoice {
 }
 
 impl RunChoice {
-    /// Returns the preset to start from.
-    pub fn preset(&self) -> Preset {
-        self.preset.unwrap_or_else(|| Preset::of_method(&self.method))
+    /// Returns the preset to start from, with a learner of `registry`.
+    pub fn preset(&self, registry: &Registry) -> Preset {
+        self.preset.unwrap_or_else(|| registry.preset_of(&self.method))
     }
 }
 
@@ -115,7 +115,7 @@ pub fn settings(choice: &RunChoice, world: &Path, registry: &Registry) -> Result
     let defaults =
         registry.world_opened_by(known_name(world)).map_or(&[][..], |kind| kind.defaults);
     let overrides = Overrides { defaults, config: choice.config.as_deref(), set: &choice.set };
-    train::settings_from(choice.preset(), &overrides).map_err(from_config_error)
+    train::settings_from(choice.preset(registry), &overrides).map_err(from_config_error)
 }
 
 /// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or
@@ -164,7 +164,7 @@ pub fn run(
     seed: u64,
 ) -> Result<Run, Report> {
     let settings = settings(choice, world, registry)?;
-    Ok(Run { method: choice.method.clone(), preset: choice.preset(), seed, settings })
+    Ok(Run { method: choice.method.clone(), preset: choice.preset(registry), seed, settings })
 }
 
 /// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from

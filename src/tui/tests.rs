@@ -61,13 +61,21 @@ fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf
 }
 
 fn app_in(world: &dyn Environment, method: Method, limits: Limits, save: Option<PathBuf>) -> App {
-    let files = Files { save: save.map(SaveTo::CreateNew) };
+    app_of(trainer_in(world, method, &Registry::builtin()), limits, save)
+}
+
+/// Creates a trainer with small networks, whose learner is in `registry`.
+fn trainer_in(world: &dyn Environment, method: Method, registry: &Arc<Registry>) -> Trainer {
     let mut settings = Settings::default();
     settings.learn.hidden = 16;
     settings.learn.buffer_size = 20_000;
     settings.bridge.candidates = 40;
     let run = Run { method, preset: Preset::Default, seed: 1, settings };
-    let trainer = Trainer::new(run, world, &Registry::builtin(), 1).expect("a trainer");
+    Trainer::new(run, world, registry, 1).expect("a trainer")
+}
+
+fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {
+    let files = Files { save: save.map(SaveTo::CreateNew) };
     let engine = Engine::start(trainer, limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");

@@ -11,14 +11,14 @@ use std::sync::Arc;
 use gdg::env::PointMaze;
 use gdg::learn::Scratch;
 use gdg::map::{Grid, parse_map};
-use gdg::train::{self, Method, Preset, Registry, Run, SaveTo, Settings, Trainer};
+use gdg::train::{self, Method, Registry, Run, SaveTo, Settings, Trainer};
 use runs::{state, train_to};
 
 const RIVALS: [&str; 3] = ["ddpg", "her", "ddpg-distance"];
 
 /// Returns the preset of `method` with small networks.
 fn settings(method: &Method) -> Settings {
-    let mut settings = Preset::of_method(method).settings();
+    let mut settings = Registry::builtin().preset_of(method).settings();
     settings.learn.hidden = 48;
     settings.learn.batch_size = 96;
     settings.learn.buffer_size = 50_000;
@@ -30,7 +30,7 @@ fn settings(method: &Method) -> Settings {
 
 fn trainer(method: &str, map: Grid, seed: u64, threads: usize) -> Trainer {
     let method: Method = method.parse().unwrap();
-    let (preset, settings) = (Preset::of_method(&method), settings(&method));
+    let (preset, settings) = (Registry::builtin().preset_of(&method), settings(&method));
     let run = Run { method, preset, seed, settings };
     Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), threads).unwrap()
 }
@@ -136,7 +136,7 @@ fn networks_are_kept_between_methods_of_the_same_values_only() {
     train_to(&mut run, 200);
     let mut change = |method: &str| {
         let mut changed = run.run().clone();
-        changed.set_method(method.parse().unwrap());
+        changed.set_method(method.parse().unwrap(), &Registry::builtin());
         let kept = run.change_run(changed).unwrap();
         assert_eq!(run.run().method.name(), method);
         train_to(&mut run, 250);

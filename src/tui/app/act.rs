@@ -57,7 +57,10 @@ impl App {
             Action::NewSeed => self.ask_seed(),
             Action::Settings => self.open_picker(lists::settings(&self.screen)),
             Action::ResetSetting => self.reset_setting(),
-            Action::Method => self.open_picker(lists::methods(&self.screen.run().method)),
+            Action::Method => {
+                let snapshot = &self.screen.snapshot;
+                self.open_picker(lists::methods(&snapshot.run.method, &snapshot.registry));
+            }
             Action::Preset => self.open_picker(lists::presets(self.screen.run().preset)),
             Action::OnArrival => {
                 self.set_on_arrival(self.screen.on_arrival.next());

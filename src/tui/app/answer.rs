@@ -11,7 +11,7 @@ use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 use crate::tui::scene::SceneKind;
 use gdg::engine::{Command, MakeWorld};
-use gdg::env::{WORLDS, WorldKind, maze};
+use gdg::env::{WorldKind, maze};
 use gdg::files::check_name;
 use gdg::map::{Grid, is_size, size_limits};
 use gdg::text::{NumberError, parse_count, parse_real};
@@ -108,7 +108,8 @@ impl App {
                 self.open_picker(lists::method_choices(self.latest.unsaved_updates(), method));
             }
             Choice::Method(method) | Choice::MethodUnsaved(method) => {
-                self.change_run(|run| run.set_method(method));
+                let registry = self.latest.registry.clone();
+                self.change_run(|run| run.set_method(method, &registry));
             }
             Choice::Preset(preset) => {
                 let settings = self.screen.settings_of(preset);
@@ -174,7 +175,8 @@ impl App {
 
     /// Starts a new run in the world called `name`, with the preset's settings for it.
     fn start_run_in(&mut self, name: &str) {
-        if let Some(kind) = WORLDS.iter().find(|kind| kind.name == name)
+        let registry = self.latest.registry.clone();
+        if let Some(kind) = registry.world(name)
             && let Some(create) = kind.create
         {
             let run = self.run_adapted_to(kind);

@@ -95,7 +95,7 @@ impl App {
             .filter(is_folder_or_map)
             .collect();
         let recent = folder.is_none().then(recent_maps);
-        self.open_picker(lists::maps(&here, &entries, recent.as_deref()));
+        self.open_picker(lists::maps(&here, &entries, recent.as_deref(), &self.latest.registry));
     }
 
     pub(super) fn open_map(&mut self, path: &Path) {

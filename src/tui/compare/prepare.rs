@@ -10,7 +10,7 @@ use crate::host::maps::warn;
 use crate::host::report::from_config_error;
 use crate::host::setup;
 use gdg::env::PointMaze;
-use gdg::train::{Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
+use gdg::train::{Method, Overrides, Registry, Run, Trainer, settings_from};
 
 /// What to compare.
 #[derive(Clone, Debug)]
@@ -77,7 +77,7 @@ fn contestant(
     options: &ComparisonOptions,
     registry: &Arc<Registry>,
 ) -> Result<Contestant, Report> {
-    let preset = Preset::of_method(method);
+    let preset = registry.preset_of(method);
     let set = setup::settings_of(side, &options.set);
     let settings = settings_from(preset, &Overrides { set: &set, ..Overrides::default() })
         .map_err(from_config_error)?;

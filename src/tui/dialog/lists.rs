@@ -13,14 +13,12 @@ use crate::tui::scene::SceneKind;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ThemeName;
 use gdg::bridge::Planner;
-use gdg::env::WORLDS;
 use gdg::files::has_extension;
-use gdg::learn::LEARNERS;
 use gdg::map::{BUILTIN, Grid, RandomMapKind};
 use gdg::text::{fitted, grouped, padded};
 use gdg::train::{
-    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting,
-    list_settings,
+    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, Registry, SETTINGS,
+    Setting, list_settings,
 };
 use gdg::viewer::Field;
 
@@ -67,13 +65,14 @@ pub fn themes(now: ThemeName) -> Picker {
     Picker::new("theme", items).selecting(|choice| *choice == Choice::Theme(now))
 }
 
-/// Lists the methods: those with a name, then all other combinations.
-pub fn methods(now: &Method) -> Picker {
+/// Lists the methods: those with a name, then all other combinations with a learner of `registry`.
+pub fn methods(now: &Method, registry: &Registry) -> Picker {
     let named = |named: &NamedMethod| {
         Item::new(named.name, named.about, Choice::Method(named.into()))
             .within("methods with a name")
     };
-    let all = LEARNERS.iter().flat_map(|learner| Planner::ALL.map(|planner| (learner, planner)));
+    let learners = registry.learners().iter();
+    let all = learners.flat_map(|learner| Planner::ALL.map(|planner| (learner, planner)));
     let others = all.filter_map(|(learner, planner)| {
         let method = Method { learner: learner.name.to_owned(), planner };
         let about =
@@ -306,8 +305,13 @@ fn stay() -> Item {
 }
 
 /// Lists the maps in `folder`, given its `entries` and whether each is a folder. If `recent` is
-/// given, recent and built-in maps and other worlds come first.
-pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf]>) -> Picker {
+/// given, recent and built-in maps and the worlds of `registry` that can be drawn come first.
+pub fn maps(
+    folder: &Path,
+    entries: &[(PathBuf, bool)],
+    recent: Option<&[PathBuf]>,
+    registry: &Registry,
+) -> Picker {
     let mut items = Vec::new();
     if let Some(recent) = recent {
         let item = |path: &PathBuf| {
@@ -322,7 +326,8 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf
             "maze, city or perfect maze",
             Choice::Act(Action::RandomMap),
         ));
-        let worlds = WORLDS.iter().filter(|kind| kind.create.is_some());
+        let worlds = registry.worlds().iter();
+        let worlds = worlds.filter(|kind| kind.create.is_some() && SceneKind::draws(kind.name));
         items.extend(
             worlds.map(|kind| Item::new(kind.name, kind.about, Choice::OpenWorld(kind.name))),
         );

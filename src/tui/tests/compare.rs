@@ -9,7 +9,7 @@ use gdg::viewer::{MazeView, View};
 
 fn trainer(method: &str, seed: u64) -> Trainer {
     let method: Method = method.parse().expect("a method");
-    let preset = Preset::of_method(&method);
+    let preset = Registry::builtin().preset_of(&method);
     let mut settings = preset.settings();
     settings.learn.hidden = 16;
     settings.learn.buffer_size = 20_000;

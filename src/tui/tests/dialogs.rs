@@ -4,6 +4,7 @@ use super::screens::staged_app;
 use super::*;
 use crate::tui::dialog::{Choice, Item, lists};
 use crate::tui::panes::Pane;
+use gdg::learn::LearnerKind;
 use gdg::viewer::maze::CellInfo;
 
 #[test]
@@ -124,10 +125,27 @@ fn panes_take_the_place_of_the_map_where_there_is_no_room_beside_it() {
 
 #[test]
 fn the_methods_include_every_combination() {
-    let mut list = lists::methods(&Method::default());
+    let mut list = lists::methods(&Method::default(), &Registry::builtin());
     list.paste("her+sorb");
     let method: Method = "her+sorb".parse().expect("a method");
     assert_eq!(list.choice(), Some(&Choice::Method(method)));
+}
+
+#[test]
+fn a_registered_learner_that_needs_rewards_is_listed_and_brings_the_tuned_preset() {
+    let her = *Registry::builtin().learner("her").expect("built in");
+    let registry = Registry::builtin().with_learner(LearnerKind { name: "own", ..her });
+    let world = PointMaze::new(Arc::new(rooms()), 0);
+    let trainer = trainer_in(&world, Method::default(), &registry);
+    let mut app = app_of(trainer, Limits::default(), None);
+    app.act(Action::Method);
+    let Some(Dialog::Pick(list)) = app.screen.dialogs.last_mut() else { panic!("a list") };
+    list.paste("own+sorb");
+    let method: Method = "own+sorb".parse().expect("a method");
+    assert_eq!(list.choice(), Some(&Choice::Method(method.clone())));
+    app.choose(Choice::MethodUnsaved(method.clone()));
+    wait_until(&mut app, |app| app.screen.run().method == method);
+    assert_eq!(app.screen.run().preset, Preset::Tuned);
 }
 
 #[test]

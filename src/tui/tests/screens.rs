@@ -391,7 +391,7 @@ fn lists_of_files_match_their_snapshots() {
     ];
     let other = Arc::new(Grid::empty("hall", 30, 8));
     let lists = [
-        ("maps", lists::maps(folder, &entries, Some(&recent))),
+        ("maps", lists::maps(folder, &entries, Some(&recent), &Registry::builtin())),
         ("checkpoints", lists::checkpoints(found, &TimeZone::UTC)),
         (
             "other-map",

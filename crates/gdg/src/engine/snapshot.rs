@@ -8,8 +8,8 @@ use crate::bridge::{Candidates, SearchOutcome};
 use crate::env::Scene;
 use crate::learn::{Losses, Policy, Profile};
 use crate::train::{
-    Counters, CurvePoint, Evaluation, FilmFrame, Limits, Methods, Notes, Rollout, Run, TrainError,
-    Trainer,
+    Counters, CurvePoint, Evaluation, FilmFrame, Limits, Methods, Notes, Registry, Rollout, Run,
+    TrainError, Trainer,
 };
 
 /// How far to go before pausing.
@@ -76,6 +76,8 @@ pub struct Snapshot {
     pub title: Arc<str>,
     /// Drawable contents of the world, updated with the networks.
     pub scene: Scene,
+    /// The worlds and learners that the run may be changed to.
+    pub registry: Arc<Registry>,
     /// Default settings of worlds of this kind, as `name=value`.
     pub world_defaults: &'static [&'static str],
     /// What the trainer is doing.
@@ -192,6 +194,7 @@ impl Snapshot {
             generation: 0,
             title: trainer.world().title().into(),
             scene: trainer.world().scene(),
+            registry: trainer.registry().clone(),
             world_defaults: trainer
                 .registry()
                 .world(trainer.world().kind())

@@ -183,13 +183,6 @@ impl Preset {
     /// All presets.
     pub const ALL: [Self; 4] = [Self::Default, Self::Paper, Self::Tuned, Self::Sb3];
 
-    /// Returns the preset that a run of `method` has unless another is given.
-    pub fn of_method(method: &Method) -> Self {
-        let is_rewarded =
-            LEARNERS.iter().any(|learner| learner.name == method.learner && learner.is_rewarded);
-        if is_rewarded { Self::Tuned } else { Self::Default }
-    }
-
     /// Returns the name used on the command line and in records.
     pub fn name(self) -> &'static str {
         match self {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::error::TrainError;
-use super::method::method_names;
+use super::method::{Method, Preset, method_names};
 use crate::env::{Environment, WORLDS, WorldKind};
 use crate::learn::{LEARNERS, LearnerKind};
 use crate::store::{Store, StoreError};
@@ -24,18 +24,20 @@ impl Registry {
         Arc::new(Self { worlds: WORLDS.to_vec(), learners: LEARNERS.to_vec() })
     }
 
-    /// Adds a world; it takes precedence over an earlier one of the same name.
+    /// Adds a world; it replaces an earlier one of the same name.
     #[must_use]
     pub fn with_world(self: Arc<Self>, kind: WorldKind) -> Arc<Self> {
         let mut registry = Arc::unwrap_or_clone(self);
+        registry.worlds.retain(|known| known.name != kind.name);
         registry.worlds.insert(0, kind);
         Arc::new(registry)
     }
 
-    /// Adds a learner; it takes precedence over an earlier one of the same name.
+    /// Adds a learner; it replaces an earlier one of the same name.
     #[must_use]
     pub fn with_learner(self: Arc<Self>, kind: LearnerKind) -> Arc<Self> {
         let mut registry = Arc::unwrap_or_clone(self);
+        registry.learners.retain(|known| known.name != kind.name);
         registry.learners.insert(0, kind);
         Arc::new(registry)
     }
@@ -73,6 +75,16 @@ impl Registry {
         })
     }
 
+    /// Returns the preset that a run of `method` starts from unless another is given: the tuned one
+    /// for learners that learn from a reward.
+    pub fn preset_of(&self, method: &Method) -> Preset {
+        match self.learner(&method.learner) {
+            Ok(kind) if kind.is_rewarded => Preset::Tuned,
+            // A run of an unknown learner cannot be created.
+            _ => Preset::Default,
+        }
+    }
+
     /// Loads the world saved in `store`, without agents.
     ///
     /// # Errors
@@ -86,5 +98,25 @@ impl Registry {
                 "uses the world {name:?}, which this program does not have"
             ))),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_registered_learner_that_needs_rewards_starts_from_the_tuned_preset() {
+        let method: Method = "own+sorb".parse().expect("a method");
+        let builtin = Registry::builtin();
+        let ddpg = *builtin.learner("ddpg").expect("built in");
+        assert_eq!(builtin.preset_of(&method), Preset::Default);
+        let registry = builtin.with_learner(LearnerKind { name: "own", ..ddpg });
+        assert_eq!(registry.preset_of(&method), Preset::Tuned);
+        // It may also replace a built-in one.
+        let registry =
+            registry.with_learner(LearnerKind { name: "gdg", is_rewarded: true, ..ddpg });
+        assert_eq!(registry.preset_of(&Method::default()), Preset::Tuned);
+        assert_eq!(registry.learners().iter().filter(|kind| kind.name == "gdg").count(), 1);
     }
 }

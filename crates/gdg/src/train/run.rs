@@ -5,6 +5,7 @@ use serde_json::{Map, Value};
 
 use super::config::{changed_from, list_settings, with_setting};
 use super::method::{Method, Preset};
+use super::registry::Registry;
 use super::settings::Settings;
 use crate::bridge::BridgeSettings;
 use crate::store::StoreError;
@@ -23,11 +24,11 @@ pub struct Run {
 }
 
 impl Run {
-    /// Changes the method. If that has another preset than the method before, and the run was based
-    /// on that one, the run is based on the new one; settings that differed from the preset are
-    /// kept.
-    pub fn set_method(&mut self, method: Method) {
-        let (before, now) = (Preset::of_method(&self.method), Preset::of_method(&method));
+    /// Changes the method, whose learner is in `registry`. If the run is based on the former
+    /// method's preset, it is then based on the new method's; settings that differ from the former
+    /// preset are kept.
+    pub fn set_method(&mut self, method: Method, registry: &Registry) {
+        let (before, now) = (registry.preset_of(&self.method), registry.preset_of(&method));
         self.method = method;
         if self.preset != before || before == now {
             return;
@@ -160,25 +161,25 @@ mod tests {
     #[test]
     fn another_method_brings_its_preset_and_keeps_what_was_changed() {
         let method = |name: &str| name.parse::<Method>().expect("a method");
-        let preset = Preset::Default;
+        let (preset, registry) = (Preset::Default, Registry::builtin());
         let mut run = Run { method: method("gdg"), preset, seed: 1, settings: preset.settings() };
         run.settings.learn.hidden = 33;
-        run.set_method(method("random"));
+        run.set_method(method("random"), &registry);
         assert_eq!((run.preset, run.settings.learn.hidden), (Preset::Default, 33));
-        run.set_method(method("her+sorb"));
+        run.set_method(method("her+sorb"), &registry);
         let mut expected = Preset::Tuned.settings();
         expected.learn.hidden = 33;
         assert_eq!(
             (run.method.name(), run.preset, &run.settings),
             ("her+sorb".to_owned(), Preset::Tuned, &expected)
         );
-        run.set_method(method("gdg-bridge"));
+        run.set_method(method("gdg-bridge"), &registry);
         expected = Preset::Default.settings();
         expected.learn.hidden = 33;
         assert_eq!((run.preset, &run.settings), (Preset::Default, &expected));
         // A preset that was chosen stays.
         (run.preset, run.settings) = (Preset::Paper, Preset::Paper.settings());
-        run.set_method(method("ddpg"));
+        run.set_method(method("ddpg"), &registry);
         assert_eq!((run.preset, &run.settings), (Preset::Paper, &Preset::Paper.settings()));
     }
 }
