@@ -41,9 +41,9 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Runs { folder }) => text(runs::list(&folder, registry)),
         Some(Command::Settings) => print(&reference_page()),
         #[cfg(feature = "tui")]
-        Some(Command::Tour(args)) => tour::run(args, registry),
+        Some(Command::Tour(args)) => tour::run(&args, registry),
         #[cfg(feature = "tui")]
-        Some(Command::Compare(args)) => compare::run(args, registry),
+        Some(Command::Compare(args)) => compare::run(&args, registry),
         Some(Command::Suite(args)) => suite::run(args, registry),
         Some(Command::Reproduce(args)) => reproduce::run(args, registry),
         Some(Command::Ablate(args)) => ablate::run(args, registry),

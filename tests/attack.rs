@@ -484,7 +484,7 @@ fn fuzzing_seeds_are_read_or_refused() {
                 }
             }
             "cast" => {
-                drop(gdg_tui::commands::frames::play(&path, vec![0.0, f64::MAX], |_, _| Ok(())))
+                drop(gdg_tui::commands::frames::play(&path, vec![0.0, f64::MAX], |_, _| Ok(())));
             }
             other => panic!("unknown fuzz target {other}"),
         }

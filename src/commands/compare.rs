@@ -12,11 +12,11 @@ use gdg::train::Registry;
 ///
 /// # Errors
 /// See [`watch`].
-pub fn run(args: CompareArgs, registry: &Arc<Registry>) -> Outcome {
+pub fn run(args: &CompareArgs, registry: &Arc<Registry>) -> Outcome {
     let refusal = Refusal {
         problem: "a comparison is something to watch: it needs a terminal",
         help: "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one",
     };
     let options = args.options();
-    watch(args.screen, &refusal, || tui::prepare_comparison(&options, registry), tui::compare)
+    watch(&args.screen, &refusal, || tui::prepare_comparison(&options, registry), tui::compare)
 }

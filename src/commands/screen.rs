@@ -23,7 +23,7 @@ pub struct Refusal {
 /// # Errors
 /// There is no terminal, preparing fails, or what is shown does.
 pub fn watch<T>(
-    args: ScreenArgs,
+    args: &ScreenArgs,
     refusal: &Refusal,
     prepare: impl FnOnce() -> Result<T, Report>,
     show: impl FnOnce(T, PreparedInterface) -> Result<u8, Report>,

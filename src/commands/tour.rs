@@ -12,10 +12,10 @@ use gdg::train::Registry;
 ///
 /// # Errors
 /// See [`watch`].
-pub fn run(args: TourArgs, registry: &Arc<Registry>) -> Outcome {
+pub fn run(args: &TourArgs, registry: &Arc<Registry>) -> Outcome {
     let refusal = Refusal {
         problem: "a tour is something to watch: it needs a terminal",
         help: "gdg-tui --no-ui trains without one",
     };
-    watch(args.screen, &refusal, || tui::prepare_tour(args.threads, registry), tui::take_tour)
+    watch(&args.screen, &refusal, || tui::prepare_tour(args.threads, registry), tui::take_tour)
 }

@@ -118,7 +118,7 @@ pub fn is_unknown_name(path: &Path, registry: &Registry) -> bool {
         && path.extension().is_none()
         && path.components().count() == 1
         && map::builtin(name).is_none()
-        && !registry.world(name).is_some_and(|kind| kind.create.is_some())
+        && registry.world(name).is_none_or(|kind| kind.create.is_none())
 }
 
 /// Reports an unknown name, with the nearest of those that are known, among them `others`.
