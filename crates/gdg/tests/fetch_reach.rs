@@ -91,13 +91,11 @@ fn proportional_control_reaches_every_goal() {
 }
 
 #[test]
+#[ignore = "reads recorded episodes, which are not part of the repository"]
 fn positions_stay_close_to_the_recorded_episodes_of_the_reference() {
     let path =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/fetch-reach/replay.jsonl");
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        println!("skipped: there is no {}", path.display());
-        return;
-    };
+    let text = std::fs::read_to_string(&path).unwrap();
     let mut errors = [const { Vec::new() }; 3];
     for line in text.lines() {
         let episode: serde_json::Value = serde_json::from_str(line).unwrap();

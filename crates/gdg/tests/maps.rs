@@ -359,14 +359,8 @@ fn agents_slide_along_walls_and_are_moved_out_of_them() {
     assert_eq!(world.states(), [1.5, 0.5]);
 }
 
-fn shared(file: &str) -> Option<PathBuf> {
-    let path =
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/movingai").join(file);
-    if path.is_file() {
-        return Some(path);
-    }
-    println!("skipped: {} does not exist", path.display());
-    None
+fn shared(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/movingai").join(file)
 }
 
 #[test]
@@ -406,8 +400,7 @@ fn a_scenario_stays_on_an_edited_map_and_not_on_one_of_another_size() {
 #[test]
 #[ignore = "reads real maps, which are not part of the repository"]
 fn real_maps_and_scenarios_are_read() {
-    let Some(path) = shared("Berlin_0_256.map") else { return };
-    let grid = map::load_map(&path).unwrap();
+    let grid = map::load_map(&shared("Berlin_0_256.map")).unwrap();
     assert_eq!((grid.width(), grid.height()), (256, 256));
     assert!((grid.free_count() as f64 / 65536.0 - 0.735).abs() < 0.001);
     let components = StepSearch::new(&grid).components(&grid);
@@ -420,8 +413,8 @@ fn real_maps_and_scenarios_are_read() {
         ("maze-32-32-2.map", "maze-32-32-2-even-1.scen"),
     ];
     for (map_file, scenario) in pairs {
-        let grid = map::load_map(&shared(map_file).unwrap()).unwrap();
-        let tasks = map::load_scenario(&shared(scenario).unwrap(), &grid).unwrap();
+        let grid = map::load_map(&shared(map_file)).unwrap();
+        let tasks = map::load_scenario(&shared(scenario), &grid).unwrap();
         let mut search = StepSearch::new(&grid);
         for task in tasks.iter().step_by(7) {
             let steps = f64::from(search.steps_from(task.start)[grid.index(task.goal)]);
