@@ -29,24 +29,32 @@ mod export;
 mod glyphs;
 mod graphics;
 mod input;
+mod interface;
+mod job_control;
 mod keymap;
 mod layers;
 mod layout;
+mod lists;
 mod log;
 mod marker;
 mod measure;
+mod offer;
 mod output;
 mod panes;
+mod projection;
 mod raster;
 mod record;
 mod render;
 mod scene;
 mod screen;
 mod sheet;
+mod style;
 mod terminal;
 #[cfg(test)]
 mod tests;
+mod text;
 mod theme;
+mod tool;
 mod tour;
 
 use std::path::{Path, PathBuf};
@@ -145,7 +153,7 @@ pub fn run(
     let Setup { trainer, limits, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
     let search =
-        resumed.is_none().then(|| app::search(trainer.world().title().to_owned()).ok()).flatten();
+        resumed.is_none().then(|| offer::search(trainer.world().title().to_owned()).ok()).flatten();
     // What is to be saved elsewhere is not saved yet.
     let engine =
         Engine::resume(trainer, limits, resumed.filter(|_| save.is_none())).into_diagnostic()?;
@@ -179,8 +187,8 @@ fn is_first_run() -> bool {
 /// # Errors
 /// The run needs more memory than is left.
 pub fn prepare_tour(threads: Option<u16>, registry: &Arc<Registry>) -> Result<Trainer, Report> {
-    let run = tour::run();
-    let maze = setup::open_maze(Path::new(tour::steps::MAP), &run, registry)?;
+    let run = app::tour_run();
+    let maze = setup::open_maze(Path::new(app::TOUR_MAP), &run, registry)?;
     setup::begin(run, &maze, registry, setup::threads(threads))
 }
 

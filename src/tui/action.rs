@@ -4,7 +4,7 @@ mod table;
 
 use super::layers::Overlay;
 use super::panes::Pane;
-use super::scene::Tool;
+use super::tool::Tool;
 pub use table::SECTIONS;
 
 /// A user action.

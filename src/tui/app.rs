@@ -2,11 +2,13 @@
 
 mod act;
 mod answer;
+mod answer_error;
 mod files;
 mod mouse;
 mod offer;
 mod past;
 mod saving;
+mod tour;
 mod updates;
 
 use std::sync::Arc;
@@ -23,11 +25,12 @@ use tokio::sync::watch;
 use super::action::{Action, Mode};
 use super::config::UiConfig;
 use super::dialog::{Choice, Dialog};
-use super::event_loop::{Interface, TerminalRequest};
 use super::export;
 use super::graphics::{Graphics, Picture, Redraw};
+use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap::{self, Keymap};
 use super::layout::ScreenLayout;
+use super::offer::Search;
 use super::output::ExportKind;
 use super::render::{self, Cache};
 use super::screen::Screen;
@@ -39,9 +42,12 @@ use gdg::faults::Failure;
 use gdg::map::Grid;
 use gdg::train::Run;
 use gdg::viewer::{Field, OnArrival, Request, View, Viewer};
-pub use offer::{Offer, Search, search};
+pub use saving::Files;
 use saving::Saving;
-pub use saving::{ClosedRun, Files};
+#[cfg(test)]
+pub use tour::ALL_STEPS;
+use tour::Tour;
+pub use tour::{MAP as TOUR_MAP, run as tour_run};
 
 /// The run, updates and map in an autosave.
 type Autosaved = (Arc<Run>, u64, Arc<Grid>);
@@ -68,6 +74,8 @@ pub struct App {
     saving: Saving,
     /// Looks for a saved run to offer.
     pub search: Option<Search>,
+    /// The guided tour, while it lasts.
+    tour: Option<Tour>,
     /// Whether the tour begins with the next run.
     pub(super) tour_requested: bool,
     /// Internal errors so far.
@@ -112,6 +120,7 @@ impl App {
             autosaved_as: None,
             saving: Saving::new(files),
             search: None,
+            tour: None,
             tour_requested: false,
             failures: Vec::new(),
             rng: ChaCha8Rng::seed_from_u64(snapshot.run.seed),
@@ -138,7 +147,7 @@ impl App {
         self.screen.log.start_run(&self.screen.snapshot.notes.log);
         self.screen.following = None;
         self.screen.offer = None;
-        self.screen.tour = None;
+        self.forget_tour();
         self.return_to_present();
         self.screen.layout = ScreenLayout::default();
         if !self.screen.has_field(self.screen.field) {

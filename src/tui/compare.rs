@@ -25,11 +25,12 @@ use ratatui::Frame;
 
 use super::PreparedInterface;
 use super::action::Mode;
-use super::app::{App, ClosedRun, Files};
+use super::app::{App, Files};
 use super::config::UiConfig;
 use super::dialog::Dialog;
-use super::event_loop::{self, Interface, TerminalRequest};
+use super::event_loop;
 use super::graphics::{Graphics, Picture, Redraw};
+use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::log::{Log, Notice};

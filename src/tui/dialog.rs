@@ -1,13 +1,14 @@
 //! Dialogs on top of the screen: the help, a list to pick from, a question to answer.
 
 mod help;
-pub mod lists;
+mod item;
 mod picker;
 mod prompt;
 mod ranking;
 
 pub use help::Help;
-pub use picker::{Item, Picker, Row};
+pub use item::Item;
+pub use picker::{Picker, Row};
 pub use prompt::{Prompt, Question};
 
 use std::path::PathBuf;

@@ -5,10 +5,8 @@ use std::time::{Duration, Instant};
 
 use crossterm::event::{Event, MouseEvent, MouseEventKind};
 use miette::{IntoDiagnostic, Report};
-use ratatui::Frame;
 
-use super::app::ClosedRun;
-use super::graphics::{Graphics, Picture, Redraw};
+use super::interface::{Interface, TerminalRequest};
 use super::record::Recorder;
 use super::terminal::Terminal;
 use crate::host::signals::TerminationSignal;
@@ -27,56 +25,6 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// `FRAME_INTERVAL` while training is not running and only the walking agent moves: an idle program
 /// should use little CPU.
 const IDLE_FRAME_INTERVAL: Duration = Duration::from_millis(130);
-
-/// What an interface, or another process, wants of the terminal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TerminalRequest {
-    /// Give the terminal back and stop the program until it is resumed.
-    Suspend,
-    /// Draw everything again.
-    Redraw,
-    /// Draw for another size.
-    Resize,
-}
-
-/// What fills the screen: the trainer, or a comparison.
-pub trait Interface {
-    /// Waits for the next snapshot or view, and shows it. Nothing is lost if the future is dropped.
-    async fn update(&mut self);
-
-    /// Handles a terminal event.
-    fn on_event(&mut self, event: &Event);
-
-    /// Handles the passing of time; returns whether the screen changes.
-    fn on_tick(&mut self) -> bool;
-
-    /// Returns what the terminal is to do, and clears the request.
-    fn take_terminal_request(&mut self) -> Option<TerminalRequest>;
-
-    /// Whether training runs, so that the screen changes all the time.
-    fn is_training(&self) -> bool;
-
-    /// Whether the program is to quit.
-    fn is_done(&self) -> bool;
-
-    /// Tells what pictures the terminal shows, and how much of them the next frame draws again.
-    fn set_graphics(&mut self, graphics: Option<Graphics>, redraw: Redraw);
-
-    /// Draws a frame.
-    fn draw(&mut self, frame: &mut Frame);
-
-    /// Shows an error.
-    fn report(&mut self, problem: &str);
-
-    /// Returns the pictures that belong to the frame.
-    fn pictures(&self) -> Vec<&Picture>;
-
-    /// Handles a signal, or an internal error, that ends the program.
-    fn on_signal(&mut self);
-
-    /// Ends training.
-    fn close(self) -> ClosedRun;
-}
 
 /// Shows `interface` until the user or a signal ends it, restores the terminal, and returns the
 /// exit status.

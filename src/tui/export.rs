@@ -67,7 +67,7 @@ pub fn write_film(screen: &Screen) -> std::io::Result<JoinHandle<Result<String, 
 
 fn export_path(kind: ExportKind, screen: &Screen) -> PathBuf {
     let (world, updates) = (screen.title(), screen.snapshot.counters.updates);
-    let end = format!("-{updates}-{}.{}", kind.stem(screen.scene()), kind.file_type());
+    let end = format!("-{updates}-{}.{}", kind.stem(screen.scene().noun()), kind.file_type());
     // A paused run may be exported several times.
     files::unused_path(&files::named(Path::new(EXPORT_FOLDER), world, &end))
 }

@@ -9,7 +9,7 @@ mod scan;
 pub use scan::Input;
 
 #[cfg(unix)]
-use super::terminal::is_in_foreground;
+use super::job_control::is_in_foreground;
 
 /// Events that wait to be handled; while there are more, the rest stays with the terminal.
 #[cfg(unix)]

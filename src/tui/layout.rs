@@ -7,8 +7,8 @@ use ratatui::layout::{Position, Rect};
 use ratatui::text::{Line, Span};
 
 use super::action::Action;
+use super::projection::Projection;
 use super::raster::MapFrame;
-use super::scene::Projection;
 
 /// What a click does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

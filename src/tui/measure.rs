@@ -12,9 +12,10 @@ use tokio::sync::watch;
 
 use super::app::{App, Files};
 use super::config::UiConfig;
-use super::event_loop::{FrameTimer, INPUT_FRAME_INTERVAL, Interface};
+use super::event_loop::{FrameTimer, INPUT_FRAME_INTERVAL};
 use super::graphics::patches::Patches;
 use super::graphics::{Graphics, Protocol, Redraw};
+use super::interface::Interface;
 use super::keymap::Keymap;
 use super::theme::{ColourDepth, Theme, ThemeName};
 use gdg::engine::{Command, Engine, Phase, Snapshot};

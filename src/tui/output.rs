@@ -1,7 +1,5 @@
 //! What can be exported to files.
 
-use super::scene::SceneKind;
-
 /// A kind of export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExportKind {
@@ -33,21 +31,21 @@ impl ExportKind {
         Self::Film,
     ];
 
-    /// Returns the name shown on the screen.
-    pub fn name(self, scene: SceneKind) -> String {
+    /// Returns the name shown on the screen, where the scene is called `noun`.
+    pub fn name(self, noun: &str) -> String {
         let form = match self {
             Self::MapPng | Self::ScreenPng => "bitmap",
             Self::MapSvg | Self::ScreenSvg | Self::CurvesSvg => "vector graphic",
             Self::CurvesCsv => "table",
             Self::Film => "animation",
         };
-        format!("{} as {form}", self.stem(scene))
+        format!("{} as {form}", self.stem(noun))
     }
 
     /// Returns the part of the file name that follows world and update.
-    pub fn stem(self, scene: SceneKind) -> &'static str {
+    pub fn stem(self, noun: &str) -> &str {
         match self {
-            Self::MapPng | Self::MapSvg => scene.noun(),
+            Self::MapPng | Self::MapSvg => noun,
             Self::ScreenPng | Self::ScreenSvg => "screen",
             Self::CurvesSvg | Self::CurvesCsv => "curves",
             Self::Film => "film",

@@ -21,15 +21,13 @@ mod header;
 pub(super) mod help;
 mod hint;
 mod log;
-pub(super) mod scale;
 mod side;
-pub(super) mod text;
 mod tour;
 mod training;
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::{Color, Modifier, Style};
+use ratatui::style::Color;
 
 use super::dialog::Dialog;
 use super::layout::ScreenLayout;
@@ -57,10 +55,6 @@ const LEAST_GAIN_BELOW: f32 = 1.25;
 /// Screen widths from which the panel is wide, and from which it has two columns of panes.
 const WIDE_SCREEN: u16 = 110;
 const VERY_WIDE_SCREEN: u16 = 160;
-
-pub(super) const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);
-pub(super) const DIM: Style = Style::new().add_modifier(Modifier::DIM);
-pub(super) const REVERSED: Style = Style::new().add_modifier(Modifier::REVERSED);
 
 /// Draws everything and returns where it is; `cache` keeps what the next frame can reuse.
 pub fn draw(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> ScreenLayout {

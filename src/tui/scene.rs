@@ -4,6 +4,7 @@
 mod arm;
 mod legend;
 pub mod maze;
+mod scale;
 mod walk;
 
 use crossterm::event::MouseEventKind;
@@ -16,11 +17,11 @@ use super::app::App;
 use super::layers::Overlay;
 use super::layout::ScreenLayout;
 use super::screen::Screen;
-pub use arm::{ArmState, Projection};
+pub use arm::ArmState;
 use gdg::bridge::EdgeStatus;
 use gdg::env::{Scene, fetch_reach, maze as maze_world};
 use gdg::viewer::Field;
-pub use maze::{Cache, MazeState, Tool, shown_goal};
+pub use maze::{Cache, MazeState, shown_goal};
 pub use walk::MEANINGS as WALK_MEANINGS;
 
 /// A kind of world that the screen draws.

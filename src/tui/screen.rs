@@ -4,7 +4,6 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::action::Mode;
-use super::app::Offer;
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::graphics::{Graphics, Redraw};
@@ -12,10 +11,11 @@ use super::keymap::Keymap;
 use super::layers::Overlays;
 use super::layout::ScreenLayout;
 use super::log::Log;
+use super::offer::Offer;
 use super::panes::Pane;
 use super::scene::{ArmState, MazeState, SceneKind};
 use super::theme::{ColourDepth, Theme};
-use super::tour::Tour;
+use super::tour::ShownStep;
 use crate::tui::marker::Marker;
 use gdg::bridge::SearchOutcome;
 use gdg::engine::{Phase, Snapshot};
@@ -76,8 +76,10 @@ pub struct Screen {
     pub offer: Option<Offer>,
     /// The frame of the film that is looked at instead of the present.
     pub past: Option<Arc<FilmFrame>>,
-    /// The guided tour, while it lasts.
-    pub tour: Option<Tour>,
+    /// The step of the guided tour, while it lasts.
+    pub tour: Option<ShownStep>,
+    /// The bridge search that the tour explains, instead of the latest.
+    pub explained: Option<Arc<SearchOutcome>>,
     /// Whether the interface has not been used yet: a line says what there is to see.
     pub first_run: bool,
     /// Where things were last drawn.
@@ -115,6 +117,7 @@ impl Screen {
             offer: None,
             past: None,
             tour: None,
+            explained: None,
             first_run: false,
             layout: ScreenLayout::default(),
         };
@@ -191,9 +194,7 @@ impl Screen {
 
     /// Returns the bridge search that is shown: the latest, unless the tour explains another.
     pub fn search(&self) -> Option<&Arc<SearchOutcome>> {
-        let explained =
-            self.tour.as_ref().and_then(|tour| tour.bridge.as_ref()).map(|bridge| &bridge.search);
-        explained.or(self.snapshot.search.as_ref())
+        self.explained.as_ref().or(self.snapshot.search.as_ref())
     }
 
     /// Returns method, preset, seed and settings.

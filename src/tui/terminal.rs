@@ -1,7 +1,6 @@
 //! The terminal: set up at the start, and always restored.
 
 mod guard;
-mod suspend;
 
 use std::cell::{Cell, RefCell};
 use std::io::Write;
@@ -22,18 +21,17 @@ use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Rect;
 use ratatui::{TerminalOptions, Viewport};
 
-use super::event_loop::Interface;
 use super::graphics::patches::Patches;
 use super::graphics::query::{self, Answer};
 use super::graphics::{self, Graphics, Protocol, Redraw, encode};
 use super::input::{Input, InputStream};
+use super::interface::Interface;
+use super::job_control::{self, is_in_foreground, is_raw};
 use super::record::{LARGEST_SCREEN, Recorder};
 use crate::tui::marker::Marker;
 use gdg::printing;
 use guard::Guard;
 pub use guard::{GUARD_COMMAND, run_guard};
-pub use suspend::is_in_foreground;
-use suspend::is_raw;
 
 /// How long the terminal may take to answer what it can show: before the first frame, and again
 /// before it is given back, as its answer would be typed at the shell's prompt.
@@ -295,12 +293,12 @@ impl Terminal {
     /// # Errors
     /// Errors of the terminal.
     pub async fn suspend(&mut self) -> std::io::Result<bool> {
-        if !suspend::is_resumable() {
+        if !job_control::is_resumable() {
             return Ok(false);
         }
         self.answered().await;
         restore();
-        suspend::stop()?;
+        job_control::stop()?;
         self.reopen();
         Ok(true)
     }

@@ -3,7 +3,7 @@
 use super::{Action, Binding, Section, When};
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
-use crate::tui::scene::Tool;
+use crate::tui::tool::Tool;
 
 const fn bind(
     action: Action,

@@ -6,9 +6,10 @@ use crossterm::event::{KeyCode, KeyEvent};
 
 use super::App;
 use crate::tui::action::{Action, Mode, bindings};
-use crate::tui::dialog::{Choice, Dialog, Help, Picker, Prompt, Question, lists};
-use crate::tui::event_loop::TerminalRequest;
+use crate::tui::dialog::{Choice, Dialog, Help, Picker, Prompt, Question};
+use crate::tui::interface::TerminalRequest;
 use crate::tui::layers::{Overlay, Overlays};
+use crate::tui::lists;
 use crate::tui::marker::Marker;
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
@@ -93,7 +94,7 @@ impl App {
             Action::Load => self.pick_checkpoint(),
             Action::Resume => self.resume_offered(),
             Action::Autosave => self.ask_autosave(),
-            Action::Export => self.open_picker(lists::exports(self.screen.scene())),
+            Action::Export => self.open_picker(lists::exports(self.screen.scene().noun())),
             Action::ExportFilm => self.choose(Choice::Export(ExportKind::Film)),
             Action::Compare => {
                 self.notify(&format!("in a shell: {COMPARISON} shows both on the same map"));

@@ -5,58 +5,21 @@ use std::sync::Arc;
 
 use rand::RngExt;
 
+use super::answer_error::{AnswerError, FILE_EXISTS};
 use super::files::{checkpoint_file, remember_map};
 use super::{App, maze_on};
 use crate::tui::action::Action;
-use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
+use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
+use crate::tui::lists;
 use crate::tui::scene::SceneKind;
 use gdg::engine::{Command, MakeWorld};
 use gdg::env::{WorldKind, maze};
 use gdg::files::check_name;
-use gdg::map::{Grid, is_size, size_limits};
+use gdg::map::{Grid, is_size};
 use gdg::text::{NumberError, parse_count, parse_real};
 use gdg::train::{
-    ConfigError, Effect, Run, Setting, is_checkpoint, list_settings, settings_in_world,
-    with_setting,
+    Effect, Run, Setting, is_checkpoint, list_settings, settings_in_world, with_setting,
 };
-
-/// Why an answer is not accepted.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum AnswerError {
-    /// An existing file: confirming replaces it.
-    #[error("{FILE_EXISTS}")]
-    Exists,
-    /// A checkpoint, which no map replaces.
-    #[error("this file is a checkpoint: enter another name")]
-    IsCheckpoint,
-    /// An empty name of a checkpoint.
-    #[error("enter a name, e.g. rooms-at-95-percent")]
-    NoName,
-    /// An empty name of a map file.
-    #[error("enter a file name, e.g. rooms.txt or rooms.map")]
-    NoFileName,
-    /// A file that cannot be written.
-    #[error("{0} cannot be written: {1}")]
-    Unwritable(String, std::io::Error),
-    /// A text that is not two numbers.
-    #[error("enter two numbers, e.g. 40 x 30")]
-    NoSize,
-    /// A size that no map can have.
-    #[error("{}", size_limits())]
-    NoMapSize,
-    /// A size that leaves walls only.
-    #[error("the map would have no free cell")]
-    NoFreeCell,
-    /// A text that is not the number asked for.
-    #[error("{0}")]
-    Number(#[from] NumberError),
-    /// A text that is not a number of minutes.
-    #[error("enter a number of minutes, 0 for none")]
-    NoMinutes,
-    /// A setting that cannot have this value.
-    #[error("{}", .0.one_line())]
-    Setting(#[from] Box<ConfigError>),
-}
 
 impl App {
     /// Accepts the answer to the topmost dialog.
@@ -329,9 +292,6 @@ impl App {
         Ok(())
     }
 }
-
-/// The warning shown before a file is replaced.
-const FILE_EXISTS: &str = "the file exists: Enter again replaces it";
 
 /// Checks that an answer does not name an existing file, nor a checkpoint for a map.
 fn check_new_file(question: &Question, typed: &str) -> Result<(), AnswerError> {

@@ -6,12 +6,13 @@ use std::sync::Arc;
 use jiff::tz::TimeZone;
 
 use super::App;
-use super::answer::AnswerError;
+use super::answer_error::AnswerError;
 use crate::host::maps::warnings;
 use crate::host::runs::{self, SAVES};
 use crate::tui::action::Action;
 use crate::tui::config::recent_path;
-use crate::tui::dialog::{Prompt, Question, lists};
+use crate::tui::dialog::{Prompt, Question};
+use crate::tui::lists;
 use gdg::files::{has_extension, is_hidden, named, read_text, write_atomically};
 use gdg::map::{load_map, print_ascii, print_movingai};
 use gdg::train::describe;

@@ -56,7 +56,7 @@ impl App {
         else {
             return false;
         };
-        let last = tour.is_last();
+        let last = tour.is_last;
         match kind {
             MouseEventKind::Down(MouseButton::Left) => self.act(Action::NextTourStep),
             MouseEventKind::Drag(MouseButton::Left) => {}

@@ -1,41 +1,14 @@
 //! The line over the map: the newest saved run of the map, or, the first time, what there is to
 //! see.
 
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
-
 use super::App;
-use crate::host::runs;
 use crate::tui::action::Action;
 use crate::tui::config::used_path;
 use crate::tui::dialog::Choice;
+use crate::tui::offer::Offer;
 use gdg::files::write_atomically;
 use gdg::text::grouped;
 use gdg::train::Description;
-
-/// How long a saved run is offered.
-const OFFER_DURATION: Duration = Duration::from_secs(30);
-
-/// A saved run that may be resumed instead of the new one.
-#[derive(Debug)]
-pub struct Offer {
-    /// The saved run.
-    pub found: Description,
-    since: Instant,
-}
-
-/// The search for a saved run, on its own thread: a folder with many large checkpoints takes a
-/// while.
-pub type Search = JoinHandle<Option<Description>>;
-
-/// Starts looking for the newest saved run of the world with this title.
-///
-/// # Errors
-/// The thread cannot be started.
-pub fn search(title: String) -> std::io::Result<Search> {
-    let find = move || runs::newest(std::path::Path::new(runs::SAVES), Some(&title));
-    std::thread::Builder::new().name("saved runs".to_owned()).spawn(find)
-}
 
 impl App {
     /// Offers a saved run, and logs it for later.
@@ -47,7 +20,7 @@ impl App {
             found.file.display()
         );
         self.screen.log.record(&text, self.screen.snapshot.moment());
-        self.screen.offer = Some(Offer { found, since: Instant::now() });
+        self.screen.offer = Some(Offer::new(found));
     }
 
     /// Stops saying what there is to see, now and in later runs: the user has found out.
@@ -78,6 +51,6 @@ impl App {
             found.into_iter().for_each(|found| self.offer(found));
             return shown;
         }
-        self.screen.offer.take_if(|offer| offer.since.elapsed() > OFFER_DURATION).is_some()
+        self.screen.offer.take_if(|offer| offer.is_over()).is_some()
     }
 }

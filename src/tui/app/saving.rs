@@ -10,7 +10,9 @@ use crate::host::report::from_checkpoint_error;
 use crate::host::runs::{self, SAVES};
 use crate::host::setup::save_elsewhere;
 use crate::host::waiting::{TWICE, Waiting};
-use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question, lists};
+use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question};
+use crate::tui::interface::ClosedRun;
+use crate::tui::lists;
 use crate::tui::terminal;
 use gdg::engine::{Command, Phase, Snapshot};
 use gdg::files::{named, unused_path};
@@ -82,16 +84,6 @@ impl Saving {
     pub fn path(&self) -> &Path {
         self.to.path()
     }
-}
-
-/// What remains of a run after the interface is closed.
-pub struct ClosedRun {
-    /// The text left on the terminal.
-    pub summary: String,
-    /// Result of the final save, if one was requested.
-    pub saved: Result<(), Report>,
-    /// Whether there was an internal error or training failed.
-    pub failed: bool,
 }
 
 impl App {

@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use super::App;
 use crate::tui::action::Action;
-use crate::tui::dialog::{Choice, Dialog, Item, Picker, lists};
+use crate::tui::dialog::{Choice, Dialog, Item, Picker};
+use crate::tui::lists;
 use gdg::engine::{Phase, Snapshot};
 use gdg::text::grouped;
 use gdg::viewer::{OnArrival, View};

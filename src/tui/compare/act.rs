@@ -2,7 +2,7 @@
 
 use super::{Comparison, LETTERS};
 use crate::tui::action::{Action, bindings};
-use crate::tui::event_loop::TerminalRequest;
+use crate::tui::interface::TerminalRequest;
 use gdg::viewer::Field;
 
 impl Comparison {

@@ -11,7 +11,8 @@ use super::pace::Moment;
 use super::{Comparison, LETTERS, Side};
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ScreenLayout};
-use crate::tui::render::{BOLD, DIM, chart, curves};
+use crate::tui::render::{chart, curves};
+use crate::tui::style::{BOLD, DIM};
 use crate::tui::theme::{ColourDepth, blend};
 use gdg::train::Evaluation;
 

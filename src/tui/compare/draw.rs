@@ -23,9 +23,10 @@ use crate::tui::dialog::Dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::raster::{MapFrame, Viewport};
-use crate::tui::render::{BOLD, DIM, REVERSED, footer, help, paint_page};
+use crate::tui::render::{footer, help, paint_page};
 use crate::tui::scene::maze::{info, map, minimap};
 use crate::tui::screen::Screen;
+use crate::tui::style::{BOLD, DIM, REVERSED};
 use gdg::engine::Phase;
 
 /// The smallest screen with room for everything, in columns and rows.

@@ -4,8 +4,8 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use super::Side;
-use crate::tui::render::text::short;
-use crate::tui::render::{BOLD, DIM};
+use crate::tui::style::{BOLD, DIM};
+use crate::tui::text::short;
 
 /// Columns of the names in a column of facts.
 const NAME_WIDTH: usize = 12;

@@ -1,6 +1,6 @@
 //! How well an item matches what was typed.
 
-use super::Item;
+use super::item::Item;
 
 /// Scores of a typed word that is a whole word, or begins one: in an item's name, among the other
 /// words it is found by, and in its details; and of one within a word of the name.

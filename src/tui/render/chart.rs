@@ -7,8 +7,8 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line as TextLine, Span};
 use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition};
 
-use super::DIM;
-use super::text::short;
+use crate::tui::style::DIM;
+use crate::tui::text::short;
 
 /// Least columns of the lines for the x axis to be named.
 const MIN_NAMED_WIDTH: u16 = 20;

@@ -7,11 +7,12 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::text::short;
-use super::{BOLD, DIM, chart};
+use super::chart;
 use crate::tui::layout::{ChartArea, ScreenLayout};
 use crate::tui::scene::SceneKind;
 use crate::tui::screen::Screen;
+use crate::tui::style::{BOLD, DIM};
+use crate::tui::text::short;
 use crate::tui::theme::{ColourDepth, blend};
 use gdg::env::DistanceUnit;
 use gdg::text::display_width;

@@ -7,12 +7,13 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph};
 use unicode_truncate::UnicodeTruncateStr;
 
-use super::text::wrapped;
-use super::{BOLD, DIM, REVERSED, middle, without_slivers};
+use super::{middle, without_slivers};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Item, Picker, Prompt, Row};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
+use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::text::wrapped;
 use gdg::text::{display_width, fitted, padded};
 
 /// Maximum sizes of a list, and the maximum width of a question.

@@ -6,13 +6,13 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Clear, Paragraph};
 
-use super::text::wrapped;
-use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
-use crate::tui::scene::Tool;
 use crate::tui::screen::Screen;
+use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::text::wrapped;
+use crate::tui::tool::Tool;
 use gdg::text::display_width;
 
 /// The most rows of a notice.

@@ -4,10 +4,10 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::Span;
 
-use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
+use crate::tui::style::{BOLD, DIM, REVERSED};
 use gdg::text::{fitted, grouped};
 
 /// Columns of a name that gives way before anything else does.

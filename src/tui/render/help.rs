@@ -5,13 +5,14 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph};
 
-use super::text::wrapped;
-use super::{BOLD, DIM, REVERSED, middle, training, without_slivers};
+use super::{middle, training, without_slivers};
 use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
 use crate::tui::dialog::Help;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::scene;
 use crate::tui::screen::Screen;
+use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::text::wrapped;
 use gdg::text::display_width;
 
 /// Columns of the help, if there is room.

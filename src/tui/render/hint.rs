@@ -5,12 +5,13 @@ use ratatui::layout::Rect;
 use ratatui::text::Span;
 use ratatui::widgets::Clear;
 
-use super::{BOLD, REVERSED, footer};
+use super::footer;
 use crate::host::runs;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::scene::{SceneKind, shown_goal};
 use crate::tui::screen::Screen;
+use crate::tui::style::{BOLD, REVERSED};
 use crate::tui::theme::ColourDepth;
 use gdg::text::grouped;
 

@@ -5,9 +5,9 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::DIM;
-use super::text::{clock, short, wrapped};
 use crate::tui::screen::Screen;
+use crate::tui::style::DIM;
+use crate::tui::text::{clock, short, wrapped};
 
 /// Draws as many entries as fit, wrapped; scrolling moves by half the height.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {

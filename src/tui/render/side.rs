@@ -7,13 +7,14 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-use super::text::{EXPLAINED_WIDTH, explain};
-use super::{BOLD, DIM, REVERSED, curves, log, training};
+use super::{curves, log, training};
 use crate::tui::action::{Action, Mode};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::panes::Pane;
 use crate::tui::scene;
 use crate::tui::screen::Screen;
+use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::text::{EXPLAINED_WIDTH, explain};
 
 /// Minimum rows for two panes below each other, and for three.
 const TWO_PANE_ROWS: u16 = 30;

@@ -6,14 +6,14 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Padding, Paragraph};
 
-use super::text::wrapped;
-use super::{BOLD, REVERSED};
 use crate::tui::action::Action;
 use crate::tui::glyphs::Glyphs;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
+use crate::tui::style::{BOLD, REVERSED};
+use crate::tui::text::wrapped;
 use crate::tui::theme::ColourDepth;
-use crate::tui::tour::Tour;
+use crate::tui::tour::ShownStep;
 use gdg::text::display_width;
 
 /// Widths of the box that are tried, in columns, and what border and padding take.
@@ -49,7 +49,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let others = [Some(screen.maze.goal.centre()), view.trail.last().copied()];
     let others = characters(&others.into_iter().flatten().collect::<Vec<_>>());
     let Some(place) = place(area, tour, (&subject, &others), screen.layout.tour) else { return };
-    layout.tour = Some((tour.step(), place));
+    layout.tour = Some((tour.step, place));
     let keys = draw_box(frame, place, screen, tour, layout);
     if let Some(target) = subject.first() {
         let title = display_width(&title(tour)) as u16;
@@ -65,7 +65,7 @@ fn border(screen: &Screen) -> Style {
 }
 
 /// Returns the rows that the text takes in a box of `width` columns, border included.
-fn rows(tour: &Tour, width: u16) -> u16 {
+fn rows(tour: &ShownStep, width: u16) -> u16 {
     wrapped(&tour.caption.text, usize::from(width - MARGIN_COLUMNS)).len() as u16 + MARGIN_ROWS
 }
 
@@ -73,12 +73,12 @@ fn rows(tour: &Tour, width: u16) -> u16 {
 /// the best place.
 fn place(
     area: Rect,
-    tour: &Tour,
+    tour: &ShownStep,
     (subject, others): (&[Position], &[Position]),
     before: Option<(usize, Rect)>,
 ) -> Option<Rect> {
     if let Some((step, rect)) = before
-        && step == tour.step()
+        && step == tour.step
     {
         let now = Rect { height: rect.height.max(rows(tour, rect.width)), ..rect };
         if area.union(now) == area && !subject.iter().any(|at| now.contains(*at)) {
@@ -128,8 +128,8 @@ fn gaps(rect: Rect, at: Position) -> (i16, i16) {
     (gap(at.x, rect.x, rect.right()), gap(at.y, rect.y, rect.bottom()))
 }
 
-fn title(tour: &Tour) -> String {
-    format!(" {} ", tour.title())
+fn title(tour: &ShownStep) -> String {
+    format!(" {} ", tour.title)
 }
 
 /// Draws the box with text and keys; returns where the keys are.
@@ -137,7 +137,7 @@ fn draw_box(
     frame: &mut Frame,
     area: Rect,
     screen: &Screen,
-    tour: &Tour,
+    tour: &ShownStep,
     layout: &mut ScreenLayout,
 ) -> Rect {
     let title = Line::styled(title(tour), BOLD.patch(REVERSED));
@@ -150,7 +150,7 @@ fn draw_box(
         wrapped(&tour.caption.text, usize::from(inner.width)).into_iter().map(Line::from).collect();
     frame.render_widget(Paragraph::new(lines), inner);
     let mut keys = ClickableLine::default();
-    let next = if tour.is_last() { "done" } else { "next" };
+    let next = if tour.is_last { "done" } else { "next" };
     for (action, label) in [(Action::NextTourStep, next), (Action::EndTour, "end")] {
         let key = screen.keymap.key_of(action);
         keys.push(Span::styled(format!(" {key} {label} "), Style::new()), Click::Act(action));

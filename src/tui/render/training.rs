@@ -2,11 +2,11 @@
 
 use ratatui::text::Line;
 
-use super::BOLD;
-use super::text::{EXPLAINED_WIDTH, EXPLANATION_COLUMN, clock, explain, fact, short};
 use crate::tui::action::Action;
 use crate::tui::scene;
 use crate::tui::screen::Screen;
+use crate::tui::style::BOLD;
+use crate::tui::text::{EXPLAINED_WIDTH, EXPLANATION_COLUMN, clock, explain, fact, short};
 use gdg::bridge::EdgeStatus;
 use gdg::engine::NextEvaluation;
 use gdg::learn::{Losses, Stage};

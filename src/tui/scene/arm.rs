@@ -5,7 +5,6 @@ mod draw;
 mod info;
 mod legend;
 mod mouse;
-mod projection;
 mod shapes;
 mod walk;
 
@@ -17,13 +16,13 @@ use ratatui::layout::Rect;
 use crate::tui::contours;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
+use crate::tui::projection::{ShownAngles, arrange};
 use crate::tui::screen::Screen;
 pub use act::{offers, wording};
 use gdg::env::ArmScene;
 use gdg::viewer::ArmView;
 use gdg::viewer::arm::film_goal;
 pub use legend::lines as legend_lines;
-pub use projection::{Angle, Camera, Orbit, Projection};
 pub use walk::lines as walk_lines;
 
 /// What the screen shows of an arm.
@@ -33,14 +32,8 @@ pub struct ArmState {
     pub view: Arc<ArmView>,
     /// The goal that distances are measured to, in metres.
     pub goal: [f32; 3],
-    /// The chosen projection: arrow keys move the goal in its plane.
-    pub angle: Angle,
-    /// Whether it is shown alone even if there is room for others.
-    pub alone: bool,
-    /// The direction of the free projection.
-    pub orbit: Orbit,
-    /// The part that all projections show.
-    pub camera: Camera,
+    /// Which projections are shown, and how.
+    pub shown: ShownAngles,
     /// Whether a drag has turned the free projection since the button was pressed.
     pub turned: bool,
 }
@@ -53,7 +46,7 @@ pub fn draw(
     screen: &Screen,
     layout: &mut ScreenLayout,
 ) {
-    layout.projections = projection::arrange(area, screen);
+    layout.projections = arrange(area, &screen.arm.shown, screen.marker);
     layout.contour_interval = contour_interval(screen);
     for projection in &layout.projections {
         draw::draw(frame, projection, scene, screen, layout);

@@ -6,10 +6,10 @@ use ratatui::text::{Line, Span};
 use super::{edge_count, overlays};
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
-use crate::tui::render::DIM;
-use crate::tui::render::scale::scale;
-use crate::tui::render::text::heading;
+use crate::tui::scene::scale::scale;
 use crate::tui::screen::Screen;
+use crate::tui::style::DIM;
+use crate::tui::text::heading;
 use crate::tui::theme::{Rgb, Theme};
 use gdg::bridge::EdgeStatus;
 

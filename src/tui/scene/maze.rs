@@ -6,6 +6,7 @@ mod edges;
 mod editor;
 mod edits;
 pub mod info;
+mod key;
 mod legend;
 pub mod map;
 pub mod minimap;
@@ -22,11 +23,12 @@ use ratatui::layout::Rect;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::Viewport;
 use crate::tui::screen::Screen;
-pub use editor::{Editor, Tool};
+pub use editor::Editor;
 use gdg::map::{Cell, Grid};
 use gdg::viewer::MazeView;
+pub use key::shown_goal;
 pub use legend::lines as legend_lines;
-pub use map::{Cache, shown_goal};
+pub use map::Cache;
 pub use walk::lines as walk_lines;
 
 /// What the screen shows of a maze.

@@ -3,8 +3,8 @@
 use ratatui::text::Line;
 
 use crate::tui::action::Action;
-use crate::tui::render::text::fact;
 use crate::tui::screen::Screen;
+use crate::tui::text::fact;
 use gdg::engine::FollowedAgent;
 
 /// What the numbers mean, by their names in the pane.

@@ -3,7 +3,6 @@
 use super::*;
 use crate::tui::action::{Action, Binding, Mode, When};
 use crate::tui::dialog::Choice;
-use crate::tui::tour::Tour;
 
 /// Returns whether the trainer has a binding, not only comparisons.
 fn is_of_trainer(binding: &Binding) -> bool {
@@ -88,7 +87,7 @@ fn state(app: &App) -> String {
             app.screen.log.notice().map(|notice| notice.text.to_owned())
         ),
         app.screen.maze.map.free_count(),
-        app.screen.tour.as_ref().map(Tour::step),
+        app.screen.tour.as_ref().map(|tour| tour.step),
     )
 }
 

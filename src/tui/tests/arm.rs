@@ -172,7 +172,7 @@ fn a_click_sets_the_two_coordinates_that_are_shown() {
             assert!(height != 24 || app.screen.layout.projections.len() == 1);
             press(&mut app, KeyCode::Char('P'));
         }
-        app.screen.arm.angle = crate::tui::scene::ArmState::default().angle;
+        app.screen.arm.shown.angle = crate::tui::scene::ArmState::default().shown.angle;
     }
 }
 
@@ -206,7 +206,7 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
     let free = app.screen.layout.projections[3].clone();
     let middle =
         Position::new(free.frame.area.x + free.frame.area.width / 2, free.frame.area.y + 12);
-    let (goal, orbit) = (app.screen.arm.goal, app.screen.arm.orbit);
+    let (goal, orbit) = (app.screen.arm.goal, app.screen.arm.shown.orbit);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), middle);
     mouse(
         &mut app,
@@ -218,7 +218,7 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
         MouseEventKind::Up(MouseButton::Left),
         Position::new(middle.x + 5, middle.y + 2),
     );
-    assert!(app.screen.arm.goal == goal && app.screen.arm.orbit != orbit);
+    assert!(app.screen.arm.goal == goal && app.screen.arm.shown.orbit != orbit);
     draw(&mut app, 200, 60);
     let free = app.screen.layout.projections[3].clone();
     let wanted = free.point_at(middle, goal);
@@ -227,9 +227,9 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
     assert_eq!(app.screen.arm.goal, scene.nearest_goal(wanted));
     mouse(&mut app, MouseEventKind::ScrollUp, middle);
-    assert!(app.screen.arm.camera.zoom > 1.0);
+    assert!(app.screen.arm.shown.camera.zoom > 1.0);
     press(&mut app, KeyCode::Char('0'));
-    assert_eq!(app.screen.arm.camera.zoom, 1.0);
+    assert_eq!(app.screen.arm.shown.camera.zoom, 1.0);
 }
 
 #[test]
@@ -251,7 +251,7 @@ fn what_needs_a_map_is_not_offered_and_says_why() {
     for kind in ExportKind::ALL {
         let is_written = crate::tui::export::contents(kind, &app.screen).is_ok();
         assert_eq!(is_written, kind != ExportKind::Film, "{kind:?}: nothing has been filmed");
-        assert!(!kind.name(app.screen.scene()).starts_with("map"));
+        assert!(!kind.name(app.screen.scene().noun()).starts_with("map"));
     }
 }
 

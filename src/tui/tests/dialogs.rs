@@ -2,7 +2,8 @@
 
 use super::screens::staged_app;
 use super::*;
-use crate::tui::dialog::{Choice, Item, lists};
+use crate::tui::dialog::{Choice, Item};
+use crate::tui::lists;
 use crate::tui::panes::Pane;
 use gdg::learn::LearnerKind;
 use gdg::viewer::maze::CellInfo;

@@ -96,7 +96,7 @@ fn clicks_select_the_editor_tools() {
     let mut app = app();
     click(&mut app, SMALL, "e edit");
     click(&mut app, SMALL, "box");
-    assert_eq!(app.screen.maze.editor.tool, crate::tui::scene::Tool::Rectangle);
+    assert_eq!(app.screen.maze.editor.tool, crate::tui::tool::Tool::Rectangle);
     app.notify("8 cells walled up");
     assert!(
         place_of(&mut app, SMALL, "8 cells walled up").is_some_and(|at| at.y == SMALL.1 - 2),

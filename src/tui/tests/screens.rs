@@ -11,9 +11,10 @@ use jiff::tz::TimeZone;
 
 use super::*;
 use crate::tui::action::Action;
-use crate::tui::dialog::{Choice, lists};
+use crate::tui::dialog::Choice;
 use crate::tui::export::contents;
 use crate::tui::layers::{Overlay, Overlays};
+use crate::tui::lists;
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::render::pane_lines;

@@ -3,9 +3,8 @@
 use ratatui::layout::Rect;
 
 use super::*;
+use crate::tui::app::ALL_STEPS as STEPS;
 use crate::tui::layers::Overlay;
-use crate::tui::tour::Tour;
-use crate::tui::tour::steps::STEPS;
 use gdg::bridge::{BridgePoint, SearchOutcome};
 use gdg::engine::Networks;
 use gdg::learn::{Policy, Scratch};
@@ -33,7 +32,7 @@ fn touring_app() -> App {
 }
 
 fn step(app: &App) -> Option<usize> {
-    app.screen.tour.as_ref().map(Tour::step)
+    app.screen.tour.as_ref().map(|tour| tour.step)
 }
 
 /// Lets the step reach its time limit.
@@ -229,7 +228,7 @@ fn check_box(app: &mut App, (width, height): (u16, u16)) {
     let tour = app.screen.tour.as_ref().expect("a tour");
     let (_, area) = app.screen.layout.tour.expect("a box");
     let frame = app.screen.layout.map.as_ref().expect("the map");
-    let at = format!("{} at {width} x {height}", tour.title());
+    let at = format!("{} at {width} x {height}", tour.title);
     assert_eq!(app.screen.layout.map_pane.union(area), app.screen.layout.map_pane, "{at}");
     for position in tour.caption.subject.iter().filter_map(|at| frame.character_of(*at)) {
         assert!(

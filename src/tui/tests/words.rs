@@ -1,10 +1,11 @@
 //! What the list of actions finds for users' own words.
 
 use super::*;
-use crate::tui::dialog::{Choice, Row, lists};
+use crate::tui::dialog::{Choice, Row};
 use crate::tui::layers::Overlay;
+use crate::tui::lists;
 use crate::tui::panes::Pane;
-use crate::tui::scene::Tool;
+use crate::tui::tool::Tool;
 
 /// Words, and the action that must come first for them.
 const WORDS: [(&str, Action); 101] = [

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use super::projection::{Angle, Camera, has_room};
 use crate::tui::action::Action;
 use crate::tui::app::App;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::panes::Pane;
+use crate::tui::projection::{Angle, Camera, Projection, has_room};
 use gdg::env::{ArmScene, Scene};
 use gdg::viewer::arm::Request;
 
@@ -70,7 +70,7 @@ impl App {
 
     /// Shows the arm of another run, with the goal that it was saved with or a random one.
     pub(in crate::tui) fn start_arm(&mut self) {
-        self.screen.arm.camera = Camera::default();
+        self.screen.arm.shown.camera = Camera::default();
         self.screen.arm.view = Arc::default();
         let run = &self.screen.snapshot.run;
         let agents = run.settings.train.agents;
@@ -112,14 +112,16 @@ impl App {
                 self.viewer.request(Request::Start(Some(at)));
             }
             Action::NewStart => self.viewer.request(Request::Start(None)),
-            Action::Projection => arm.angle = arm.angle.next(),
-            Action::Alone if has_room(self.screen.layout.map_pane) => arm.alone = !arm.alone,
+            Action::Projection => arm.shown.angle = arm.shown.angle.next(),
+            Action::Alone if has_room(self.screen.layout.map_pane) => {
+                arm.shown.alone = !arm.shown.alone;
+            }
             Action::Alone => self.notify("there is only room for one projection"),
             Action::ZoomIn => self.zoom_arm(1.5, None),
             Action::ZoomOut => self.zoom_arm(1.0 / 1.5, None),
-            Action::ZoomOff => arm.camera = Camera::default(),
-            Action::Pan(dx, dy) if arm.angle == Angle::Free => {
-                arm.orbit.turn(TURN * dx as f32, -TURN * dy as f32);
+            Action::ZoomOff => arm.shown.camera = Camera::default(),
+            Action::Pan(dx, dy) if arm.shown.angle == Angle::Free => {
+                arm.shown.orbit.turn(TURN * dx as f32, -TURN * dy as f32);
             }
             Action::Pan(dx, dy) => self.pan_arm([PAN_SHARE * dx as f32, PAN_SHARE * dy as f32]),
             _ => {}
@@ -138,8 +140,8 @@ impl App {
     }
 
     /// Returns the chosen projection, if it has been drawn.
-    fn chosen_projection(&self) -> Option<&super::Projection> {
-        let (shown, angle) = (&self.screen.layout.projections, self.screen.arm.angle);
+    fn chosen_projection(&self) -> Option<&Projection> {
+        let (shown, angle) = (&self.screen.layout.projections, self.screen.arm.shown.angle);
         shown.iter().find(|projection| projection.angle == angle)
     }
 
@@ -147,8 +149,8 @@ impl App {
     fn pan_arm(&mut self, [right, down]: [f32; 2]) {
         let Some(projection) = self.chosen_projection() else { return };
         let [_, _, width, height] = projection.frame.raster.window;
-        let (plane, focus) = (projection.plane, self.screen.arm.camera.focus);
-        self.screen.arm.camera.focus = std::array::from_fn(|i| {
+        let (plane, focus) = (projection.plane, self.screen.arm.shown.camera.focus);
+        self.screen.arm.shown.camera.focus = std::array::from_fn(|i| {
             focus[i] + right * width * plane.across[i] - down * height * plane.up[i]
         });
     }
@@ -156,20 +158,20 @@ impl App {
     /// Magnifies by a factor, keeping `fixed` (by default the goal) where it is on the screen.
     pub(in crate::tui) fn zoom_arm(&mut self, by: f32, fixed: Option<[f32; 3]>) {
         let arm = &mut self.screen.arm;
-        let (before, fixed) = (arm.camera.zoom, fixed.unwrap_or(arm.goal));
-        arm.camera.zoom = (before * by).clamp(1.0, MAX_ZOOM);
-        if arm.camera.zoom < 1.01 {
-            arm.camera = Camera::default();
+        let (before, fixed) = (arm.shown.camera.zoom, fixed.unwrap_or(arm.goal));
+        arm.shown.camera.zoom = (before * by).clamp(1.0, MAX_ZOOM);
+        if arm.shown.camera.zoom < 1.01 {
+            arm.shown.camera = Camera::default();
             return;
         }
-        let share = before / arm.camera.zoom;
-        let focus = arm.camera.focus;
-        arm.camera.focus = std::array::from_fn(|i| fixed[i] + share * (focus[i] - fixed[i]));
+        let share = before / arm.shown.camera.zoom;
+        let focus = arm.shown.camera.focus;
+        arm.shown.camera.focus = std::array::from_fn(|i| fixed[i] + share * (focus[i] - fixed[i]));
     }
 
     /// Shows all projections again; returns whether the chosen one was alone.
     pub(in crate::tui) fn close_on_arm(&mut self) -> bool {
-        std::mem::take(&mut self.screen.arm.alone)
+        std::mem::take(&mut self.screen.arm.shown.alone)
     }
 
     /// Has the viewer compute D for the pixels of all projections.

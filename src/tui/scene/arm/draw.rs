@@ -4,7 +4,6 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 
-use super::projection::{Angle, Projection};
 use super::shapes::{Sketch, edges};
 use super::{shown_goal, shows_field};
 use crate::tui::canvas::{CANDIDATE_MARK, Canvas, shade};
@@ -12,8 +11,9 @@ use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
-use crate::tui::render::{BOLD, REVERSED};
+use crate::tui::projection::{Angle, Projection};
 use crate::tui::screen::Screen;
+use crate::tui::style::{BOLD, REVERSED};
 use crate::tui::theme::{ColourDepth, Rgb, blend};
 use gdg::bridge::EdgeStatus;
 use gdg::env::ArmScene;
@@ -60,7 +60,7 @@ pub fn draw(
     free.for_each(|(_, label)| glyphs.label(label));
     draw_symbols(frame, projection, screen);
     let area = projection.frame.area;
-    let chosen = layout.projections.len() > 1 && projection.angle == screen.arm.angle;
+    let chosen = layout.projections.len() > 1 && projection.angle == screen.arm.shown.angle;
     let style = if chosen { BOLD.patch(REVERSED) } else { BOLD };
     let style = style
         .fg(screen.theme.colour(screen.theme.cursor))
@@ -80,7 +80,7 @@ fn title(angle: Angle, screen: &Screen) -> String {
         Angle::Front => format!("{name} at x {x}"),
         Angle::Top => format!("{name} at z {z}"),
         Angle::Free => {
-            let orbit = screen.arm.orbit;
+            let orbit = screen.arm.shown.orbit;
             format!("{name} {}\u{b0} {}\u{b0}", degrees(orbit.yaw), degrees(orbit.pitch))
         }
     }

@@ -6,9 +6,9 @@ use ratatui::text::Span;
 use ratatui::widgets::Paragraph;
 
 use crate::tui::layout::ScreenLayout;
-use crate::tui::render::DIM;
-use crate::tui::render::scale::{BAR_WIDTH, scale};
+use crate::tui::scene::scale::{BAR_WIDTH, scale};
 use crate::tui::screen::Screen;
+use crate::tui::style::DIM;
 use crate::tui::theme::ColourDepth;
 
 /// Draws the line.

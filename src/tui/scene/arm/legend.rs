@@ -3,9 +3,9 @@
 use ratatui::text::Line;
 
 use crate::tui::layers::Overlay;
-use crate::tui::render::text::heading;
 use crate::tui::scene::legend::{edge_lines, overlay_lines, sign};
 use crate::tui::screen::Screen;
+use crate::tui::text::heading;
 use crate::tui::theme::{ColourDepth, Rgb, blend};
 use gdg::env::Scene;
 

@@ -3,8 +3,8 @@
 use crossterm::event::{MouseButton, MouseEventKind};
 use ratatui::layout::Position;
 
-use super::projection::{Angle, Projection};
 use crate::tui::app::App;
+use crate::tui::projection::{Angle, Projection};
 use gdg::viewer::arm::Request;
 
 /// Zoom factor of one wheel step.
@@ -31,7 +31,7 @@ impl App {
             MouseEventKind::ScrollUp => self.zoom_arm(WHEEL_ZOOM_FACTOR, Some(point)),
             MouseEventKind::ScrollDown => self.zoom_arm(1.0 / WHEEL_ZOOM_FACTOR, Some(point)),
             MouseEventKind::Down(button) => {
-                (self.screen.arm.angle, self.screen.arm.turned) = (projection.angle, false);
+                (self.screen.arm.shown.angle, self.screen.arm.turned) = (projection.angle, false);
                 self.on_first_use();
                 self.dragged_from = Some(at);
                 match button {
@@ -65,11 +65,11 @@ impl App {
     ) {
         let moved = |from: u16, to: u16| f32::from(to) - f32::from(from);
         let [right, down] = [moved(from.x, to.x), moved(from.y, to.y)];
-        let chosen = over.filter(|projection| projection.angle == self.screen.arm.angle);
+        let chosen = over.filter(|projection| projection.angle == self.screen.arm.shown.angle);
         match (button, chosen) {
-            (MouseButton::Left, _) if self.screen.arm.angle == Angle::Free => {
+            (MouseButton::Left, _) if self.screen.arm.shown.angle == Angle::Free => {
                 self.screen.arm.turned = true;
-                self.screen.arm.orbit.turn(-TURN[0] * right, TURN[1] * down);
+                self.screen.arm.shown.orbit.turn(-TURN[0] * right, TURN[1] * down);
             }
             (MouseButton::Left, Some(projection)) => {
                 let point = projection.point_at(to, self.screen.arm.goal);
@@ -78,7 +78,7 @@ impl App {
             (MouseButton::Middle, Some(projection)) => {
                 let (at, was) =
                     (projection.point_at(to, [0.0; 3]), projection.point_at(from, [0.0; 3]));
-                let focus = &mut self.screen.arm.camera.focus;
+                let focus = &mut self.screen.arm.shown.camera.focus;
                 *focus = std::array::from_fn(|i| focus[i] + was[i] - at[i]);
             }
             _ => {}

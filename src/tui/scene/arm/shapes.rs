@@ -1,7 +1,7 @@
 //! Lines, balls and boxes on the pixels of a projection.
 
-use super::projection::Projection;
 use crate::tui::canvas::Canvas;
+use crate::tui::projection::Projection;
 use crate::tui::theme::Rgb;
 use gdg::env::fetch_reach::Corners;
 

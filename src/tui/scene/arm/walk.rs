@@ -3,9 +3,9 @@
 use ratatui::text::Line;
 
 use super::centimetres;
-use crate::tui::render::text::{fact, heading};
 use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
+use crate::tui::text::{fact, heading};
 use gdg::env::Scene;
 use gdg::text::counted;
 

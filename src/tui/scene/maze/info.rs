@@ -7,10 +7,10 @@ use ratatui::widgets::Paragraph;
 
 use crate::tui::action::Action;
 use crate::tui::layout::ScreenLayout;
-use crate::tui::render::DIM;
-use crate::tui::render::scale::{BAR_WIDTH, SHORT_BAR_WIDTH, scale};
-use crate::tui::render::text::short;
+use crate::tui::scene::scale::{BAR_WIDTH, SHORT_BAR_WIDTH, scale};
 use crate::tui::screen::Screen;
+use crate::tui::style::DIM;
+use crate::tui::text::short;
 use crate::tui::theme::ColourDepth;
 
 /// Draws the line.

@@ -6,10 +6,10 @@ use super::edges::MAX_EDGES;
 use super::map::{FRONTIER_SIGN, TRAIL_MARK};
 use crate::tui::canvas::{CANDIDATE_MARK, UNVISITED_MARK};
 use crate::tui::layers::Overlay;
-use crate::tui::render::text::heading;
 use crate::tui::scene::edge_count;
 use crate::tui::scene::legend::{edge_lines, overlay_lines, sample, sign};
 use crate::tui::screen::Screen;
+use crate::tui::text::heading;
 use crate::tui::theme::{ColourDepth, Rgb};
 use gdg::bridge::EdgeStatus;
 

@@ -1,29 +1,26 @@
 //! The map and everything on it.
 
-use std::sync::Arc;
-
 use ratatui::Frame;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 
 use super::candidates;
 use super::edges;
+use super::key::{Key, open_field, show_interval, shown_goal, shown_interval};
 use super::picture::{self, PictureCache};
 use super::unexplored::Unexplored;
 use crate::tui::canvas::{CANDIDATE_MARK, Canvas, WALL_MARK, shade};
 use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
 use crate::tui::graphics::Picture;
-use crate::tui::layers::{Overlay, Overlays};
+use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::MapFrame;
-use crate::tui::render::scale::MAX_SHOWN_ERROR;
+use crate::tui::scene::scale::MAX_SHOWN_ERROR;
 use crate::tui::screen::Screen;
-use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend};
-use gdg::draw::{Ground, Raster};
-use gdg::map::{Cell, Grid};
+use crate::tui::theme::{ColourDepth, Rgb, Theme, blend};
+use gdg::draw::Ground;
 use gdg::viewer::Field;
-use gdg::viewer::maze::{Exploration, film_goal};
 
 /// Minimum characters per cell for drawing bridge candidates, and for drawing them in sizes.
 const MIN_BRIDGE_SCALE: f32 = 0.75;
@@ -101,75 +98,6 @@ impl Cache {
     }
 }
 
-/// What map and field are drawn from.
-pub(super) struct Key {
-    map_frame: MapFrame,
-    theme: ThemeName,
-    overlays: Overlays,
-    map: Arc<Grid>,
-    /// The field, if it has been computed.
-    pub(super) field: Option<Arc<Vec<f32>>>,
-    farthest: f32,
-    least_contour_interval: f32,
-    exploration: Arc<Exploration>,
-    cut_off: Arc<Vec<bool>>,
-    is_past: bool,
-}
-
-impl Key {
-    pub(super) fn new(map_frame: &MapFrame, screen: &Screen) -> Self {
-        Self {
-            map_frame: map_frame.clone(),
-            theme: screen.theme.name,
-            overlays: screen.overlays,
-            map: screen.maze.map.clone(),
-            field: Self::field_on(&map_frame.raster, screen).cloned(),
-            farthest: screen.farthest(),
-            least_contour_interval: screen.least_contour_interval,
-            exploration: screen.maze.view.exploration.clone(),
-            cut_off: screen.maze.view.cut_off.clone(),
-            is_past: screen.shown_past().is_some(),
-        }
-    }
-
-    /// Returns whether the screen still shows the same part of the same map.
-    pub(super) fn same_place(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
-        self.map_frame == *map_frame && Arc::ptr_eq(&self.map, &screen.maze.map)
-    }
-
-    /// Returns whether it does so in the same style.
-    pub(super) fn same_style(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
-        let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
-        self.same_place(map_frame, screen) && same_style
-    }
-
-    /// Returns the field for `raster`, if it has been computed.
-    pub(super) fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
-        let view = &screen.maze.view;
-        (view.raster == Some(*raster) && (view.past.is_some() || view.kind == screen.field))
-            .then_some(&view.field)
-    }
-
-    /// Returns whether what has been drawn from this is still up to date.
-    pub(super) fn is_current(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
-        let same_field = match (&self.field, Self::field_on(&map_frame.raster, screen)) {
-            (Some(own), Some(now)) => Arc::ptr_eq(own, now),
-            (own, now) => own.is_none() && now.is_none(),
-        };
-        let same_exploration = Arc::ptr_eq(&self.exploration, &screen.maze.view.exploration)
-            && Arc::ptr_eq(&self.cut_off, &screen.maze.view.cut_off);
-        let same_time = self.is_past == screen.shown_past().is_some();
-        let scale = |farthest: f32, interval: f32| (farthest.to_bits(), interval.to_bits());
-        let same_scale = scale(self.farthest, self.least_contour_interval)
-            == scale(screen.farthest(), screen.least_contour_interval);
-        self.same_style(map_frame, screen)
-            && same_field
-            && same_scale
-            && same_exploration
-            && same_time
-    }
-}
-
 /// Map and field only, which change far less often than what moves on them.
 struct Base {
     key: Key,
@@ -212,18 +140,6 @@ impl Base {
         canvas.paint(&mut painted, map_frame, &screen.theme);
         Self { key, canvas, painted, own_interval, labels }
     }
-}
-
-/// Records the steps between two contour lines, which would be `own` if the map were not compared
-/// with another.
-pub(super) fn show_interval(own: Option<f32>, screen: &Screen, layout: &mut ScreenLayout) {
-    (layout.own_contour_interval, layout.contour_interval) = (own, shown_interval(own, screen));
-}
-
-/// Returns the steps between two contour lines where they would be `own` if the map were not
-/// compared with another.
-pub(super) fn shown_interval(own: Option<f32>, screen: &Screen) -> Option<f32> {
-    own.map(|own| own.max(screen.least_contour_interval))
 }
 
 /// Draws walls and floor.
@@ -269,13 +185,6 @@ fn colour(canvas: &mut Canvas, field: &[f32], screen: &Screen) {
     }
 }
 
-/// Returns the field where contour lines may be: they would follow the walls that cross pixels, as
-/// distances differ on both sides, and mean nothing where values do not.
-pub(super) fn open_field(field: &[f32], grounds: &[Ground], unexplored: &Unexplored) -> Vec<f32> {
-    let is_open = |i: usize| matches!(grounds[i], Ground::Free(_)) && !unexplored.hides(i);
-    field.iter().enumerate().map(|(i, value)| if is_open(i) { *value } else { f32::NAN }).collect()
-}
-
 /// Draws contour lines; returns their labels, near the goal.
 fn draw_contours(
     canvas: &mut Canvas,
@@ -292,12 +201,6 @@ fn draw_contours(
 /// Returns whether the planned path or an agent is where a label would be.
 fn is_covered(label: &Label, canvas: &Canvas, map_frame: &MapFrame, theme: &Theme) -> bool {
     label.pixels(map_frame).any(|i| [theme.path, theme.agent].map(Some).contains(&canvas.colour(i)))
-}
-
-/// Returns the goal that distances are shown to.
-pub fn shown_goal(screen: &Screen) -> Cell {
-    let past = screen.shown_past().and_then(|frame| film_goal(frame, &screen.maze.map));
-    past.unwrap_or(screen.maze.goal)
 }
 
 /// Draws what changes from frame to frame, as pixels: of the past, only the agents.

@@ -5,7 +5,8 @@ use ratatui::layout::{Position, Rect};
 use ratatui::style::Style;
 use ratatui::widgets::{Block, Clear};
 
-use super::map::{ground_style, shown_goal};
+use super::key::shown_goal;
+use super::map::ground_style;
 use crate::tui::canvas::Canvas;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::marker::Marker;

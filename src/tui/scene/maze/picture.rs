@@ -11,7 +11,7 @@ use ratatui::Frame;
 
 use super::candidates;
 use super::edges;
-use super::map::{Key, open_field, show_interval, shown_goal, shown_interval};
+use super::key::{Key, open_field, show_interval, shown_goal, shown_interval};
 use super::unexplored::Unexplored;
 use crate::tui::contours as intervals;
 use crate::tui::graphics::{Picture, Redraw};

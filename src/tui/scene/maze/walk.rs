@@ -2,9 +2,9 @@
 
 use ratatui::text::Line;
 
-use crate::tui::render::text::{fact, heading};
 use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
+use crate::tui::text::{fact, heading};
 use gdg::text::counted;
 
 /// Returns the pane's lines.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::tui::layers::Overlay;
-use crate::tui::render::scale::MAX_SHOWN_ERROR;
+use crate::tui::scene::scale::MAX_SHOWN_ERROR;
 use crate::tui::screen::Screen;
 use crate::tui::sheet::{Ink, Sheet};
 use crate::tui::theme::{Rgb, blend};

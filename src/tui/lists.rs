@@ -6,7 +6,7 @@ use std::sync::Arc;
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
-use super::{Choice, Item, Picker};
+use super::dialog::{Choice, Item, Picker};
 use crate::tui::action::{Action, Binding, Mode, When, bindings};
 use crate::tui::output::ExportKind;
 use crate::tui::scene::SceneKind;
@@ -143,10 +143,10 @@ pub fn random_maps() -> Picker {
     Picker::new("open a random map", RandomMapKind::ALL.map(item).to_vec())
 }
 
-/// Lists the kinds of exports.
-pub fn exports(scene: SceneKind) -> Picker {
+/// Lists the kinds of exports of a scene called `noun`.
+pub fn exports(noun: &str) -> Picker {
     let items = ExportKind::ALL
-        .map(|kind| Item::new(kind.name(scene), kind.file_type(), Choice::Export(kind)));
+        .map(|kind| Item::new(kind.name(noun), kind.file_type(), Choice::Export(kind)));
     Picker::new("export", items.to_vec())
 }
 

@@ -8,6 +8,7 @@ use crate::tui::app::App;
 use crate::tui::layers::Overlay;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
+use crate::tui::tour::Caption;
 use gdg::bridge::SearchOutcome;
 use gdg::draw::{ContourLine, contour_lines};
 use gdg::learn::Scratch;
@@ -57,19 +58,6 @@ pub struct Step {
     pub enter: fn(&mut App),
     /// What it says now.
     pub look: fn(&Screen, &mut Tour) -> Caption,
-}
-
-/// What the box says, and about what.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Caption {
-    /// Two or three short sentences.
-    pub text: String,
-    /// Positions that the box never covers; it points to the first.
-    pub subject: Vec<[f32; 2]>,
-    /// Signs drawn on the map.
-    pub marks: Vec<([f32; 2], char)>,
-    /// Whether what it explains is to be seen now.
-    pub seen: bool,
 }
 
 /// All steps.
@@ -225,7 +213,7 @@ fn contour(screen: &Screen, tour: &mut Tour) -> Caption {
 
 fn show_search(app: &mut App) {
     let shows = app.show_overlay(Overlay::Search, true);
-    if let Some(tour) = &mut app.screen.tour {
+    if let Some(tour) = &mut app.tour {
         tour.shows_search = shows;
     }
 }
@@ -238,6 +226,14 @@ pub struct FoundBridge {
     stops: [[f32; 2]; 3],
     /// D(a,B), D(B,g) and D(a,g), rounded to steps.
     distances: [f32; 3],
+}
+
+impl FoundBridge {
+    /// Returns the steps that it saves.
+    fn gain(&self) -> f32 {
+        let [first, second, direct] = self.distances;
+        direct - first - second
+    }
 }
 
 /// Returns the latest search if it has found a bridge by the networks that are shown, which may be
@@ -257,14 +253,6 @@ fn keep_clearest_bridge(screen: &Screen, tour: &mut Tour) {
     let kept = tour.bridge.as_ref().map_or(CLEAR_GAIN, |bridge| bridge.gain() + 1.0);
     if let Some(clearer) = found_bridge(screen, kept) {
         tour.bridge = Some(clearer);
-    }
-}
-
-impl FoundBridge {
-    /// Returns the steps that it saves.
-    fn gain(&self) -> f32 {
-        let [first, second, direct] = self.distances;
-        direct - first - second
     }
 }
 
@@ -324,7 +312,7 @@ fn cells_between([from, to]: [Cell; 2]) -> Vec<Cell> {
 }
 
 fn close_door(app: &mut App) {
-    let Some(tour) = &app.screen.tour else { return };
+    let Some(tour) = &app.tour else { return };
     let leads_through = |cells: &[Cell]| {
         tour.route.iter().any(|at| cells.iter().any(|cell| straight(cell.centre(), *at) <= 0.5))
     };
@@ -334,7 +322,7 @@ fn close_door(app: &mut App) {
     let watched = Watched { place: before.centre(), before: distance, most: distance };
     app.close_door(cells_between(*corners));
     app.send_walker();
-    if let Some(tour) = &mut app.screen.tour {
+    if let Some(tour) = &mut app.tour {
         tour.watched = watched;
     }
 }

@@ -5,9 +5,8 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 
 use ratatui::layout::{Constraint, Layout, Position, Rect};
 
-use crate::tui::marker::Marker;
-use crate::tui::raster::MapFrame;
-use crate::tui::screen::Screen;
+use super::marker::Marker;
+use super::raster::MapFrame;
 use gdg::draw::Raster;
 use gdg::viewer::arm::Plane;
 
@@ -108,6 +107,19 @@ impl Default for Camera {
     }
 }
 
+/// Which projections are shown, and how.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ShownAngles {
+    /// The chosen projection: arrow keys move the goal in its plane.
+    pub angle: Angle,
+    /// Whether it is shown alone even if there is room for others.
+    pub alone: bool,
+    /// The direction of the free projection.
+    pub orbit: Orbit,
+    /// The part that all projections show.
+    pub camera: Camera,
+}
+
 /// A projection on the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Projection {
@@ -178,13 +190,12 @@ pub fn has_room(area: Rect) -> bool {
 }
 
 /// Places the projections: all of them in the quarters of `area`, or the chosen one alone.
-pub fn arrange(area: Rect, screen: &Screen) -> Vec<Projection> {
-    let arm = &screen.arm;
+pub fn arrange(area: Rect, shown: &ShownAngles, marker: Marker) -> Vec<Projection> {
     let fit = |area: Rect, angle: Angle| {
-        Projection::fit(area, (angle, arm.orbit), arm.camera, screen.marker)
+        Projection::fit(area, (angle, shown.orbit), shown.camera, marker)
     };
-    if arm.alone || !has_room(area) {
-        return fit(area, arm.angle).into_iter().collect();
+    if shown.alone || !has_room(area) {
+        return fit(area, shown.angle).into_iter().collect();
     }
     let halves = |area: Rect, layout: Layout| layout.spacing(1).areas::<2>(area);
     let rows = halves(area, Layout::vertical([Constraint::Fill(1), Constraint::Fill(1)]));

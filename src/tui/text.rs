@@ -3,7 +3,7 @@
 use ratatui::text::{Line, Span};
 use unicode_truncate::UnicodeTruncateStr;
 
-use super::{BOLD, DIM};
+use super::style::{BOLD, DIM};
 use gdg::text::display_width;
 
 /// Formats a name and a value.

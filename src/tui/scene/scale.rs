@@ -3,10 +3,10 @@
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-use super::DIM;
-use super::text::short;
 use crate::tui::canvas::SHADES;
 use crate::tui::screen::Screen;
+use crate::tui::style::DIM;
+use crate::tui::text::short;
 use crate::tui::theme::ColourDepth;
 use gdg::viewer::Field;
 

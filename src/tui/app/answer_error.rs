@@ -1,0 +1,46 @@
+//! Why answers to questions are not accepted.
+
+use gdg::map::size_limits;
+use gdg::text::NumberError;
+use gdg::train::ConfigError;
+
+/// The warning shown before a file is replaced.
+pub const FILE_EXISTS: &str = "the file exists: Enter again replaces it";
+
+/// Why an answer is not accepted.
+#[derive(Debug, thiserror::Error)]
+pub enum AnswerError {
+    /// An existing file: confirming replaces it.
+    #[error("{FILE_EXISTS}")]
+    Exists,
+    /// A checkpoint, which no map replaces.
+    #[error("this file is a checkpoint: enter another name")]
+    IsCheckpoint,
+    /// An empty name of a checkpoint.
+    #[error("enter a name, e.g. rooms-at-95-percent")]
+    NoName,
+    /// An empty name of a map file.
+    #[error("enter a file name, e.g. rooms.txt or rooms.map")]
+    NoFileName,
+    /// A file that cannot be written.
+    #[error("{0} cannot be written: {1}")]
+    Unwritable(String, std::io::Error),
+    /// A text that is not two numbers.
+    #[error("enter two numbers, e.g. 40 x 30")]
+    NoSize,
+    /// A size that no map can have.
+    #[error("{}", size_limits())]
+    NoMapSize,
+    /// A size that leaves walls only.
+    #[error("the map would have no free cell")]
+    NoFreeCell,
+    /// A text that is not the number asked for.
+    #[error("{0}")]
+    Number(#[from] NumberError),
+    /// A text that is not a number of minutes.
+    #[error("enter a number of minutes, 0 for none")]
+    NoMinutes,
+    /// A setting that cannot have this value.
+    #[error("{}", .0.one_line())]
+    Setting(#[from] Box<ConfigError>),
+}

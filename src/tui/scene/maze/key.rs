@@ -1,0 +1,107 @@
+//! What map and field are drawn from, in characters and as a picture.
+
+use std::sync::Arc;
+
+use super::unexplored::Unexplored;
+use crate::tui::layers::Overlays;
+use crate::tui::layout::ScreenLayout;
+use crate::tui::raster::MapFrame;
+use crate::tui::screen::Screen;
+use crate::tui::theme::ThemeName;
+use gdg::draw::{Ground, Raster};
+use gdg::map::{Cell, Grid};
+use gdg::viewer::maze::{Exploration, film_goal};
+
+/// What map and field are drawn from.
+pub struct Key {
+    map_frame: MapFrame,
+    theme: ThemeName,
+    overlays: Overlays,
+    map: Arc<Grid>,
+    /// The field, if it has been computed.
+    pub field: Option<Arc<Vec<f32>>>,
+    farthest: f32,
+    least_contour_interval: f32,
+    exploration: Arc<Exploration>,
+    cut_off: Arc<Vec<bool>>,
+    is_past: bool,
+}
+
+impl Key {
+    pub fn new(map_frame: &MapFrame, screen: &Screen) -> Self {
+        Self {
+            map_frame: map_frame.clone(),
+            theme: screen.theme.name,
+            overlays: screen.overlays,
+            map: screen.maze.map.clone(),
+            field: Self::field_on(&map_frame.raster, screen).cloned(),
+            farthest: screen.farthest(),
+            least_contour_interval: screen.least_contour_interval,
+            exploration: screen.maze.view.exploration.clone(),
+            cut_off: screen.maze.view.cut_off.clone(),
+            is_past: screen.shown_past().is_some(),
+        }
+    }
+
+    /// Returns whether the screen still shows the same part of the same map.
+    pub fn same_place(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
+        self.map_frame == *map_frame && Arc::ptr_eq(&self.map, &screen.maze.map)
+    }
+
+    /// Returns whether it does so in the same style.
+    pub fn same_style(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
+        let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
+        self.same_place(map_frame, screen) && same_style
+    }
+
+    /// Returns the field for `raster`, if it has been computed.
+    pub fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
+        let view = &screen.maze.view;
+        (view.raster == Some(*raster) && (view.past.is_some() || view.kind == screen.field))
+            .then_some(&view.field)
+    }
+
+    /// Returns whether what has been drawn from this is still up to date.
+    pub fn is_current(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
+        let same_field = match (&self.field, Self::field_on(&map_frame.raster, screen)) {
+            (Some(own), Some(now)) => Arc::ptr_eq(own, now),
+            (own, now) => own.is_none() && now.is_none(),
+        };
+        let same_exploration = Arc::ptr_eq(&self.exploration, &screen.maze.view.exploration)
+            && Arc::ptr_eq(&self.cut_off, &screen.maze.view.cut_off);
+        let same_time = self.is_past == screen.shown_past().is_some();
+        let scale = |farthest: f32, interval: f32| (farthest.to_bits(), interval.to_bits());
+        let same_scale = scale(self.farthest, self.least_contour_interval)
+            == scale(screen.farthest(), screen.least_contour_interval);
+        self.same_style(map_frame, screen)
+            && same_field
+            && same_scale
+            && same_exploration
+            && same_time
+    }
+}
+
+/// Records the steps between two contour lines, which would be `own` if the map were not compared
+/// with another.
+pub fn show_interval(own: Option<f32>, screen: &Screen, layout: &mut ScreenLayout) {
+    (layout.own_contour_interval, layout.contour_interval) = (own, shown_interval(own, screen));
+}
+
+/// Returns the steps between two contour lines where they would be `own` if the map were not
+/// compared with another.
+pub fn shown_interval(own: Option<f32>, screen: &Screen) -> Option<f32> {
+    own.map(|own| own.max(screen.least_contour_interval))
+}
+
+/// Returns the field where contour lines may be: they would follow the walls that cross pixels, as
+/// distances differ on both sides, and mean nothing where values do not.
+pub fn open_field(field: &[f32], grounds: &[Ground], unexplored: &Unexplored) -> Vec<f32> {
+    let is_open = |i: usize| matches!(grounds[i], Ground::Free(_)) && !unexplored.hides(i);
+    field.iter().enumerate().map(|(i, value)| if is_open(i) { *value } else { f32::NAN }).collect()
+}
+
+/// Returns the goal that distances are shown to.
+pub fn shown_goal(screen: &Screen) -> Cell {
+    let past = screen.shown_past().and_then(|frame| film_goal(frame, &screen.maze.map));
+    past.unwrap_or(screen.maze.goal)
+}

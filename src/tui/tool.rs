@@ -1,0 +1,70 @@
+//! The tools of the map editor.
+
+/// A drawing tool.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tool {
+    /// Draws walls.
+    #[default]
+    Pencil,
+    /// Draws floor.
+    Eraser,
+    /// Draws a straight wall.
+    Line,
+    /// Draws walls around a rectangle.
+    Rectangle,
+    /// Fills an area of floor with wall, or of wall with floor.
+    Fill,
+    /// Adds, moves or removes a start.
+    Start,
+    /// Adds, moves or removes a goal.
+    Goal,
+}
+
+impl Tool {
+    /// All tools, in the order of their keys.
+    pub const ALL: [Self; 7] = [
+        Self::Pencil,
+        Self::Eraser,
+        Self::Line,
+        Self::Rectangle,
+        Self::Fill,
+        Self::Start,
+        Self::Goal,
+    ];
+
+    /// Returns what the mouse buttons do with it.
+    pub fn mouse(self) -> &'static str {
+        match self {
+            Self::Pencil => "drag: walls, right drag: floor",
+            Self::Eraser => "drag: floor",
+            Self::Line => "drag: a wall, right drag: floor",
+            Self::Rectangle => "drag: an outline, right drag: floor",
+            Self::Fill => "click: fill, or clear a wall",
+            Self::Start => "click: add or remove s, drag: move",
+            Self::Goal => "click: add or remove g, drag: move",
+        }
+    }
+
+    /// Returns why using the tool has changed nothing; `None` if that is plain to see.
+    pub fn refusal(self) -> Option<&'static str> {
+        match self {
+            Self::Fill => Some("not filled: a map needs floor"),
+            Self::Start => Some("a start needs floor"),
+            Self::Goal => Some("a goal needs floor"),
+            Self::Pencil | Self::Eraser | Self::Line | Self::Rectangle => None,
+        }
+    }
+
+    /// Returns the tool's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pencil => "wall",
+            Self::Eraser => "floor",
+            Self::Line => "line",
+            Self::Rectangle => "box",
+            Self::Fill => "fill",
+            Self::Start => "start",
+            Self::Goal => "goal",
+        }
+    }
+}
