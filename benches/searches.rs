@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use divan::Bencher;
-use gdg::env::{Environment, PointMaze};
+use gdg::env::{Evaluated, PointMaze};
 use gdg::map::{Diameter, Grid, RandomMapKind, random};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use clap::Parser;
-use gdg::env::{Environment, PointMaze, TruePairs};
+use gdg::env::{Evaluated, PointMaze, TruePairs};
 use gdg::learn::Scratch;
 use gdg::map::{Cell, Grid, builtin, load_map};
 use gdg::train::{Method, Overrides, Preset, Registry, Run, Trainer, settings_from};

@@ -74,31 +74,12 @@ impl Environment for Bead {
         "bead"
     }
 
-    fn title(&self) -> &'static str {
-        "wire"
-    }
-
     fn spec(&self) -> &Spec {
         &self.spec
     }
 
-    fn agents(&self) -> usize {
-        self.positions.len()
-    }
-
     fn states(&self) -> &[f32] {
         &self.positions
-    }
-
-    fn full_state(&self, agent: usize) -> Vec<f64> {
-        vec![f64::from(self.positions[agent]), f64::from(self.speeds[agent])]
-    }
-
-    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
-        // The numbers may come from a file: keep the bead on the wire, and its speed within what
-        // actions can reach.
-        self.positions[agent] = (full_state[0] as f32).clamp(0.0, LENGTH);
-        self.speeds[agent] = (full_state[1] as f32).clamp(-1.0, 1.0);
     }
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
@@ -122,7 +103,20 @@ impl Environment for Bead {
         Box::new(Self::new(agents))
     }
 
-    fn save(&self, _: &mut Store) {}
+    // Optional: with these two, resumed runs go on exactly where they were, and evaluations begin
+    // where their tasks say.
+
+    fn full_state(&self, agent: usize) -> Vec<f64> {
+        vec![f64::from(self.positions[agent]), f64::from(self.speeds[agent])]
+    }
+
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> bool {
+        // The numbers may come from a file: keep the bead on the wire, and its speed within what
+        // actions can reach.
+        self.positions[agent] = (full_state[0] as f32).clamp(0.0, LENGTH);
+        self.speeds[agent] = (full_state[1] as f32).clamp(-1.0, 1.0);
+        true
+    }
 }
 
 /// The table's actions, and its number of intervals of the wire.

@@ -16,6 +16,7 @@ use serde_json::{Map, Value};
 use crate::host::setup::{Setup, save_elsewhere};
 use crate::host::signals::TerminationSignal;
 use crate::host::status::{EXIT_BAD_INPUT, EXIT_NOT_REACHED};
+use gdg::env::Recorded;
 use gdg::printing;
 use gdg::printing::eprint_line;
 use gdg::text::{counted, escape_json_line, grouped};
@@ -160,7 +161,9 @@ impl Session<'_> {
     /// first.
     fn facts(&self) -> Result<Option<Map<String, Value>>, Report> {
         let world = self.setup.trainer.world().fork(0);
-        run_interruptibly("world", &self.termination, move || world.facts())
+        run_interruptibly("world", &self.termination, move || {
+            world.abilities().recorded.map_or_else(Map::new, Recorded::facts)
+        })
     }
 
     /// Trains until a limit is reached or a signal arrives.

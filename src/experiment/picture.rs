@@ -6,7 +6,7 @@ use miette::{IntoDiagnostic, Report};
 
 use gdg::draw::{Picture, Raster, Rgb, contour, contour_interval, contour_lines, distance_colour};
 use gdg::env::maze::full_state_at;
-use gdg::env::{Environment, PointMaze, Task};
+use gdg::env::{Episodes, PointMaze, Task};
 use gdg::learn::{Policy, Scratch};
 use gdg::map::{Cell, Grid, StepSearch, UNREACHABLE};
 use gdg::train::{EvaluationJob, TaskWalk, Trainer};

@@ -459,7 +459,7 @@ impl Worker {
         current.search = trainer.last_search().cloned();
         if networks {
             current.networks = Networks::capture(trainer)?;
-            current.scene = trainer.world().scene();
+            current.scene = trainer.scene();
         }
         self.current.followed = self.followed()?.map(Arc::new);
         self.publish();

@@ -1,9 +1,10 @@
 //! Environments: goal-conditioned worlds with many parallel agents and no reward.
 //!
-//! Each world is a submodule that implements [`Environment`]: it steps the agents and answers every
-//! query from training, evaluation and the front ends. The learner sees only sizes and scales
+//! Each world is a submodule that implements [`Environment`], all that training needs, and whatever
+//! of the [`Abilities`] it offers evaluation and front ends. The learner sees only sizes and scales
 //! ([`Spec`]). [`WORLDS`] lists the built-in worlds.
 
+mod abilities;
 pub mod fetch_reach;
 pub mod maze;
 mod probes;
@@ -14,10 +15,12 @@ use std::sync::Arc;
 
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 
 use crate::map::Grid;
 use crate::store::{Store, StoreError};
+pub use abilities::{
+    Abilities, Change, Drawn, Editable, EnvError, Episodes, Evaluated, Explored, Recorded,
+};
 pub use fetch_reach::{ArmScene, FetchReach};
 pub use maze::PointMaze;
 pub use probes::{MAX_PROBES, Probes};
@@ -39,7 +42,7 @@ pub struct WorldKind {
     pub about: &'static str,
     /// Creates the world, if it needs no file.
     pub create: Option<fn() -> Box<dyn Environment>>,
-    /// Loads the world that [`Environment::save`] wrote, without agents.
+    /// Loads the world from what [`Recorded::save`] wrote, without agents.
     pub load: fn(&Store) -> Result<Box<dyn Environment>, StoreError>,
     /// Settings of a run in this world that differ from the preset's, as `--set` takes them
     /// (`name=value`). They apply to presets that are not published ones; whatever the user gives
@@ -134,7 +137,10 @@ impl Spec {
     }
 }
 
-/// A world in which many agents move in parallel, independently of each other.
+/// A world in which many agents move in parallel, independently of each other: what training needs.
+///
+/// The first seven methods have no default. What else a world offers, for evaluation, edits, records
+/// or display, it lists in its [`Abilities`].
 ///
 /// A *state* is what the learner observes of an agent: `state_dim` numbers. A *full state* is
 /// everything that the agent's future depends on, in the world's own layout: an arm's joints and
@@ -143,35 +149,14 @@ pub trait Environment: Any + Send + Sync {
     /// Returns the name of its [`WorldKind`].
     fn kind(&self) -> &'static str;
 
-    /// Returns its title, such as the map's name.
-    fn title(&self) -> &str;
-
     /// Returns the sizes and scales of states, goals and actions.
     fn spec(&self) -> &Spec;
-
-    /// Returns the number of agents.
-    fn agents(&self) -> usize;
 
     /// Returns all agents' states, `(agents, state_dim)`.
     fn states(&self) -> &[f32];
 
-    /// Returns an agent's full state: for every agent the same number of components, at least one.
-    fn full_state(&self, agent: usize) -> Vec<f64>;
-
-    /// Puts `agent` into a full state, or as close to it as the world allows if the state itself is
-    /// not allowed. The numbers are finite and as many as [`Self::full_state`] returns, but come
-    /// from a file: they may be out of range.
-    fn set_full_state(&mut self, agent: usize, full_state: &[f64]);
-
     /// Moves `agent` to a start state.
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng);
-
-    /// Whether, with [`Restart::Auto`], `agent` begins its next episode where it is: it once began
-    /// at the world's own start, and no edit has cut it off from there. The default is a world
-    /// without a start.
-    fn stays(&self, _agent: usize) -> bool {
-        false
-    }
 
     /// Draws a random goal that `agent` could be asked to reach from its place, into `goal`
     /// (`goal_dim`).
@@ -181,107 +166,56 @@ pub trait Environment: Any + Send + Sync {
     /// to [-1, 1]: the trainer has done so during exploration, but not in evaluation and display.
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng);
 
-    /// Writes the action that heads straight for `goal` from `state`, as if nothing were in the
-    /// way, to `action` (`action_dim`); returns whether the world knows such an action. Evaluations
-    /// report how far it gets: the floor for everything learned.
-    fn straight_action(&self, _state: &[f32], _goal: &[f32], _action: &mut [f32]) -> bool {
-        false
-    }
-
-    /// Returns a copy of the world with the same settings, `agents` new agents and empty
-    /// statistics. In which state the agents are is up to the world: callers restart them or set
-    /// their full states.
+    /// Returns a copy of the world with the same settings and `agents` new agents. In which state
+    /// the agents are is up to the world: callers restart them or set their full states.
     fn fork(&self, agents: usize) -> Box<dyn Environment>;
 
     /// Switches to new settings. A world must honour both, or document that it ignores them; the
     /// default ignores them.
     fn configure(&mut self, _settings: &EnvSettings) {}
 
-    /// Writes the data that [`WorldKind::load`] reads, and the exploration statistics if there are
-    /// any. The trainer saves the agents' full states.
-    fn save(&self, store: &mut Store);
+    /// Returns an agent's full state: for every agent the same number of components, at least one.
+    /// The default is its state. A world overrides both this and [`Self::set_full_state`], or
+    /// neither.
+    fn full_state(&self, agent: usize) -> Vec<f64> {
+        let dim = self.spec().state_dim();
+        self.states()[agent * dim..(agent + 1) * dim].iter().map(|v| f64::from(*v)).collect()
+    }
 
-    /// Restores the statistics that [`Self::save`] wrote.
+    /// Puts `agent` into a full state, or as close to it as the world allows if the state itself is
+    /// not allowed. The numbers are finite and as many as [`Self::full_state`] returns, but come
+    /// from a file: they may be out of range.
     ///
-    /// # Errors
-    /// Returns an error if they do not fit this world.
-    fn restore_statistics(&mut self, _store: &Store) -> Result<(), StoreError> {
-        Ok(())
+    /// Returns whether the world can do this, which the default cannot. In a world that cannot,
+    /// resumed agents and those of evaluations begin at start states.
+    fn set_full_state(&mut self, _agent: usize, _full_state: &[f64]) -> bool {
+        false
     }
 
-    /// Counts the agents' places for the exploration statistics. Called after every exploration
-    /// step.
-    fn count_visits(&mut self) {}
+    /// Returns what the world offers beyond training; nothing by default.
+    fn abilities(&self) -> Abilities<'_> {
+        Abilities::default()
+    }
+}
 
-    /// Returns the share of the world that the agents have explored, if it is defined.
-    fn coverage(&self) -> Option<f64> {
-        None
+impl dyn Environment {
+    /// Returns the number of agents.
+    pub fn agents(&self) -> usize {
+        self.states().len() / self.spec().state_dim()
     }
 
-    /// Returns facts for the run's records, by name; the first call may take seconds.
-    fn facts(&self) -> Map<String, Value> {
-        Map::new()
+    /// Returns the title, such as the map's name; the name of the kind if the world has none.
+    pub fn title(&self) -> &str {
+        self.abilities().recorded.map_or(self.kind(), |world| world.title())
     }
 
-    /// Returns evaluation tasks, `per_group` in each group; the first call may take seconds. The
-    /// default draws random starts and goals, at unknown distances.
-    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
-        let mut world = self.fork(1);
-        let tasks = (0..per_group).map(|_| {
-            world.restart(0, rng);
-            let mut goal = vec![0.0; world.spec().goal_dim()];
-            world.sample_goal(0, rng, &mut goal);
-            Task { start: world.full_state(0), goal, shortest: None, group: 0 }
-        });
-        TaskSet { tasks: tasks.collect(), distances: vec![None], ..TaskSet::default() }
-    }
-
-    /// Returns the steps of an episode, if the world itself defines them: automatic episodes and
-    /// evaluation tasks take as many. By default, episodes grow with what is known, and tasks take
-    /// a multiple of their shortest path.
-    fn episode_steps(&self) -> Option<u32> {
-        None
-    }
-
-    /// Returns the task that the world itself defines, from its own start to its own goal, if any.
-    fn default_task(&self) -> Option<Task> {
-        None
-    }
-
-    /// Returns the true distances if they are known; for evaluation and display only.
-    fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
-        None
-    }
-
-    /// Returns whether `action` in `state` could have led to `next`. Filters the stored transitions
-    /// after a world is edited.
-    fn is_possible(&self, _state: &[f32], _action: &[f32], _next: &[f32]) -> bool {
-        true
-    }
-
-    /// Describes the changes when this world replaces `before` in a run.
-    ///
-    /// # Errors
-    /// Returns an error if it cannot replace `before`.
-    fn change_from(&self, _before: &dyn Environment) -> Result<Change, EnvError> {
-        Err(EnvError::NotEditable(self.kind()))
-    }
-
-    /// Returns what a front end draws.
-    fn scene(&self) -> Scene {
-        Scene::Nothing
-    }
-
-    /// Returns the states at which the film of a run shows D, or `None` if this world has no film.
-    /// `goal_before` is the goal of the film so far, which it should keep. The number of places
-    /// must not change during a run.
-    fn probes(&self, _goal_before: Option<&[f32]>) -> Option<Probes> {
-        None
-    }
-
-    /// Returns the memory in bytes that the world and its evaluation use, excluding the agents.
-    fn memory_bytes(&self) -> u64 {
-        0
+    /// Returns evaluation tasks, `per_group` in each group: the world's own, or else random starts
+    /// and goals at unknown distances. The first call may take seconds.
+    pub fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
+        match self.abilities().evaluated {
+            Some(world) => world.tasks(per_group, rng),
+            None => TaskSet::random(self, per_group, rng),
+        }
     }
 }
 
@@ -322,43 +256,6 @@ impl Default for MazeScene {
     fn default() -> Self {
         Self { map: Arc::new(Grid::empty("no map", 1, 1)), visits: Arc::new(vec![0]) }
     }
-}
-
-/// What a world edit changed.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Change {
-    /// Whether distances may have grown, so that the learned ones are too short.
-    pub may_lengthen: bool,
-    /// Short description of the change.
-    pub summary: String,
-    /// Warning for the user, if any.
-    pub warning: Option<String>,
-    /// Facts about the change for the run's records, by name.
-    pub facts: Map<String, Value>,
-}
-
-/// Why a world cannot replace another in a run.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum EnvError {
-    /// The world cannot be edited.
-    #[error("the world {0} cannot be edited")]
-    NotEditable(&'static str),
-    /// The world is of another kind.
-    #[error("the run uses a world of kind {run}, not {other}")]
-    KindMismatch {
-        /// Kind of the run's world.
-        run: &'static str,
-        /// Kind of the other world.
-        other: &'static str,
-    },
-    /// The map has another size.
-    #[error("the map is {} x {}, but the run's map is {} x {}", map.0, map.1, run.0, run.1)]
-    SizeMismatch {
-        /// Columns and rows of the map.
-        map: (usize, usize),
-        /// Columns and rows of the run's map.
-        run: (usize, usize),
-    },
 }
 
 #[cfg(test)]

@@ -22,8 +22,8 @@
 //!   arrays and texts, the form of all saved state.
 //! * [`map`]: grid maps and the true distances on them. Evaluation and display read these; learning
 //!   never does.
-//! * [`env`](mod@env): the interface of a world ([`env::Environment`]) and the built-in worlds, a
-//!   folder each.
+//! * [`env`](mod@env): the interface of a world ([`env::Environment`], with optional
+//!   [`env::Abilities`]) and the built-in worlds, a folder each.
 //! * [`learn`]: the interface of a learner ([`learn::Learner`]) and the built-in learners, a file
 //!   each. Submodules, in their order: `kernels` (dense loops and products; the only unsafe code is
 //!   in [`learn::kernel`]), `networks` (inputs, weights, what networks compute together, policies),
@@ -61,14 +61,17 @@
 //!
 //! # Add a world
 //!
-//! One folder, `src/env/NAME/`: a type that implements [`env::Environment`] (sizes and scales, how
-//! agents move, restart and are saved; where available, tasks, true distances, coverage, places to
-//! film and a scene) and its [`env::WorldKind`]. Then one line in [`env::WORLDS`]. A world that
-//! needs no file is opened by its name: `gdg-tui NAME`, or `gdg-tui NAME --no-ui` if nothing draws
-//! it. Settings that suit it better than the preset's are its [`env::WorldKind::defaults`]. For the
-//! interface to draw it, add a variant to [`env::Scene`], what is computed of it
-//! (`src/viewer/NAME/`, a line in `worker_for` of `src/viewer.rs`) and how the program draws it and
-//! reacts (its `src/tui/scene/NAME/`). [`env::fetch_reach`] is a world without maps.
+//! One folder, `src/env/NAME/`: a type that implements [`env::Environment`] (sizes and scales, goals,
+//! how agents move and restart: seven methods) and its [`env::WorldKind`]. Then one line in
+//! [`env::WORLDS`]. That is enough to train and evaluate: `gdg-tui NAME --no-ui`, if the world needs
+//! no file. Settings that suit it better than the preset's are its [`env::WorldKind::defaults`].
+//!
+//! Everything else is optional. [`env::Environment::set_full_state`] puts agents back where they
+//! were; the [`env::Abilities`] are traits for records, episodes, evaluation tasks and true
+//! distances, coverage, edits, and display. For the interface to draw it, add a variant to
+//! [`env::Scene`], what is computed of it (`src/viewer/NAME/`, a line in `worker_for` of
+//! `src/viewer.rs`) and how the program draws it and reacts (its `src/tui/scene/NAME/`).
+//! [`env::fetch_reach`] is a world without maps.
 //!
 //! # Add a learner
 //!

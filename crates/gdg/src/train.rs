@@ -17,6 +17,7 @@ mod run;
 mod score;
 mod settings;
 mod trainer;
+mod visits;
 
 pub use checkpoint::{
     CheckpointError, Description, LoadError, Loaded, SaveTo, describe, examine, from_bytes,

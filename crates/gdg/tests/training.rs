@@ -764,7 +764,7 @@ fn a_maze_with_corridors_one_cell_wide_is_explored_from_one_cell() {
         let mut run =
             Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
         train_to(&mut run, 2_000);
-        run.world().coverage().unwrap()
+        run.coverage().unwrap()
     };
     let (with, without) = (explored(Auto::AUTO), explored(Auto::Given(0.0)));
     assert!(with > 0.95, "explored {with}");
@@ -810,9 +810,9 @@ fn excursions_lead_to_the_frontier_and_go_on_after_a_resume() {
 fn what_was_explored_stays_explored_after_an_edit() {
     let mut run = trainer(settings(), 5, 1);
     train_to(&mut run, 300);
-    let before = run.world().coverage().unwrap();
+    let before = run.coverage().unwrap();
     change_map(&mut run, &door_above()).unwrap();
-    let after = run.world().coverage().unwrap();
+    let after = run.coverage().unwrap();
     assert!(before > 0.3 && (before - after).abs() < 0.1, "{before} before, {after} after");
     let curve = run.history().points();
     assert!(curve.iter().all(|point| point.coverage.is_some()), "{curve:?}");

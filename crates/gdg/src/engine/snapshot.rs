@@ -193,7 +193,7 @@ impl Snapshot {
             run: Arc::new(trainer.run().clone()),
             generation: 0,
             title: trainer.world().title().into(),
-            scene: trainer.world().scene(),
+            scene: trainer.scene(),
             registry: trainer.registry().clone(),
             world_defaults: trainer
                 .registry()

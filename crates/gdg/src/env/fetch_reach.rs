@@ -20,15 +20,17 @@ mod scene;
 mod solver;
 mod wall;
 
+use std::sync::Arc;
+
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
 use super::{
-    DistanceUnit, EnvSettings, Environment, Probes, Scene, Spec, Task, TaskSet, WorldKind,
+    Abilities, DistanceUnit, Drawn, EnvSettings, Environment, Episodes, Evaluated, Probes,
+    Recorded, Scene, Spec, Task, TaskSet, WorldKind,
 };
-use crate::store::Store;
 use arm::{Arm, STEP_SECS};
 use constraints::Rows;
 use model::GOAL_CENTRE;
@@ -208,29 +210,12 @@ impl Environment for FetchReach {
         if self.wall.is_some() { WALL_KIND.name } else { KIND.name }
     }
 
-    fn title(&self) -> &str {
-        self.kind()
-    }
-
     fn spec(&self) -> &Spec {
         &self.spec
     }
 
-    fn agents(&self) -> usize {
-        self.arms.len()
-    }
-
     fn states(&self) -> &[f32] {
         &self.states
-    }
-
-    fn full_state(&self, agent: usize) -> Vec<f64> {
-        self.arms[agent].full_state().to_vec()
-    }
-
-    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
-        self.arms[agent] = Arm::from_full_state(full_state);
-        self.observe(agent);
     }
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
@@ -279,7 +264,31 @@ impl Environment for FetchReach {
         self.noise = settings.noise;
     }
 
-    fn save(&self, _: &mut Store) {}
+    fn full_state(&self, agent: usize) -> Vec<f64> {
+        self.arms[agent].full_state().to_vec()
+    }
+
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> bool {
+        self.arms[agent] = Arm::from_full_state(full_state);
+        self.observe(agent);
+        true
+    }
+
+    fn abilities(&self) -> Abilities<'_> {
+        Abilities {
+            recorded: Some(self),
+            episodes: Some(self),
+            evaluated: Some(self),
+            drawn: Some(self),
+            ..Abilities::default()
+        }
+    }
+}
+
+impl Recorded for FetchReach {
+    fn title(&self) -> &str {
+        self.kind()
+    }
 
     fn facts(&self) -> Map<String, Value> {
         let mut facts = json!({
@@ -293,19 +302,15 @@ impl Environment for FetchReach {
         }
         Map::from_iter([("arm".to_owned(), facts)])
     }
+}
 
-    fn scene(&self) -> Scene {
-        Scene::Arm(ArmScene::new(self.wall))
-    }
-
-    fn probes(&self, _: Option<&[f32]>) -> Option<Probes> {
-        Some(probe_lattice::points(&ArmScene::new(self.wall)))
-    }
-
+impl Episodes for FetchReach {
     fn episode_steps(&self) -> Option<u32> {
         Some(EPISODE_STEPS)
     }
+}
 
+impl Evaluated for FetchReach {
     /// Draws five times `per_group` tasks, in groups of equal size by start-goal distance. With the
     /// wall, start and goal are on different sides.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
@@ -320,6 +325,16 @@ impl Environment for FetchReach {
             set.tasks.extend(of_group.iter().map(|(_, task)| Task { group, ..task.clone() }));
         }
         set
+    }
+}
+
+impl Drawn for FetchReach {
+    fn scene(&self, _: &Arc<Vec<u32>>) -> Scene {
+        Scene::Arm(ArmScene::new(self.wall))
+    }
+
+    fn probes(&self, _: Option<&[f32]>) -> Option<Probes> {
+        Some(probe_lattice::points(&ArmScene::new(self.wall)))
     }
 }
 

@@ -13,8 +13,9 @@ use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
 use super::{
-    Change, EnvError, EnvSettings, Environment, GroundTruth, MazeScene, Probes, Restart, Scene,
-    Spec, Task, TaskSet, WorldKind,
+    Abilities, Change, Drawn, Editable, EnvError, EnvSettings, Environment, Episodes, Evaluated,
+    Explored, GroundTruth, MazeScene, Probes, Recorded, Restart, Scene, Spec, Task, TaskSet,
+    WorldKind,
 };
 use crate::map::{Cell, Diameter, Grid, ScenarioTask, StepSearch, parse_map, print_ascii};
 use crate::store::{Store, StoreError};
@@ -57,8 +58,6 @@ pub struct PointMaze {
     components: Arc<Vec<Vec<Cell>>>,
     component_of: Arc<Vec<Option<u32>>>,
     largest: u32,
-    /// Visit count of each cell, row-major.
-    visits: Arc<Vec<u32>>,
     /// Cached diameter; computing it takes seconds on large maps.
     diameter: Arc<OnceLock<Diameter>>,
     /// Tasks to evaluate on instead of random ones.
@@ -98,7 +97,6 @@ impl PointMaze {
             components: Arc::new(cells),
             component_of: Arc::new(components.of_cell),
             largest,
-            visits: Arc::new(vec![0; map.free().len()]),
             diameter: Arc::default(),
             scenario: Arc::from([]),
             map,
@@ -146,11 +144,6 @@ impl PointMaze {
     /// Returns the map that the agents move on.
     pub fn map(&self) -> &Arc<Grid> {
         &self.map
-    }
-
-    /// Returns the visit count of each cell, row-major.
-    pub fn visits(&self) -> &[u32] {
-        &self.visits
     }
 
     /// Returns the map's diameter; the first call takes seconds on large maps.
@@ -223,35 +216,12 @@ impl Environment for PointMaze {
         NAME
     }
 
-    fn title(&self) -> &str {
-        self.map.name()
-    }
-
     fn spec(&self) -> &Spec {
         &self.spec
     }
 
-    fn agents(&self) -> usize {
-        self.positions.len() / 2
-    }
-
     fn states(&self) -> &[f32] {
         &self.positions
-    }
-
-    fn full_state(&self, agent: usize) -> Vec<f64> {
-        self.positions[2 * agent..2 * agent + 2].iter().map(|v| f64::from(*v)).collect()
-    }
-
-    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
-        let mut position = [full_state[0] as f32, full_state[1] as f32];
-        if !self.map.is_free_at(position[0], position[1]) {
-            let cell = Cell::new(position[0].max(0.0) as usize, position[1].max(0.0) as usize);
-            if let Some(free) = self.map.nearest_free(cell) {
-                position = free.centre();
-            }
-        }
-        self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
     }
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
@@ -262,11 +232,6 @@ impl Environment for PointMaze {
             _ => self.random_position(self.largest, rng),
         };
         self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
-    }
-
-    fn stays(&self, agent: usize) -> bool {
-        let component = self.component_at(agent);
-        self.map.starts().iter().any(|start| self.component_of[self.map.index(*start)] == component)
     }
 
     fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
@@ -289,60 +254,43 @@ impl Environment for PointMaze {
         }
     }
 
-    fn straight_action(&self, state: &[f32], goal: &[f32], action: &mut [f32]) -> bool {
-        let way = [goal[0] - state[0], goal[1] - state[1]];
-        let longer = way[0].abs().max(way[1].abs()).max(1.0);
-        action.copy_from_slice(&way.map(|along| along / longer));
-        true
-    }
-
     /// Places all agents at the first free cell of the largest component.
     fn fork(&self, agents: usize) -> Box<dyn Environment> {
         let first = self.components[self.largest as usize][0].centre();
-        let visits = Arc::new(vec![0; self.map.free().len()]);
-        Box::new(Self { positions: first.repeat(agents), visits, ..self.clone() })
+        Box::new(Self { positions: first.repeat(agents), ..self.clone() })
     }
 
     fn configure(&mut self, settings: &EnvSettings) {
         self.settings = *settings;
     }
 
-    fn save(&self, store: &mut Store) {
-        store.put_text("map_name", self.map.name());
-        store.put_text("map", print_ascii(&self.map));
-        store.put("visited", self.visits.to_vec());
-    }
-
-    fn restore_statistics(&mut self, store: &Store) -> Result<(), StoreError> {
-        let visits = store.u32("visited")?;
-        if visits.len() != self.visits.len() {
-            return Err(StoreError::inconsistent("the stored visits do not fit the map"));
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> bool {
+        let mut position = [full_state[0] as f32, full_state[1] as f32];
+        if !self.map.is_free_at(position[0], position[1]) {
+            let cell = Cell::new(position[0].max(0.0) as usize, position[1].max(0.0) as usize);
+            if let Some(free) = self.map.nearest_free(cell) {
+                position = free.centre();
+            }
         }
-        self.visits = Arc::new(visits.to_vec());
-        Ok(())
+        self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
+        true
     }
 
-    fn count_visits(&mut self) {
-        let visits = Arc::make_mut(&mut self.visits);
-        for at in self.positions.chunks_exact(2) {
-            let cell = self.map.index(Cell::new(at[0] as usize, at[1] as usize));
-            visits[cell] = visits[cell].saturating_add(1);
+    fn abilities(&self) -> Abilities<'_> {
+        Abilities {
+            recorded: Some(self),
+            episodes: Some(self),
+            evaluated: Some(self),
+            explored: Some(self),
+            editable: Some(self),
+            drawn: Some(self),
         }
     }
+}
 
-    /// Returns the visited share of the cells of all components that have been visited at all: of
-    /// what is within reach.
-    fn coverage(&self) -> Option<f64> {
-        let seen = |cells: &[Cell]| {
-            cells.iter().filter(|cell| self.visits[self.map.index(**cell)] > 0).count()
-        };
-        let counts = self
-            .components
-            .iter()
-            .map(|cells| (seen(cells), cells.len()))
-            .filter(|(seen, _)| *seen > 0);
-        let (seen, all) = counts.fold((0, 0), |(seen, all), (own, of)| (seen + own, all + of));
-        Some(seen as f64 / all.max(1) as f64)
+impl Recorded for PointMaze {
+    fn title(&self) -> &str {
+        self.map.name()
     }
 
     fn facts(&self) -> Map<String, Value> {
@@ -359,6 +307,29 @@ impl Environment for PointMaze {
         Map::from_iter([("map".to_owned(), facts)])
     }
 
+    fn save(&self, store: &mut Store) {
+        store.put_text("map_name", self.map.name());
+        store.put_text("map", print_ascii(&self.map));
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        self.map.free().len() as u64 * BYTES_PER_CELL
+    }
+}
+
+impl Episodes for PointMaze {
+    fn stays(&self, agent: usize) -> bool {
+        let component = self.component_at(agent);
+        self.map.starts().iter().any(|start| self.component_of[self.map.index(*start)] == component)
+    }
+
+    /// Returns the task from the map's first start to its first goal.
+    fn default_task(&self) -> Option<Task> {
+        tasks::marked(&self.map)
+    }
+}
+
+impl Evaluated for PointMaze {
     /// Returns tasks of the scenario if there is one: six times `per_group`, evenly spaced through
     /// it. Otherwise draws random tasks at six distances, the farthest at 0.9 of the map's
     /// diameter.
@@ -376,11 +347,6 @@ impl Environment for PointMaze {
         }
     }
 
-    /// Returns the task from the map's first start to its first goal.
-    fn default_task(&self) -> Option<Task> {
-        tasks::marked(&self.map)
-    }
-
     fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
         Some(Box::new(truth::MazeGroundTruth::new(
             &self.map,
@@ -388,18 +354,39 @@ impl Environment for PointMaze {
         )))
     }
 
-    /// Checks that the step reproduces `next`; with action noise, only that both positions are
-    /// free.
-    fn is_possible(&self, state: &[f32], action: &[f32], next: &[f32]) -> bool {
-        let free = |at: &[f32]| self.map.is_free_at(at[0], at[1]);
-        if !free(state) || !free(next) {
-            return false;
-        }
-        let reached = slide(&self.map, [state[0], state[1]], [action[0], action[1]]);
-        let off = (reached[0] - next[0]).abs().max((reached[1] - next[1]).abs());
-        self.settings.noise > 0.0 || off < POSITION_TOLERANCE_CELLS
+    fn straight_action(&self, state: &[f32], goal: &[f32], action: &mut [f32]) -> bool {
+        let way = [goal[0] - state[0], goal[1] - state[1]];
+        let longer = way[0].abs().max(way[1].abs()).max(1.0);
+        action.copy_from_slice(&way.map(|along| along / longer));
+        true
+    }
+}
+
+impl Explored for PointMaze {
+    fn places(&self) -> usize {
+        self.map.free().len()
     }
 
+    fn place(&self, state: &[f32]) -> usize {
+        self.map.index(Cell::new(state[0] as usize, state[1] as usize))
+    }
+
+    /// Returns the visited share of the cells of all components that have been visited at all: of
+    /// what is within reach.
+    fn coverage(&self, visits: &[u32]) -> f64 {
+        let seen =
+            |cells: &[Cell]| cells.iter().filter(|cell| visits[self.map.index(**cell)] > 0).count();
+        let counts = self
+            .components
+            .iter()
+            .map(|cells| (seen(cells), cells.len()))
+            .filter(|(seen, _)| *seen > 0);
+        let (seen, all) = counts.fold((0, 0), |(seen, all), (own, of)| (seen + own, all + of));
+        seen as f64 / all.max(1) as f64
+    }
+}
+
+impl Editable for PointMaze {
     fn change_from(&self, before: &dyn Environment) -> Result<Change, EnvError> {
         let other = EnvError::KindMismatch { run: before.kind(), other: NAME };
         let before = Self::downcast_ref(before).ok_or(other)?;
@@ -426,15 +413,25 @@ impl Environment for PointMaze {
         })
     }
 
-    fn scene(&self) -> Scene {
-        Scene::Maze(MazeScene { map: self.map.clone(), visits: self.visits.clone() })
+    /// Checks that the step reproduces `next`; with action noise, only that both positions are
+    /// free.
+    fn is_possible(&self, state: &[f32], action: &[f32], next: &[f32]) -> bool {
+        let free = |at: &[f32]| self.map.is_free_at(at[0], at[1]);
+        if !free(state) || !free(next) {
+            return false;
+        }
+        let reached = slide(&self.map, [state[0], state[1]], [action[0], action[1]]);
+        let off = (reached[0] - next[0]).abs().max((reached[1] - next[1]).abs());
+        self.settings.noise > 0.0 || off < POSITION_TOLERANCE_CELLS
+    }
+}
+
+impl Drawn for PointMaze {
+    fn scene(&self, visits: &Arc<Vec<u32>>) -> Scene {
+        Scene::Maze(MazeScene { map: self.map.clone(), visits: visits.clone() })
     }
 
     fn probes(&self, goal_before: Option<&[f32]>) -> Option<Probes> {
         Some(probe_grid::points(&self.map, goal_before))
-    }
-
-    fn memory_bytes(&self) -> u64 {
-        self.map.free().len() as u64 * BYTES_PER_CELL
     }
 }

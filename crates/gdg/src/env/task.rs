@@ -2,10 +2,12 @@
 
 use rand_chacha::ChaCha8Rng;
 
+use super::Environment;
+
 /// An evaluation task: reach a goal from a start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Task {
-    /// Whole state in which the agent starts.
+    /// Full state in which the agent starts, if the world can set it; otherwise, it restarts.
     pub start: Vec<f64>,
     /// The goal, `(goal_dim)`.
     pub goal: Vec<f32>,
@@ -61,6 +63,20 @@ pub struct TaskSet {
     pub distances: Vec<Option<f64>>,
     /// The tasks, group by group.
     pub tasks: Vec<Task>,
+}
+
+impl TaskSet {
+    /// Draws `count` tasks in one group, from random starts to random goals, at unknown distances.
+    pub fn random(world: &dyn Environment, count: usize, rng: &mut ChaCha8Rng) -> Self {
+        let mut world = world.fork(1);
+        let tasks = (0..count).map(|_| {
+            world.restart(0, rng);
+            let mut goal = vec![0.0; world.spec().goal_dim()];
+            world.sample_goal(0, rng, &mut goal);
+            Task { start: world.full_state(0), goal, shortest: None, group: 0 }
+        });
+        Self { tasks: tasks.collect(), distances: vec![None], ..Self::default() }
+    }
 }
 
 /// Pairs within this many steps count as near.

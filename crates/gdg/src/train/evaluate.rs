@@ -11,7 +11,9 @@ use serde::{Deserialize, Serialize};
 use super::run::Run;
 use super::score::{DistanceScore, Score, Success, spearman};
 use crate::bridge::{BridgeGraph, Candidates, Edge, LINK_CANDIDATES, Walker};
-use crate::env::{Environment, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
+use crate::env::{
+    Environment, Episodes, Evaluated, GroundTruth, NEAR_STEPS, Spec, Task, TaskSet, TruePairs,
+};
 use crate::learn::{Acting, Policy, Scratch, look_ahead};
 pub use walk::TaskWalk;
 
@@ -176,7 +178,7 @@ impl EvaluationJob {
             |actor: &Actor| Score::new(tasks, &run_tasks(world, &tasks.tasks, actor, rng).taken);
         let planned_score = planned.as_ref().map(&mut score);
         let greedy_score = score(&greedy);
-        let mut truth = world.ground_truth();
+        let mut truth = world.abilities().evaluated.and_then(Evaluated::ground_truth);
         Evaluation {
             distance_error: truth
                 .as_mut()
@@ -192,10 +194,11 @@ impl EvaluationJob {
 
     /// Scores walking straight at the goals.
     fn straight_score(&self, tasks: &TaskSet) -> Option<Score> {
-        let (world, policy) = (&*self.world, Straight(&*self.world));
+        let world = &*self.world;
+        let policy = Straight { spec: world.spec(), world: world.abilities().evaluated? };
         let mut action = vec![0.0; world.spec().action_dim];
         let goal = &tasks.tasks.first()?.goal;
-        if !world.straight_action(world.fork(1).states(), goal, &mut action) {
+        if !policy.world.straight_action(world.fork(1).states(), goal, &mut action) {
             return None;
         }
         // The second half of the evaluation's stream, so that other results do not depend on this
@@ -223,11 +226,14 @@ impl EvaluationJob {
 }
 
 /// Walks straight at the goal.
-struct Straight<'a>(&'a dyn Environment);
+struct Straight<'a> {
+    spec: &'a Spec,
+    world: &'a dyn Evaluated,
+}
 
 impl Policy for Straight<'_> {
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
-        let spec = self.0.spec();
+        let spec = self.spec;
         let pairs = states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));
         out.iter_mut()
             .zip(pairs)
@@ -235,10 +241,10 @@ impl Policy for Straight<'_> {
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
-        let spec = self.0.spec();
+        let spec = self.spec;
         let pairs = states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));
         for (action, (state, goal)) in out.chunks_exact_mut(spec.action_dim).zip(pairs) {
-            self.0.straight_action(state, goal, action);
+            self.world.straight_action(state, goal, action);
         }
     }
 }
@@ -250,7 +256,7 @@ fn marked_task(
     (greedy, planned): (&Actor, Option<&Actor>),
     rng: &mut ChaCha8Rng,
 ) -> Option<MarkedTask> {
-    let task = world.default_task()?;
+    let task = world.abilities().episodes?.default_task()?;
     let mut journey = |actor: &Actor| {
         let walked = run_tasks(world, std::slice::from_ref(&task), actor, rng);
         let end: Vec<f32> = world.spec().achieved(walked.env.states()).collect();
@@ -281,7 +287,8 @@ struct Actor<'a> {
 impl Actor<'_> {
     /// Returns the number of steps within which the goal of `task` has to be reached.
     fn budget(&self, world: &dyn Environment, task: &Task) -> u32 {
-        self.max_steps.or(world.episode_steps()).unwrap_or_else(|| task.budget())
+        let own = || world.abilities().episodes.and_then(Episodes::episode_steps);
+        self.max_steps.or_else(own).unwrap_or_else(|| task.budget())
     }
 }
 
@@ -315,7 +322,9 @@ fn run_tasks_watched(
     let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
     let mut scratch = Scratch::default();
     for (i, task) in tasks.iter().enumerate() {
-        env.set_full_state(i, &task.start);
+        if !env.set_full_state(i, &task.start) {
+            env.restart(i, rng);
+        }
     }
     let mut walkers: Vec<Walker> = match actor.graph {
         Some(graph) => tasks

@@ -90,7 +90,8 @@ impl Film {
 
     /// Returns where the next frame shows D in `world`, if there are films of it.
     pub fn points(&self, world: &dyn Environment) -> Option<Probes> {
-        world.probes(self.frames.last().map(|frame| &*frame.goal))
+        let goal = self.frames.last().map(|frame| &*frame.goal);
+        world.abilities().drawn?.probes(goal)
     }
 
     /// Returns the film if it is of `world`, as far as can be told, and otherwise an empty one:

@@ -10,7 +10,7 @@ use std::path::Path;
 use super::error::TrainError;
 use super::registry::Registry;
 use super::run::Run;
-use crate::env::Environment;
+use crate::env::{Environment, Recorded};
 
 /// Copies of the network parameters in a run: value, average and two moments; the last good copy of
 /// these four; packed weights; gradients of the batch shards; frozen copies for graphs, evaluations
@@ -50,7 +50,7 @@ pub fn required_bytes(run: &Run, world: &dyn Environment, parameters: u64) -> u6
         + f32s(batch)
         + replay
         + candidates
-        + world.memory_bytes()
+        + world.abilities().recorded.map_or(0, Recorded::memory_bytes)
 }
 
 /// Estimates the bytes this process can still allocate: the minimum of what machine, container, job

@@ -254,7 +254,9 @@ impl Rollout {
     fn stays(&self, i: usize, context: &StepContext) -> bool {
         match context.settings.train.restart {
             Restart::Never => true,
-            Restart::Auto => self.env.stays(i),
+            Restart::Auto => {
+                self.env.abilities().episodes.is_some_and(|episodes| episodes.stays(i))
+            }
             Restart::Anywhere | Restart::StartCell => false,
         }
     }
@@ -306,7 +308,7 @@ impl Rollout {
     }
 
     /// Makes the goal of agent `i` the place where a straight walk of at most `longest` steps from
-    /// its own place ends.
+    /// its own place ends, if the world can put another agent there.
     fn choose_near_goal(&mut self, i: usize, longest: u32) {
         let aside = self.aside.get_or_insert_with(|| {
             let mut world = self.env.fork(1);
@@ -316,7 +318,9 @@ impl Rollout {
         });
         let action: Vec<f32> =
             (0..self.env.spec().action_dim).map(|_| self.rng.random_range(-1.0..=1.0)).collect();
-        aside.set_full_state(0, &self.env.full_state(i));
+        if !aside.set_full_state(0, &self.env.full_state(i)) {
+            return;
+        }
         for _ in 0..self.rng.random_range(1..=longest) {
             aside.step(&action, &mut self.rng);
         }
@@ -370,7 +374,9 @@ impl Rollout {
         let before = std::mem::replace(&mut self.env, env);
         self.aside = None;
         for i in 0..self.agents.len() {
-            self.env.set_full_state(i, &before.full_state(i));
+            if !self.env.set_full_state(i, &before.full_state(i)) {
+                self.env.restart(i, &mut self.rng);
+            }
             self.begin_episode(i);
         }
         self.excursions.forget_outcomes();
@@ -525,7 +531,8 @@ impl Rollout {
         state
     }
 
-    /// Restores the state that [`Self::state`] returned.
+    /// Restores the state that [`Self::state`] returned. In a world that cannot set full states,
+    /// the agents begin new episodes, and those in `replay` and `candidates` end where they were.
     ///
     /// # Errors
     /// The state does not match the number of agents or the environment.
@@ -533,6 +540,8 @@ impl Rollout {
         &mut self,
         state: RolloutState,
         graph: Option<&BridgeGraph>,
+        replay: &mut Replay,
+        candidates: &mut Candidates,
     ) -> Result<(), StoreError> {
         let (size, g) = (self.env.full_state(0).len(), self.env.spec().goal_dim());
         let a = self.env.spec().action_dim;
@@ -549,9 +558,6 @@ impl Rollout {
         if state.agents.len() != self.agents.len() || !states || !agents || !plans {
             return Err(StoreError::inconsistent("the stored agents do not fit these settings"));
         }
-        for (i, own) in state.states.chunks_exact(size).enumerate() {
-            self.env.set_full_state(i, own);
-        }
         if state.plans.len() != self.agents.len() {
             return Err(StoreError::inconsistent("the stored plans do not fit the agents"));
         }
@@ -564,6 +570,19 @@ impl Rollout {
         self.plans = plans.collect::<Result<_, StoreError>>()?;
         self.agents = state.agents;
         self.rng = state.rng;
+        for (i, full_state) in state.states.chunks_exact(size).enumerate() {
+            if !self.env.set_full_state(i, full_state) {
+                // Then it is the state itself.
+                let state: Vec<f32> = full_state.iter().map(|v| *v as f32).collect();
+                if self.agents[i].steps > 0 {
+                    replay.end_episode(i, &state);
+                }
+                candidates.visit(i, &state);
+                candidates.end_episode(i);
+                self.env.restart(i, &mut self.rng);
+                self.begin_episode(i);
+            }
+        }
         Ok(())
     }
 }

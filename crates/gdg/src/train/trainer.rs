@@ -21,8 +21,9 @@ use super::registry::Registry;
 use super::rollout::{Rollout, StepContext};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
 use super::settings::{Settings, UpdateWhen};
+use super::visits::Visits;
 use crate::bridge::{Candidates, SearchOutcome};
-use crate::env::{Environment, Spec, TaskSet};
+use crate::env::{Environment, Episodes, Scene, Spec, TaskSet};
 use crate::learn::{
     Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, Scratch, Stage,
     TrainingData,
@@ -51,6 +52,7 @@ pub struct Trainer {
     run: Run,
     registry: Arc<Registry>,
     rollout: Rollout,
+    visits: Visits,
     learner: Box<dyn Learner>,
     replay: Replay,
     batch_rng: ChaCha8Rng,
@@ -123,6 +125,7 @@ impl Trainer {
         let (world, spec) = (fork_world(&run, world), world.spec());
         let learner = new_learner(&run, spec, registry, threads)?;
         Ok(Self {
+            visits: Visits::none(&*world),
             rollout: Rollout::new(world, stream(run.seed, Stream::Explore)),
             replay: new_replay(&run, spec),
             batch_rng: stream(run.seed, Stream::Batch),
@@ -173,6 +176,16 @@ impl Trainer {
     /// Returns the world with the exploring agents.
     pub fn world(&self) -> &dyn Environment {
         self.rollout.env()
+    }
+
+    /// Returns what a front end draws of the world.
+    pub fn scene(&self) -> Scene {
+        self.visits.scene(self.world())
+    }
+
+    /// Returns the share of the world that the agents have explored, if it is defined.
+    pub fn coverage(&self) -> Option<f64> {
+        self.visits.coverage(self.world())
     }
 
     /// Returns the world mutably, to change its evaluation tasks.
@@ -283,7 +296,7 @@ impl Trainer {
             self.roll_back()?;
             return Ok(Tick::Step);
         };
-        self.rollout.env_mut().count_visits();
+        self.visits.count(self.rollout.env());
         let steps = self.run.settings.train.agents as u64;
         let counters = &mut self.counters;
         counters.env_steps += steps;
@@ -302,7 +315,8 @@ impl Trainer {
     /// Returns the current length of an episode, in steps.
     pub fn episode_steps(&self) -> u32 {
         let settings = &self.run.settings;
-        match (settings.train.episode_steps.given(), self.world().episode_steps()) {
+        let own = self.world().abilities().episodes.and_then(Episodes::episode_steps);
+        match (settings.train.episode_steps.given(), own) {
             (None, Some(of_world)) => of_world,
             _ => settings
                 .episode_steps(self.graphs.current().map_or(0.0, |built| built.longest_steps)),
@@ -381,8 +395,8 @@ impl Trainer {
             *mean += (1.0 - keep) * (f64::from(loss) - *mean);
         }
         self.check_update(&losses)?;
-        let Self { history, rollout, counters, .. } = self;
-        history.add_point(counters.updates, counters.losses, || rollout.env().coverage());
+        let Self { history, rollout, visits, counters, .. } = self;
+        history.add_point(counters.updates, counters.losses, || visits.coverage(rollout.env()));
         self.film_learning()?;
         Ok(Tick::Update)
     }
@@ -508,7 +522,7 @@ impl Trainer {
             policy: self.policy()?,
             acting: self.learner.acting(),
             candidates: self.run.method.plans().then(|| self.candidates.frozen()),
-            coverage: self.world().coverage(),
+            coverage: self.coverage(),
             max_steps: None,
             task_rng: self.evaluation_rng(1),
             rng: self.evaluation_rng(0),

@@ -261,7 +261,7 @@ impl MazeWorker {
         self.refresh_cut_off();
         self.pilot.forget_graph();
         if same_size {
-            self.world.set_full_state(0, &at.map(f64::from));
+            self.put_at(at);
             self.start_walk();
         } else {
             self.view.walk.finished_walks = (0, 0);

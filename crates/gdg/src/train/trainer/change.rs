@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 
 use super::recovery::LastGood;
 use super::{Result, Stream, Trainer, fork_world, new_candidates, new_learner, new_replay, stream};
-use crate::env::{Change, Environment};
+use crate::env::{Change, EnvError, Environment};
 use crate::store::Store;
 use crate::train::config::list_settings;
 use crate::train::rollout::Rollout;
@@ -49,15 +49,14 @@ impl Trainer {
     /// `world` cannot replace the run's world; nothing has changed then.
     pub fn change_world(&mut self, world: &dyn Environment) -> Result<WorldChange> {
         let _activity = self.pulse.begin("the edit of the world");
-        let change = world.change_from(self.world())?;
-        let mut statistics = Store::default();
-        self.world().save(&mut statistics);
+        let editable = world.abilities().editable.ok_or(EnvError::NotEditable(world.kind()))?;
+        let change = editable.change_from(self.world())?;
         self.rollout.enter_environment(fork_world(&self.run, world), &mut self.replay);
-        // An edited world has the size of the former one; another kind of world may start afresh.
-        let _ = self.rollout.env_mut().restore_statistics(&statistics);
-        let world = self.rollout.env();
-        let (transitions_removed, transitions_restored) =
-            self.replay.retain_possible(|s, a, next| world.is_possible(s, a, next));
+        self.visits.enter(self.rollout.env());
+        let edited = self.rollout.env().abilities().editable;
+        let (transitions_removed, transitions_restored) = self
+            .replay
+            .retain_possible(|s, a, next| edited.is_none_or(|world| world.is_possible(s, a, next)));
         self.rebuild_candidates();
         if change.may_lengthen || transitions_restored > 0 {
             self.counters.relearns_until =
@@ -131,17 +130,13 @@ impl Trainer {
 
     /// Restarts the agents in the same world; keeps the replay buffer, reshaped if necessary.
     fn restart_agents(&mut self, same_replay: bool) {
-        let mut statistics = Store::default();
-        self.world().save(&mut statistics);
         self.rollout.end_episodes(&mut self.replay);
         if !same_replay {
             let mut replay = new_replay(&self.run, self.spec());
             self.replay.copy_episodes_into(&mut replay);
             self.replay = replay;
         }
-        let mut world = fork_world(&self.run, self.world());
-        // They come from this world, so they fit.
-        let _ = world.restore_statistics(&statistics);
+        let world = fork_world(&self.run, self.world());
         let rollout = Rollout::new(world, stream(self.run.seed, Stream::Explore));
         let before = std::mem::replace(&mut self.rollout, rollout);
         self.rollout.excursions_mut().keep_places(before.into_excursions());

@@ -19,6 +19,7 @@ use crate::train::registry::Registry;
 use crate::train::rollout::RolloutState;
 use crate::train::run::{Counters, Run};
 use crate::train::settings::reference::Setting;
+use crate::train::visits::Visits;
 
 /// Names in the store: bridge candidates, and the current and the next bridge graph.
 const CANDIDATES: &str = "bridge";
@@ -61,7 +62,10 @@ impl Trainer {
         }
         store.put_text("world", self.world().kind());
         store.put_text("title", self.world().title());
-        self.world().save(&mut store);
+        if let Some(recorded) = self.world().abilities().recorded {
+            recorded.save(&mut store);
+        }
+        self.visits.write(&mut store);
         store.put_json("run", &self.run)?;
         store.put_json("trainer", &self.state())?;
         store.put_json("success", &self.history.success())?;
@@ -92,7 +96,7 @@ impl Trainer {
         trainer.learner.load(store)?;
         trainer.replay.restore(&ReplayState::read(store)?)?;
         trainer.candidates.restore(&CandidatesState::read(store, CANDIDATES)?)?;
-        trainer.rollout.env_mut().restore_statistics(store)?;
+        trainer.visits = Visits::read(store, trainer.world())?;
         trainer.rollout.excursions_mut().restore(world.spec(), store)?;
         let [current, next] = GRAPHS.map(|name| StoredGraph::read(store, name));
         let graphs = [current?, next?];
@@ -130,7 +134,8 @@ impl Trainer {
         let mut restored = Graphs::default();
         restored.restore(self.spec(), &self.run.bridge(), graphs, |at| self.graph_rng(at))?;
         self.graphs = restored;
-        self.rollout.restore(state.rollout, self.graphs.current().map(|built| &*built.graph))?;
+        let graph = self.graphs.current().map(|built| &*built.graph);
+        self.rollout.restore(state.rollout, graph, &mut self.replay, &mut self.candidates)?;
         self.counters = state.counters;
         self.seconds = state.seconds;
         self.batch_rng = state.batch_rng;

@@ -1,0 +1,165 @@
+//! What a world may offer beyond training: abilities that evaluation, edits, records and displays
+//! use where they exist.
+
+use std::sync::Arc;
+
+use rand_chacha::ChaCha8Rng;
+use serde_json::{Map, Value};
+
+use super::{Environment, GroundTruth, Probes, Scene, Task, TaskSet};
+use crate::store::Store;
+
+/// The abilities of a world; by default none.
+///
+/// A world lists the traits that it implements:
+/// `Abilities { drawn: Some(self), ..Abilities::default() }`.
+#[derive(Clone, Copy, Default)]
+pub struct Abilities<'a> {
+    /// What runs record of it.
+    pub recorded: Option<&'a dyn Recorded>,
+    /// Its own episodes.
+    pub episodes: Option<&'a dyn Episodes>,
+    /// Its own evaluation.
+    pub evaluated: Option<&'a dyn Evaluated>,
+    /// How much of it has been explored.
+    pub explored: Option<&'a dyn Explored>,
+    /// How it can be edited during a run.
+    pub editable: Option<&'a dyn Editable>,
+    /// How it is drawn and filmed.
+    pub drawn: Option<&'a dyn Drawn>,
+}
+
+/// A world with a title, facts and data of its own.
+pub trait Recorded {
+    /// Returns its title, such as the map's name.
+    fn title(&self) -> &str;
+
+    /// Returns facts for the run's records, by name; the first call may take seconds.
+    fn facts(&self) -> Map<String, Value> {
+        Map::new()
+    }
+
+    /// Writes the data that [`WorldKind::load`](super::WorldKind::load) reads. The trainer saves
+    /// the agents' full states and the visits.
+    fn save(&self, _store: &mut Store) {}
+
+    /// Returns the memory in bytes that the world and its evaluation use, excluding the agents.
+    fn memory_bytes(&self) -> u64 {
+        0
+    }
+}
+
+/// A world that defines where episodes begin or end.
+pub trait Episodes {
+    /// Whether, with [`Restart::Auto`](super::Restart::Auto), `agent` begins its next episode where
+    /// it is: it once began at the world's own start, and no edit has cut it off from there. The
+    /// default is a world without a start.
+    fn stays(&self, _agent: usize) -> bool {
+        false
+    }
+
+    /// Returns the steps of an episode, if the world itself defines them: automatic episodes and
+    /// evaluation tasks take as many. By default, episodes grow with what is known, and tasks take
+    /// a multiple of their shortest path.
+    fn episode_steps(&self) -> Option<u32> {
+        None
+    }
+
+    /// Returns the task that the world itself defines, from its own start to its own goal, if any.
+    fn default_task(&self) -> Option<Task> {
+        None
+    }
+}
+
+/// A world with evaluation tasks of its own.
+pub trait Evaluated: Sync {
+    /// Returns evaluation tasks, `per_group` in each group; the first call may take seconds.
+    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet;
+
+    /// Returns the true distances if they are known; for evaluation and display only.
+    fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
+        None
+    }
+
+    /// Writes the action that heads straight for `goal` from `state`, as if nothing were in the
+    /// way, to `action` (`action_dim`); returns whether the world knows such an action. Evaluations
+    /// report how far it gets: the floor for everything learned.
+    fn straight_action(&self, _state: &[f32], _goal: &[f32], _action: &mut [f32]) -> bool {
+        false
+    }
+}
+
+/// A world of countable places, such as cells. The trainer counts the agents' visits to them.
+pub trait Explored {
+    /// Returns the number of places.
+    fn places(&self) -> usize;
+
+    /// Returns the index of the place that `state` (`state_dim`) lies in.
+    fn place(&self, state: &[f32]) -> usize;
+
+    /// Returns the share of the world that has been explored, given the visits to each place.
+    fn coverage(&self, visits: &[u32]) -> f64;
+}
+
+/// A world that an edited version can replace during a run.
+pub trait Editable {
+    /// Describes the changes when this world replaces `before` in a run.
+    ///
+    /// # Errors
+    /// Returns an error if it cannot replace `before`.
+    fn change_from(&self, before: &dyn Environment) -> Result<Change, EnvError>;
+
+    /// Returns whether `action` in `state` could have led to `next`. Filters the stored transitions
+    /// after an edit.
+    fn is_possible(&self, state: &[f32], action: &[f32], next: &[f32]) -> bool;
+}
+
+/// A world that front ends draw.
+pub trait Drawn {
+    /// Returns what a front end draws, given the visits to each place of an [`Explored`] world.
+    fn scene(&self, visits: &Arc<Vec<u32>>) -> Scene;
+
+    /// Returns the states at which the film of a run shows D, or `None` if this world has no film.
+    /// `goal_before` is the goal of the film so far, which it should keep. The number of places
+    /// must not change during a run.
+    fn probes(&self, _goal_before: Option<&[f32]>) -> Option<Probes> {
+        None
+    }
+}
+
+/// What a world edit changed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    /// Whether distances may have grown, so that the learned ones are too short.
+    pub may_lengthen: bool,
+    /// Short description of the change.
+    pub summary: String,
+    /// Warning for the user, if any.
+    pub warning: Option<String>,
+    /// Facts about the change for the run's records, by name.
+    pub facts: Map<String, Value>,
+}
+
+/// Why a world cannot replace another in a run.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EnvError {
+    /// The world cannot be edited.
+    #[error("the world {0} cannot be edited")]
+    NotEditable(&'static str),
+    /// The world is of another kind.
+    #[error("the run uses a world of kind {run}, not {other}")]
+    KindMismatch {
+        /// Kind of the run's world.
+        run: &'static str,
+        /// Kind of the other world.
+        other: &'static str,
+    },
+    /// The map has another size.
+    #[error("the map is {} x {}, but the run's map is {} x {}", map.0, map.1, run.0, run.1)]
+    SizeMismatch {
+        /// Columns and rows of the map.
+        map: (usize, usize),
+        /// Columns and rows of the run's map.
+        run: (usize, usize),
+    },
+}

@@ -1,0 +1,131 @@
+//! A world of nothing but the seven methods without a default goes through the whole trainer.
+
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
+
+#[path = "support/runs.rs"]
+mod runs;
+
+use gdg::env::{Environment, Spec, WorldKind};
+use gdg::train::{Preset, Registry, Run, Trainer};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use runs::train_to;
+
+/// Length of the line, in steps.
+const LENGTH: f32 = 20.0;
+
+/// Where agents begin.
+const START: f32 = 1.0;
+
+const KIND: WorldKind = WorldKind {
+    name: "line",
+    about: "points on a line",
+    create: Some(|| Box::new(Line::new(0))),
+    load: |_| Ok(Box::new(Line::new(0))),
+    defaults: &[],
+};
+
+struct Line {
+    spec: Spec,
+    positions: Vec<f32>,
+}
+
+impl Line {
+    fn new(agents: usize) -> Self {
+        let spec = Spec {
+            state_centre: vec![LENGTH / 2.0],
+            state_half_range: vec![LENGTH / 2.0],
+            change_scale: vec![1.0],
+            achieved: vec![0],
+            action_dim: 1,
+            goal_radius: 0.6,
+            goals_are_positions: true,
+        };
+        Self { spec, positions: vec![0.0; agents] }
+    }
+}
+
+impl Environment for Line {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn states(&self) -> &[f32] {
+        &self.positions
+    }
+
+    fn restart(&mut self, agent: usize, _: &mut ChaCha8Rng) {
+        self.positions[agent] = START;
+    }
+
+    fn sample_goal(&self, _: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
+        goal[0] = rng.random_range(0.0..LENGTH);
+    }
+
+    fn step(&mut self, actions: &[f32], _: &mut ChaCha8Rng) {
+        for (position, action) in self.positions.iter_mut().zip(actions) {
+            *position = (*position + action.clamp(-1.0, 1.0)).clamp(0.0, LENGTH);
+        }
+    }
+
+    fn fork(&self, agents: usize) -> Box<dyn Environment> {
+        Box::new(Self::new(agents))
+    }
+}
+
+fn trainer() -> Trainer {
+    let mut settings = Preset::Default.settings();
+    settings.learn.buffer_size = 20_000;
+    settings.learn.hidden = 16;
+    settings.train.learning_starts = 1_000;
+    settings.bridge.candidates = 20;
+    settings.bridge.graph_every_updates = 100;
+    // Near goals need full states, so there are none here.
+    settings.train.near_goals = 0.5;
+    let run =
+        Run { method: "gdg-bridge".parse().unwrap(), preset: Preset::Default, seed: 1, settings };
+    Trainer::new(run, &Line::new(0), &Registry::builtin().with_world(KIND), 1).unwrap()
+}
+
+#[test]
+fn it_is_trained_and_evaluated_from_its_own_starts() {
+    let mut run = trainer();
+    train_to(&mut run, 300);
+    let found = run.evaluate(&run.tasks(5)).unwrap();
+    assert!(found.greedy.success.is_some() && found.planned.is_some());
+    assert!(found.coverage.is_none() && found.distance_error.is_none() && found.marked.is_none());
+    assert_eq!(run.world().title(), "line");
+}
+
+#[test]
+fn after_a_resume_its_agents_begin_new_episodes() {
+    let mut run = trainer();
+    train_to(&mut run, 150);
+    assert!(run.world().states().iter().any(|at| *at != START));
+    let mut resumed = Trainer::load(&run.save().unwrap(), run.registry(), 1).unwrap();
+    assert!(resumed.world().states().iter().all(|at| *at == START));
+    assert!(resumed.rollout().agents().iter().all(|agent| agent.steps == 0));
+    assert_eq!(resumed.counters().env_steps, run.counters().env_steps);
+    // No stored transition leads from where an agent was to its new start.
+    let jump = |store: &gdg::learn::Replay| {
+        let mut last = vec![None; run.world().agents()];
+        let mut longest: f32 = 0.0;
+        store.visit_episodes(|agent, state| {
+            let at = state.map(|state| state[0]);
+            if let (Some(before), Some(at)) = (last[agent], at) {
+                let before: f32 = before;
+                longest = longest.max((at - before).abs());
+            }
+            last[agent] = at;
+        });
+        longest
+    };
+    train_to(&mut resumed, 200);
+    assert!(jump(resumed.replay()) <= 1.001);
+    assert!(resumed.evaluate(&resumed.tasks(2)).is_ok());
+}
