@@ -7,6 +7,7 @@ mod saver;
 mod table;
 
 use std::io::ErrorKind;
+use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 
@@ -20,11 +21,11 @@ use gdg::env::Recorded;
 use gdg::printing;
 use gdg::printing::eprint_line;
 use gdg::text::{counted, escape_json_line, grouped};
-use gdg::train::{EndReason, Evaluation, Tick, Trainer};
+use gdg::train::{Due, EndReason, EvaluateAt, Evaluation, Recovery, Schedule, Session, Trainer};
 use interruptible::run_interruptibly;
 use progress::Progress;
 use records::Record;
-pub use saver::Saver;
+pub use saver::{Saver, save_interval};
 use table::Table;
 
 /// Updates between progress records, about a second's worth. Counted in updates so that the same
@@ -56,7 +57,7 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     let termination = TerminationSignal::listen()?;
     setup.trainer.set_pulse(termination.pulse().clone());
     setup.warnings.iter().for_each(|warning| eprint_line(warning));
-    let saver = setup.save.clone().map(|to| Saver::new(to, options.save_every_minutes));
+    let saver = setup.save.clone().map(Saver::new);
     let table = options
         .table
         .as_deref()
@@ -71,21 +72,21 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     };
     let updates_before = setup.trainer.counters().updates;
     let progress = Progress::new(&setup.limits, setup.trainer.seconds());
-    let mut session = Session { setup, options, progress, saver, table, termination };
-    let ended = session.run();
+    let mut run = HeadlessRun { setup, options, progress, saver, table, termination };
+    let ended = run.run();
     // Saves what was learned, even after an error.
-    let saved = session.save_at_end();
-    session.report_unsaved(updates_before, ended.as_ref().ok().map(|(reason, _)| *reason));
+    let saved = run.save_at_end();
+    run.report_unsaved(updates_before, ended.as_ref().ok().map(|(reason, _)| *reason));
     let (reason, evaluation) = ended?;
     saved?;
     if let Some(failure) = gdg::faults::take_failures().first() {
         let problem = format!("internal error in thread {}: {}", failure.thread, failure.message);
         return Err(miette::miette!(help = crate::host::logging::hint(), "{problem}"));
     }
-    print(&Record::end(reason, &session.setup.trainer))?;
+    print(&Record::end(reason, &run.setup.trainer))?;
     printing::stdout().flush().map_err(unwritten)?;
-    session.progress.finish();
-    if let (EndReason::Interrupted, Some(status)) = (reason, session.termination.status()) {
+    run.progress.finish();
+    if let (EndReason::Interrupted, Some(status)) = (reason, run.termination.status()) {
         return Ok(status);
     }
     match (options.require_success, evaluation) {
@@ -108,6 +109,12 @@ fn print(record: &Record) -> Result<(), Report> {
     printing::stdout().print(format!("{line}\n").as_bytes()).map_err(unwritten)
 }
 
+/// Reports a rollback to earlier networks.
+fn report_recovery(recovery: Recovery) -> Result<(), Report> {
+    eprint_line(&recovery.to_string());
+    print(&Record::Recovery(recovery))
+}
+
 /// Says that records could not be written.
 fn unwritten(error: std::io::Error) -> Report {
     match error.kind() {
@@ -119,7 +126,7 @@ fn unwritten(error: std::io::Error) -> Report {
     }
 }
 
-struct Session<'a> {
+struct HeadlessRun<'a> {
     setup: Setup,
     options: &'a Options,
     progress: Progress,
@@ -128,20 +135,20 @@ struct Session<'a> {
     termination: TerminationSignal,
 }
 
-impl Session<'_> {
+impl HeadlessRun<'_> {
     /// Trains, saves and runs the final evaluation. A panic becomes an error so that saving is
     /// still attempted.
     fn run(&mut self) -> Result<(EndReason, Option<Evaluation>), Report> {
-        let run = |session: &mut Self| {
-            let Some(facts) = session.facts()? else { return Ok((EndReason::Interrupted, None)) };
-            print(&Record::start(&session.setup, facts))?;
-            let reason = session.train()?;
+        let run = |run: &mut Self| {
+            let Some(facts) = run.facts()? else { return Ok((EndReason::Interrupted, None)) };
+            print(&Record::start(&run.setup, facts))?;
+            let reason = run.train()?;
             if reason == EndReason::Interrupted {
                 return Ok((reason, None));
             }
             // Save first: the evaluation may take long and be interrupted.
-            session.save_periodically();
-            match session.evaluate()? {
+            run.save_periodically();
+            match run.evaluate()? {
                 Some(evaluation) => Ok((reason, Some(evaluation))),
                 None => Ok((EndReason::Interrupted, None)),
             }
@@ -168,43 +175,51 @@ impl Session<'_> {
 
     /// Trains until a limit is reached or a signal arrives.
     fn train(&mut self) -> Result<EndReason, Report> {
-        self.apply_due_edits()?;
+        let mut session = Session::resume(self.schedule(), &self.setup.trainer);
         self.report_reached_limit();
-        if self.missed_evaluation() && self.evaluate()?.is_none() {
-            return Ok(EndReason::Interrupted);
-        }
         loop {
-            if self.termination.number().is_some() {
-                return Ok(EndReason::Interrupted);
+            while let Some(due) = session.next_due() {
+                match due {
+                    Due::Recovery(recovery) => report_recovery(recovery)?,
+                    Due::Progress => self.report_progress()?,
+                    Due::Edit(i) => self.apply_edit(i)?,
+                    // An evaluation at the end follows anyway.
+                    Due::Evaluation if self.limit_reached().is_some() => {}
+                    Due::Evaluation => {
+                        if self.evaluate()?.is_none() {
+                            return Ok(EndReason::Interrupted);
+                        }
+                    }
+                    Due::Save => self.save_periodically(),
+                }
             }
-            if let Some(reason) = self.limit_reached() {
+            let Setup { trainer, limits, .. } = &mut self.setup;
+            if let ControlFlow::Break(reason) = session.tick(trainer, limits).into_diagnostic()? {
                 return Ok(reason);
             }
-            gdg::faults::point("trainer");
-            let tick = self.setup.trainer.tick().into_diagnostic()?;
-            self.report_recovery()?;
-            if tick != Tick::Update {
-                continue;
-            }
-            let updates = self.setup.trainer.counters().updates;
-            if updates.is_multiple_of(PROGRESS_EVERY_UPDATES) {
-                print(&Record::progress(&self.setup.trainer))?;
-                self.table.iter_mut().for_each(|table| table.add(&self.setup.trainer, None));
-                self.progress.show(&self.setup.trainer);
-            }
-            self.apply_due_edits()?;
-            if self.is_evaluation_due()
-                && self.limit_reached().is_none()
-                && self.evaluate()?.is_none()
-            {
-                return Ok(EndReason::Interrupted);
-            }
-            if let Some(saver) = &self.saver
-                && saver.is_due(&self.setup.trainer)?
-            {
-                self.save_periodically();
-            }
         }
+    }
+
+    /// Returns what the options ask for while the run trains.
+    fn schedule(&self) -> Schedule {
+        let save_every = save_interval(self.options.save_every_minutes);
+        Schedule {
+            progress_every_updates: Some(PROGRESS_EVERY_UPDATES),
+            edits: self.setup.edits.iter().map(|edit| edit.updates).collect(),
+            evaluate: self
+                .options
+                .eval_every_updates
+                .map_or(EvaluateAt::Never, EvaluateAt::EveryUpdates),
+            save_every: save_every.filter(|_| self.saver.is_some()),
+        }
+    }
+
+    fn report_progress(&mut self) -> Result<(), Report> {
+        let trainer = &self.setup.trainer;
+        print(&Record::progress(trainer))?;
+        self.table.iter_mut().for_each(|table| table.add(trainer, None));
+        self.progress.show(trainer);
+        Ok(())
     }
 
     /// Says so if a resumed run has nothing left to train.
@@ -224,20 +239,6 @@ impl Session<'_> {
         ));
     }
 
-    /// Whether the run is evaluated after the current number of updates.
-    fn is_evaluation_due(&self) -> bool {
-        let updates = self.setup.trainer.counters().updates;
-        self.options.eval_every_updates.is_some_and(|every| updates.is_multiple_of(every))
-    }
-
-    /// Whether a signal ended the resumed run in the evaluation that is due now.
-    fn missed_evaluation(&self) -> bool {
-        let trainer = &self.setup.trainer;
-        let updates = trainer.counters().updates;
-        let is_made = trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
-        updates > 0 && self.is_evaluation_due() && !is_made && self.limit_reached().is_none()
-    }
-
     /// Saves in the middle of a run: a failure is only reported, as the next save may succeed.
     fn save_periodically(&mut self) {
         if let Err(error) = self.save() {
@@ -254,18 +255,11 @@ impl Session<'_> {
             return Ok(());
         };
         let saved = saver.save(trainer);
-        self.report_recovery()?;
+        trainer.take_recovery().map_or(Ok(()), report_recovery)?;
         match saved? {
             Some(path) => print(&Record::saved(&self.setup.trainer, &path)),
             None => Ok(()),
         }
-    }
-
-    /// Reports a rollback since the last call.
-    fn report_recovery(&mut self) -> Result<(), Report> {
-        let Some(recovery) = self.setup.trainer.take_recovery() else { return Ok(()) };
-        eprint_line(&recovery.to_string());
-        print(&Record::Recovery(recovery))
     }
 
     /// Saves at the end. If saving to the path given by `--save` fails, saves elsewhere and still
@@ -297,15 +291,11 @@ impl Session<'_> {
         }
     }
 
-    /// Applies the edits of the world due at the current update.
-    fn apply_due_edits(&mut self) -> Result<(), Report> {
+    /// Applies the edit of the world with index `i`.
+    fn apply_edit(&mut self, i: usize) -> Result<(), Report> {
         let Setup { trainer, edits, .. } = &mut self.setup;
-        let updates = trainer.counters().updates;
-        for edit in edits.iter().filter(|edit| edit.updates == updates) {
-            let change = trainer.change_world(&*edit.world).into_diagnostic()?;
-            print(&Record::edit(trainer, change))?;
-        }
-        Ok(())
+        let change = trainer.change_world(&*edits[i].world).into_diagnostic()?;
+        print(&Record::edit(trainer, change))
     }
 
     fn limit_reached(&self) -> Option<EndReason> {

@@ -147,6 +147,7 @@ impl TrainArgs {
                 updates: self.max_updates,
                 seconds: self.max_seconds,
                 episodes: self.max_episodes,
+                env_steps: None,
             },
         }
     }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use gdg::train::{Counters, Tick};
+use gdg::train::{Counters, EvaluateAt, Limits};
 
 /// Evaluations per job of a suite, equally spaced; the last one at the end.
 const SUITE_EVALUATIONS: u64 = 10;
@@ -46,13 +46,13 @@ impl Length {
         }
     }
 
-    /// Whether a run may be evaluated or end after `tick`; `update_due` if the next tick is an
-    /// update.
-    pub fn may_pause(self, tick: Tick, update_due: bool) -> bool {
+    /// Returns the limits of a run of this length.
+    pub fn limits(self) -> Limits {
+        let none = Limits::default();
         match self {
-            Self::Updates(_) => tick == Tick::Update,
-            Self::Episodes(_) => true,
-            Self::Steps(_) => !update_due,
+            Self::Updates(n) => Limits { updates: Some(n), ..none },
+            Self::Episodes(n) => Limits { episodes: Some(n), ..none },
+            Self::Steps(n) => Limits { env_steps: Some(n), ..none },
         }
     }
 }
@@ -112,16 +112,12 @@ impl Plan {
         marks
     }
 
-    /// Whether an evaluation is due after `done` updates, episodes or steps, if `made` evaluations
-    /// have been made, the latest one in the present state or not.
-    pub fn is_due(&self, done: u64, made: usize, made_now: bool) -> bool {
+    /// Returns when to evaluate, as a session takes it.
+    pub fn evaluate_at(&self) -> EvaluateAt {
         match self.length {
-            // Every number of updates comes up.
-            Length::Updates(_) => !made_now && self.marks().binary_search(&done).is_ok(),
-            // Several agents may end their episodes in the same step, and all of them step at once.
-            Length::Episodes(_) | Length::Steps(_) => {
-                self.marks().partition_point(|mark| *mark <= done) > made
-            }
+            Length::Updates(_) => EvaluateAt::Updates(self.marks()),
+            Length::Episodes(_) => EvaluateAt::Episodes(self.marks()),
+            Length::Steps(_) => EvaluateAt::EnvSteps(self.marks()),
         }
     }
 
@@ -142,17 +138,13 @@ mod tests {
 
     #[test]
     fn evaluations_are_equally_spaced_and_end_at_the_last_update() {
-        let at = |updates| {
-            let plan = Plan::suite(updates, 2);
-            (0..=updates).filter(|n| plan.is_due(*n, 0, false)).collect::<Vec<_>>()
-        };
+        let at = |updates| Plan::suite(updates, 2).marks();
         assert_eq!(at(25), [2, 5, 7, 10, 12, 15, 17, 20, 22, 25]);
         assert_eq!(at(3), [1, 2, 3]);
-        assert!(!Plan::suite(25, 2).is_due(25, 9, true), "made already");
     }
 
     #[test]
-    fn an_evaluation_is_due_when_episodes_pass_its_mark_even_if_they_skip_it() {
+    fn the_last_evaluation_has_tasks_of_its_own() {
         let plan = Plan {
             length: Length::Episodes(100),
             evaluations: 4,
@@ -160,10 +152,6 @@ mod tests {
             ..Plan::suite(0, 2)
         };
         assert_eq!(plan.marks(), [25, 50, 75, 100]);
-        assert!(
-            !plan.is_due(24, 0, false) && plan.is_due(27, 0, false) && !plan.is_due(27, 1, false)
-        );
-        assert!(plan.is_due(103, 3, false) && !plan.is_due(103, 4, false));
         assert_eq!((plan.tasks_after(75), plan.tasks_after(103)), (2, 9));
     }
 

@@ -1,5 +1,6 @@
 //! Runs jobs in parallel; resumes and saves them.
 
+use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,14 +14,14 @@ use super::measure::measure;
 use super::picture;
 use super::plan::Length;
 use super::progress::Progress;
-use crate::headless::{Saver, evaluate};
+use crate::headless::{Saver, evaluate, save_interval};
 use crate::host::report::print_error;
 use crate::host::setup::{begin, elsewhere, save_elsewhere};
 use crate::host::signals::TerminationSignal;
 use gdg::files::{LockFile, check_writable};
 use gdg::printing::eprint_line;
 use gdg::text::counted;
-use gdg::train::{self, Registry, SaveTo, Tick, Trainer, describe};
+use gdg::train::{self, Due, EndReason, Registry, SaveTo, Schedule, Session, Trainer, describe};
 
 /// How a job ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,7 +156,7 @@ impl Runner {
         }
         let mut trainer = self.resume_or_begin(job, at)?;
         trainer.set_pulse(self.termination.pulse().clone());
-        let mut saver = Saver::new(SaveTo::Replace(self.folder.checkpoint(job)), None);
+        let mut saver = Saver::new(SaveTo::Replace(self.folder.checkpoint(job)));
         at.progress.begin(at.job, job.plan.length.done(&trainer.counters()));
         let ended = self.train_and_finish(job, &mut trainer, &mut saver, at);
         if ended.is_err() && self.folder.result_of(job).is_none() {
@@ -221,53 +222,42 @@ impl Runner {
         saver: &mut Saver,
         at: &At,
     ) -> Result<bool, Report> {
-        let length = job.plan.length;
-        // An evaluation that is not finite is not recorded, but has been made.
-        let mut made = trainer.history().evaluations().len();
-        let mut tick = Tick::Update;
+        let (length, evaluate) = (job.plan.length, job.plan.evaluate_at());
+        let schedule =
+            Schedule { evaluate, save_every: save_interval(None), ..Schedule::default() };
+        let (mut session, limits) = (Session::resume(schedule, trainer), length.limits());
         loop {
-            if self.termination.number().is_some() {
-                return Ok(false);
-            }
-            let done = length.done(&trainer.counters());
-            if length.may_pause(tick, trainer.is_update_due()) {
-                let updates = trainer.counters().updates;
-                let mut made_now =
-                    trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
-                // A step may end several agents' episodes and so pass several marks.
-                while job.plan.is_due(done, made, made_now) {
-                    if !self.evaluate(job, trainer, done, at)? {
-                        return Ok(false);
+            while let Some(due) = session.next_due() {
+                match due {
+                    Due::Evaluation => {
+                        if !self.evaluate(job, trainer, at)? {
+                            return Ok(false);
+                        }
                     }
-                    (made, made_now) = (made + 1, true);
-                }
-                if done >= length.amount() {
-                    return Ok(true);
+                    Due::Save => {
+                        if let Err(error) = saver.save(trainer) {
+                            print_error(
+                                error.wrap_err("training continues; saving will be tried again"),
+                            );
+                        }
+                    }
+                    Due::Recovery(recovery) => {
+                        at.progress.line(&format!("{}: {recovery}", job.name));
+                    }
+                    Due::Progress | Due::Edit(_) => {}
                 }
             }
-            gdg::faults::point("trainer");
-            tick = trainer.tick().into_diagnostic()?;
+            if let ControlFlow::Break(reason) = session.tick(trainer, &limits).into_diagnostic()? {
+                return Ok(reason != EndReason::Interrupted);
+            }
             at.progress.advance(at.job, length.done(&trainer.counters()));
-            if let Some(recovery) = trainer.take_recovery() {
-                at.progress.line(&format!("{}: {recovery}", job.name));
-            }
-            if saver.is_due(trainer)?
-                && let Err(error) = saver.save(trainer)
-            {
-                print_error(error.wrap_err("training continues; saving will be tried again"));
-            }
         }
     }
 
-    /// Evaluates after `done` updates, episodes or steps; returns whether no signal arrived.
-    fn evaluate(
-        &self,
-        job: &Job,
-        trainer: &mut Trainer,
-        done: u64,
-        at: &At,
-    ) -> Result<bool, Report> {
+    /// Evaluates the present state; returns whether no signal arrived.
+    fn evaluate(&self, job: &Job, trainer: &mut Trainer, at: &At) -> Result<bool, Report> {
         let (plan, length) = (&job.plan, job.plan.length);
+        let done = length.done(&trainer.counters());
         let tasks = plan.tasks_after(done);
         let Some(evaluation) = evaluate(trainer, tasks, plan.max_steps, &self.termination)? else {
             return Ok(false);

@@ -1,9 +1,9 @@
 //! Periodic and final checkpoints of runs without the interface.
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use miette::{IntoDiagnostic, Report};
+use miette::Report;
 
 use crate::host::report::from_checkpoint_error;
 use gdg::printing::eprint_line;
@@ -13,38 +13,29 @@ use gdg::train::{self, SaveTo, Trainer};
 /// Default time between checkpoints.
 const DEFAULT_INTERVAL_MINUTES: f64 = 5.0;
 
-/// Where and when to save checkpoints.
+/// Returns the time between checkpoints: `minutes`, otherwise the default; `None` for 0, which saves
+/// only at the end.
+pub fn save_interval(minutes: Option<f64>) -> Option<Duration> {
+    let minutes = minutes.unwrap_or(DEFAULT_INTERVAL_MINUTES);
+    (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes))
+}
+
+/// Saves checkpoints.
 pub struct Saver {
     to: SaveTo,
-    /// Time between checkpoints; `None` to save only at the end.
-    interval: Option<Duration>,
-    last_save: Instant,
     /// The state saved last: updates, steps and evaluations.
     last_saved_state: Option<(u64, u64, usize)>,
 }
 
 impl Saver {
-    /// Creates a saver to `to`, every `interval_minutes` (default 5; 0 saves only at the end).
-    pub fn new(to: SaveTo, interval_minutes: Option<f64>) -> Self {
-        let minutes = interval_minutes.unwrap_or(DEFAULT_INTERVAL_MINUTES);
-        let interval = (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes));
-        Self { to, interval, last_save: Instant::now(), last_saved_state: None }
+    /// Creates a saver to `to`.
+    pub fn new(to: SaveTo) -> Self {
+        Self { to, last_saved_state: None }
     }
 
     /// Returns the path of the checkpoints.
     pub fn path(&self) -> &Path {
         self.to.path()
-    }
-
-    /// Whether the next checkpoint of `trainer` is due. It waits while a run diverges: a rollback
-    /// before saving would make the run depend on when it is saved, and its next updates roll back
-    /// anyway.
-    ///
-    /// # Errors
-    /// The learner fails.
-    pub fn is_due(&self, trainer: &Trainer) -> Result<bool, Report> {
-        let elapsed = self.interval.is_some_and(|interval| self.last_save.elapsed() >= interval);
-        Ok(elapsed && trainer.is_finite().into_diagnostic()?)
     }
 
     /// Saves unless this state is already saved; returns the path it took. Rolls a diverged run
@@ -53,7 +44,6 @@ impl Saver {
     /// # Errors
     /// The checkpoint cannot be saved.
     pub fn save(&mut self, trainer: &mut Trainer) -> Result<Option<PathBuf>, Report> {
-        self.last_save = Instant::now();
         if self.has_saved(trainer) {
             return Ok(None);
         }

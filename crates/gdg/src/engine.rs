@@ -5,6 +5,7 @@ mod command;
 mod snapshot;
 
 use std::fs::File;
+use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,7 +18,10 @@ use tokio::sync::watch;
 use crate::learn::{Policy, Scratch};
 use crate::pulse::Pulse;
 use crate::text::grouped;
-use crate::train::{Counters, Evaluation, Limits, Tick, TrainError, Trainer};
+use crate::train::{
+    Counters, Due, EndReason, EvaluateAt, Evaluation, Limits, Recovery, Schedule, Session, Tick,
+    TrainError, Trainer,
+};
 pub use command::{Command, MakeWorld};
 use snapshot::next_multiple;
 pub use snapshot::{FollowedAgent, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
@@ -96,6 +100,7 @@ impl Engine {
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
         let worker = Worker {
             trainer,
+            session: session(),
             inbox,
             publish,
             current: first,
@@ -155,6 +160,7 @@ impl Engine {
 
 struct Worker {
     trainer: Trainer,
+    session: Session,
     inbox: Receiver<Command>,
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
@@ -188,6 +194,12 @@ struct PublishTimer {
     refresh_networks_at: Instant,
     /// Training time and counters when rates were last computed.
     rates_from: (f64, Counters),
+}
+
+/// Creates a session in which evaluations come regularly; everything else is a command.
+fn session() -> Session {
+    let evaluate = EvaluateAt::EveryUpdates(EVALUATE_EVERY_UPDATES);
+    Session::new(Schedule { evaluate, ..Schedule::default() })
 }
 
 /// Lowers the priority of this thread, and of those that it starts, so that a front end beside it
@@ -235,10 +247,14 @@ impl Worker {
     /// Reports a rollback to earlier networks, if there was one.
     fn report_recovery(&mut self) {
         if let Some(recovery) = self.trainer.take_recovery() {
-            // The rollback changed the settings.
-            self.current.run = Arc::new(self.trainer.run().clone());
-            self.notify(recovery.to_string());
+            self.on_recovery(recovery);
         }
+    }
+
+    fn on_recovery(&mut self, recovery: Recovery) {
+        // The rollback changed the settings.
+        self.current.run = Arc::new(self.trainer.run().clone());
+        self.notify(recovery.to_string());
     }
 
     fn publish(&self) {
@@ -251,25 +267,22 @@ impl Worker {
         let rates_from = (self.trainer.seconds(), self.trainer.counters());
         let mut timer = PublishTimer { published: now, refresh_networks_at: now, rates_from };
         while self.process_commands() {
-            if self.trainer.limit_reached(&self.current.limits).is_some() {
-                self.current.phase = Phase::Done;
-                self.refresh_snapshot(true)?;
-                continue;
-            }
             let episodes = self.trainer.counters().episodes;
-            crate::faults::point("trainer");
-            let tick = self.trainer.tick()?;
-            self.report_recovery();
-            if tick == Tick::Update {
-                if let Some(speed) = self.pace() {
-                    self.next_update_at =
-                        Some(Instant::now() + Duration::from_secs_f64(1.0 / speed));
+            let tick = match self.session.tick(&mut self.trainer, &self.current.limits)? {
+                ControlFlow::Continue(tick) => tick,
+                // The front end is about to disconnect.
+                ControlFlow::Break(EndReason::Interrupted) => continue,
+                ControlFlow::Break(_) => {
+                    self.current.phase = Phase::Done;
+                    self.refresh_snapshot(true)?;
+                    continue;
                 }
-                let rested = self.next_evaluation_at.is_none_or(|at| Instant::now() >= at);
-                if self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) && rested
-                {
-                    self.start_evaluation()?;
-                }
+            };
+            self.do_what_is_due()?;
+            if tick == Tick::Update
+                && let Some(speed) = self.pace()
+            {
+                self.next_update_at = Some(Instant::now() + Duration::from_secs_f64(1.0 / speed));
             }
             let stepped = match &self.current.phase {
                 Phase::Stepping(Step::Update) => tick == Tick::Update,
@@ -282,6 +295,22 @@ impl Worker {
                 self.refresh_snapshot(true)?;
             } else if timer.published.elapsed() >= SNAPSHOT_INTERVAL {
                 self.report_progress(&mut timer)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reports a rollback, and starts an evaluation unless the latest one ended only recently.
+    fn do_what_is_due(&mut self) -> Result<(), TrainError> {
+        while let Some(due) = self.session.next_due() {
+            match due {
+                Due::Recovery(recovery) => self.on_recovery(recovery),
+                Due::Evaluation => {
+                    if self.next_evaluation_at.is_none_or(|at| Instant::now() >= at) {
+                        self.start_evaluation()?;
+                    }
+                }
+                Due::Progress | Due::Edit(_) | Due::Save => {}
             }
         }
         Ok(())

@@ -62,7 +62,8 @@ impl Pulse {
         self.0.stop_at.store(beat, Ordering::Relaxed);
     }
 
-    fn stops(&self) -> bool {
+    /// Returns whether training is to stop.
+    pub fn stops(&self) -> bool {
         self.beats() >= self.0.stop_at.load(Ordering::Relaxed)
     }
 }

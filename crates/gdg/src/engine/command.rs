@@ -4,8 +4,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::Worker;
 use super::snapshot::{Phase, Snapshot, Step};
+use super::{Worker, session};
 use crate::env::Environment;
 use crate::files;
 use crate::text::{counted, grouped, sanitized};
@@ -151,7 +151,7 @@ impl Worker {
 
     /// Switches to another run.
     fn switch_to(&mut self, trainer: Trainer) -> Result<(), TrainError> {
-        self.trainer = trainer;
+        (self.trainer, self.session) = (trainer, session());
         self.trainer.set_pulse(self.pulse.clone());
         (
             self.evaluation,

@@ -138,6 +138,9 @@ pub struct Limits {
     pub seconds: Option<f64>,
     /// Maximum number of episodes.
     pub episodes: Option<u64>,
+    /// Maximum number of environment steps, summed over all agents; the updates due then are still
+    /// done. As all agents step at once, it is exceeded by less than their number.
+    pub env_steps: Option<u64>,
 }
 
 /// Why a run ended.
@@ -150,7 +153,9 @@ pub enum EndReason {
     MaxSeconds,
     /// The episode limit was reached.
     MaxEpisodes,
-    /// A signal arrived.
+    /// The limit of environment steps was reached.
+    MaxSteps,
+    /// Training was asked to stop, as by a signal.
     Interrupted,
 }
 

@@ -257,10 +257,12 @@ impl Trainer {
 
     /// Returns the first of `limits` that has been reached.
     pub fn limit_reached(&self, limits: &Limits) -> Option<EndReason> {
+        let steps_done = |n| self.counters.env_steps >= n && !self.is_update_due();
         let reached = [
             (limits.updates.is_some_and(|n| self.counters.updates >= n), EndReason::MaxUpdates),
             (limits.episodes.is_some_and(|n| self.counters.episodes >= n), EndReason::MaxEpisodes),
             (limits.seconds.is_some_and(|s| self.seconds >= s), EndReason::MaxSeconds),
+            (limits.env_steps.is_some_and(steps_done), EndReason::MaxSteps),
         ];
         reached.iter().find(|(is, _)| *is).map(|(_, reason)| *reason)
     }

@@ -1,0 +1,258 @@
+//! The loop that every front end trains by: one tick after another, and what is due between them.
+
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use super::error::TrainError;
+use super::run::{EndReason, Limits, Tick};
+use super::trainer::{Recovery, Trainer};
+
+/// When a run is evaluated.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum EvaluateAt {
+    /// Never.
+    #[default]
+    Never,
+    /// After each multiple of this number of updates.
+    EveryUpdates(u64),
+    /// After these numbers of updates, ascending.
+    Updates(Vec<u64>),
+    /// Once for each of these numbers of episodes, ascending. Several may be passed by one step.
+    Episodes(Vec<u64>),
+    /// Once for each of these numbers of environment steps, ascending, after the updates due then.
+    EnvSteps(Vec<u64>),
+}
+
+/// What a session does besides ticks.
+#[derive(Clone, Debug, Default)]
+pub struct Schedule {
+    /// Updates between reports of progress.
+    pub progress_every_updates: Option<u64>,
+    /// The number of updates after which each edit of the world is due.
+    pub edits: Vec<u64>,
+    /// When to evaluate.
+    pub evaluate: EvaluateAt,
+    /// Time between checkpoints.
+    pub save_every: Option<Duration>,
+}
+
+/// What the front end does before the next tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Due {
+    /// Report that training was rolled back to earlier networks.
+    Recovery(Recovery),
+    /// Report progress.
+    Progress,
+    /// Make the edit with this index in [`Schedule::edits`].
+    Edit(usize),
+    /// Evaluate the run, also if it has reached its limit.
+    Evaluation,
+    /// Save a checkpoint.
+    Save,
+}
+
+/// Runs a trainer tick by tick and says what is due in between.
+///
+/// A front end alternates: it does all that [`Self::next_due`] returns, then calls [`Self::tick`].
+#[derive(Debug)]
+pub struct Session {
+    schedule: Schedule,
+    due: VecDeque<Due>,
+    /// Evaluations that have been due so far; one that is not finite leaves no trace in the history.
+    evaluations: usize,
+    saved_at: Instant,
+}
+
+impl Session {
+    /// Creates a session in which nothing is due before the first tick.
+    pub fn new(schedule: Schedule) -> Self {
+        Self { schedule, due: VecDeque::new(), evaluations: 0, saved_at: Instant::now() }
+    }
+
+    /// Like [`Self::new`], for a run that may have been stopped between a tick and what was due
+    /// after it: the edits at its present update, and an evaluation that has not been made.
+    pub fn resume(schedule: Schedule, trainer: &Trainer) -> Self {
+        let made = trainer.history().evaluations();
+        let mut session = Self { evaluations: made.len(), ..Self::new(schedule) };
+        let updates = trainer.counters().updates;
+        let is_evaluated = made.last().is_some_and(|(at, _)| *at == updates);
+        session.add_edits(updates);
+        session.add_evaluations(trainer, updates > 0 && !is_evaluated);
+        session
+    }
+
+    /// Returns the next thing to do before the next tick.
+    pub fn next_due(&mut self) -> Option<Due> {
+        self.due.pop_front()
+    }
+
+    /// Runs one tick, unless training is to stop or has reached one of `limits`.
+    ///
+    /// # Errors
+    /// The learner fails, or the run has diverged with no rollbacks left.
+    pub fn tick(
+        &mut self,
+        trainer: &mut Trainer,
+        limits: &Limits,
+    ) -> Result<ControlFlow<EndReason, Tick>, TrainError> {
+        if trainer.pulse().stops() {
+            return Ok(ControlFlow::Break(EndReason::Interrupted));
+        }
+        if let Some(reason) = trainer.limit_reached(limits) {
+            return Ok(ControlFlow::Break(reason));
+        }
+        crate::faults::point("trainer");
+        let tick = trainer.tick()?;
+        self.due.extend(trainer.take_recovery().map(Due::Recovery));
+        let updates = (tick == Tick::Update).then(|| trainer.counters().updates);
+        if let Some(updates) = updates {
+            let progress = self.schedule.progress_every_updates;
+            if progress.is_some_and(|every| updates.is_multiple_of(every)) {
+                self.due.push_back(Due::Progress);
+            }
+            self.add_edits(updates);
+        }
+        self.add_evaluations(trainer, updates.is_some());
+        if updates.is_some() && self.is_save_due(trainer)? {
+            self.due.push_back(Due::Save);
+            self.saved_at = Instant::now();
+        }
+        Ok(ControlFlow::Continue(tick))
+    }
+
+    fn add_edits(&mut self, updates: u64) {
+        let edits = self.schedule.edits.iter().enumerate();
+        self.due.extend(edits.filter(|(_, at)| **at == updates).map(|(i, _)| Due::Edit(i)));
+    }
+
+    /// Adds the evaluations that are due; `is_new_update` says whether the latest update has not
+    /// been evaluated yet.
+    fn add_evaluations(&mut self, trainer: &Trainer, is_new_update: bool) {
+        let counters = trainer.counters();
+        let missing = |marks: &[u64], done: u64| {
+            marks.partition_point(|mark| *mark <= done).saturating_sub(self.evaluations)
+        };
+        let count = match &self.schedule.evaluate {
+            EvaluateAt::EveryUpdates(every) => {
+                usize::from(is_new_update && counters.updates.is_multiple_of(*every))
+            }
+            EvaluateAt::Updates(marks) => {
+                usize::from(is_new_update && marks.binary_search(&counters.updates).is_ok())
+            }
+            EvaluateAt::Episodes(marks) => missing(marks, counters.episodes),
+            EvaluateAt::EnvSteps(marks) if !trainer.is_update_due() => {
+                missing(marks, counters.env_steps)
+            }
+            EvaluateAt::Never | EvaluateAt::EnvSteps(_) => 0,
+        };
+        self.evaluations += count;
+        self.due.extend(std::iter::repeat_n(Due::Evaluation, count));
+    }
+
+    /// Whether a checkpoint is due. It waits while a run diverges: a rollback before saving would
+    /// make the run depend on when it is saved, and its next updates roll back anyway.
+    fn is_save_due(&self, trainer: &Trainer) -> Result<bool, TrainError> {
+        let elapsed =
+            self.schedule.save_every.is_some_and(|every| self.saved_at.elapsed() >= every);
+        Ok(elapsed && trainer.is_finite()?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::env::PointMaze;
+    use crate::train::{Method, Preset, Registry, Run, Settings};
+
+    fn trainer() -> Trainer {
+        let mut settings = Settings::default();
+        (settings.learn.hidden, settings.learn.batch_size, settings.learn.buffer_size) =
+            (16, 16, 2_000);
+        settings.train.learning_starts = 200;
+        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings };
+        let world =
+            PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
+        Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer")
+    }
+
+    /// Trains to the end; returns what was due after which update, and why training ended.
+    fn course(
+        session: &mut Session,
+        trainer: &mut Trainer,
+        limits: Limits,
+    ) -> (Vec<(u64, Due)>, EndReason) {
+        let mut all = Vec::new();
+        loop {
+            let updates = trainer.counters().updates;
+            all.extend(std::iter::from_fn(|| session.next_due()).map(|due| (updates, due)));
+            if let ControlFlow::Break(reason) = session.tick(trainer, &limits).expect("it trains") {
+                return (all, reason);
+            }
+        }
+    }
+
+    #[test]
+    fn after_an_update_come_progress_edits_evaluation_and_save() {
+        let schedule = Schedule {
+            progress_every_updates: Some(4),
+            edits: vec![4, 2, 4],
+            evaluate: EvaluateAt::EveryUpdates(4),
+            save_every: Some(Duration::from_hours(1)),
+        };
+        let limits = Limits { updates: Some(5), ..Limits::default() };
+        let mut session = Session::new(schedule.clone());
+        let (all, reason) = course(&mut session, &mut trainer(), limits);
+        let (edit, at_four) = (Due::Edit, |due| (4, due));
+        let expected = [Due::Progress, edit(0), edit(2), Due::Evaluation].map(at_four);
+        assert_eq!(all, [vec![(2, edit(1))], expected.to_vec()].concat());
+        assert_eq!(reason, EndReason::MaxUpdates);
+        let mut session = Session::new(Schedule { save_every: Some(Duration::ZERO), ..schedule });
+        let (all, _) = course(&mut session, &mut trainer(), limits);
+        assert_eq!(all.iter().filter(|(_, due)| *due == Due::Save).count(), 5);
+        assert_eq!(all.iter().rev().nth(1), Some(&at_four(Due::Save)));
+    }
+
+    #[test]
+    fn marks_that_one_step_passes_together_are_each_evaluated_once() {
+        let schedule =
+            Schedule { evaluate: EvaluateAt::EnvSteps(vec![1, 2, 300]), ..Schedule::default() };
+        let limits = Limits { env_steps: Some(300), ..Limits::default() };
+        let (mut session, mut trainer) = (Session::new(schedule.clone()), trainer());
+        let (all, reason) = course(&mut session, &mut trainer, limits);
+        assert_eq!(all.iter().map(|(_, due)| *due).collect::<Vec<_>>(), [Due::Evaluation; 3]);
+        assert!((0..2).all(|i| all[i].0 == 0) && all[2].0 == trainer.counters().updates);
+        assert!(reason == EndReason::MaxSteps && !trainer.is_update_due());
+        let updates = trainer.counters().updates;
+        let evaluation = trainer.evaluate(&trainer.tasks(1)).expect("an evaluation");
+        trainer.record_evaluation(updates, evaluation);
+        let mut resumed = Session::resume(schedule, &trainer);
+        assert_eq!(std::iter::from_fn(|| resumed.next_due()).count(), 2, "one of three is made");
+    }
+
+    #[test]
+    fn what_a_stop_has_prevented_is_due_when_the_run_is_resumed() {
+        let schedule = Schedule {
+            progress_every_updates: Some(1),
+            edits: vec![3],
+            evaluate: EvaluateAt::Updates(vec![3]),
+            ..Schedule::default()
+        };
+        let mut trainer = trainer();
+        let limits = Limits { updates: Some(3), ..Limits::default() };
+        course(&mut Session::new(Schedule::default()), &mut trainer, limits);
+        let due = |trainer: &Trainer| {
+            let mut session = Session::resume(schedule.clone(), trainer);
+            std::iter::from_fn(|| session.next_due()).collect::<Vec<_>>()
+        };
+        assert_eq!(due(&trainer), [Due::Edit(0), Due::Evaluation]);
+        let evaluation = trainer.evaluate(&trainer.tasks(1)).expect("an evaluation");
+        trainer.record_evaluation(3, evaluation);
+        assert_eq!(due(&trainer), [Due::Edit(0)]);
+        trainer.pulse().stop();
+        let ended = Session::new(schedule).tick(&mut trainer, &Limits::default());
+        assert_eq!(ended.expect("no tick"), ControlFlow::Break(EndReason::Interrupted));
+    }
+}
