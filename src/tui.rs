@@ -34,6 +34,7 @@ mod job_control;
 mod keymap;
 mod layers;
 mod layout;
+mod link;
 mod lists;
 mod log;
 mod marker;

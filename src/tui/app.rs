@@ -4,6 +4,7 @@ mod act;
 mod answer;
 mod answer_error;
 mod files;
+mod maze;
 mod mouse;
 mod offer;
 mod past;
@@ -16,10 +17,7 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use ratatui::Frame;
-use ratatui::layout::Position;
 use tokio::sync::watch;
 
 use super::action::{Action, Mode};
@@ -30,14 +28,15 @@ use super::graphics::{Graphics, Picture, Redraw};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap::{self, Keymap};
 use super::layout::ScreenLayout;
+use super::link::Link;
 use super::offer::Search;
 use super::output::ExportKind;
-use super::render::{self, Cache};
+use super::render;
+use super::scene::{Cache, MazeState, Scene};
 use super::screen::Screen;
 use super::theme::ThemeName;
 pub use files::remember_map;
-use gdg::engine::{Command, Engine, MakeWorld, Snapshot};
-use gdg::env::PointMaze;
+use gdg::engine::{Command, Engine, Snapshot};
 use gdg::faults::Failure;
 use gdg::map::Grid;
 use gdg::train::Run;
@@ -50,20 +49,16 @@ use tour::Tour;
 pub use tour::{MAP as TOUR_MAP, run as tour_run};
 
 /// The run, updates and map in an autosave.
-type Autosaved = (Arc<Run>, u64, Arc<Grid>);
+type Autosaved = (Arc<Run>, u64, Option<Arc<Grid>>);
 
 /// Forwards user input to trainer and viewer, and what they publish to the screen.
 pub struct App {
     engine: Engine,
-    pub(super) viewer: Viewer,
-    /// The state a frame is drawn from.
+    link: Link,
+    /// The state a frame is drawn from, but for the scene.
     pub screen: Screen,
-    /// The number of the latest goal request.
-    pub(super) goal_requests: u64,
-    /// The goal request, and the cells cut off from it, that the user has been warned of.
-    warned_of: Option<(u64, Arc<Vec<bool>>)>,
-    /// The mouse position the map is being dragged from.
-    pub(super) dragged_from: Option<Position>,
+    /// What is drawn in the place of the map.
+    pub scene: Scene,
     /// Minutes between automatic checkpoints; 0 for none.
     pub autosave_minutes: f64,
     autosaved: Instant,
@@ -77,10 +72,9 @@ pub struct App {
     /// The guided tour, while it lasts.
     tour: Option<Tour>,
     /// Whether the tour begins with the next run.
-    pub(super) tour_requested: bool,
+    tour_requested: bool,
     /// Internal errors so far.
     failures: Vec<Failure>,
-    pub(super) rng: ChaCha8Rng,
     done: bool,
     /// What the terminal has been asked to do.
     terminal_request: Option<TerminalRequest>,
@@ -93,8 +87,6 @@ pub struct App {
     film_export: Option<JoinHandle<Result<String, String>>>,
     /// The engine's snapshots and the viewer's views.
     feed: (watch::Receiver<Arc<Snapshot>>, watch::Receiver<View>),
-    /// The latest snapshot; the screen may be frozen and show an earlier one.
-    pub(super) latest: Arc<Snapshot>,
     /// What the next frame can reuse.
     cache: Cache,
     /// The theme in use, while others are shown that are selected in the list of themes.
@@ -111,9 +103,6 @@ impl App {
     ) -> Self {
         let snapshot = engine.snapshots().borrow().clone();
         let mut app = Self {
-            goal_requests: 0,
-            warned_of: None,
-            dragged_from: None,
             autosave_minutes: config.autosave_minutes,
             autosaved: Instant::now(),
             autosaving_as: None,
@@ -123,19 +112,18 @@ impl App {
             tour: None,
             tour_requested: false,
             failures: Vec::new(),
-            rng: ChaCha8Rng::seed_from_u64(snapshot.run.seed),
             done: false,
             terminal_request: None,
             press_is_spent: false,
             export: None,
             film_export: None,
             feed: (engine.snapshots(), viewer.views()),
-            latest: snapshot.clone(),
             cache: Cache::with_pictures(),
             previewed_over: None,
+            scene: Scene::of(&snapshot),
+            link: Link::new(engine.link(), viewer, &snapshot),
             screen: Screen::new((&config, keymap), snapshot),
             engine,
-            viewer,
         };
         app.start_run();
         app
@@ -150,13 +138,14 @@ impl App {
         self.forget_tour();
         self.return_to_present();
         self.screen.layout = ScreenLayout::default();
-        if !self.screen.has_field(self.screen.field) {
+        self.scene.enter(&self.screen.snapshot);
+        if !self.scene.has_field(self.screen.field, &self.screen) {
             self.screen.field = Field::default();
         }
         // Another kind of scene has a worker of its own, which does not know these yet.
-        self.viewer.request(Request::Field(self.screen.field));
-        self.viewer.request(Request::OnArrival(self.screen.on_arrival));
-        self.start_scene();
+        self.link.request(Request::Field(self.screen.field));
+        self.link.request(Request::OnArrival(self.screen.on_arrival));
+        self.in_scene(Scene::start);
         if std::mem::take(&mut self.tour_requested) {
             self.begin_tour();
         }
@@ -164,12 +153,12 @@ impl App {
 
     /// Returns the engine's snapshots.
     pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
-        self.engine.snapshots()
+        self.link.engine().snapshots()
     }
 
     /// Returns the viewer's views.
     pub fn views(&self) -> watch::Receiver<View> {
-        self.viewer.views()
+        self.link.viewer().views()
     }
 
     /// Returns whether the program is to quit.
@@ -192,16 +181,38 @@ impl App {
     /// Stops training and returns the trainer.
     #[cfg(test)]
     pub fn stop(self) -> Option<gdg::train::Trainer> {
-        self.engine.stop()
+        let Self { engine, link, .. } = self;
+        drop(link);
+        engine.stop()
     }
 
     /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
     pub fn command(&mut self, command: Command) -> bool {
-        let sent = self.engine.send(command);
-        if !sent {
-            self.notify("the trainer is busy: try again");
+        self.link.command(command, &mut self.screen)
+    }
+
+    /// Lets the scene react to something.
+    pub(super) fn in_scene<T>(
+        &mut self,
+        react: impl FnOnce(&mut Scene, &mut Screen, &mut Link) -> T,
+    ) -> T {
+        let was_frozen = self.screen.frozen;
+        let done = react(&mut self.scene, &mut self.screen, &mut self.link);
+        if was_frozen && !self.screen.frozen {
+            self.freeze(false);
         }
-        sent
+        done
+    }
+
+    /// Lets the maze react to something, if the scene is one.
+    pub(super) fn in_maze<T: Default>(
+        &mut self,
+        react: impl FnOnce(&mut MazeState, &mut Screen, &mut Link) -> T,
+    ) -> T {
+        self.in_scene(|scene, screen, link| match scene {
+            Scene::Maze(maze) => react(maze, screen, link),
+            Scene::Arm(_) => T::default(),
+        })
     }
 
     /// Handles a terminal event.
@@ -228,7 +239,7 @@ impl App {
             return;
         }
         match self.screen.dialogs.last_mut() {
-            None => match self.screen.keymap.action(key, self.screen.mode()) {
+            None => match self.screen.keymap.action(key, self.scene.mode(&self.screen)) {
                 Some(action) => self.act(action),
                 None => self.on_unbound_key(key),
             },
@@ -246,7 +257,7 @@ impl App {
         }
         let keymap = &self.screen.keymap;
         let [help, find] = [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
-        let place = if self.screen.mode() == Mode::Editing { "in the editor" } else { "here" };
+        let place = if self.scene.is_editing() { "in the editor" } else { "here" };
         let text = format!(
             "{} does nothing {place}   {help} help   {find} all commands",
             keymap::name_of(key)
@@ -285,28 +296,28 @@ impl App {
 
     /// Returns the number of the latest goal request.
     pub fn goal_request(&self) -> u64 {
-        self.goal_requests
+        self.link.goal_request()
     }
 
     /// Changes what the walking agent does at the goal.
     pub fn set_on_arrival(&mut self, on_arrival: OnArrival) {
         self.screen.on_arrival = on_arrival;
-        self.viewer.request(Request::OnArrival(on_arrival));
+        self.link.request(Request::OnArrival(on_arrival));
     }
 
     /// Shows a notice and logs it.
     pub fn notify(&mut self, text: &str) {
-        self.screen.log.add(text, self.latest.moment(), false);
+        self.screen.notify(text);
     }
 
     /// Shows a notice of what concerns the screen alone, which the log is not for.
     pub fn say(&mut self, text: &str) {
-        self.screen.log.show(text, false);
+        self.screen.say(text);
     }
 
     /// Shows an error and logs it.
     pub fn report(&mut self, text: &str) {
-        self.screen.log.add(text, self.latest.moment(), true);
+        self.screen.report(text);
     }
 
     /// Handles a drawn frame: stores its places for clicks, and has the viewer compute what its
@@ -318,7 +329,7 @@ impl App {
         {
             (help.first, help.page) = (lines.start, lines.len());
         }
-        self.scene_drawn(before);
+        self.scene.drawn(before, &mut self.screen, &self.link);
     }
 }
 
@@ -328,7 +339,7 @@ impl App {
         if self.film_export.is_some() {
             return self.notify("the film is being written already");
         }
-        match export::write_film(&self.screen) {
+        match export::write_film(&self.screen, &self.scene) {
             Ok(film) => {
                 self.film_export = Some(film);
                 self.notify("writing the film ...");
@@ -369,7 +380,7 @@ impl Interface for App {
     fn on_tick(&mut self) -> bool {
         match self.export.take() {
             Some(ExportKind::Film) => self.export_film(),
-            Some(kind) => self.on_exported(export::write(kind, &self.screen)),
+            Some(kind) => self.on_exported(export::write(kind, &self.screen, &self.scene)),
             None => {}
         }
         if let Some(done) = self.film_export.take_if(|film| film.is_finished()) {
@@ -406,7 +417,7 @@ impl Interface for App {
 
     fn draw(&mut self, frame: &mut Frame) {
         self.cache.begin();
-        let layout = render::draw(frame, &self.screen, &mut self.cache);
+        let layout = render::draw(frame, &self.screen, &self.scene, &mut self.cache);
         self.drawn(layout);
     }
 
@@ -421,12 +432,4 @@ impl Interface for App {
         }
         App::close(self, true)
     }
-}
-
-/// Makes the maze on `map` that takes the place of the run's: with its settings and scenario.
-pub(super) fn maze_on(map: Arc<Grid>) -> MakeWorld {
-    Box::new(|world| match PointMaze::downcast_ref(world) {
-        Some(maze) => Box::new(maze.with_map(map)),
-        None => Box::new(PointMaze::new(map, 0)),
-    })
 }

@@ -34,7 +34,7 @@ use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::log::{Log, Notice};
-use super::render::Cache;
+use super::scene::{Cache, MazeState};
 use crate::host::signals::TerminationSignal;
 use curves::Axis;
 use gdg::engine::{Command, Engine, Snapshot};
@@ -110,6 +110,11 @@ impl Side {
         Ok(Self { app, title, pace: Pace::default(), cache: Cache::with_pictures() })
     }
 
+    /// Returns the maze that is shown.
+    fn maze(&self) -> &MazeState {
+        self.app.scene.maze().expect("comparisons are prepared on maps, and do not leave them")
+    }
+
     /// Takes over what trainer and viewer have published, even if the screen is frozen.
     fn follow(&mut self, own: usize, race: &mut Race, snapshot: &Snapshot, view: &View) {
         self.pace.add(snapshot);
@@ -136,9 +141,8 @@ impl Comparison {
 
     /// Opens the screen; both agents walk to the map's own goal, or to a random one.
     fn new(sides: [Side; 2]) -> Self {
-        let screen = &sides[0].app.screen;
-        let (goal, race) =
-            (screen.maze.goal, Race::new(screen.maze.map.clone(), screen.run().seed));
+        let (first, seed) = (sides[0].maze(), sides[0].app.screen.run().seed);
+        let (goal, race) = (first.goal, Race::new(first.map.clone(), seed));
         let mut comparison = Self {
             race,
             axis: Axis::default(),
@@ -169,7 +173,7 @@ impl Comparison {
     /// Gives the same distance the same colour on both sides.
     fn share_colours(&mut self) {
         let farthest =
-            self.sides.iter().map(|side| side.app.screen.own_farthest()).fold(1.0, f32::max);
+            self.sides.iter().map(|side| side.app.scene.own_farthest()).fold(1.0, f32::max);
         self.sides.iter_mut().for_each(|side| side.app.screen.least_farthest = farthest);
     }
 

@@ -32,6 +32,18 @@ pub enum Dialog {
     Ask(Prompt),
 }
 
+impl From<Picker> for Dialog {
+    fn from(picker: Picker) -> Self {
+        Self::Pick(picker)
+    }
+}
+
+impl From<Prompt> for Dialog {
+    fn from(prompt: Prompt) -> Self {
+        Self::Ask(prompt)
+    }
+}
+
 /// What picking an item does.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Choice {

@@ -14,6 +14,7 @@ use ratatui::{Frame, Terminal};
 
 use super::output::ExportKind;
 use super::render;
+use super::scene::{Cache, Scene};
 use super::screen::Screen;
 use super::theme::{Rgb, Theme};
 use gdg::files::{self, write_atomically};
@@ -50,8 +51,8 @@ pub enum ExportError {
 ///
 /// # Errors
 /// The notice that the file cannot be written.
-pub fn write(kind: ExportKind, screen: &Screen) -> Result<String, String> {
-    write_contents(&export_path(kind, screen), contents(kind, screen))
+pub fn write(kind: ExportKind, screen: &Screen, scene: &Scene) -> Result<String, String> {
+    write_contents(&export_path(kind, screen, scene), contents(kind, screen, scene))
 }
 
 /// Writes the film to a new file on a thread of its own, as that takes a second or two; it returns
@@ -59,15 +60,18 @@ pub fn write(kind: ExportKind, screen: &Screen) -> Result<String, String> {
 ///
 /// # Errors
 /// The thread cannot be started.
-pub fn write_film(screen: &Screen) -> std::io::Result<JoinHandle<Result<String, String>>> {
-    let (path, run) = (export_path(ExportKind::Film, screen), screen.snapshot.clone());
+pub fn write_film(
+    screen: &Screen,
+    scene: &Scene,
+) -> std::io::Result<JoinHandle<Result<String, String>>> {
+    let (path, run) = (export_path(ExportKind::Film, screen, scene), screen.snapshot.clone());
     let write = move || write_contents(&path, animate(&run).map_err(ExportError::Film));
     std::thread::Builder::new().name("film".to_owned()).spawn(write)
 }
 
-fn export_path(kind: ExportKind, screen: &Screen) -> PathBuf {
-    let (world, updates) = (screen.title(), screen.snapshot.counters.updates);
-    let end = format!("-{updates}-{}.{}", kind.stem(screen.scene().noun()), kind.file_type());
+fn export_path(kind: ExportKind, screen: &Screen, scene: &Scene) -> PathBuf {
+    let (world, updates) = (scene.title(&screen.snapshot), screen.snapshot.counters.updates);
+    let end = format!("-{updates}-{}.{}", kind.stem(scene.noun()), kind.file_type());
     // A paused run may be exported several times.
     files::unused_path(&files::named(Path::new(EXPORT_FOLDER), world, &end))
 }
@@ -84,13 +88,13 @@ fn write_contents(path: &Path, contents: Result<Vec<u8>, ExportError>) -> Result
 ///
 /// # Errors
 /// What cannot be drawn or encoded.
-pub fn contents(kind: ExportKind, screen: &Screen) -> Result<Vec<u8>, ExportError> {
+pub fn contents(kind: ExportKind, screen: &Screen, scene: &Scene) -> Result<Vec<u8>, ExportError> {
     match kind {
         ExportKind::CurvesSvg => curves::svg(screen),
         ExportKind::CurvesCsv => curves::csv(screen),
         ExportKind::Film => Ok(animate(&screen.snapshot)?),
         ExportKind::MapPng | ExportKind::MapSvg | ExportKind::ScreenPng | ExportKind::ScreenSvg => {
-            let (drawn, map_pane) = draw(screen)?;
+            let (drawn, map_pane) = draw(screen, scene)?;
             let area = match kind {
                 ExportKind::MapPng | ExportKind::MapSvg => map_pane.intersection(drawn.area),
                 _ => drawn.area,
@@ -108,13 +112,13 @@ pub fn contents(kind: ExportKind, screen: &Screen) -> Result<Vec<u8>, ExportErro
 }
 
 /// Draws the screen without dialogs; returns it with the area of the map pane.
-fn draw(screen: &Screen) -> std::io::Result<(Buffer, Rect)> {
+fn draw(screen: &Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
     let Rect { width, height, .. } = screen.layout.screen;
     let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1)))
         .map_err(std::io::Error::other)?;
     let mut map_pane = Rect::default();
     let panes = |frame: &mut Frame| {
-        map_pane = render::draw_panes(frame, screen, &mut render::Cache::default()).map_pane;
+        map_pane = render::draw_panes(frame, screen, scene, &mut Cache::default()).map_pane;
     };
     terminal.draw(panes).map_err(std::io::Error::other)?;
     Ok((terminal.backend().buffer().clone(), map_pane))

@@ -9,7 +9,7 @@ use jiff::tz::TimeZone;
 use super::dialog::{Choice, Item, Picker};
 use crate::tui::action::{Action, Binding, Mode, When, bindings};
 use crate::tui::output::ExportKind;
-use crate::tui::scene::SceneKind;
+use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ThemeName;
 use gdg::bridge::Planner;
@@ -27,8 +27,8 @@ const VALUE_WIDTH: usize = 12;
 
 /// Lists all actions that make sense on this screen, by name, and after them what colours can show,
 /// and all settings.
-pub fn actions(screen: &Screen) -> Picker {
-    let (keymap, scene) = (&screen.keymap, screen.scene());
+pub fn actions(screen: &Screen, scene: &Scene) -> Picker {
+    let keymap = &screen.keymap;
     let here = |b: &&Binding| {
         let active = b.is_active(Mode::Watching) || b.is_active(Mode::Editing);
         active
@@ -47,7 +47,7 @@ pub fn actions(screen: &Screen) -> Picker {
         Item { detail, marked: false, ..setting }.within("settings")
     });
     let fields =
-        Field::ALL.into_iter().filter(|field| screen.has_field(*field)).map(|field| Item {
+        Field::ALL.into_iter().filter(|field| scene.has_field(*field, screen)).map(|field| Item {
             words: field.words().to_owned(),
             ..Item::new(format!("colours: {}", field.name()), "", Choice::Field(field))
         });
@@ -327,7 +327,7 @@ pub fn maps(
             Choice::Act(Action::RandomMap),
         ));
         let worlds = registry.worlds().iter();
-        let worlds = worlds.filter(|kind| kind.create.is_some() && SceneKind::draws(kind.name));
+        let worlds = worlds.filter(|kind| kind.create.is_some() && Scene::draws(kind.name));
         items.extend(
             worlds.map(|kind| Item::new(kind.name, kind.about, Choice::OpenWorld(kind.name))),
         );
@@ -355,7 +355,7 @@ pub fn checkpoints(
         file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
     };
     let item = |found: &Result<Description, CheckpointError>| match found {
-        Ok(d) if !SceneKind::draws(&d.world) => {
+        Ok(d) if !Scene::draws(&d.world) => {
             let why = format!("cannot be drawn: continue it with --no-ui; {}", about(d, zone));
             Item::new(name(&d.file), why, Choice::Nothing)
         }

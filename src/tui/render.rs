@@ -31,8 +31,7 @@ use ratatui::style::Color;
 
 use super::dialog::Dialog;
 use super::layout::ScreenLayout;
-use super::scene;
-pub use super::scene::Cache;
+use super::scene::{Cache, Scene};
 use super::screen::Screen;
 use super::theme::Theme;
 #[cfg(test)]
@@ -57,13 +56,13 @@ const WIDE_SCREEN: u16 = 110;
 const VERY_WIDE_SCREEN: u16 = 160;
 
 /// Draws everything and returns where it is; `cache` keeps what the next frame can reuse.
-pub fn draw(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> ScreenLayout {
-    let mut layout = draw_panes(frame, screen, cache);
+pub fn draw(frame: &mut Frame, screen: &Screen, scene: &Scene, cache: &mut Cache) -> ScreenLayout {
+    let mut layout = draw_panes(frame, screen, scene, cache);
     if let Some(top) = screen.dialogs.last() {
         // Panes below a dialog do not react to clicks.
         layout.forget_clicks();
         match top {
-            Dialog::Help(help) => help::draw(frame, frame.area(), screen, help, &mut layout),
+            Dialog::Help(help) => help::draw(frame, screen, scene, help, &mut layout),
             Dialog::Pick(picker) => {
                 dialog::draw_picker(frame, frame.area(), screen, picker, &mut layout);
             }
@@ -91,16 +90,21 @@ pub fn paint_page(frame: &mut Frame, theme: &Theme) {
 }
 
 /// Draws everything except dialogs.
-pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> ScreenLayout {
+pub fn draw_panes(
+    frame: &mut Frame,
+    screen: &Screen,
+    scene: &Scene,
+    cache: &mut Cache,
+) -> ScreenLayout {
     let mut layout = ScreenLayout::new(frame.area());
     let [head, body, foot] =
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)])
             .areas(frame.area());
-    header::draw(frame, head, screen, &mut layout);
-    let panel = Panel::place(body, scene::proportions(screen));
+    header::draw(frame, head, screen, scene, &mut layout);
+    let panel = Panel::place(body, scene.proportions());
     layout.lacks_panel = panel == Panel::Nowhere;
     if screen.maximised {
-        side::draw_maximised(frame, body, screen, &mut layout);
+        side::draw_maximised(frame, body, screen, scene, &mut layout);
     } else {
         let [map_pane, side] = match panel {
             Panel::Beside(columns) => {
@@ -114,14 +118,14 @@ pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Scre
         layout.map_pane = map_pane;
         let [map, info] =
             Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
-        scene::draw(frame, [map, info], screen, &mut layout, cache);
-        hint::draw(frame, map, screen, &mut layout);
-        tour::draw(frame, map, screen, &mut layout);
+        scene.draw(frame, [map, info], screen, &mut layout, cache);
+        hint::draw(frame, map, screen, scene, &mut layout);
+        tour::draw(frame, map, screen, scene, &mut layout);
         if !side.is_empty() {
-            side::draw(frame, side, screen, &mut layout);
+            side::draw(frame, side, screen, scene, &mut layout);
         }
     }
-    footer::draw(frame, foot, screen, &mut layout);
+    footer::draw(frame, foot, screen, scene, &mut layout);
     layout
 }
 
@@ -139,7 +143,7 @@ enum Panel {
 impl Panel {
     /// Places the panel within `body`: beside a map of that width and height, or below it if that
     /// leaves clearly more room for the map.
-    fn place(body: Rect, (width, height): (f32, f32)) -> Self {
+    fn place(body: Rect, [width, height]: [f32; 2]) -> Self {
         let columns = match body.width {
             w if w >= VERY_WIDE_SCREEN => 2 * WIDE_SIDE_WIDTH,
             w if w >= WIDE_SCREEN => WIDE_SIDE_WIDTH,

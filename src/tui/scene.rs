@@ -1,7 +1,7 @@
 //! The kinds of worlds that the screen draws: a folder each, with its state, what it draws and how
 //! it reacts. This file picks one of them.
 
-mod arm;
+pub mod arm;
 mod legend;
 pub mod maze;
 mod scale;
@@ -12,33 +12,35 @@ use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
 use ratatui::text::Line;
 
-use super::action::{Action, Binding};
-use super::app::App;
+use super::action::{Action, Binding, Mode};
 use super::layers::Overlay;
 use super::layout::ScreenLayout;
+use super::link::Link;
 use super::screen::Screen;
 pub use arm::ArmState;
 use gdg::bridge::EdgeStatus;
-use gdg::env::{Scene, fetch_reach, maze as maze_world};
-use gdg::viewer::Field;
-pub use maze::{Cache, MazeState, shown_goal};
+use gdg::engine::Snapshot;
+use gdg::env::{Scene as World, fetch_reach, maze as maze_world};
+use gdg::viewer::{Field, View};
+pub use maze::{Cache, MazeState};
 pub use walk::MEANINGS as WALK_MEANINGS;
 
-/// A kind of world that the screen draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SceneKind {
+/// What is drawn in the place of the map.
+pub enum Scene {
     /// A maze, seen from above.
-    Maze,
+    Maze(Box<MazeState>),
     /// An arm, in projections.
-    Arm,
+    Arm(ArmState),
 }
 
-impl SceneKind {
-    /// Returns the kind that draws `scene`.
-    pub fn of(scene: &Scene) -> Self {
-        match scene {
-            Scene::Arm(_) => Self::Arm,
-            Scene::Maze(_) | Scene::Nothing => Self::Maze,
+impl Scene {
+    /// Creates the scene of a run.
+    pub fn of(snapshot: &Snapshot) -> Self {
+        match &snapshot.scene {
+            World::Arm(_) => Self::Arm(ArmState::default()),
+            World::Maze(_) | World::Nothing => {
+                Self::Maze(Box::new(MazeState::new(snapshot.scene.maze().map)))
+            }
         }
     }
 
@@ -47,174 +49,297 @@ impl SceneKind {
         [maze_world::KIND.name, fetch_reach::KIND.name, fetch_reach::WALL_KIND.name].contains(&name)
     }
 
-    /// Returns what is drawn, in a word.
-    pub fn noun(self) -> &'static str {
+    /// Returns the maze, if it is one.
+    pub fn maze(&self) -> Option<&MazeState> {
         match self {
-            Self::Maze => "map",
-            Self::Arm => "arm",
+            Self::Maze(maze) => Some(maze),
+            Self::Arm(_) => None,
         }
     }
 
-    /// Returns whether an action makes sense here.
-    pub fn offers(self, action: Action) -> bool {
+    /// Returns the maze to be changed, if it is one.
+    pub fn maze_mut(&mut self) -> Option<&mut MazeState> {
         match self {
-            Self::Maze => !matches!(action, Action::Projection | Action::Alone),
-            Self::Arm => arm::offers(action),
-        }
-    }
-
-    /// Returns whether a quantity can be shown by colours here.
-    pub fn shows(self, field: Field) -> bool {
-        match self {
-            Self::Maze => true,
-            Self::Arm => {
-                matches!(field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain)
-            }
-        }
-    }
-
-    /// Returns the description of a binding for help and palette.
-    pub fn wording(self, binding: &Binding) -> &'static str {
-        match self {
-            Self::Maze => binding.long,
-            Self::Arm => arm::wording(binding.action).unwrap_or(binding.long),
-        }
-    }
-
-    /// Returns the text that begins the help.
-    pub fn introduction(self) -> &'static str {
-        match self {
-            Self::Maze => {
-                "Colours show the learned distance D to the goal G: light near, dark far. The agents see no walls and get no \
-                 reward. @ walks to G with what it has learned so far; click on the map to set another goal. The editor \
-                 draws walls and closes doors."
-            }
-            Self::Arm => {
-                "Colours show the learned distance D to the goal G: light near, dark far. The agents do not see joints and get \
-                 no reward. @ reaches for G with what it has learned so far; a click sets the two coordinates that are shown."
-            }
-        }
-    }
-
-    /// Returns the title of the pane about the walking agent.
-    pub fn walk_title(self) -> &'static str {
-        match self {
-            Self::Maze => "walk @ \u{2192} G",
-            Self::Arm => "reach @ \u{2192} G",
+            Self::Maze(maze) => Some(maze),
+            Self::Arm(_) => None,
         }
     }
 }
 
-/// Draws the scene into the first area, and the line below it into the second.
-pub fn draw(
-    frame: &mut Frame,
-    areas: [Rect; 2],
-    screen: &Screen,
-    layout: &mut ScreenLayout,
-    cache: &mut Cache,
-) {
-    match &screen.snapshot.scene {
-        Scene::Arm(scene) => arm::draw(frame, areas, scene, screen, layout),
-        Scene::Maze(_) | Scene::Nothing => maze::draw(frame, areas, screen, layout, cache),
+/// What it is called and can do.
+impl Scene {
+    /// Returns what is drawn, in a word.
+    pub fn noun(&self) -> &'static str {
+        match self {
+            Self::Maze(_) => maze::NOUN,
+            Self::Arm(_) => arm::NOUN,
+        }
+    }
+
+    /// Returns what other scenes draw.
+    pub fn other_noun(&self) -> &'static str {
+        match self {
+            Self::Maze(_) => arm::NOUN,
+            Self::Arm(_) => maze::NOUN,
+        }
+    }
+
+    /// Returns the world's title: of a map, its name as last edited.
+    pub fn title<'a>(&'a self, snapshot: &'a Snapshot) -> &'a str {
+        match self {
+            Self::Maze(maze) => maze.map.name(),
+            Self::Arm(_) => &snapshot.title,
+        }
+    }
+
+    /// Returns whether an action makes sense here.
+    pub fn offers(&self, action: Action) -> bool {
+        match self {
+            Self::Maze(_) => maze::offers(action),
+            Self::Arm(_) => arm::offers(action),
+        }
+    }
+
+    /// Returns whether the colours can show `field`.
+    pub fn has_field(&self, field: Field, screen: &Screen) -> bool {
+        let shows = match self {
+            Self::Maze(_) => true,
+            Self::Arm(_) => arm::shows(field),
+        };
+        shows && (field != Field::Composed || screen.run().method.plans())
+    }
+
+    /// Returns whether true distances are known here.
+    pub fn has_true_distances(&self) -> bool {
+        matches!(self, Self::Maze(_))
+    }
+
+    /// Returns the description of a binding for help and palette.
+    pub fn wording(&self, binding: &Binding) -> &'static str {
+        match self {
+            Self::Maze(_) => binding.long,
+            Self::Arm(_) => arm::wording(binding.action).unwrap_or(binding.long),
+        }
+    }
+
+    /// Returns the text that begins the help.
+    pub fn introduction(&self) -> &'static str {
+        match self {
+            Self::Maze(_) => maze::INTRODUCTION,
+            Self::Arm(_) => arm::INTRODUCTION,
+        }
+    }
+
+    /// Returns the title of the pane about the walking agent.
+    pub fn walk_title(&self) -> &'static str {
+        match self {
+            Self::Maze(_) => "walk @ \u{2192} G",
+            Self::Arm(_) => "reach @ \u{2192} G",
+        }
+    }
+
+    /// Returns whether the frame of the film shows D to another goal than the present one.
+    pub fn shows_other_goal(&self) -> bool {
+        match self {
+            Self::Maze(maze) => maze::shown_goal(maze) != maze.goal,
+            Self::Arm(_) => true,
+        }
+    }
+
+    /// Returns the largest value of the field, at least 1.
+    pub fn own_farthest(&self) -> f32 {
+        match self {
+            Self::Maze(maze) => maze.own_farthest(),
+            Self::Arm(arm) => arm.own_farthest(),
+        }
+    }
+
+    /// Returns what the screen is used for.
+    pub fn mode(&self, screen: &Screen) -> Mode {
+        match screen.offer {
+            _ if self.is_editing() => Mode::Editing,
+            _ if screen.tour.is_some() => Mode::Touring,
+            Some(_) => Mode::Offered,
+            None => Mode::Watching,
+        }
+    }
+
+    /// Describes the phase of training in a word or two.
+    pub fn phase(&self, screen: &Screen) -> String {
+        // The trainer does not know the latest edit of the map yet: it rebuilds the bridge graph
+        // first.
+        let is_behind = |maze: &MazeState| match &screen.snapshot.scene {
+            World::Maze(scene) => scene.map != maze.map,
+            _ => false,
+        };
+        screen.phase(self.maze().is_some_and(is_behind))
+    }
+
+    /// Returns whether the map's editor is open.
+    pub fn is_editing(&self) -> bool {
+        self.maze().is_some_and(|maze| maze.editor.is_open())
+    }
+
+    /// Returns whether a stroke of the editor has begun.
+    pub fn is_drawing(&self) -> bool {
+        self.maze().is_some_and(|maze| maze.editor.is_drawing())
+    }
+
+    /// Returns whether the map has edits that are in no file.
+    pub fn has_unsaved_map(&self) -> bool {
+        self.maze().is_some_and(|maze| maze.map != maze.kept_map)
+    }
+
+    /// Takes the map as it is for saved.
+    pub fn keep_map(&mut self) {
+        if let Self::Maze(maze) = self {
+            maze.kept_map = maze.map.clone();
+        }
+    }
+
+    /// Returns the goal that is shown in the present, `(goal_dim)`.
+    pub fn goal(&self) -> Vec<f32> {
+        match self {
+            Self::Maze(maze) => maze.goal.centre().to_vec(),
+            Self::Arm(arm) => arm.goal.to_vec(),
+        }
+    }
+
+    /// Returns the number of bridge candidates.
+    pub fn candidate_count(&self) -> usize {
+        match self {
+            Self::Maze(maze) => maze.view.candidates.len(),
+            Self::Arm(arm) => arm.view.candidates.len(),
+        }
+    }
+
+    /// Returns the number of edges of the bridge graph with this record.
+    pub fn edge_count(&self, status: EdgeStatus) -> usize {
+        match self {
+            Self::Maze(maze) => maze.edge_count(status),
+            Self::Arm(arm) => arm.edge_count(status),
+        }
     }
 }
 
 /// The line of the first overlay in the legend.
 pub const FIRST_OVERLAY: usize = 2;
 
-/// Returns the overlays that make sense here.
-pub fn overlays(screen: &Screen) -> impl Iterator<Item = Overlay> {
-    let kind = screen.scene();
-    Overlay::ALL.into_iter().filter(move |overlay| kind.offers(Action::Toggle(*overlay)))
-}
-
-/// Returns the lines of the legend.
-pub fn legend_lines(screen: &Screen) -> Vec<Line<'static>> {
-    match screen.scene() {
-        SceneKind::Maze => maze::legend_lines(screen),
-        SceneKind::Arm => arm::legend_lines(screen),
-    }
-}
-
-/// Returns the lines about the followed agent.
-pub fn walk_lines(screen: &Screen) -> Vec<Line<'static>> {
-    match screen.scene() {
-        SceneKind::Maze => maze::walk_lines(screen),
-        SceneKind::Arm => arm::walk_lines(screen),
-    }
-}
-
-/// Returns the width and height of what is drawn, in a unit of its own.
-pub fn proportions(screen: &Screen) -> (f32, f32) {
-    match screen.scene() {
-        SceneKind::Maze => (screen.maze.map.width() as f32, screen.maze.map.height() as f32),
-        SceneKind::Arm => (1.0, 1.0),
-    }
-}
-
-/// Returns the number of bridge candidates.
-pub fn candidate_count(screen: &Screen) -> usize {
-    match screen.scene() {
-        SceneKind::Maze => screen.maze.view.candidates.len(),
-        SceneKind::Arm => screen.arm.view.candidates.len(),
-    }
-}
-
-/// Returns the number of edges of the bridge graph with this record.
-pub fn edge_count(screen: &Screen, status: EdgeStatus) -> usize {
-    match screen.scene() {
-        SceneKind::Maze => screen.maze.view.edges.iter().filter(|(_, s)| *s == status).count(),
-        SceneKind::Arm => screen.arm.view.edges.iter().filter(|(_, s)| *s == status).count(),
-    }
-}
-
-impl App {
-    /// Begins to show another run.
-    pub(super) fn start_scene(&mut self) {
-        match self.screen.scene() {
-            SceneKind::Maze => self.start_maze(),
-            SceneKind::Arm => self.start_arm(),
+/// How it is drawn.
+impl Scene {
+    /// Draws the scene into the first area, and the line below it into the second.
+    pub fn draw(
+        &self,
+        frame: &mut Frame,
+        areas: [Rect; 2],
+        screen: &Screen,
+        layout: &mut ScreenLayout,
+        cache: &mut Cache,
+    ) {
+        match (self, &screen.snapshot.scene) {
+            (Self::Maze(maze), _) => maze::draw(frame, areas, maze, screen, layout, cache),
+            (Self::Arm(arm), World::Arm(world)) => {
+                arm::draw(frame, areas, world, arm, screen, layout);
+            }
+            // The run of a maze has begun, which is shown from now on.
+            (Self::Arm(_), _) => {}
         }
     }
 
-    /// Returns the goal that is shown in the present, `(goal_dim)`.
-    pub(super) fn goal(&self) -> Vec<f32> {
-        match self.screen.scene() {
-            SceneKind::Maze => self.screen.maze.goal.centre().to_vec(),
-            SceneKind::Arm => self.screen.arm.goal.to_vec(),
+    /// Returns the overlays that make sense here.
+    pub fn overlays(&self) -> impl Iterator<Item = Overlay> {
+        legend::overlays(|action| self.offers(action))
+    }
+
+    /// Returns the lines of the legend.
+    pub fn legend_lines(&self, screen: &Screen) -> Vec<Line<'static>> {
+        match self {
+            Self::Maze(maze) => maze::legend_lines(maze, screen),
+            Self::Arm(arm) => arm::legend_lines(arm, screen),
+        }
+    }
+
+    /// Returns the lines about the followed agent.
+    pub fn walk_lines(&self, screen: &Screen) -> Vec<Line<'static>> {
+        match self {
+            Self::Maze(maze) => maze::walk_lines(maze, screen),
+            Self::Arm(arm) => arm::walk_lines(arm, screen),
+        }
+    }
+
+    /// Returns the width and height of what is drawn, in a unit of its own.
+    pub fn proportions(&self) -> [f32; 2] {
+        match self {
+            Self::Maze(maze) => [maze.map.width() as f32, maze.map.height() as f32],
+            Self::Arm(_) => [1.0, 1.0],
+        }
+    }
+}
+
+/// How it reacts.
+impl Scene {
+    /// Becomes the kind of scene that a run has.
+    pub fn enter(&mut self, snapshot: &Snapshot) {
+        let is_arm = matches!(snapshot.scene, World::Arm(_));
+        if is_arm != matches!(self, Self::Arm(_)) {
+            *self = Self::of(snapshot);
+        }
+    }
+
+    /// Begins to show the run on the screen.
+    pub fn start(&mut self, screen: &mut Screen, link: &mut Link) {
+        match self {
+            Self::Maze(maze) => maze.start(screen, link),
+            Self::Arm(arm) => arm.start(screen, link),
+        }
+    }
+
+    /// Shows a new view, unless it is of an earlier run's scene.
+    pub fn show(&mut self, view: View, screen: &mut Screen, link: &Link) {
+        match (self, view) {
+            (Self::Maze(maze), View::Maze(view)) => maze.show(view, screen, link),
+            (Self::Arm(arm), View::Arm(view)) => arm.show(view, screen, link),
+            _ => {}
         }
     }
 
     /// Performs an action on the scene.
-    pub(super) fn act_in_scene(&mut self, action: Action) {
-        match self.screen.scene() {
-            SceneKind::Maze => self.act_in_maze(action),
-            SceneKind::Arm => self.act_on_arm(action),
+    pub fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
+        match self {
+            Self::Maze(maze) => maze.act(action, screen, link),
+            Self::Arm(arm) => arm.act(action, screen, link),
         }
     }
 
     /// Handles the mouse on the scene, or where nothing is clickable; returns whether it did
     /// anything.
-    pub(super) fn on_mouse_in_scene(&mut self, kind: MouseEventKind, at: Position) -> bool {
-        match self.screen.scene() {
-            SceneKind::Maze => self.on_mouse_in_maze(kind, at),
-            SceneKind::Arm => self.on_mouse_on_arm(kind, at),
+    pub fn on_mouse(
+        &mut self,
+        kind: MouseEventKind,
+        at: Position,
+        screen: &mut Screen,
+        link: &mut Link,
+    ) -> bool {
+        match self {
+            Self::Maze(maze) => maze.on_mouse(kind, at, screen, link),
+            Self::Arm(arm) => arm.on_mouse(kind, at, screen, link),
         }
     }
 
     /// Returns to showing everything; returns whether anything changed.
-    pub(super) fn close_in_scene(&mut self) -> bool {
-        match self.screen.scene() {
-            SceneKind::Maze => self.close_in_maze(),
-            SceneKind::Arm => self.close_on_arm(),
+    pub fn close(&mut self, link: &Link) -> bool {
+        match self {
+            Self::Maze(maze) => maze.close(link),
+            Self::Arm(arm) => arm.close(),
         }
     }
 
-    /// Handles a drawn frame: has the viewer compute what the pixels show.
-    pub(super) fn scene_drawn(&mut self, before: ScreenLayout) {
-        match self.screen.scene() {
-            SceneKind::Maze => self.maze_drawn(before),
-            SceneKind::Arm => self.arm_drawn(before),
+    /// Handles a drawn frame: has the viewer compute what the pixels show. `before` is where things
+    /// were drawn before.
+    pub fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &Link) {
+        match self {
+            Self::Maze(_) => MazeState::drawn(before, screen, link),
+            Self::Arm(_) => ArmState::drawn(before, screen, link),
         }
     }
 }

@@ -1,10 +1,9 @@
-//! The state of the screen: everything a frame is drawn from.
+//! The state of the screen: everything a frame is drawn from, but for the scene on it.
 
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use super::action::Mode;
-use super::config::UiConfig;
+use super::config::{UiConfig, used_path};
 use super::dialog::Dialog;
 use super::graphics::{Graphics, Redraw};
 use super::keymap::Keymap;
@@ -13,18 +12,17 @@ use super::layout::ScreenLayout;
 use super::log::Log;
 use super::offer::Offer;
 use super::panes::Pane;
-use super::scene::{ArmState, MazeState, SceneKind};
 use super::theme::{ColourDepth, Theme};
 use super::tour::ShownStep;
 use crate::tui::marker::Marker;
 use gdg::bridge::SearchOutcome;
 use gdg::engine::{Phase, Snapshot};
-use gdg::env::Scene;
+use gdg::files::write_atomically;
 use gdg::text::grouped;
 use gdg::train::{FilmFrame, Preset, Run, Settings, Success, changed_from, settings_in_world};
 use gdg::viewer::{Field, OnArrival};
 
-/// Everything that the screen shows.
+/// Everything that the screen shows around the scene, and how it shows the scene.
 pub struct Screen {
     /// Keys and their actions.
     pub keymap: Keymap,
@@ -32,12 +30,10 @@ pub struct Screen {
     pub theme: Theme,
     /// The training state shown.
     pub snapshot: Arc<Snapshot>,
+    /// The latest one: a frozen screen shows an earlier one.
+    pub latest: Arc<Snapshot>,
     /// The names of the run's settings that differ from those of its preset.
     pub changed_settings: HashSet<String>,
-    /// What is shown of a maze.
-    pub maze: MazeState,
-    /// What is shown of an arm.
-    pub arm: ArmState,
     /// The log.
     pub log: Log,
     /// The field shown by the colours.
@@ -94,8 +90,7 @@ impl Screen {
             keymap,
             overlays: Overlays::by_default(theme.depth),
             theme,
-            maze: MazeState::new(snapshot.scene.maze().map),
-            arm: ArmState::default(),
+            latest: snapshot.clone(),
             snapshot,
             changed_settings: HashSet::new(),
             log: Log::default(),
@@ -125,24 +120,6 @@ impl Screen {
         screen
     }
 
-    /// Returns the kind of world that is shown.
-    pub fn scene(&self) -> SceneKind {
-        SceneKind::of(&self.snapshot.scene)
-    }
-
-    /// Returns whether the colours can show `field`.
-    pub fn has_field(&self, field: Field) -> bool {
-        self.scene().shows(field) && (field != Field::Composed || self.run().method.plans())
-    }
-
-    /// Returns the world's title: of a map, its name as last edited.
-    pub fn title(&self) -> &str {
-        match self.scene() {
-            SceneKind::Maze => self.maze.map.name(),
-            SceneKind::Arm => &self.snapshot.title,
-        }
-    }
-
     /// Returns the settings of `preset` in the world shown.
     pub fn settings_of(&self, preset: Preset) -> Settings {
         settings_in_world(preset, self.snapshot.world_defaults)
@@ -155,43 +132,6 @@ impl Screen {
         self.changed_settings = changed.into_iter().map(|(name, _)| name).collect();
     }
 
-    /// Returns the frame of the film that the scene shows: what the viewer has computed last, so
-    /// that nothing flickers.
-    pub fn shown_past(&self) -> Option<&FilmFrame> {
-        match self.scene() {
-            SceneKind::Maze => self.maze.view.past.as_deref(),
-            SceneKind::Arm => self.arm.view.past.as_deref(),
-        }
-    }
-
-    /// Returns the field that the colours show: of the past, there is only D.
-    pub fn shown_field(&self) -> Field {
-        if self.shown_past().is_some() { Field::Learned } else { self.field }
-    }
-
-    /// Returns the largest value that the colours show, at least 1.
-    pub fn farthest(&self) -> f32 {
-        self.own_farthest().max(self.least_farthest)
-    }
-
-    /// Returns the largest value of the field, at least 1.
-    pub fn own_farthest(&self) -> f32 {
-        match self.scene() {
-            SceneKind::Maze => self.maze.view.farthest.max(1.0),
-            SceneKind::Arm => self.arm.view.farthest.max(1.0),
-        }
-    }
-
-    /// Returns what the screen is used for.
-    pub fn mode(&self) -> Mode {
-        match self.offer {
-            _ if self.maze.editor.is_open() => Mode::Editing,
-            _ if self.tour.is_some() => Mode::Touring,
-            Some(_) => Mode::Offered,
-            None => Mode::Watching,
-        }
-    }
-
     /// Returns the bridge search that is shown: the latest, unless the tour explains another.
     pub fn search(&self) -> Option<&Arc<SearchOutcome>> {
         self.explained.as_ref().or(self.snapshot.search.as_ref())
@@ -202,15 +142,34 @@ impl Screen {
         &self.snapshot.run
     }
 
-    /// Returns whether the trainer does not know the latest edit of the map yet. It rebuilds the
-    /// bridge graph first.
-    fn is_applying_edit(&self) -> bool {
-        matches!(&self.snapshot.scene, Scene::Maze(scene) if scene.map != self.maze.map)
+    /// Shows a notice and logs it.
+    pub fn notify(&mut self, text: &str) {
+        self.log.add(text, self.latest.moment(), false);
     }
 
-    /// Returns whether the map has edits that are in no file.
-    pub fn has_unsaved_map(&self) -> bool {
-        self.scene() == SceneKind::Maze && self.maze.map != self.maze.kept_map
+    /// Shows a notice of what concerns the screen alone, which the log is not for.
+    pub fn say(&mut self, text: &str) {
+        self.log.show(text, false);
+    }
+
+    /// Shows an error and logs it.
+    pub fn report(&mut self, text: &str) {
+        self.log.add(text, self.latest.moment(), true);
+    }
+
+    /// Opens a dialog on top of the others.
+    pub fn open(&mut self, dialog: impl Into<Dialog>) {
+        self.dialogs.push(dialog.into());
+    }
+
+    /// Stops saying what there is to see, now and in later runs: the user has found out.
+    pub fn on_first_use(&mut self) {
+        if std::mem::take(&mut self.first_run)
+            && let Some(path) = used_path()
+        {
+            // Ignored: it would only be said again.
+            let _ = write_atomically(&path, b"");
+        }
     }
 
     /// Returns the number of updates not saved in any checkpoint, of those shown.
@@ -223,12 +182,12 @@ impl Screen {
         self.snapshot.evaluation().map(|(updates, e)| e.success(self.snapshot.learned(*updates)))
     }
 
-    /// Describes the phase in a word or two.
-    pub fn phase(&self) -> String {
+    /// Describes the phase in a word or two, where the trainer may still be `applying_edit`s.
+    pub fn phase(&self, applying_edit: bool) -> String {
         match &self.snapshot.phase {
             _ if self.frozen => "screen frozen".to_owned(),
             Phase::Running | Phase::Stepping(_) if self.pausing => "pausing".to_owned(),
-            Phase::Running if self.is_applying_edit() => "applying the edit".to_owned(),
+            Phase::Running if applying_edit => "applying the edit".to_owned(),
             Phase::Running if !self.snapshot.learns => "random steps".to_owned(),
             Phase::Running => match self.snapshot.counters.relearning() {
                 Some(left) => format!("relearning ({} updates to go)", grouped(left)),
@@ -248,14 +207,14 @@ impl Screen {
         self.graphics.filter(|_| wanted).map(|graphics| graphics.character)
     }
 
-    /// Summarises the run for the terminal after the screen is closed, in lines that fit into 80
-    /// columns unless the map's name is long.
-    pub fn summary(&self) -> String {
+    /// Summarises the run in the world called `title` for the terminal after the screen is closed,
+    /// in lines that fit into 80 columns unless the title is long.
+    pub fn summary(&self, title: &str) -> String {
         let counters = self.snapshot.counters;
         let text = format!(
             "{} on {}, seed {}: {} updates in {:.0} s\n{} steps, {} episodes",
             self.run().method.name(),
-            self.title(),
+            title,
             self.run().seed,
             grouped(self.snapshot.updates()),
             self.snapshot.seconds,

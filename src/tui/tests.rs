@@ -33,6 +33,7 @@ use super::dialog::Dialog;
 use super::interface::Interface;
 use super::keymap::Keymap;
 use super::render;
+use super::scene::{ArmState, Cache, MazeState, Scene};
 use super::screen::Screen;
 use super::theme::{ColourDepth, Theme, ThemeName};
 use super::tool::Tool;
@@ -40,7 +41,7 @@ use gdg::engine::{Engine, Phase, Snapshot};
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Cell, Grid, parse_map};
 use gdg::train::{
-    self, Description, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Trainer,
+    self, Description, FilmFrame, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Trainer,
 };
 use gdg::viewer::{Field, Viewer};
 
@@ -84,10 +85,59 @@ fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {
     app
 }
 
+impl App {
+    /// Returns the maze that is shown.
+    fn maze(&self) -> &MazeState {
+        self.scene.maze().expect("a maze")
+    }
+
+    /// Returns the maze that is shown, to be changed.
+    fn maze_mut(&mut self) -> &mut MazeState {
+        self.scene.maze_mut().expect("a maze")
+    }
+
+    /// Returns the arm that is shown.
+    fn arm(&self) -> &ArmState {
+        match &self.scene {
+            Scene::Arm(arm) => arm,
+            Scene::Maze(_) => panic!("an arm"),
+        }
+    }
+
+    /// Returns the arm that is shown, to be changed.
+    fn arm_mut(&mut self) -> &mut ArmState {
+        match &mut self.scene {
+            Scene::Arm(arm) => arm,
+            Scene::Maze(_) => panic!("an arm"),
+        }
+    }
+
+    /// Puts an arm's goal at `at`.
+    fn set_arm_goal(&mut self, at: [f32; 3]) {
+        self.in_scene(|scene, screen, link| match scene {
+            Scene::Arm(arm) => arm.set_goal(at, screen, link),
+            Scene::Maze(_) => panic!("an arm"),
+        });
+    }
+
+    /// Changes the map.
+    fn change_map(&mut self, map: Option<Arc<Grid>>) {
+        self.in_maze(|maze, screen, link| maze.change_map(map, screen, link));
+    }
+
+    /// Returns the frame of the film that is shown.
+    fn shown_past(&self) -> Option<&FilmFrame> {
+        match &self.scene {
+            Scene::Maze(maze) => maze.past(),
+            Scene::Arm(arm) => arm.past(),
+        }
+    }
+}
+
 /// Saves what `app` trains to a file in `folder` and describes it.
 fn saved_run(folder: &Path, app: &App) -> Description {
     let run = Run { method: gdg(), ..app.screen.run().clone() };
-    let world = PointMaze::new(app.screen.maze.map.clone(), 0);
+    let world = PointMaze::new(app.maze().map.clone(), 0);
     let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
     let path = train::save(&trainer, &SaveTo::CreateNew(folder.join("saved.safetensors")))
         .expect("a file");
@@ -179,11 +229,12 @@ fn a_screen_is_drawn_from_its_state_alone() {
     let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
     let snapshot = Arc::new(Snapshot::capture(&trainer).expect("a snapshot"));
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
+    let scene = Scene::of(&snapshot);
     let screen = Screen::new((&UiConfig::default(), keymap), snapshot);
     let drawn = || {
         let mut terminal = Terminal::new(TestBackend::new(80, 24)).expect("a buffer");
         let draw = |frame: &mut ratatui::Frame| {
-            drop(render::draw(frame, &screen, &mut render::Cache::default()));
+            drop(render::draw(frame, &screen, &scene, &mut Cache::default()));
         };
         terminal.draw(draw).expect("a frame");
         text(&terminal)
@@ -250,7 +301,7 @@ fn an_80_by_24_screen_shows_everything_important() {
     ] {
         assert!(shown.contains(part), "{part} is missing:\n{shown}");
     }
-    let here = |b: &&Binding| b.is_active(Mode::Watching) && app.screen.scene().offers(b.action);
+    let here = |b: &&Binding| b.is_active(Mode::Watching) && app.scene.offers(b.action);
     for binding in bindings().filter(|b| !b.short.is_empty()).filter(here) {
         assert!(shown.contains(binding.short), "{} is missing:\n{shown}", binding.short);
     }
@@ -259,15 +310,15 @@ fn an_80_by_24_screen_shows_everything_important() {
 #[test]
 fn arrow_keys_move_the_goal_and_jump_over_walls() {
     let mut app = app();
-    assert_eq!(app.screen.maze.goal, Cell::new(19, 4), "the map's own goal");
+    assert_eq!(app.maze().goal, Cell::new(19, 4), "the map's own goal");
     for _ in 0..9 {
         press(&mut app, KeyCode::Left);
     }
-    assert_eq!(app.screen.maze.goal, Cell::new(9, 4), "over the wall at column 10");
+    assert_eq!(app.maze().goal, Cell::new(9, 4), "over the wall at column 10");
     press(&mut app, KeyCode::Down);
-    assert_eq!(app.screen.maze.goal, Cell::new(9, 4), "the map ends here");
+    assert_eq!(app.maze().goal, Cell::new(9, 4), "the map ends here");
     press(&mut app, KeyCode::Char('k'));
-    assert_eq!(app.screen.maze.goal, Cell::new(9, 3));
+    assert_eq!(app.maze().goal, Cell::new(9, 3));
 }
 
 #[test]
@@ -278,12 +329,12 @@ fn left_click_sets_the_goal_and_right_click_the_walking_agent() {
         for cell in [Cell::new(0, 0), Cell::new(13, 3)] {
             let at = character_of(&app, cell);
             mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-            assert_eq!(app.screen.maze.goal, cell, "at {width} x {height}");
+            assert_eq!(app.maze().goal, cell, "at {width} x {height}");
         }
     }
     let at = character_of(&app, Cell::new(5, 1));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
-    wait_until(&mut app, |app| app.screen.maze.view.walk.start == [5.5, 1.5]);
+    wait_until(&mut app, |app| app.maze().view.walk.start == [5.5, 1.5]);
 }
 
 #[test]
@@ -291,10 +342,10 @@ fn the_field_grows_away_from_the_goal_and_is_undefined_on_walls() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| {
-        app.screen.snapshot.counters.updates > 3_000 && !app.screen.maze.view.field.is_empty()
+        app.screen.snapshot.counters.updates > 3_000 && !app.maze().view.field.is_empty()
     });
-    let field = app.screen.maze.view.field.clone();
-    let raster = app.screen.maze.view.raster.expect("a raster");
+    let field = app.maze().view.field.clone();
+    let raster = app.maze().view.raster.expect("a raster");
     assert_eq!(field.len(), raster.pixels.0 * raster.pixels.1);
     // The goal is in the lower right corner, the wall in the middle.
     let at = |position: [f32; 2]| {
@@ -311,19 +362,19 @@ fn every_field_can_be_shown() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| {
-        app.screen.snapshot.counters.updates > 1_000 && !app.screen.maze.view.edges.is_empty()
+        app.screen.snapshot.counters.updates > 1_000 && !app.maze().view.edges.is_empty()
     });
     let mut seen = Vec::new();
     for _ in 0..7 {
         let asked = app.screen.field;
         wait_until(&mut app, |app| {
-            app.screen.maze.view.kind == asked
-                && (asked == Field::Plain || !app.screen.maze.view.field.is_empty())
+            app.maze().view.kind == asked
+                && (asked == Field::Plain || !app.maze().view.field.is_empty())
         });
         assert!(text(&draw(&mut app, 80, 24)).contains(asked.name()), "{asked:?} is named");
         seen.push(asked);
         let (field, raster) =
-            (app.screen.maze.view.field.clone(), app.screen.maze.view.raster.expect("a raster"));
+            (app.maze().view.field.clone(), app.maze().view.raster.expect("a raster"));
         let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
         let value = field[row * raster.pixels.0 + column];
         match asked {
@@ -347,20 +398,18 @@ fn the_cursor_and_the_mouse_show_facts_about_a_cell() {
     press(&mut app, KeyCode::Char('i'));
     (0..3).for_each(|_| press(&mut app, KeyCode::Left));
     let cell = Cell::new(16, 4);
-    wait_until(&mut app, |app| {
-        app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == cell)
-    });
-    let facts = app.screen.maze.view.inspected.expect("facts");
+    wait_until(&mut app, |app| app.maze().view.inspected.is_some_and(|facts| facts.cell == cell));
+    let facts = app.maze().view.inspected.expect("facts");
     assert_eq!(facts.truth, Some(3));
     assert!(text(&draw(&mut app, 120, 40)).contains("cell 16,4: D "));
     press(&mut app, KeyCode::Enter);
-    assert_eq!(app.screen.maze.goal, cell);
+    assert_eq!(app.maze().goal, cell);
     press(&mut app, KeyCode::Esc);
     // Hovering with the mouse does the same.
     let at = character_of(&app, Cell::new(2, 2));
     mouse(&mut app, MouseEventKind::Moved, at);
     wait_until(&mut app, |app| {
-        app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == Cell::new(2, 2))
+        app.maze().view.inspected.is_some_and(|facts| facts.cell == Cell::new(2, 2))
     });
 }
 
@@ -376,11 +425,11 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     let below = Position::new(at.x, at.y + 1);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
     assert_eq!(
-        app.screen.maze.editor.preview().map(|(cells, free)| (cells.contains(&door), free)),
+        app.maze().editor.preview().map(|(cells, free)| (cells.contains(&door), free)),
         Some((true, false))
     );
     mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
-    assert!(!app.screen.maze.map.is_free(door), "the door is closed");
+    assert!(!app.maze().map.is_free(door), "the door is closed");
     wait_until(&mut app, |app| !app.screen.snapshot.scene.maze().map.is_free(door));
     // The trainer's answer and its snapshot arrive separately.
     wait_until(&mut app, |app| {
@@ -400,16 +449,16 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     mouse(&mut app, MouseEventKind::Up(MouseButton::Right), below);
     wait_until(&mut app, |app| app.screen.snapshot.scene.maze().map.is_free(door));
     // By keyboard alone, from the goal, where the cursor starts.
-    assert_eq!(app.screen.maze.editor.cursor, Some(Cell::new(19, 4)));
+    assert_eq!(app.maze().editor.cursor, Some(Cell::new(19, 4)));
     (0..9).for_each(|_| press(&mut app, KeyCode::Left));
-    let wall = app.screen.maze.map.is_free(Cell::new(10, 4));
+    let wall = app.maze().map.is_free(Cell::new(10, 4));
     press(&mut app, KeyCode::Char('x'));
     wait_until(&mut app, |app| {
         app.screen.snapshot.scene.maze().map.is_free(Cell::new(10, 4)) != wall
     });
     press(&mut app, KeyCode::Esc);
-    assert!(!app.screen.maze.editor.is_open());
-    assert_eq!(app.screen.maze.goal, Cell::new(19, 4), "the goal stayed where it was");
+    assert!(!app.maze().editor.is_open());
+    assert_eq!(app.maze().goal, Cell::new(19, 4), "the goal stayed where it was");
 }
 
 #[test]
@@ -444,7 +493,7 @@ fn a_box_drawn_beyond_the_map_ends_at_its_edge() {
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), from);
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Left), Position::new(79, 23));
     mouse(&mut app, MouseEventKind::Up(MouseButton::Left), Position::new(79, 23));
-    let map = &app.screen.maze.map;
+    let map = &app.maze().map;
     assert!(
         [(12, 4), (19, 1), (19, 4)].iter().all(|(x, y)| !map.is_free(Cell::new(*x, *y))),
         "{map:?}"
@@ -527,10 +576,10 @@ fn a_new_run_starts_on_a_map_of_another_size_and_the_screen_follows() {
     // Choose to begin with fresh networks.
     press(&mut app, KeyCode::Enter);
     wait_until(&mut app, |app| app.screen.snapshot.generation == 1);
-    assert_eq!((app.screen.maze.map.width(), app.screen.maze.map.height()), (12, 7));
+    assert_eq!((app.maze().map.width(), app.maze().map.height()), (12, 7));
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| {
-        app.screen.snapshot.counters.updates > 20 && !app.screen.maze.view.field.is_empty()
+        app.screen.snapshot.counters.updates > 20 && !app.maze().view.field.is_empty()
     });
     draw(&mut app, 80, 24);
 }
@@ -542,9 +591,9 @@ fn the_walking_agent_can_visit_one_goal_after_another() {
     press(&mut app, KeyCode::Char('t'));
     // Starting at the goal, it arrives at once, whatever it has learned.
     press(&mut app, KeyCode::Char('S'));
-    let first = app.screen.maze.goal;
+    let first = app.maze().goal;
     wait_until(&mut app, |app| {
-        app.screen.maze.view.walk.finished_walks.0 >= 1 && app.screen.maze.goal != first
+        app.maze().view.walk.finished_walks.0 >= 1 && app.maze().goal != first
     });
 }
 

@@ -21,9 +21,6 @@ const PROGRAM: [&str; 6] = ["host", "headless", "experiment", "tui", "cli", "com
 /// Modules that work with states, goals and actions, and do not depend on maps.
 const MAP_FREE_MODULES: [&str; 4] = ["learn", "bridge", "train", "engine"];
 
-/// The module whose parts still use each other, through the state of the screen.
-const TANGLED: &str = "tui";
-
 /// The only folder with unsafe code.
 const UNSAFE_FOLDER: &str = "learn/kernels";
 
@@ -63,8 +60,7 @@ fn modules_depend_only_on_those_before_them() {
     }
 }
 
-/// Within a module, its parts, each with all that is inside it, form no circle either, but for
-/// those of [`TANGLED`].
+/// Within a module, its parts, each with all that is inside it, form no circle either.
 #[test]
 fn parts_of_a_module_form_no_circle() {
     for (modules, _) in crates() {
@@ -76,9 +72,7 @@ fn parts_of_a_module_form_no_circle() {
                 uses.entry(from[common].clone()).or_default().insert(to[common].clone());
             }
         }
-        for (module, uses) in
-            parts.into_iter().filter(|(module, _)| module.first().is_none_or(|m| m != TANGLED))
-        {
+        for (module, uses) in parts {
             let circle = circle(&uses);
             assert!(circle.is_empty(), "a circle in {}: {}", module.join("::"), circle.join(", "));
         }

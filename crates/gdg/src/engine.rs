@@ -66,10 +66,35 @@ const NICENESS: i32 = 10;
 /// Number of recent states per agent in a snapshot.
 const TRAIL_STATES: usize = 8;
 
-/// Handle to a running trainer.
-pub struct Engine {
+/// What a front end needs of a running trainer: where its commands go, and where snapshots come
+/// from.
+#[derive(Clone)]
+pub struct EngineLink {
     commands: SyncSender<Command>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
+}
+
+impl EngineLink {
+    /// Connects a front end with what takes `commands` and publishes `snapshots`.
+    pub fn new(commands: SyncSender<Command>, snapshots: watch::Receiver<Arc<Snapshot>>) -> Self {
+        Self { commands, snapshots }
+    }
+
+    /// Queues a command, which runs before the next update. Drops it and returns `false` if the
+    /// queue is full.
+    pub fn send(&self, command: Command) -> bool {
+        self.commands.try_send(command).is_ok()
+    }
+
+    /// Returns a receiver of the latest snapshot.
+    pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
+        self.snapshots.clone()
+    }
+}
+
+/// Handle to a running trainer.
+pub struct Engine {
+    link: EngineLink,
     thread: JoinHandle<Trainer>,
     pulse: Pulse,
 }
@@ -116,18 +141,22 @@ impl Engine {
         };
         let thread =
             std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
-        Ok(Self { commands, snapshots, thread, pulse })
+        Ok(Self { link: EngineLink::new(commands, snapshots), thread, pulse })
     }
 
-    /// Queues a command, which runs before the next update. Drops it and returns `false` if the
-    /// queue is full.
+    /// Returns a link for a front end, which must be gone before the trainer can be stopped.
+    pub fn link(&self) -> EngineLink {
+        self.link.clone()
+    }
+
+    /// Queues a command like [`EngineLink::send`].
     pub fn send(&self, command: Command) -> bool {
-        self.commands.try_send(command).is_ok()
+        self.link.send(command)
     }
 
     /// Returns a receiver of the latest snapshot.
     pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
-        self.snapshots.clone()
+        self.link.snapshots()
     }
 
     /// Returns the trainer's progress signal: whether it advances, and its current activity.
@@ -142,7 +171,7 @@ impl Engine {
     }
 
     fn stop_unless_hung(self, hung_after: Duration) -> Option<Trainer> {
-        drop(self.commands);
+        drop(self.link);
         self.pulse.stop();
         let (mut beats, mut moved) = (self.pulse.beats(), Instant::now());
         while !self.thread.is_finished() {

@@ -125,7 +125,12 @@ impl Viewer {
         let scene = worker_for(&snapshots.borrow());
         let worker = Worker { snapshots, inbox, publish, scene };
         std::thread::Builder::new().name("viewer".to_owned()).spawn(|| worker.run())?;
-        Ok(Self { requests, views })
+        Ok(Self::new(requests, views))
+    }
+
+    /// Connects with what takes `requests` and publishes `views`, as [`Self::start`] does.
+    pub fn new(requests: Sender<Request>, views: watch::Receiver<View>) -> Self {
+        Self { requests, views }
     }
 
     /// Sends a request. Errors are ignored: the thread ends only with the program.

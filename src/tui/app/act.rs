@@ -6,14 +6,13 @@ use crossterm::event::{KeyCode, KeyEvent};
 
 use super::App;
 use crate::tui::action::{Action, Mode, bindings};
-use crate::tui::dialog::{Choice, Dialog, Help, Picker, Prompt, Question};
+use crate::tui::dialog::{Choice, Dialog, Help, Prompt, Question};
 use crate::tui::interface::TerminalRequest;
 use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::lists;
 use crate::tui::marker::Marker;
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
-use crate::tui::scene::{self, SceneKind};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Theme, ThemeName};
 use gdg::bridge::EdgeStatus;
@@ -29,11 +28,11 @@ const COMPARISON: &str = "gdg-tui compare gdg-bridge gdg";
 impl App {
     /// Performs an action.
     pub fn act(&mut self, action: Action) {
-        if !self.screen.scene().offers(action) {
+        if !self.scene.offers(action) {
             return self.refuse(action);
         }
         if matches!(action, Action::NewGoal | Action::Move(..) | Action::GoalHere | Action::Help) {
-            self.on_first_use();
+            self.screen.on_first_use();
         }
         if is_about_present(action) {
             self.leave_past();
@@ -56,13 +55,14 @@ impl App {
             Action::Freeze => self.freeze(!self.screen.frozen),
             Action::Evaluate => drop(self.command(Command::Evaluate)),
             Action::NewSeed => self.ask_seed(),
-            Action::Settings => self.open_picker(lists::settings(&self.screen)),
+            Action::Settings => self.screen.open(lists::settings(&self.screen)),
             Action::ResetSetting => self.reset_setting(),
             Action::Method => {
                 let snapshot = &self.screen.snapshot;
-                self.open_picker(lists::methods(&snapshot.run.method, &snapshot.registry));
+                let methods = lists::methods(&snapshot.run.method, &snapshot.registry);
+                self.screen.open(methods);
             }
-            Action::Preset => self.open_picker(lists::presets(self.screen.run().preset)),
+            Action::Preset => self.screen.open(lists::presets(self.screen.run().preset)),
             Action::OnArrival => {
                 self.set_on_arrival(self.screen.on_arrival.next());
                 self.say(&format!("at the goal @ will {}", self.screen.on_arrival.name()));
@@ -70,14 +70,16 @@ impl App {
             Action::Follow => self.follow_next(),
             Action::Field(forward) => {
                 self.show_field(
-                    self.screen.field.cycle(forward, |field| self.screen.has_field(field)),
+                    self.screen
+                        .field
+                        .cycle(forward, |field| self.scene.has_field(field, &self.screen)),
                 );
             }
             Action::Toggle(overlay) => self.toggle_overlay(overlay),
             Action::Marker => self.change_marker(),
             Action::Back => self.step_through_time(false),
             Action::Forth => self.step_through_time(true),
-            Action::Theme => self.open_picker(lists::themes(self.screen.theme.name)),
+            Action::Theme => self.screen.open(lists::themes(self.screen.theme.name)),
             Action::Show(pane) => self.show(pane),
             Action::NextPane => self.show_next(),
             Action::Maximise => self.screen.maximised = !self.screen.maximised,
@@ -86,7 +88,7 @@ impl App {
             }
             Action::LogScale => self.change_curve_scale(),
             Action::OpenMap => self.pick_map(None),
-            Action::RandomMap => self.open_picker(lists::random_maps()),
+            Action::RandomMap => self.screen.open(lists::random_maps()),
             Action::Save => {
                 self.save();
             }
@@ -94,7 +96,7 @@ impl App {
             Action::Load => self.pick_checkpoint(),
             Action::Resume => self.resume_offered(),
             Action::Autosave => self.ask_autosave(),
-            Action::Export => self.open_picker(lists::exports(self.screen.scene().noun())),
+            Action::Export => self.screen.open(lists::exports(self.scene.noun())),
             Action::ExportFilm => self.choose(Choice::Export(ExportKind::Film)),
             Action::Compare => {
                 self.notify(&format!("in a shell: {COMPARISON} shows both on the same map"));
@@ -102,7 +104,7 @@ impl App {
             Action::Tour => self.ask_tour(),
             Action::NextTourStep => self.next_tour_step(),
             Action::EndTour => self.end_tour(),
-            Action::Palette => self.open_picker(lists::actions(&self.screen)),
+            Action::Palette => self.screen.open(lists::actions(&self.screen, &self.scene)),
             Action::Help => self.screen.dialogs.push(Dialog::Help(Help::default())),
             Action::SearchHelp => {
                 if let Some(Dialog::Help(help)) = self.screen.dialogs.last_mut() {
@@ -113,7 +115,7 @@ impl App {
             Action::Redraw => self.terminal_request = Some(TerminalRequest::Redraw),
             Action::Suspend => self.terminal_request = Some(TerminalRequest::Suspend),
             Action::Quit => self.quit(),
-            _ => self.act_in_scene(action),
+            _ => self.in_scene(|scene, screen, link| scene.act(action, screen, link)),
         }
     }
 
@@ -125,8 +127,8 @@ impl App {
             return self.say(&format!("{method} has no bridges: {key} chooses another method"));
         }
         let shown = self.screen.overlays.toggle(overlay);
-        self.act_in_scene(Action::Toggle(overlay));
-        let tried = |status| scene::edge_count(&self.screen, status) > 0;
+        self.in_scene(|scene, screen, link| scene.act(Action::Toggle(overlay), screen, link));
+        let tried = |status| self.scene.edge_count(status) > 0;
         let none = overlay == Overlay::Edges
             && shown
             && ![EdgeStatus::Confirmed, EdgeStatus::Demoted].into_iter().any(tried);
@@ -161,7 +163,7 @@ impl App {
     /// Asks for the interval of autosaves.
     fn ask_autosave(&mut self) {
         let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 turns autosave off");
-        self.open_prompt(Prompt::new(
+        self.screen.open(Prompt::new(
             Question::Autosave,
             "autosave interval in minutes",
             hint,
@@ -172,21 +174,15 @@ impl App {
     /// Colours the scene by a field.
     pub fn show_field(&mut self, field: Field) {
         self.screen.field = field;
-        self.viewer.request(Request::Field(field));
+        self.link.request(Request::Field(field));
     }
 
     /// Says why an action does nothing here.
     fn refuse(&mut self, action: Action) {
         let name = bindings().find(|b| b.action == action).map_or("", |b| b.name);
-        let other = match self.screen.scene() {
-            SceneKind::Maze => SceneKind::Arm,
-            SceneKind::Arm => SceneKind::Maze,
-        };
-        self.notify(&format!(
-            "{} has no {}, which \"{name}\" is for",
-            self.screen.title(),
-            other.noun()
-        ));
+        let title = self.scene.title(&self.screen.snapshot);
+        let text = format!("{title} has no {}, which \"{name}\" is for", self.scene.other_noun());
+        self.notify(&text);
     }
 
     fn toggle_pause(&mut self) {
@@ -269,7 +265,7 @@ impl App {
         if self.return_to_present() {
             return;
         }
-        if self.close_in_scene()
+        if self.scene.close(&self.link)
             || std::mem::take(&mut self.screen.maximised)
             || self.screen.offer.take().is_some()
         {
@@ -278,18 +274,10 @@ impl App {
         if self.screen.following.is_some() {
             self.follow(None);
         } else if self.screen.first_run {
-            self.on_first_use();
+            self.screen.on_first_use();
         } else {
-            self.act_in_scene(Action::ZoomOff);
+            self.in_scene(|scene, screen, link| scene.act(Action::ZoomOff, screen, link));
         }
-    }
-
-    pub(in crate::tui) fn open_picker(&mut self, picker: Picker) {
-        self.screen.dialogs.push(Dialog::Pick(picker));
-    }
-
-    pub(super) fn open_prompt(&mut self, prompt: Prompt) {
-        self.screen.dialogs.push(Dialog::Ask(prompt));
     }
 
     /// Changes the theme.
@@ -305,12 +293,12 @@ impl App {
     fn ask_seed(&mut self) {
         let next = self.screen.run().seed.wrapping_add(1).to_string();
         let hint = "an integer: same seed, same run";
-        self.open_prompt(Prompt::new(Question::Seed, "restart with seed", hint, next));
+        self.screen.open(Prompt::new(Question::Seed, "restart with seed", hint, next));
     }
 
     /// Handles a key in the help, where the usual keys scroll and close.
     pub(super) fn on_key_in_help(&mut self, key: KeyEvent) {
-        let action = self.screen.keymap.action(key, self.screen.mode());
+        let action = self.screen.keymap.action(key, self.scene.mode(&self.screen));
         let own = self.screen.keymap.action(key, Mode::Help);
         let Some(Dialog::Help(help)) = self.screen.dialogs.last_mut() else { return };
         match (key.code, action) {

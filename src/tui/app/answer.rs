@@ -5,13 +5,14 @@ use std::sync::Arc;
 
 use rand::RngExt;
 
+use super::App;
 use super::answer_error::{AnswerError, FILE_EXISTS};
 use super::files::{checkpoint_file, remember_map};
-use super::{App, maze_on};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
 use crate::tui::lists;
-use crate::tui::scene::SceneKind;
+use crate::tui::scene::Scene;
+use crate::tui::scene::maze::maze_on;
 use gdg::engine::{Command, MakeWorld};
 use gdg::env::{WorldKind, maze};
 use gdg::files::check_name;
@@ -28,7 +29,7 @@ impl App {
             Some(Dialog::Pick(picker)) => {
                 let Some(choice) = picker.choice().cloned() else {
                     self.notify(&format!("nothing in the list fits \"{}\"", picker.typed().0));
-                    return self.open_picker(picker);
+                    return self.screen.open(picker);
                 };
                 let typed = picker.typed().0.to_owned();
                 if matches!(choice, Choice::Setting(_)) {
@@ -68,10 +69,11 @@ impl App {
             Choice::Method(method)
                 if method.learner != self.screen.run().method.learner && self.is_worth_saving() =>
             {
-                self.open_picker(lists::method_choices(self.latest.unsaved_updates(), method));
+                self.screen
+                    .open(lists::method_choices(self.screen.latest.unsaved_updates(), method));
             }
             Choice::Method(method) | Choice::MethodUnsaved(method) => {
-                let registry = self.latest.registry.clone();
+                let registry = self.screen.latest.registry.clone();
                 self.change_run(|run| run.set_method(method, &registry));
             }
             Choice::Preset(preset) => {
@@ -90,11 +92,11 @@ impl App {
                 }
             }
             Choice::OpenRandom(kind) => {
-                let seed = self.rng.random_range(0..1_000);
+                let seed = self.link.rng.random_range(0..1_000);
                 self.offer_map(&Arc::new(gdg::map::random(kind, None, seed)), None);
             }
             Choice::OpenWorld(name) => {
-                self.open_picker(lists::world_switch_choices(name, self.is_worth_saving()));
+                self.screen.open(lists::world_switch_choices(name, self.is_worth_saving()));
             }
             Choice::StartIn(name) => self.start_run_in(name),
             Choice::Restart(seed) => self.restart(seed),
@@ -108,12 +110,13 @@ impl App {
             }
             Choice::ContinueOn(map, file) => {
                 file.as_deref().inspect(|file| remember_map(file));
-                let new =
-                    self.screen.maze.editor.record(&self.screen.maze.map.clone(), (*map).clone());
-                self.change_map_or_say(new, Some("the map stays as it is"));
+                self.in_maze(|maze, screen, link| {
+                    let new = maze.editor.record(&maze.map.clone(), (*map).clone());
+                    maze.change_map_or_say(new, Some("the map stays as it is"), screen, link);
+                });
             }
             Choice::Load(path) if self.is_worth_saving() => {
-                self.open_picker(lists::load_choices(self.latest.unsaved_updates(), path));
+                self.screen.open(lists::load_choices(self.screen.latest.unsaved_updates(), path));
             }
             Choice::Load(path) | Choice::LoadUnsaved(path) => {
                 self.notify(&format!("loading {} ...", path.display()));
@@ -138,7 +141,7 @@ impl App {
 
     /// Starts a new run in the world called `name`, with the preset's settings for it.
     fn start_run_in(&mut self, name: &str) {
-        let registry = self.latest.registry.clone();
+        let registry = self.screen.latest.registry.clone();
         if let Some(kind) = registry.world(name)
             && let Some(create) = kind.create
         {
@@ -149,9 +152,9 @@ impl App {
 
     /// Starts a new run on `map`: with the settings of this run, if its world is a map too.
     fn start_run_on(&mut self, map: Arc<Grid>) {
-        let run = match self.screen.scene() {
-            SceneKind::Maze => self.screen.run().clone(),
-            SceneKind::Arm => self.run_adapted_to(&maze::KIND),
+        let run = match self.scene {
+            Scene::Maze(_) => self.screen.run().clone(),
+            Scene::Arm(_) => self.run_adapted_to(&maze::KIND),
         };
         self.command(Command::StartRun(Box::new(run), maze_on(map)));
     }
@@ -159,9 +162,9 @@ impl App {
     /// Starts the run again with another seed.
     fn restart(&mut self, seed: u64) {
         let run = Run { seed, ..self.screen.run().clone() };
-        let world: MakeWorld = match self.screen.scene() {
-            SceneKind::Maze => maze_on(self.screen.maze.map.clone()),
-            SceneKind::Arm => Box::new(|world| world.fork(0)),
+        let world: MakeWorld = match &self.scene {
+            Scene::Maze(maze) => maze_on(maze.map.clone()),
+            Scene::Arm(_) => Box::new(|world| world.fork(0)),
         };
         self.command(Command::StartRun(Box::new(run), world));
     }
@@ -175,24 +178,16 @@ impl App {
     /// Asks the user how to switch to another map.
     pub(super) fn offer_map(&mut self, map: &Arc<Grid>, file: Option<&Path>) {
         let is_worth_saving = self.is_worth_saving();
-        if self.screen.scene() != SceneKind::Maze {
-            return self.open_picker(lists::map_switch_choices(
-                map,
-                file,
-                None,
-                None,
-                is_worth_saving,
-            ));
-        }
-        let (width, height) = (self.screen.maze.map.width(), self.screen.maze.map.height());
+        let now = self.scene.maze().map(|maze| maze.map.clone());
         // Cells beyond the new map become walls, to keep agents out.
-        let fitted = map.resized(width, height).and_then(|fitted| {
+        let fitted = now.as_ref().and_then(|now| {
+            let fitted = map.resized(now.width(), now.height())?;
             let walls: Vec<_> =
                 fitted.free_cells().filter(|c| !map.contains(*c)).map(|c| (c, false)).collect();
             fitted.with_cells(walls)
         });
-        let now = self.screen.maze.map.clone();
-        self.open_picker(lists::map_switch_choices(map, file, Some(&now), fitted, is_worth_saving));
+        let now = now.as_deref();
+        self.screen.open(lists::map_switch_choices(map, file, now, fitted, is_worth_saving));
     }
 
     /// Gives the setting selected in the list the value of the run's preset.
@@ -230,17 +225,7 @@ impl App {
         let hint = setting.map_or(String::new(), |setting| {
             format!("{}: {}; {}", setting.about, setting.range, setting.effect.about())
         });
-        self.open_prompt(Prompt::new(Question::Setting(name.clone()), name, hint, value));
-    }
-
-    pub(in crate::tui) fn ask_size(&mut self, question: Question) {
-        let title = if question == Question::NewMap {
-            "size of the empty map"
-        } else {
-            "new size of the map"
-        };
-        let now = format!("{} x {}", self.screen.maze.map.width(), self.screen.maze.map.height());
-        self.open_prompt(Prompt::new(question, title, "columns x rows, e.g. 40 x 30", now));
+        self.screen.open(Prompt::new(Question::Setting(name.clone()), name, hint, value));
     }
 
     /// Carries out an answer, or returns what is wrong with it.
@@ -266,14 +251,14 @@ impl App {
             }
             Question::ResizeMap => {
                 let (width, height) = size(typed)?;
-                let resized = self.screen.maze.map.resized(width, height);
+                let resized = self.scene.maze().and_then(|maze| maze.map.resized(width, height));
                 let map = resized.ok_or(AnswerError::NoFreeCell)?;
                 self.offer_map(&Arc::new(map), None);
             }
             Question::Seed => {
                 let seed = parse_count(typed)?;
                 if self.is_worth_saving() {
-                    self.open_picker(lists::restart_choices(seed));
+                    self.screen.open(lists::restart_choices(seed));
                 } else {
                     self.restart(seed);
                 }

@@ -13,7 +13,7 @@ use crate::tui::action::Action;
 use crate::tui::config::recent_path;
 use crate::tui::dialog::{Prompt, Question};
 use crate::tui::lists;
-use gdg::files::{has_extension, is_hidden, named, read_text, write_atomically};
+use gdg::files::{has_extension, is_hidden, read_text, write_atomically};
 use gdg::map::{load_map, print_ascii, print_movingai};
 use gdg::train::describe;
 
@@ -35,7 +35,7 @@ impl App {
             .map(|s| s.to_string_lossy().into_owned())
             .unwrap_or_default();
         let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
-        self.open_prompt(Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem));
+        self.screen.open(Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem));
     }
 
     pub(super) fn pick_checkpoint(&mut self) {
@@ -50,28 +50,18 @@ impl App {
             return;
         }
         let found = files.iter().map(|path| describe(path)).collect();
-        self.open_picker(lists::checkpoints(found, &TimeZone::system()));
-    }
-
-    pub(in crate::tui) fn ask_map_file(&mut self) {
-        let stem = self.screen.maze.map.name().trim_end_matches("-edited");
-        let name = named(Path::new(""), stem, "-edited.txt").to_string_lossy().into_owned();
-        let hint = "NAME.map: Moving AI format; any other: plain ASCII";
-        self.open_prompt(Prompt::new(Question::SaveMap, "save the map as", hint, name));
+        self.screen.open(lists::checkpoints(found, &TimeZone::system()));
     }
 
     pub(super) fn save_map(&mut self, name: &str) -> Result<(), AnswerError> {
         if name.is_empty() {
             return Err(AnswerError::NoFileName);
         }
+        let Some(maze) = self.scene.maze_mut() else { return Ok(()) };
         let path = Path::new(name);
         let movingai = has_extension(path, "map");
-        let marks = self.screen.maze.map.starts().len() + self.screen.maze.map.goals().len();
-        let text = if movingai {
-            print_movingai(&self.screen.maze.map)
-        } else {
-            print_ascii(&self.screen.maze.map)
-        };
+        let marks = maze.map.starts().len() + maze.map.goals().len();
+        let text = if movingai { print_movingai(&maze.map) } else { print_ascii(&maze.map) };
         write_atomically(path, text.as_bytes())
             .map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
         let lost = if movingai && marks > 0 {
@@ -79,7 +69,7 @@ impl App {
         } else {
             ""
         };
-        self.screen.maze.kept_map = self.screen.maze.map.clone();
+        maze.kept_map = maze.map.clone();
         self.notify(&format!("wrote {name}{lost}"));
         remember_map(path);
         Ok(())
@@ -96,7 +86,9 @@ impl App {
             .filter(is_folder_or_map)
             .collect();
         let recent = folder.is_none().then(recent_maps);
-        self.open_picker(lists::maps(&here, &entries, recent.as_deref(), &self.latest.registry));
+        let registry = &self.screen.latest.registry;
+        let maps = lists::maps(&here, &entries, recent.as_deref(), registry);
+        self.screen.open(maps);
     }
 
     pub(super) fn open_map(&mut self, path: &Path) {

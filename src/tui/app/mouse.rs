@@ -26,7 +26,7 @@ impl App {
             self.press_is_spent = true;
             return self.act(action);
         }
-        let drawing = self.screen.maze.editor.is_drawing();
+        let drawing = self.scene.is_drawing();
         let pressed = matches!(
             mouse.kind,
             MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left)
@@ -44,16 +44,18 @@ impl App {
         if self.moves_tour_on(mouse.kind) {
             return;
         }
-        if self.screen.maximised || !self.on_mouse_in_scene(mouse.kind, at) {
-            self.on_wheel(mouse.kind);
+        let kind = mouse.kind;
+        if self.screen.maximised
+            || !self.in_scene(|scene, screen, link| scene.on_mouse(kind, at, screen, link))
+        {
+            self.on_wheel(kind);
         }
     }
 
     /// Has a click move the tour on; returns whether that is all it does. The click that ends the
     /// tour sets a goal.
     fn moves_tour_on(&mut self, kind: MouseEventKind) -> bool {
-        let Some(tour) = self.screen.tour.as_ref().filter(|_| !self.screen.maze.editor.is_open())
-        else {
+        let Some(tour) = self.screen.tour.as_ref().filter(|_| !self.scene.is_editing()) else {
             return false;
         };
         let last = tour.is_last;

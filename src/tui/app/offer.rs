@@ -3,10 +3,8 @@
 
 use super::App;
 use crate::tui::action::Action;
-use crate::tui::config::used_path;
 use crate::tui::dialog::Choice;
 use crate::tui::offer::Offer;
-use gdg::files::write_atomically;
 use gdg::text::grouped;
 use gdg::train::Description;
 
@@ -21,16 +19,6 @@ impl App {
         );
         self.screen.log.record(&text, self.screen.snapshot.moment());
         self.screen.offer = Some(Offer::new(found));
-    }
-
-    /// Stops saying what there is to see, now and in later runs: the user has found out.
-    pub(in crate::tui) fn on_first_use(&mut self) {
-        if std::mem::take(&mut self.screen.first_run)
-            && let Some(path) = used_path()
-        {
-            // Ignored: it would only be said again.
-            let _ = write_atomically(&path, b"");
-        }
     }
 
     /// Resumes the offered run; without an offer, lists the saved runs.

@@ -48,12 +48,8 @@ impl App {
     }
 
     /// Returns to the present; returns whether the past was shown.
-    pub(in crate::tui) fn return_to_present(&mut self) -> bool {
-        let was_past = self.screen.past.is_some();
-        if was_past {
-            self.look_at(None);
-        }
-        was_past
+    pub(super) fn return_to_present(&mut self) -> bool {
+        self.in_scene(|_, screen, link| link.return_to_present(screen))
     }
 
     /// Returns to the present for what is about it, and says so.
@@ -65,12 +61,11 @@ impl App {
 
     /// Shows a frame of the film, or the present.
     fn look_at(&mut self, frame: Option<Arc<FilmFrame>>) {
-        let returns = frame.is_none();
-        self.screen.past.clone_from(&frame);
-        self.viewer.request(Request::Past(frame));
-        if returns && self.screen.frozen {
-            // The view that was frozen is gone.
-            self.freeze(false);
+        if frame.is_none() {
+            self.return_to_present();
+        } else {
+            self.screen.past.clone_from(&frame);
+            self.link.request(Request::Past(frame));
         }
     }
 

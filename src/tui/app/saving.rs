@@ -134,27 +134,29 @@ impl App {
     /// Returns whether anything has changed since the latest autosave. What has not needs no other
     /// copy, which would take the place of an older one.
     pub(in crate::tui) fn has_something_to_autosave(&self) -> bool {
-        let changed = self.latest.unsaved_updates() > 0
+        let changed = self.screen.latest.unsaved_updates() > 0
             && self.autosaved_as != Some(self.what_is_autosaved());
         changed && self.autosaving_as.is_none()
     }
 
     /// Returns what a checkpoint keeps of the screen.
     fn notes(&self) -> Notes {
-        Notes { log: self.screen.log.entries().to_vec(), goal: self.goal() }
+        Notes { log: self.screen.log.entries().to_vec(), goal: self.scene.goal() }
     }
 
     /// Returns the run, updates and map that an autosave would save now.
     pub(super) fn what_is_autosaved(&self) -> Autosaved {
-        (self.latest.run.clone(), self.latest.updates(), self.screen.maze.map.clone())
+        let map = self.scene.maze().map(|maze| maze.map.clone());
+        (self.screen.latest.run.clone(), self.screen.latest.updates(), map)
     }
 
     /// Returns whether enough is unsaved to be worth asking about: training, or any edit of the
     /// map.
     pub(in crate::tui) fn is_worth_saving(&self) -> bool {
-        let updates = self.latest.updates().max(1);
-        let seconds = self.latest.seconds * self.latest.unsaved_updates() as f64 / updates as f64;
-        seconds > MAX_DISCARDED_SECS || self.screen.has_unsaved_map()
+        let updates = self.screen.latest.updates().max(1);
+        let seconds = self.screen.latest.seconds * self.screen.latest.unsaved_updates() as f64
+            / updates as f64;
+        seconds > MAX_DISCARDED_SECS || self.scene.has_unsaved_map()
     }
 
     /// Handles a request to quit. A second request does not wait for the checkpoint.
@@ -165,7 +167,7 @@ impl App {
         } else if self.saving.named.is_some() {
             self.save_and_quit();
         } else if self.is_worth_saving() {
-            self.open_picker(self.quit_question());
+            self.screen.open(self.quit_question());
         } else {
             self.done = true;
         }
@@ -173,18 +175,19 @@ impl App {
 
     /// Returns the question whether to save before quitting.
     pub(super) fn quit_question(&self) -> Picker {
-        let (unsaved, autosaves) = (self.latest.unsaved_updates(), &self.latest.autosaves);
-        lists::quit_choices(unsaved, self.screen.has_unsaved_map(), &self.save_path(), autosaves)
+        let (unsaved, autosaves) =
+            (self.screen.latest.unsaved_updates(), &self.screen.latest.autosaves);
+        lists::quit_choices(unsaved, self.scene.has_unsaved_map(), &self.save_path(), autosaves)
     }
 
     /// Quits once the run is saved.
     pub(super) fn save_and_quit(&mut self) {
-        let up_to_date = self.latest.unsaved_updates() == 0 && !self.screen.has_unsaved_map();
-        if self.latest.saved.is_some() && up_to_date {
+        let up_to_date = self.screen.latest.unsaved_updates() == 0 && !self.scene.has_unsaved_map();
+        if self.screen.latest.saved.is_some() && up_to_date {
             self.done = true;
             return;
         }
-        self.saving.was_training = self.latest.phase.is_training();
+        self.saving.was_training = self.screen.latest.phase.is_training();
         self.command(Command::Pause);
         if self.save() {
             self.saving.quit_state = QuitState::Saving;
@@ -202,7 +205,7 @@ impl App {
 
     /// Handles the outcome of saves since `before`.
     pub(super) fn on_saving(&mut self, before: &Snapshot) {
-        let now = self.latest.clone();
+        let now = self.screen.latest.clone();
         if let Some((_, path)) = &now.saved
             && before
                 .saved
@@ -210,7 +213,7 @@ impl App {
                 .is_none_or(|(_, earlier)| !std::sync::Arc::ptr_eq(earlier, path))
         {
             self.saving.to = SaveTo::Replace(path.to_path_buf());
-            self.screen.maze.kept_map = self.screen.maze.map.clone();
+            self.scene.keep_map();
             self.done |= self.saving.quit_state == QuitState::Saving;
             if let Some(then) = self.saving.then.take() {
                 self.choose(then);
@@ -230,7 +233,7 @@ impl App {
             let title = "not saved: save elsewhere and quit (Esc cancels)";
             let mut prompt = Prompt::new(Question::SaveAs, title, "", stem);
             prompt.error = Some(now.save_failed.1.clone());
-            self.open_prompt(prompt);
+            self.screen.open(prompt);
         }
     }
 
@@ -280,13 +283,16 @@ impl App {
     pub fn close(mut self, is_kept: bool) -> ClosedRun {
         // Decided before: what closing itself reports changes nothing.
         self.catch_up();
-        self.screen.snapshot = self.latest.clone();
+        self.screen.snapshot = self.screen.latest.clone();
         let _waiting = Waiting::begin(self.engine.pulse(), TWICE, terminal::restore);
-        let failed = !self.failures.is_empty() || matches!(self.latest.phase, Phase::Failed(_));
-        let mut summary = self.screen.summary();
+        let failed =
+            !self.failures.is_empty() || matches!(self.screen.latest.phase, Phase::Failed(_));
+        let mut summary = self.screen.summary(self.scene.title(&self.screen.snapshot));
         let notes = self.notes();
-        let (worth_saving, unsaved_map) = (self.is_worth_saving(), self.screen.has_unsaved_map());
-        let Self { saving, engine, screen, .. } = self;
+        let (worth_saving, unsaved_map) = (self.is_worth_saving(), self.scene.has_unsaved_map());
+        let Self { saving, engine, screen, link, .. } = self;
+        // The trainer ends once nothing can send it commands any more.
+        drop(link);
         let snapshots = engine.snapshots();
         let trainer = engine.stop();
         let snapshot = snapshots.borrow().clone();

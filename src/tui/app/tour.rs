@@ -9,15 +9,16 @@ mod steps;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::{App, maze_on};
+use super::App;
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
 use crate::tui::lists;
 use crate::tui::raster::Viewport;
+use crate::tui::scene::maze::maze_on;
 use crate::tui::screen::Screen;
 use crate::tui::tour::{Caption, ShownStep};
 use gdg::engine::Command;
-use gdg::map::{Cell, builtin};
+use gdg::map::{Cell, Grid, builtin};
 use gdg::train::{Method, Preset, Run};
 use gdg::viewer::{Field, OnArrival};
 pub use steps::MAP;
@@ -94,8 +95,8 @@ pub fn run() -> Run {
 impl App {
     /// Asks whether to leave this run for the tour's.
     pub(super) fn ask_tour(&mut self) {
-        self.open_picker(lists::tour_choices(
-            self.latest.unsaved_updates(),
+        self.screen.open(lists::tour_choices(
+            self.screen.latest.unsaved_updates(),
             self.is_worth_saving(),
         ));
     }
@@ -109,8 +110,10 @@ impl App {
 
     /// Begins the tour of the run that is shown.
     pub(in crate::tui) fn begin_tour(&mut self) {
-        self.screen.maze.editor.close();
-        self.screen.maze.viewport = Viewport::default();
+        if let Some(maze) = self.scene.maze_mut() {
+            maze.editor.close();
+            maze.viewport = Viewport::default();
+        }
         (self.screen.maximised, self.screen.following) = (false, None);
         if self.screen.frozen {
             self.freeze(false);
@@ -173,7 +176,7 @@ impl App {
             self.forget_tour();
             self.set_on_arrival(tour.on_arrival);
             // The line about what there is to see would repeat it.
-            self.on_first_use();
+            self.screen.on_first_use();
         }
     }
 
@@ -205,8 +208,8 @@ impl App {
 
     /// Looks what has become of the step's subject; returns whether the caption changes.
     fn look(&mut self) -> bool {
-        let Some(tour) = &mut self.tour else { return false };
-        let caption = (tour.current().look)(&self.screen, tour);
+        let (Some(tour), Some(maze)) = (&mut self.tour, self.scene.maze()) else { return false };
+        let caption = (tour.current().look)(maze, &self.screen, tour);
         if caption.seen {
             tour.seen_at.get_or_insert(tour.elapsed);
         }
@@ -232,7 +235,7 @@ impl App {
 
     /// Sends the agent off again a while after it has arrived.
     fn walk_again(&mut self) {
-        let walk = &self.screen.maze.view.walk;
+        let Some(walk) = self.scene.maze().map(|maze| maze.view.walk) else { return };
         let rested = self.tour.as_ref().is_some_and(|tour| tour.elapsed - tour.sent_at > REST_SECS);
         if (walk.arrived || walk.gave_up) && rested {
             self.send_walker();
@@ -270,17 +273,18 @@ impl App {
 
     /// Makes cells free or walls; returns whether they are.
     fn edit_cells(&mut self, cells: &[Cell], free: bool) -> bool {
-        let map = self.screen.maze.map.clone();
-        let inside = |cell: &&Cell| map.contains(**cell);
-        let done = |screen: &Screen| {
-            cells.iter().filter(inside).all(|cell| screen.maze.map.is_free(*cell) == free)
-        };
-        if !done(&self.screen) {
-            let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
-            let new = changed.and_then(|new| self.screen.maze.editor.record(&map, new));
-            self.change_map(new);
-        }
-        done(&self.screen)
+        self.in_maze(|maze, screen, link| {
+            let map = maze.map.clone();
+            let inside = |cell: &&Cell| map.contains(**cell);
+            let done =
+                |map: &Grid| cells.iter().filter(inside).all(|cell| map.is_free(*cell) == free);
+            if !done(&map) {
+                let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
+                let new = changed.and_then(|new| maze.editor.record(&map, new));
+                maze.change_map(new, screen, link);
+            }
+            done(&maze.map)
+        })
     }
 }
 

@@ -9,20 +9,20 @@ use crate::tui::dialog::{Choice, Dialog, Item, Picker};
 use crate::tui::lists;
 use gdg::engine::{Phase, Snapshot};
 use gdg::text::grouped;
-use gdg::viewer::{OnArrival, View};
+use gdg::viewer::View;
 
 impl App {
     /// Handles a new snapshot.
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
-        let before = std::mem::replace(&mut self.latest, snapshot);
+        let before = std::mem::replace(&mut self.screen.latest, snapshot);
         self.show_snapshot(&before);
         self.update_quit_question();
         self.on_saving(&before);
-        if !Arc::ptr_eq(&self.latest.autosaves, &before.autosaves) {
+        if !Arc::ptr_eq(&self.screen.latest.autosaves, &before.autosaves) {
             self.autosaved_as = self.autosaving_as.take();
         }
-        self.screen.pausing &= self.latest.phase.is_training();
-        let notice = self.latest.notice.clone();
+        self.screen.pausing &= self.screen.latest.phase.is_training();
+        let notice = self.screen.latest.notice.clone();
         if notice.number > before.notice.number {
             if notice.is_error {
                 // Perhaps it was the autosave that failed; then it is tried again.
@@ -33,11 +33,11 @@ impl App {
             if notice.is_error { self.report(&notice.text) } else { self.notify(&notice.text) }
         }
         if let (Phase::Failed(error), true) =
-            (&self.latest.phase, before.phase != self.latest.phase)
+            (&self.screen.latest.phase, before.phase != self.screen.latest.phase)
         {
             self.on_training_failed(&error.clone());
         }
-        if before.phase.is_training() && self.latest.phase == Phase::Done {
+        if before.phase.is_training() && self.screen.latest.phase == Phase::Done {
             self.notify(&format!(
                 "done: limit reached; {} continues without it",
                 self.screen.keymap.key_of(Action::TogglePause)
@@ -49,18 +49,18 @@ impl App {
     /// Shows the latest snapshot, which came after `before`; on a frozen screen, only what the user
     /// has decided. A new run is shown in any case.
     fn show_snapshot(&mut self, before: &Snapshot) {
-        let is_new_run = self.latest.generation != before.generation;
+        let is_new_run = self.screen.latest.generation != before.generation;
         if self.screen.frozen && !is_new_run {
-            Arc::make_mut(&mut self.screen.snapshot).follow_decisions(&self.latest);
+            Arc::make_mut(&mut self.screen.snapshot).follow_decisions(&self.screen.latest);
         } else {
-            let shown = std::mem::replace(&mut self.screen.snapshot, self.latest.clone());
+            let shown = std::mem::replace(&mut self.screen.snapshot, self.screen.latest.clone());
             if is_new_run {
                 self.start_run();
-            } else if self.latest.evaluations.len() > shown.evaluations.len() {
+            } else if self.screen.latest.evaluations.len() > shown.evaluations.len() {
                 self.log_evaluation();
             }
         }
-        if self.latest.run != before.run {
+        if self.screen.latest.run != before.run {
             self.screen.update_changed_settings();
             self.update_settings_list();
         }
@@ -139,44 +139,7 @@ impl App {
         if self.screen.frozen && self.screen.past.is_none() {
             return;
         }
-        // Follow goals chosen by the walking agent itself, but not those older than the latest goal
-        // request.
-        let (visits, latest) = (self.screen.on_arrival == OnArrival::Visit, self.goal_requests);
-        match view {
-            View::Maze(view) => {
-                if let (Some(goal), number) = view.goal
-                    && visits
-                    && number == latest
-                {
-                    self.screen.maze.goal = goal;
-                }
-                self.screen.maze.view = view;
-                self.warn_of_cut_off_goal();
-            }
-            View::Arm(view) => {
-                if let (Some(goal), number) = view.goal
-                    && visits
-                    && number == latest
-                {
-                    self.screen.arm.goal = goal;
-                }
-                self.screen.arm.view = view;
-            }
-        }
-    }
-
-    /// Says so if no path leads from the walking agent to the goal: once for each goal and state of
-    /// the map.
-    fn warn_of_cut_off_goal(&mut self) {
-        let view = self.screen.maze.view.clone();
-        let no_path = view.goal.1 == self.goal_requests && view.walk.shortest.is_none();
-        let warned = |(goal, cut_off): &(u64, Arc<Vec<bool>>)| {
-            *goal == view.goal.1 && Arc::ptr_eq(cut_off, &view.cut_off)
-        };
-        if no_path && view.cut_off.contains(&true) && !self.warned_of.as_ref().is_some_and(warned) {
-            self.warned_of = Some((view.goal.1, view.cut_off.clone()));
-            self.notify("no path leads from @ to G: walls separate them");
-        }
+        self.scene.show(view, &mut self.screen, &self.link);
     }
 
     /// Handles the passing of time; returns whether the screen changes.

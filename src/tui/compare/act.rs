@@ -20,14 +20,11 @@ impl Comparison {
                 self.goal_from(0);
             }
             Action::StartHere => {
-                let screen = &self.sides[0].app.screen;
-                self.start_race(
-                    screen.maze.inspecting.unwrap_or(screen.maze.goal),
-                    screen.maze.goal,
-                );
+                let maze = self.sides[0].maze();
+                self.start_race(maze.inspecting.unwrap_or(maze.goal), maze.goal);
             }
             Action::NewStart => {
-                let goal = self.sides[0].app.screen.maze.goal;
+                let goal = self.sides[0].maze().goal;
                 let start = self.race.random_start(goal);
                 self.start_race(start, goal);
             }
@@ -67,7 +64,7 @@ impl Comparison {
 
     /// Sets the goal of both to that of one side, and starts a race to it if it has changed.
     pub(super) fn goal_from(&mut self, side: usize) {
-        let goal = self.sides[side].app.screen.maze.goal;
+        let goal = self.sides[side].maze().goal;
         if goal != self.race.goal() {
             self.start_race(self.race.start(), goal);
         }
@@ -85,8 +82,9 @@ impl Comparison {
 
     /// Colours both maps by the next field that both have.
     fn next_field(&mut self, forward: bool) {
-        let both_have =
-            |field: Field| self.sides.iter().all(|side| side.app.screen.has_field(field));
+        let both_have = |field: Field| {
+            self.sides.iter().all(|side| side.app.scene.has_field(field, &side.app.screen))
+        };
         let field = self.sides[0].app.screen.field.cycle(forward, both_have);
         self.sides.iter_mut().for_each(|side| side.app.show_field(field));
     }

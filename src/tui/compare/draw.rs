@@ -19,13 +19,14 @@ use ratatui::widgets::{Block, Borders, Paragraph, Wrap};
 use super::facts::{Fact, column, facts, text};
 use super::{Comparison, Side, curves};
 use crate::tui::action::{Action, Mode};
+use crate::tui::app::App;
 use crate::tui::dialog::Dialog;
+use crate::tui::interface::Interface;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::raster::{MapFrame, Viewport};
 use crate::tui::render::{footer, help, paint_page};
 use crate::tui::scene::maze::{info, map, minimap};
-use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use gdg::engine::Phase;
 
@@ -80,9 +81,9 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     });
     curves::draw(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
-    let screen = &comparison.sides[0].app.screen;
+    let App { screen, scene, .. } = &comparison.sides[0].app;
     if let Some(Dialog::Help(help)) = screen.dialogs.last() {
-        help::draw_for_comparisons(frame, area, screen, help, &mut drawn[0]);
+        help::draw_for_comparisons(frame, screen, scene, help, &mut drawn[0]);
     }
     paint_page(frame, &screen.theme);
     // The same lines on both sides, from the next frame on.
@@ -110,26 +111,27 @@ fn too_small(frame: &mut Frame, area: Rect) {
 }
 
 fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
-    let screen = training_side(comparison);
+    let side = training_side(comparison);
+    let screen = &side.app.screen;
     let mut bar = ClickableLine::default();
     let act = |action| Some(Click::Act(action));
     bar.push(Span::styled(" gdg-tui compare ", BOLD.patch(REVERSED)), act(Action::Help));
-    bar.push(Span::styled(format!(" {} ", screen.maze.map.name()), BOLD), None);
+    bar.push(Span::styled(format!(" {} ", side.maze().map.name()), BOLD), None);
     bar.push(Span::raw(format!("seed {} ", screen.run().seed)), None);
     let phase = if matches!(screen.snapshot.phase, Phase::Failed(_)) {
         "stopped".to_owned()
     } else {
-        screen.phase()
+        side.app.scene.phase(screen)
     };
     bar.push(Span::styled(format!(" {phase} "), BOLD), act(Action::TogglePause));
     bar.push(Span::styled(" nothing is saved", DIM), None);
     bar.draw(frame, area, layout);
 }
 
-/// Returns the screen that shows whether training runs: of a side that trains, if any does.
-fn training_side(comparison: &Comparison) -> &Screen {
-    let [a, b] = comparison.sides.each_ref().map(|side| &side.app.screen);
-    if b.snapshot.phase.is_training() && !a.snapshot.phase.is_training() { b } else { a }
+/// Returns the side that shows whether training runs: one that trains, if any does.
+fn training_side(comparison: &Comparison) -> &Side {
+    let [a, b] = comparison.sides.each_ref();
+    if b.app.is_training() && !a.app.is_training() { b } else { a }
 }
 
 /// Draws a side, with its facts beside the map or in as many rows below it; returns where the map
@@ -140,8 +142,7 @@ fn draw_side(
     side: &mut Side,
     (facts, rows): (&[Fact], u16),
 ) -> ScreenLayout {
-    let Side { app, title, cache, .. } = side;
-    let screen = &app.screen;
+    let Side { app: App { screen, scene, .. }, title, cache, .. } = side;
     let mut layout = ScreenLayout::new(frame.area());
     let stopped = match &screen.snapshot.phase {
         Phase::Failed(error) => format!("stopped: {error} "),
@@ -157,8 +158,9 @@ fn draw_side(
         Layout::horizontal([Constraint::Min(0), Constraint::Length(FACTS_WIDTH)]).areas(inner);
     let below = Layout::vertical([Constraint::Min(0), Constraint::Length(rows)]).areas(inner);
     // The map as large as possible.
+    let Some(maze) = scene.maze() else { return layout };
     let scale = |[room, _]: [Rect; 2]| {
-        let frame = MapFrame::fit(room, &screen.maze.map, screen.marker, Viewport::default());
+        let frame = MapFrame::fit(room, &maze.map, screen.marker, Viewport::default());
         frame.map_or(0.0, |frame| frame.scale())
     };
     let ([room, known], lines) = if scale(beside) >= scale(below) {
@@ -167,25 +169,22 @@ fn draw_side(
         (below, text(facts, inner.width))
     };
     layout.map_pane = room;
-    map::draw(frame, room, screen, &mut layout, cache);
-    minimap::draw(frame, room, screen, &mut layout);
+    map::draw(frame, room, maze, screen, &mut layout, cache);
+    minimap::draw(frame, room, maze, &mut layout, &screen.theme);
     frame.render_widget(Paragraph::new(lines), known);
-    info::draw(frame, meaning, screen, &layout);
+    info::draw(frame, meaning, maze, screen, &layout);
     layout
 }
 
 /// Draws a notice, or the available actions and their keys.
 fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
+    let App { screen, scene, .. } = &training_side(comparison).app;
     match comparison.notice() {
         Some((text, notice)) => {
-            footer::draw_notice(
-                frame,
-                area,
-                training_side(comparison),
-                Notice { text: &text, ..notice },
-            );
+            footer::draw_notice(frame, area, screen, Notice { text: &text, ..notice });
         }
-        None => footer::keys(training_side(comparison), Mode::Comparing, area.width)
-            .draw(frame, area, layout),
+        None => {
+            footer::keys(screen, scene, Mode::Comparing, area.width).draw(frame, area, layout);
+        }
     }
 }

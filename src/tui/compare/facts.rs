@@ -42,7 +42,7 @@ impl Fact {
 /// Returns the facts about a side, the most important first; `races` are those that its agent
 /// finished at the goal, and all that are over.
 pub fn facts(side: &Side, (arrived, races): (u32, u32)) -> Vec<Fact> {
-    let (snapshot, walk) = (&side.app.screen.snapshot, &side.app.screen.maze.view.walk);
+    let (snapshot, walk) = (&side.app.screen.snapshot, &side.maze().view.walk);
     let mut facts = vec![
         Fact::new("steps", short(snapshot.counters.env_steps as f64)),
         Fact::new("updates", short(snapshot.counters.updates as f64)),

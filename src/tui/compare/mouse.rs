@@ -22,10 +22,9 @@ impl Comparison {
         }
         let own = self.mouse_on;
         let cell = self.sides[own].app.screen.layout.map.as_ref();
-        let cell = cell.and_then(|frame| frame.cell_at(at, &self.sides[own].app.screen.maze.map));
+        let cell = cell.and_then(|frame| frame.cell_at(at, &self.sides[own].maze().map));
         if mouse.kind == MouseEventKind::Down(MouseButton::Right) {
-            let start =
-                cell.and_then(|cell| self.sides[own].app.screen.maze.map.nearest_free(cell));
+            let start = cell.and_then(|cell| self.sides[own].maze().map.nearest_free(cell));
             if let Some(start) = start {
                 self.start_race(start, self.race.goal());
             }
@@ -38,10 +37,11 @@ impl Comparison {
 
     /// Shows the same part of the map, and describes the same cell, on the other side.
     pub(super) fn mirror(&mut self, own: usize) {
-        let screen = &self.sides[own].app.screen;
-        let (viewport, hovered) = (screen.maze.viewport, screen.maze.hovered);
-        let other = &mut self.sides[1 - own].app;
-        other.screen.maze.viewport = viewport;
-        other.hover(hovered);
+        let maze = self.sides[own].maze();
+        let (viewport, hovered) = (maze.viewport, maze.hovered);
+        self.sides[1 - own].app.in_maze(|maze, _, link| {
+            maze.viewport = viewport;
+            maze.hover(hovered, link);
+        });
     }
 }

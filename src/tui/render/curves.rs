@@ -9,7 +9,7 @@ use ratatui::widgets::Paragraph;
 
 use super::chart;
 use crate::tui::layout::{ChartArea, ScreenLayout};
-use crate::tui::scene::SceneKind;
+use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM};
 use crate::tui::text::short;
@@ -66,8 +66,14 @@ impl Plot {
 }
 
 /// Draws as many charts as fit, the most informative first.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
-    let mut plots = plots(screen);
+pub fn draw(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    scene: &Scene,
+    layout: &mut ScreenLayout,
+) {
+    let mut plots = plots(screen, scene.has_true_distances());
     let columns = if area.width >= MIN_TWO_CHART_WIDTH { 2 } else { 1 };
     let rows =
         usize::from((area.height / MIN_CHART_HEIGHT).max(1)).min(plots.len().div_ceil(columns));
@@ -83,7 +89,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     }
 }
 
-fn plots(screen: &Screen) -> Vec<Plot> {
+fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     let snapshot = &screen.snapshot;
     // One part for each method. What does not learn would only be a dot where it was tried, unless
     // it is the current one.
@@ -125,9 +131,8 @@ fn plots(screen: &Screen) -> Vec<Plot> {
     ];
     let errors = Plot { title: "error of D", series: errors, max: None, log: true, percent: true };
     let of_critic = Plot::loss("loss of D", loss(0));
-    // True distances are known in mazes alone.
     let [second, third] =
-        if screen.scene() == SceneKind::Maze { [errors, of_critic] } else { [of_critic, errors] };
+        if has_true_distances { [errors, of_critic] } else { [of_critic, errors] };
     vec![
         Plot::rate("success", success),
         second,

@@ -9,6 +9,8 @@ use ratatui::widgets::{Clear, Paragraph};
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
+use crate::tui::scene::Scene;
+use crate::tui::scene::maze::Editor;
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::wrapped;
@@ -22,21 +24,26 @@ const MAX_NOTICE_ROWS: usize = 4;
 const LAST_KEYS: usize = 3;
 
 /// Draws the line, and the rest of a long notice above it.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+pub fn draw(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    scene: &Scene,
+    layout: &mut ScreenLayout,
+) {
     let notice = screen.log.notice();
     // The tools of the editor stay visible, so notices go above them.
-    let tools = screen.maze.editor.is_open();
+    let tools = scene.maze().map(|maze| &maze.editor).filter(|editor| editor.is_open());
     if let Some(notice) = notice {
-        let last = area.y.saturating_sub(u16::from(tools));
+        let last = area.y.saturating_sub(u16::from(tools.is_some()));
         draw_notice(frame, Rect { y: last, ..area }, screen, notice);
     }
-    if tools || notice.is_none() {
-        let bar = if tools {
-            editing(screen, area.width)
-        } else {
-            keys(screen, Mode::Watching, area.width)
-        };
-        bar.draw(frame, area, layout);
+    match tools {
+        Some(editor) => editing(screen, editor, area.width).draw(frame, area, layout),
+        None if notice.is_none() => {
+            keys(screen, scene, Mode::Watching, area.width).draw(frame, area, layout);
+        }
+        None => {}
     }
 }
 
@@ -59,10 +66,10 @@ pub fn draw_notice(frame: &mut Frame, last: Rect, screen: &Screen, notice: Notic
 
 /// Returns the actions of `mode` that have a short name and fit: where room is short, those in the
 /// middle are left out.
-pub fn keys(screen: &Screen, mode: Mode, width: u16) -> ClickableLine {
+pub fn keys(screen: &Screen, scene: &Scene, mode: Mode, width: u16) -> ClickableLine {
     let mut keys: Vec<(Action, String)> = Vec::new();
-    for binding in bindings()
-        .filter(|b| !b.short.is_empty() && b.is_active(mode) && screen.scene().offers(b.action))
+    for binding in
+        bindings().filter(|b| !b.short.is_empty() && b.is_active(mode) && scene.offers(b.action))
     {
         let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
         keys.push((binding.action, format!(" {} ", if idle { "resume" } else { binding.short })));
@@ -81,38 +88,38 @@ pub fn keys(screen: &Screen, mode: Mode, width: u16) -> ClickableLine {
 }
 
 /// Returns the editor's tools, and what the mouse does with the selected one if there is room.
-fn editing(screen: &Screen, width: u16) -> ClickableLine {
-    let mut bar = tool_bar(screen, width);
-    if has_room_for_mouse(screen, &bar, width) {
-        bar.push(Span::styled(mouse(screen), DIM), None);
+fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
+    let mut bar = tool_bar(screen, editor, width);
+    if has_room_for_mouse(editor, &bar, width) {
+        bar.push(Span::styled(mouse(editor), DIM), None);
     }
     bar
 }
 
 /// Returns what the mouse buttons do with the editor's tool, if the line of its tools has no room
 /// to say it.
-pub fn untold_mouse(screen: &Screen, width: u16) -> Option<&'static str> {
-    let editor = &screen.maze.editor;
-    let untold = editor.is_open() && !has_room_for_mouse(screen, &tool_bar(screen, width), width);
+pub fn untold_mouse(screen: &Screen, editor: &Editor, width: u16) -> Option<&'static str> {
+    let untold =
+        editor.is_open() && !has_room_for_mouse(editor, &tool_bar(screen, editor, width), width);
     untold.then(|| editor.tool.mouse())
 }
 
-fn mouse(screen: &Screen) -> String {
-    format!(" {}", screen.maze.editor.tool.mouse())
+fn mouse(editor: &Editor) -> String {
+    format!(" {}", editor.tool.mouse())
 }
 
-fn has_room_for_mouse(screen: &Screen, bar: &ClickableLine, width: u16) -> bool {
-    bar.width() + mouse(screen).len() <= usize::from(width)
+fn has_room_for_mouse(editor: &Editor, bar: &ClickableLine, width: u16) -> bool {
+    bar.width() + mouse(editor).len() <= usize::from(width)
 }
 
 /// Returns the editor's tools, followed by as many keys as fit. Where room is short, only the
 /// selected tool.
-fn tool_bar(screen: &Screen, width: u16) -> ClickableLine {
+fn tool_bar(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     let tools = |tools: &[Tool]| {
         let mut bar = ClickableLine::default();
         bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
         for tool in tools {
-            let style = if *tool == screen.maze.editor.tool { REVERSED } else { Style::new() };
+            let style = if *tool == editor.tool { REVERSED } else { Style::new() };
             key(&mut bar, screen, Action::Tool(*tool), tool.name(), style);
         }
         bar.push(Span::raw(" "), None);
@@ -123,7 +130,7 @@ fn tool_bar(screen: &Screen, width: u16) -> ClickableLine {
         |action, label: &str| display_width(&screen.keymap.key_of(action)) + label.len() + 3;
     let done = label_width(Action::ToggleEdit, "done");
     let all = tools(&Tool::ALL);
-    let mut bar = if all.width() + done <= width { all } else { tools(&[screen.maze.editor.tool]) };
+    let mut bar = if all.width() + done <= width { all } else { tools(&[editor.tool]) };
     for (action, label) in
         [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")]
     {

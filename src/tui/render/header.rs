@@ -6,6 +6,7 @@ use ratatui::text::Span;
 
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use gdg::text::{fitted, grouped};
@@ -14,7 +15,13 @@ use gdg::text::{fitted, grouped};
 const LONG_TITLE: usize = 24;
 
 /// Draws the line.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+pub fn draw(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    scene: &Scene,
+    layout: &mut ScreenLayout,
+) {
     let run = screen.run();
     let unsaved = screen.unsaved_updates();
     let saved = match &screen.snapshot.saved {
@@ -31,11 +38,11 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let changed = if changed > 0 { format!("({changed} changed) ") } else { String::new() };
     let mut parts = vec![
         (Span::styled(" gdg-tui ", BOLD.patch(REVERSED)), Action::Help),
-        (Span::styled(format!(" {} ", screen.title()), BOLD), Action::OpenMap),
+        (Span::styled(format!(" {} ", scene.title(&screen.snapshot)), BOLD), Action::OpenMap),
         (Span::raw(format!("{} ", run.method.name())), Action::Method),
         (Span::raw(format!("{} {changed}", run.preset.name())), Action::Preset),
         (Span::raw(format!("seed {} ", run.seed)), Action::NewSeed),
-        (Span::styled(format!(" {}{speed}", screen.phase()), BOLD), Action::TogglePause),
+        (Span::styled(format!(" {}{speed}", scene.phase(screen)), BOLD), Action::TogglePause),
         (Span::styled(saved, DIM), Action::Save),
     ];
     let is_too_wide = |parts: &[(Span, Action)]| width(parts) > usize::from(area.width);
@@ -51,7 +58,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     }
     if is_too_wide(&parts) {
         // The first words say what the phase is.
-        let phase = screen.phase();
+        let phase = scene.phase(screen);
         let short = phase.split([' ', ':']).next().unwrap_or_default().to_owned();
         parts.retain(|(_, action)| *action != Action::TogglePause);
         parts.push((Span::styled(format!(" {short}"), BOLD), Action::TogglePause));

@@ -1,5 +1,7 @@
 //! The help: every action, the numbers, and the legend of the map.
 
+use std::ops::Range;
+
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
@@ -9,7 +11,7 @@ use super::{middle, training, without_slivers};
 use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
 use crate::tui::dialog::Help;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
-use crate::tui::scene;
+use crate::tui::scene::{Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::wrapped;
@@ -30,41 +32,53 @@ const COMPARISON: &str = "Two methods train on the same map with the same seed, 
                           each has learned; @ walks to G with what it has learned so far, in both from the same start. \
                           Click on either map to set the goal of both. Nothing is saved.";
 
-/// Draws the help in the middle of `area`, as far down as it is scrolled or early enough to fill
-/// it.
+/// Which help is shown: of the run, or of a comparison.
+#[derive(Clone, Copy)]
+struct Subject<'a> {
+    introduction: &'a str,
+    /// Bindings active in any of these are listed.
+    modes: &'a [Mode],
+}
+
+/// Draws the help in the middle of the screen, as far down as it is scrolled or early enough to
+/// fill it.
 pub fn draw(
     frame: &mut Frame,
-    area: Rect,
     screen: &Screen,
+    scene: &Scene,
     help: &Help,
     layout: &mut ScreenLayout,
 ) {
     let modes =
-        [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring, Mode::Settings, Mode::Help];
-    draw_about(frame, area, screen, (help, screen.scene().introduction(), &modes), layout);
+        &[Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring, Mode::Settings, Mode::Help];
+    let subject = Subject { introduction: scene.introduction(), modes };
+    draw_on(frame, screen, scene, help, subject, layout);
 }
 
 /// Draws the help of comparisons like [`draw`].
 pub fn draw_for_comparisons(
     frame: &mut Frame,
-    area: Rect,
     screen: &Screen,
+    scene: &Scene,
     help: &Help,
     layout: &mut ScreenLayout,
 ) {
-    draw_about(frame, area, screen, (help, COMPARISON, &[Mode::Comparing, Mode::Help]), layout);
+    let subject = Subject { introduction: COMPARISON, modes: &[Mode::Comparing, Mode::Help] };
+    draw_on(frame, screen, scene, help, subject, layout);
 }
 
-/// Draws the help on an introduction and the bindings active in any of the modes like [`draw`].
-fn draw_about(
+/// Draws the help on a subject like [`draw`].
+fn draw_on(
     frame: &mut Frame,
-    area: Rect,
     screen: &Screen,
-    (help, introduction, modes): (&Help, &str, &[Mode]),
+    scene: &Scene,
+    help: &Help,
+    subject: Subject,
     layout: &mut ScreenLayout,
 ) {
+    let area = frame.area();
     let width = without_slivers(area, HELP_WIDTH);
-    let entries = entries(screen, usize::from(width.saturating_sub(2)), introduction, modes);
+    let entries = entries(screen, scene, usize::from(width.saturating_sub(2)), subject);
     let text = entries.concat();
     let all =
         if help.search().is_empty() { text.clone() } else { matches(&entries, help.search()) };
@@ -72,30 +86,35 @@ fn draw_about(
     let dialog_area = middle(area, width, (text.len() as u16 + 2).min(area.height));
     let height = usize::from(dialog_area.height.saturating_sub(2));
     let first = help.first.min(all.len().saturating_sub(height));
-    let last = (first + height).min(all.len());
+    let shown = first..(first + height).min(all.len());
     let title = if help.searching || !help.search().is_empty() {
         format!(" help: {}{} ", help.search(), if help.searching { "_" } else { "" })
     } else {
         " help ".to_owned()
     };
     frame.render_widget(Clear, dialog_area);
-    let shown: Vec<Line> = all[first..last].to_vec();
-    frame.render_widget(Paragraph::new(shown).block(Block::bordered().title(title)), dialog_area);
+    let lines = all[shown.clone()].to_vec();
+    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), dialog_area);
+    let room = dialog_area.width.saturating_sub(2);
+    let bottom = dialog_area.bottom().saturating_sub(1);
+    let foot = Rect { x: dialog_area.x + 1, y: bottom, width: room, height: 1 };
+    buttons(screen, shown, all.len(), usize::from(room)).draw(frame, foot, layout);
+    layout.help_lines = Some(first..first + height);
+}
+
+/// Returns the buttons of the help, and which lines of how many are `shown` if that is not all.
+fn buttons(screen: &Screen, shown: Range<usize>, all: usize, room: usize) -> ClickableLine {
     let key = screen.keymap.key_of(Action::SearchHelp);
     let mut bar = ClickableLine::default();
     bar.push(Span::raw(format!(" {key}: search ")), Click::Act(Action::SearchHelp));
     bar.push(Span::raw(" Esc: close "), Click::Close);
-    if all.len() > height {
-        let (first, all) = (first + 1, all.len());
+    if shown.len() < all {
+        let (first, last) = (shown.start + 1, shown.end);
         let long = format!(" {first} to {last} of {all}: arrows, PgUp, PgDn ");
-        let room = usize::from(dialog_area.width.saturating_sub(2));
         let text = if bar.width() + long.len() <= room { long } else { format!(" {last}/{all} ") };
         bar.push(Span::styled(text, DIM), None);
     }
-    let foot =
-        Rect { x: dialog_area.x + 1, width: dialog_area.width.saturating_sub(2), ..dialog_area };
-    bar.draw(frame, Rect { y: dialog_area.bottom().saturating_sub(1), height: 1, ..foot }, layout);
-    layout.help_lines = Some(first..first + height);
+    bar
 }
 
 /// Returns the lines of the entries that contain all typed words.
@@ -116,18 +135,17 @@ fn matches(entries: &[Vec<Line<'static>>], typed: &str) -> Vec<Line<'static>> {
 /// Returns all entries and titles, each as its lines, wrapped to `width`.
 fn entries(
     screen: &Screen,
+    scene: &Scene,
     width: usize,
-    introduction: &str,
-    modes: &[Mode],
+    subject: Subject,
 ) -> Vec<Vec<Line<'static>>> {
-    let kind = screen.scene();
     let key = screen.keymap.key_of(Action::Palette);
-    let finds = bindings()
-        .any(|b| b.action == Action::Palette && modes.iter().any(|mode| b.is_active(*mode)));
+    let is_active = |b: &Binding| subject.modes.iter().any(|mode| b.is_active(*mode));
+    let finds = bindings().any(|b| b.action == Action::Palette && is_active(b));
     let how = format!(
         " Where the help shows \"{key} ...\" instead of a key, type {key} and some letters."
     );
-    let introduction = introduction.to_owned() + if finds { &how } else { "" };
+    let introduction = subject.introduction.to_owned() + if finds { &how } else { "" };
     let introduction = wrapped(&introduction, width.saturating_sub(2).max(8));
     let mut entries = vec![
         introduction.into_iter().map(|line| Line::raw(format!(" {line}"))).collect::<Vec<_>>(),
@@ -135,9 +153,8 @@ fn entries(
     let title =
         |title: &str| [vec![Line::default()], vec![Line::styled(format!(" {title}"), BOLD)]];
     for section in SECTIONS {
-        let active =
-            |b: &&Binding| kind.offers(b.action) && modes.iter().any(|mode| b.is_active(*mode));
-        let mut bindings = section.bindings.iter().filter(active).peekable();
+        let listed = |b: &&Binding| scene.offers(b.action) && is_active(b);
+        let mut bindings = section.bindings.iter().filter(listed).peekable();
         if bindings.peek().is_none() {
             continue;
         }
@@ -145,15 +162,15 @@ fn entries(
         for binding in bindings {
             let keys = screen.keymap.display_keys(binding).join(" ");
             let keys = if keys.is_empty() { screen.keymap.key_of(binding.action) } else { keys };
-            entries.push(entry(&keys, kind.wording(binding), binding.when.place(), width));
+            entries.push(entry(&keys, scene.wording(binding), binding.when.place(), width));
         }
     }
     entries.extend(title("the numbers"));
-    for (name, meaning) in training::MEANINGS.iter().chain(scene::WALK_MEANINGS) {
+    for (name, meaning) in training::MEANINGS.iter().chain(WALK_MEANINGS) {
         entries.push(entry(name, meaning, "", width));
     }
     entries.push(vec![Line::default()]);
-    entries.extend(scene::legend_lines(screen).into_iter().map(|line| vec![line]));
+    entries.extend(scene.legend_lines(screen).into_iter().map(|line| vec![line]));
     if let Some(folder) = crate::host::logging::folder() {
         entries.push(vec![Line::default()]);
         entries.push(entry("log files", &folder.display().to_string(), "", width));

@@ -9,20 +9,26 @@ use super::footer;
 use crate::host::runs;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
-use crate::tui::scene::{SceneKind, shown_goal};
+use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, REVERSED};
 use crate::tui::theme::ColourDepth;
 use gdg::text::grouped;
 
 /// Draws the line at the top of the map's `area`, if there is anything to say.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+pub fn draw(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    scene: &Scene,
+    layout: &mut ScreenLayout,
+) {
     if screen.tour.is_some() {
         return;
     }
     let width = usize::from(area.width);
-    let line = past(screen, width)
-        .or_else(|| how_to_draw(screen, frame.area().width))
+    let line = past(screen, scene, width)
+        .or_else(|| how_to_draw(screen, scene, frame.area().width))
         .or_else(|| offer(screen, width))
         .or_else(|| what_to_see(screen, width));
     let Some(line) = line else { return };
@@ -34,13 +40,13 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
 }
 
 /// Says which moment of the past is shown, and how to get back.
-fn past(screen: &Screen, width: usize) -> Option<ClickableLine> {
+fn past(screen: &Screen, scene: &Scene, width: usize) -> Option<ClickableLine> {
     let (frame, snapshot) = (screen.past.as_ref()?, &screen.snapshot);
     let [then, now] = [snapshot.learned(frame.updates), snapshot.updates()].map(grouped);
     let success = snapshot
         .success_at(frame.updates)
         .map_or(String::new(), |rate| format!(", success {rate:.2}"));
-    let other_goal = screen.scene() != SceneKind::Maze || shown_goal(screen) != screen.maze.goal;
+    let other_goal = scene.shows_other_goal();
     let goal = |text: &str| if other_goal { format!(": {text}") } else { String::new() };
     let (long, short) = (goal("D to the film's own goal"), goal("D to its own goal"));
     let texts = [
@@ -74,8 +80,9 @@ fn past(screen: &Screen, width: usize) -> Option<ClickableLine> {
 
 /// Says what the mouse does in the editor, until it has been done, if the bottom line of `width`
 /// columns does not.
-fn how_to_draw(screen: &Screen, width: u16) -> Option<ClickableLine> {
-    let mouse = footer::untold_mouse(screen, width).filter(|_| !screen.maze.editor.has_changed)?;
+fn how_to_draw(screen: &Screen, scene: &Scene, width: u16) -> Option<ClickableLine> {
+    let editor = &scene.maze()?.editor;
+    let mouse = footer::untold_mouse(screen, editor, width).filter(|_| !editor.has_changed)?;
     let mut line = ClickableLine::default();
     line.push(Span::styled(format!(" {mouse} "), REVERSED), None);
     Some(line)

@@ -8,10 +8,10 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::{curves, log, training};
-use crate::tui::action::{Action, Mode};
+use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::panes::Pane;
-use crate::tui::scene;
+use crate::tui::scene::{FIRST_OVERLAY, Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::{EXPLAINED_WIDTH, explain};
@@ -24,9 +24,15 @@ const THREE_PANE_ROWS: u16 = 48;
 const MIN_COLUMN_WIDTH: u16 = 36;
 
 /// Draws the panel.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+pub fn draw(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    scene: &Scene,
+    layout: &mut ScreenLayout,
+) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    tabs(frame, head, screen, layout);
+    tabs(frame, head, screen, scene, layout);
     // The panes beside and below the selected one, the most informative first.
     let mut others =
         [Pane::Training, Pane::Curves, Pane::Walk, Pane::Legend, Pane::Log].into_iter();
@@ -42,17 +48,17 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
             _ => 1,
         };
         let panes: Vec<Pane> = (0..rows).filter_map(|_| first.take().or_else(&mut next)).collect();
-        for (pane, area) in panes.iter().zip(stack(*area, &panes, screen)) {
-            draw_pane(frame, area, screen, layout, *pane);
+        for (pane, area) in panes.iter().zip(stack(*area, &panes, screen, scene)) {
+            draw_pane(frame, area, screen, scene, layout, *pane);
         }
     }
 }
 
 /// Returns the areas of panes below each other: text takes what it needs, from the top; curves and
 /// log share the rest.
-fn stack(area: Rect, panes: &[Pane], screen: &Screen) -> Vec<Rect> {
+fn stack(area: Rect, panes: &[Pane], screen: &Screen, scene: &Scene) -> Vec<Rect> {
     let mut left = area.height;
-    let height = |pane: &Pane| match lines(*pane, screen, area.width.saturating_sub(1)) {
+    let height = |pane: &Pane| match lines(*pane, screen, scene, area.width.saturating_sub(1)) {
         Some(lines) if panes.len() > 1 => {
             let rows = (lines.len() as u16 + 1).min(left);
             left -= rows;
@@ -64,33 +70,40 @@ fn stack(area: Rect, panes: &[Pane], screen: &Screen) -> Vec<Rect> {
 }
 
 /// Returns a pane's lines for `width` columns, if it consists of lines.
-pub fn lines(pane: Pane, screen: &Screen, width: u16) -> Option<Vec<Line<'static>>> {
+pub fn lines(pane: Pane, screen: &Screen, scene: &Scene, width: u16) -> Option<Vec<Line<'static>>> {
     match pane {
-        Pane::Training => Some(training::lines(screen, usize::from(width))),
+        Pane::Training => Some(training::lines(screen, scene, usize::from(width))),
         Pane::Walk => {
-            let mut lines = scene::walk_lines(screen);
+            let mut lines = scene.walk_lines(screen);
             if usize::from(width) >= EXPLAINED_WIDTH {
-                lines.iter_mut().for_each(|line| explain(line, scene::WALK_MEANINGS));
+                lines.iter_mut().for_each(|line| explain(line, WALK_MEANINGS));
             }
             Some(lines)
         }
-        Pane::Legend => Some(scene::legend_lines(screen)),
+        Pane::Legend => Some(scene.legend_lines(screen)),
         Pane::Curves | Pane::Log => None,
     }
 }
 
 /// Draws the selected pane over the whole area.
-pub fn draw_maximised(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+pub fn draw_maximised(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    scene: &Scene,
+    layout: &mut ScreenLayout,
+) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    tabs(frame, head, screen, layout);
+    tabs(frame, head, screen, scene, layout);
     let pane = screen.pane;
-    draw_pane(frame, body, screen, layout, pane);
+    draw_pane(frame, body, screen, scene, layout, pane);
 }
 
 fn draw_pane(
     frame: &mut Frame,
     area: Rect,
     screen: &Screen,
+    scene: &Scene,
     layout: &mut ScreenLayout,
     pane: Pane,
 ) {
@@ -98,7 +111,7 @@ fn draw_pane(
         Pane::Training => "training",
         Pane::Curves => "curves",
         Pane::Walk if screen.following.is_some() => "exploring agent",
-        Pane::Walk => screen.scene().walk_title(),
+        Pane::Walk => scene.walk_title(),
         Pane::Legend => "legend",
         Pane::Log => "event log",
     };
@@ -115,24 +128,26 @@ fn draw_pane(
     let inner = block.inner(area);
     frame.render_widget(block, area);
     match pane {
-        Pane::Curves => curves::draw(frame, inner, screen, layout),
+        Pane::Curves => curves::draw(frame, inner, screen, scene, layout),
         Pane::Log => log::draw(frame, inner, screen),
         _ => frame.render_widget(
-            Paragraph::new(lines(pane, screen, inner.width).unwrap_or_default()),
+            Paragraph::new(lines(pane, screen, scene, inner.width).unwrap_or_default()),
             inner,
         ),
     }
     if pane == Pane::Training {
         // The lines on evaluations ask for one.
         let of_evaluations = |line: &Line| line.to_string().trim_start().starts_with("next ");
-        let row =
-            lines(pane, screen, inner.width).unwrap_or_default().iter().position(of_evaluations);
+        let row = lines(pane, screen, scene, inner.width)
+            .unwrap_or_default()
+            .iter()
+            .position(of_evaluations);
         for row in row.into_iter().filter_map(|row| inner.rows().nth(row)) {
             layout.add(row, Click::Act(Action::Evaluate));
         }
     }
     if pane == Pane::Legend {
-        for (row, overlay) in inner.rows().skip(scene::FIRST_OVERLAY).zip(scene::overlays(screen)) {
+        for (row, overlay) in inner.rows().skip(FIRST_OVERLAY).zip(scene.overlays()) {
             layout.add(row, Click::Act(Action::Toggle(overlay)));
         }
     }
@@ -141,9 +156,9 @@ fn draw_pane(
 
 /// Draws the names of the panes and their keys, the selected one reversed; close together or
 /// without keys where there is no room.
-fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, scene: &Scene, layout: &mut ScreenLayout) {
     let tabs = Pane::ALL.map(|pane| {
-        let name = if pane == Pane::Legend { screen.scene().noun() } else { pane.name() };
+        let name = if pane == Pane::Legend { scene.noun() } else { pane.name() };
         (screen.keymap.key_of(Action::Show(pane)), name)
     });
     let formats: [fn(&str, &str) -> String; 3] = [
@@ -158,7 +173,7 @@ fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayou
             <= usize::from(area.width) + 1
     };
     // The editor has other uses for the keys.
-    let with_keys = texts.iter().find(fits).filter(|_| screen.mode() != Mode::Editing).cloned();
+    let with_keys = texts.iter().find(fits).filter(|_| !scene.is_editing()).cloned();
     let texts = with_keys.unwrap_or_else(|| tabs.map(|(_, name)| format!(" {name} ")));
     let mut bar = ClickableLine::default();
     for (pane, text) in Pane::ALL.into_iter().zip(texts) {

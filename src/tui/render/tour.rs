@@ -9,6 +9,7 @@ use ratatui::widgets::{Block, Clear, Padding, Paragraph};
 use crate::tui::action::Action;
 use crate::tui::glyphs::Glyphs;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::scene::{MazeState, Scene};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, REVERSED};
 use crate::tui::text::wrapped;
@@ -31,7 +32,13 @@ const TOUCHED_COST: f32 = 2.0;
 const HIDDEN_COST: f32 = 30.0;
 
 /// Draws the caption into the map's `area`, and its signs on the map.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+pub fn draw(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    scene: &Scene,
+    layout: &mut ScreenLayout,
+) {
     let (Some(tour), Some(map_frame)) = (&screen.tour, &layout.map) else { return };
     let mut glyphs = Glyphs { map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
     for (at, sign) in &tour.caption.marks {
@@ -45,9 +52,10 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     };
     let mut subject = characters(&tour.caption.subject);
     subject.dedup();
-    let view = &screen.maze.view;
-    let others = [Some(screen.maze.goal.centre()), view.trail.last().copied()];
-    let others = characters(&others.into_iter().flatten().collect::<Vec<_>>());
+    let goal_and_agent =
+        |maze: &MazeState| [Some(maze.goal.centre()), maze.view.trail.last().copied()];
+    let others = scene.maze().map(goal_and_agent).into_iter().flatten().flatten();
+    let others = characters(&others.collect::<Vec<_>>());
     let Some(place) = place(area, tour, (&subject, &others), screen.layout.tour) else { return };
     layout.tour = Some((tour.step, place));
     let keys = draw_box(frame, place, screen, tour, layout);

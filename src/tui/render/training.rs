@@ -3,7 +3,7 @@
 use ratatui::text::Line;
 
 use crate::tui::action::Action;
-use crate::tui::scene;
+use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::style::BOLD;
 use crate::tui::text::{EXPLAINED_WIDTH, EXPLANATION_COLUMN, clock, explain, fact, short};
@@ -41,7 +41,7 @@ pub const MEANINGS: [(&str, &str); 20] = [
 const NUMBER_WIDTH: usize = 17;
 
 /// Returns the pane's lines for `width` columns.
-pub fn lines(screen: &Screen, width: usize) -> Vec<Line<'static>> {
+pub fn lines(screen: &Screen, scene: &Scene, width: usize) -> Vec<Line<'static>> {
     let snapshot = &screen.snapshot;
     let (updates, steps) = snapshot.rates;
     let updates = match (snapshot.learns, snapshot.updates()) {
@@ -65,7 +65,7 @@ pub fn lines(screen: &Screen, width: usize) -> Vec<Line<'static>> {
     ]);
     lines.extend(losses(screen));
     lines.extend(success(screen, width));
-    lines.extend(bridges(screen));
+    lines.extend(bridges(screen, scene));
     lines.extend(time(screen));
     if explained {
         lines.iter_mut().for_each(|line| explain(line, &MEANINGS));
@@ -208,7 +208,7 @@ fn success_bars(by_distance: &[DistanceScore], columns: &[usize]) -> String {
     bars.enumerate().map(wide).collect()
 }
 
-fn bridges(screen: &Screen) -> Vec<Line<'static>> {
+fn bridges(screen: &Screen, scene: &Scene) -> Vec<Line<'static>> {
     if !screen.run().method.plans() {
         return Vec::new();
     }
@@ -223,9 +223,8 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
             ),
             None => format!("none of {} helps", s.tried()),
         });
-    let edges: usize =
-        EdgeStatus::ALL.into_iter().map(|status| scene::edge_count(screen, status)).sum();
-    let bridges = format!("{}, {} edges", scene::candidate_count(screen), short(edges as f64));
+    let edges: usize = EdgeStatus::ALL.into_iter().map(|status| scene.edge_count(status)).sum();
+    let bridges = format!("{}, {} edges", scene.candidate_count(), short(edges as f64));
     vec![fact("bridges", bridges), fact("search", search)]
 }
 

@@ -11,17 +11,21 @@ mod walk;
 use std::sync::Arc;
 
 use ratatui::Frame;
-use ratatui::layout::Rect;
+use ratatui::layout::{Position, Rect};
+use ratatui::text::Line;
 
+use super::scale::scale;
 use crate::tui::contours;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::projection::{ShownAngles, arrange};
 use crate::tui::screen::Screen;
 pub use act::{offers, wording};
+use gdg::bridge::EdgeStatus;
 use gdg::env::ArmScene;
-use gdg::viewer::ArmView;
+use gdg::train::FilmFrame;
 use gdg::viewer::arm::film_goal;
+use gdg::viewer::{ArmView, Field};
 pub use legend::lines as legend_lines;
 pub use walk::lines as walk_lines;
 
@@ -35,7 +39,56 @@ pub struct ArmState {
     /// Which projections are shown, and how.
     pub shown: ShownAngles,
     /// Whether a drag has turned the free projection since the button was pressed.
-    pub turned: bool,
+    turned: bool,
+    /// The mouse position the arm is being dragged from.
+    dragged_from: Option<Position>,
+}
+
+impl ArmState {
+    /// Returns the frame of the film that is shown: what the viewer has computed last, so that
+    /// nothing flickers.
+    pub fn past(&self) -> Option<&FilmFrame> {
+        self.view.past.as_deref()
+    }
+
+    /// Returns the field that the colours show: of the past, there is only D.
+    pub fn shown_field(&self, screen: &Screen) -> Field {
+        if self.past().is_some() { Field::Learned } else { screen.field }
+    }
+
+    /// Returns the largest value of the field, at least 1.
+    pub fn own_farthest(&self) -> f32 {
+        self.view.farthest.max(1.0)
+    }
+
+    /// Returns the largest value that the colours show.
+    pub fn farthest(&self, screen: &Screen) -> f32 {
+        self.own_farthest().max(screen.least_farthest)
+    }
+
+    /// Returns the scale of the colours with a bar of so many characters.
+    pub fn scale(&self, screen: &Screen, bar: usize) -> Line<'static> {
+        scale(&screen.theme, self.shown_field(screen), self.farthest(screen), bar)
+            .unwrap_or_else(|| Line::raw(format!(" {NOUN} only ")))
+    }
+
+    /// Returns the number of edges of the bridge graph with this record.
+    pub fn edge_count(&self, status: EdgeStatus) -> usize {
+        self.view.edges.iter().filter(|(_, own)| *own == status).count()
+    }
+}
+
+/// What is drawn, in a word.
+pub const NOUN: &str = "arm";
+
+/// The text that begins the help.
+pub const INTRODUCTION: &str = "Colours show the learned distance D to the goal G: light near, dark far. The agents do not \
+     see joints and get no reward. @ reaches for G with what it has learned so far; a click sets \
+     the two coordinates that are shown.";
+
+/// Returns whether the colours can show a field.
+pub fn shows(field: Field) -> bool {
+    matches!(field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain)
 }
 
 /// Draws the arm into the first area, and the line below it into the second.
@@ -43,22 +96,23 @@ pub fn draw(
     frame: &mut Frame,
     [area, info]: [Rect; 2],
     scene: &ArmScene,
+    arm: &ArmState,
     screen: &Screen,
     layout: &mut ScreenLayout,
 ) {
-    layout.projections = arrange(area, &screen.arm.shown, screen.marker);
-    layout.contour_interval = contour_interval(screen);
+    layout.projections = arrange(area, &arm.shown, screen.marker);
+    layout.contour_interval = contour_interval(arm, screen);
     for projection in &layout.projections {
-        draw::draw(frame, projection, scene, screen, layout);
+        draw::draw(frame, projection, scene, arm, screen, layout);
     }
-    info::draw(frame, info, screen, layout);
+    info::draw(frame, info, arm, screen, layout);
 }
 
 /// Returns the steps between two contour lines, the same in all projections, if there are any.
-fn contour_interval(screen: &Screen) -> Option<f32> {
-    let view = &screen.arm.view;
-    let shown = screen.shown_field().is_distance()
-        && shows_field(screen)
+fn contour_interval(arm: &ArmState, screen: &Screen) -> Option<f32> {
+    let view = &arm.view;
+    let shown = arm.shown_field(screen).is_distance()
+        && shows_field(arm, screen)
         && screen.overlays.has(Overlay::Contours);
     let fields = view.fields.iter().zip(view.planes.iter());
     let fields: Vec<_> = fields.map(|(field, plane)| (&**field, plane.raster.pixels.0)).collect();
@@ -66,13 +120,13 @@ fn contour_interval(screen: &Screen) -> Option<f32> {
 }
 
 /// Returns whether the viewer has computed the field to be shown.
-fn shows_field(screen: &Screen) -> bool {
-    screen.shown_past().is_some() || screen.arm.view.kind == screen.field
+fn shows_field(arm: &ArmState, screen: &Screen) -> bool {
+    arm.past().is_some() || arm.view.kind == screen.field
 }
 
 /// Returns the goal that distances are shown to, in metres.
-fn shown_goal(screen: &Screen) -> [f32; 3] {
-    screen.shown_past().map_or(screen.arm.goal, film_goal)
+fn shown_goal(arm: &ArmState) -> [f32; 3] {
+    arm.past().map_or(arm.goal, film_goal)
 }
 
 /// Formats a position in centimetres.

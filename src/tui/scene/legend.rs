@@ -3,23 +3,28 @@
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-use super::{edge_count, overlays};
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
-use crate::tui::scene::scale::scale;
 use crate::tui::screen::Screen;
 use crate::tui::style::DIM;
 use crate::tui::text::heading;
 use crate::tui::theme::{Rgb, Theme};
 use gdg::bridge::EdgeStatus;
 
-/// Returns the scale of colours, and a line per overlay with its sign.
+/// Returns the overlays whose actions make sense.
+pub fn overlays(offers: impl Fn(Action) -> bool) -> impl Iterator<Item = Overlay> {
+    Overlay::ALL.into_iter().filter(move |overlay| offers(Action::Toggle(*overlay)))
+}
+
+/// Returns the scale of colours, and a line per overlay that makes sense, with its sign.
 pub fn overlay_lines(
+    scale: Line<'static>,
+    offers: impl Fn(Action) -> bool,
     screen: &Screen,
     sign_of: impl Fn(Overlay, &Screen) -> Option<(char, Rgb)>,
 ) -> Vec<Line<'static>> {
-    let mut lines = vec![scale(screen, 5), heading("toggle by key or click")];
-    for overlay in overlays(screen) {
+    let mut lines = vec![scale, heading("toggle by key or click")];
+    for overlay in overlays(offers) {
         let key = screen.keymap.key_of(Action::Toggle(overlay));
         let shown = screen.overlays.has(overlay);
         let mut line = Line::from(vec![
@@ -39,12 +44,13 @@ pub fn overlay_lines(
 /// after the numbers.
 pub fn edge_lines(
     screen: &Screen,
+    count: impl Fn(EdgeStatus) -> usize,
     meanings: [&'static str; 3],
 ) -> impl Iterator<Item = Line<'static>> {
     let kinds =
         [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Untried].into_iter().zip(meanings);
-    kinds.zip(screen.theme.edges).map(|((status, name), rgb)| {
-        sign(screen, '\u{2500}', rgb, &format!("{} {name}", edge_count(screen, status)))
+    kinds.zip(screen.theme.edges).map(move |((status, name), rgb)| {
+        sign(screen, '\u{2500}', rgb, &format!("{} {name}", count(status)))
     })
 }
 

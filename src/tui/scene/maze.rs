@@ -18,14 +18,20 @@ mod walk;
 use std::sync::Arc;
 
 use ratatui::Frame;
-use ratatui::layout::Rect;
+use ratatui::layout::{Position, Rect};
+use ratatui::text::Line;
 
+use super::scale::scale;
+use crate::tui::action::Action;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::Viewport;
 use crate::tui::screen::Screen;
+pub use act::{maze_on, place_walker};
 pub use editor::Editor;
+use gdg::bridge::EdgeStatus;
 use gdg::map::{Cell, Grid};
-use gdg::viewer::MazeView;
+use gdg::train::FilmFrame;
+use gdg::viewer::{Field, MazeView};
 pub use key::shown_goal;
 pub use legend::lines as legend_lines;
 pub use map::Cache;
@@ -49,6 +55,10 @@ pub struct MazeState {
     pub hovered: Option<Cell>,
     /// The visible part of the map.
     pub viewport: Viewport,
+    /// The mouse position the map is being dragged from.
+    dragged_from: Option<Position>,
+    /// The goal request, and the cells cut off from it, that the user has been warned of.
+    warned_of: Option<(u64, Arc<Vec<bool>>)>,
 }
 
 impl MazeState {
@@ -63,19 +73,67 @@ impl MazeState {
             inspecting: None,
             hovered: None,
             viewport: Viewport::default(),
+            dragged_from: None,
+            warned_of: None,
         }
     }
+
+    /// Returns the frame of the film that is shown: what the viewer has computed last, so that
+    /// nothing flickers.
+    pub fn past(&self) -> Option<&FilmFrame> {
+        self.view.past.as_deref()
+    }
+
+    /// Returns the field that the colours show: of the past, there is only D.
+    pub fn shown_field(&self, screen: &Screen) -> Field {
+        if self.past().is_some() { Field::Learned } else { screen.field }
+    }
+
+    /// Returns the largest value of the field, at least 1.
+    pub fn own_farthest(&self) -> f32 {
+        self.view.farthest.max(1.0)
+    }
+
+    /// Returns the largest value that the colours show.
+    pub fn farthest(&self, screen: &Screen) -> f32 {
+        self.own_farthest().max(screen.least_farthest)
+    }
+
+    /// Returns the scale of the colours with a bar of so many characters.
+    pub fn scale(&self, screen: &Screen, bar: usize) -> Line<'static> {
+        scale(&screen.theme, self.shown_field(screen), self.farthest(screen), bar)
+            .unwrap_or_else(|| Line::raw(format!(" {NOUN} only ")))
+    }
+
+    /// Returns the number of edges of the bridge graph with this record.
+    pub fn edge_count(&self, status: EdgeStatus) -> usize {
+        self.view.edges.iter().filter(|(_, own)| *own == status).count()
+    }
+}
+
+/// What is drawn, in a word.
+pub const NOUN: &str = "map";
+
+/// The text that begins the help.
+pub const INTRODUCTION: &str = "Colours show the learned distance D to the goal G: light near, dark far. The agents see no \
+     walls and get no reward. @ walks to G with what it has learned so far; click on the map to \
+     set another goal. The editor draws walls and closes doors.";
+
+/// Returns whether an action makes sense with a maze: what turns the eye does not.
+pub fn offers(action: Action) -> bool {
+    !matches!(action, Action::Projection | Action::Alone)
 }
 
 /// Draws the map and everything on it into the first area, and the line below it into the second.
 pub fn draw(
     frame: &mut Frame,
     [map, info]: [Rect; 2],
+    maze: &MazeState,
     screen: &Screen,
     layout: &mut ScreenLayout,
     cache: &mut Cache,
 ) {
-    map::draw(frame, map, screen, layout, cache);
-    minimap::draw(frame, map, screen, layout);
-    info::draw(frame, info, screen, layout);
+    map::draw(frame, map, maze, screen, layout, cache);
+    minimap::draw(frame, map, maze, layout, &screen.theme);
+    info::draw(frame, info, maze, screen, layout);
 }

@@ -4,10 +4,9 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use crate::tui::canvas::SHADES;
-use crate::tui::screen::Screen;
 use crate::tui::style::DIM;
 use crate::tui::text::short;
-use crate::tui::theme::ColourDepth;
+use crate::tui::theme::{ColourDepth, Theme};
 use gdg::viewer::Field;
 
 /// Width of the colour bar, in characters, and where room is short.
@@ -17,16 +16,12 @@ pub const SHORT_BAR_WIDTH: usize = 5;
 /// Relative error from which the colour is the strongest.
 pub const MAX_SHOWN_ERROR: f32 = 0.5;
 
-/// Returns the colour scale with the values at its ends and a bar of `bar` characters.
-pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
-    let farthest = screen.farthest();
-    let name = match screen.shown_field() {
-        Field::Plain => format!(" {} only ", screen.scene().noun()),
-        field => format!(" {} ", field.name()),
-    };
-    let name = Span::raw(name);
-    let (low, high) = match screen.shown_field() {
-        Field::Plain => return Line::from(name),
+/// Returns the scale of a field's colours with the values at its ends, up to `farthest`, and a bar
+/// of `bar` characters; `None` of a field that has no colours.
+pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<Line<'static>> {
+    let name = Span::raw(format!(" {} ", field.name()));
+    let (low, high) = match field {
+        Field::Plain => return None,
         Field::Error => {
             let most = 100.0 * MAX_SHOWN_ERROR;
             (format!("-{most:.0} % short"), format!("+{most:.0} % long"))
@@ -35,20 +30,20 @@ pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
         _ => ("0".to_owned(), format!("{farthest:.0} steps")),
     };
     let mut line = Line::from(vec![name, Span::styled(format!("{low} "), DIM)]);
-    if screen.theme.depth == ColourDepth::Mono {
+    if theme.depth == ColourDepth::Mono {
         let shades = SHADES.iter().flat_map(|shade| [*shade; 2]).collect::<String>();
         line.push_span(Span::raw(format!("[{shades}]")));
     } else {
         for i in 0..bar {
             let at = i as f32 / (bar - 1) as f32;
-            let rgb = match screen.shown_field() {
-                Field::Error => screen.theme.error_colour(2.0 * at - 1.0),
-                Field::Visits => screen.theme.distance_colour(1.0 - at),
-                _ => screen.theme.distance_colour(at),
+            let rgb = match field {
+                Field::Error => theme.error_colour(2.0 * at - 1.0),
+                Field::Visits => theme.distance_colour(1.0 - at),
+                _ => theme.distance_colour(at),
             };
-            line.push_span(Span::styled("\u{2588}", Style::new().fg(screen.theme.colour(rgb))));
+            line.push_span(Span::styled("\u{2588}", Style::new().fg(theme.colour(rgb))));
         }
     }
     line.push_span(Span::styled(format!(" {high}"), DIM));
-    line
+    Some(line)
 }

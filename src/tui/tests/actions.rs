@@ -30,7 +30,7 @@ fn help(app: &mut App) -> String {
 fn the_help_lists_every_action_and_sign_at_80_by_24() {
     let mut app = app();
     let help = help(&mut app);
-    let kind = app.screen.scene();
+    let kind = &app.scene;
     for binding in bindings().filter(|b| is_of_trainer(b) && kind.offers(b.action)) {
         let words = format!("{}{}", binding.long, binding.when.place());
         // Long descriptions are wrapped.
@@ -68,11 +68,11 @@ fn state(app: &App) -> String {
         app.screen.field,
         app.screen.overlays,
         app.screen.marker,
-        (app.screen.maze.viewport, app.screen.scrolled, app.screen.log_scale),
-        app.screen.maze.editor.cursor,
-        app.screen.maze.editor.tool,
-        app.screen.maze.goal,
-        app.screen.maze.inspecting,
+        (app.maze().viewport, app.screen.scrolled, app.screen.log_scale),
+        app.maze().editor.cursor,
+        app.maze().editor.tool,
+        app.maze().goal,
+        app.maze().inspecting,
         app.screen.on_arrival,
         (
             app.screen.past.as_ref().map(|frame| frame.updates),
@@ -86,7 +86,7 @@ fn state(app: &App) -> String {
             app.screen.log.entries().len(),
             app.screen.log.notice().map(|notice| notice.text.to_owned())
         ),
-        app.screen.maze.map.free_count(),
+        app.maze().map.free_count(),
         app.screen.tour.as_ref().map(|tour| tour.step),
     )
 }

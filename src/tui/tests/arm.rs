@@ -5,7 +5,7 @@ use super::screens::check;
 use super::*;
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
-use crate::tui::scene::SceneKind;
+use crate::tui::scene::Scene as Shown;
 use gdg::env::fetch_reach::{WALL, WALL_KIND};
 use gdg::env::{FetchReach, Scene};
 use gdg::train::{self, DistanceScore, Evaluation, Score};
@@ -26,7 +26,7 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> Ap
     let mut app = app_in(world, method, Limits { updates: Some(0), ..Limits::default() }, None);
     app.set_arm_goal([1.42, 0.83, 0.6]);
     draw(&mut app, width, height);
-    let goal = app.screen.arm.goal;
+    let goal = app.arm().goal;
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
     let planes: Vec<_> =
         app.screen.layout.projections.iter().map(|projection| projection.plane).collect();
@@ -117,7 +117,8 @@ fn the_arm_matches_its_snapshots() {
     let mut app = staged_app(&plain, gdg(), 80, 24);
     (app.screen.pane, app.screen.maximised) = (Pane::Curves, true);
     check("arm-curves-80x24", &mut app, 80, 24);
-    let csv = crate::tui::export::contents(ExportKind::CurvesCsv, &app.screen).expect("a table");
+    let csv = crate::tui::export::contents(ExportKind::CurvesCsv, &app.screen, &app.scene)
+        .expect("a table");
     assert!(
         String::from_utf8_lossy(&csv).contains(",greedy_at_7_cm,"),
         "groups are measured in centimetres"
@@ -139,7 +140,7 @@ fn nothing_is_cut_off_beside_the_arm() {
     for following in [None, Some(0)] {
         app.screen.following = following;
         for pane in [Pane::Training, Pane::Walk, Pane::Legend] {
-            let lines = render::pane_lines(pane, &app.screen, 29).expect("lines");
+            let lines = render::pane_lines(pane, &app.screen, &app.scene, 29).expect("lines");
             assert!(lines.len() <= 20, "{} lines in {}", lines.len(), pane.name());
             for line in lines {
                 assert!(line.width() <= 29, "{line} in {} is cut off", pane.name());
@@ -163,8 +164,7 @@ fn a_click_sets_the_two_coordinates_that_are_shown() {
             let at = projection.frame.character_of(projection.flat(wanted)).expect("it is shown");
             mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
             mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
-            let (goal, third) =
-                (app.screen.arm.goal, if height == 24 { [1, 0, 2][n] } else { third });
+            let (goal, third) = (app.arm().goal, if height == 24 { [1, 0, 2][n] } else { third });
             for i in 0..3 {
                 let expected = if i == third { [1.3, 0.7, 0.5][i] } else { wanted[i] };
                 assert!((goal[i] - expected).abs() < 0.03, "{n}: {goal:?}, {expected} at {i}");
@@ -172,7 +172,7 @@ fn a_click_sets_the_two_coordinates_that_are_shown() {
             assert!(height != 24 || app.screen.layout.projections.len() == 1);
             press(&mut app, KeyCode::Char('P'));
         }
-        app.screen.arm.shown.angle = crate::tui::scene::ArmState::default().shown.angle;
+        app.arm_mut().shown.angle = crate::tui::scene::ArmState::default().shown.angle;
     }
 }
 
@@ -182,7 +182,7 @@ fn keys_move_the_goal_by_a_centimetre_in_the_chosen_projection() {
     app.set_arm_goal([1.3, 0.7, 0.5]);
     draw(&mut app, 80, 24);
     let moved = |app: &App, by: [f32; 3]| {
-        let goal = app.screen.arm.goal;
+        let goal = app.arm().goal;
         let was = [1.3, 0.7, 0.5];
         assert!((0..3).all(|i| (goal[i] - was[i] - by[i]).abs() < 1e-5), "{goal:?}");
     };
@@ -196,7 +196,7 @@ fn keys_move_the_goal_by_a_centimetre_in_the_chosen_projection() {
     moved(&app, [0.01, -0.01, 0.01]);
     (0..99).for_each(|_| press(&mut app, KeyCode::Left));
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
-    assert_eq!(app.screen.arm.goal[1], scene.goals()[0][1], "the region of goals ends here");
+    assert_eq!(app.arm().goal[1], scene.goals()[0][1], "the region of goals ends here");
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
     let free = app.screen.layout.projections[3].clone();
     let middle =
         Position::new(free.frame.area.x + free.frame.area.width / 2, free.frame.area.y + 12);
-    let (goal, orbit) = (app.screen.arm.goal, app.screen.arm.shown.orbit);
+    let (goal, orbit) = (app.arm().goal, app.arm().shown.orbit);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), middle);
     mouse(
         &mut app,
@@ -218,18 +218,18 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
         MouseEventKind::Up(MouseButton::Left),
         Position::new(middle.x + 5, middle.y + 2),
     );
-    assert!(app.screen.arm.goal == goal && app.screen.arm.shown.orbit != orbit);
+    assert!(app.arm().goal == goal && app.arm().shown.orbit != orbit);
     draw(&mut app, 200, 60);
     let free = app.screen.layout.projections[3].clone();
     let wanted = free.point_at(middle, goal);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), middle);
     mouse(&mut app, MouseEventKind::Up(MouseButton::Left), middle);
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
-    assert_eq!(app.screen.arm.goal, scene.nearest_goal(wanted));
+    assert_eq!(app.arm().goal, scene.nearest_goal(wanted));
     mouse(&mut app, MouseEventKind::ScrollUp, middle);
-    assert!(app.screen.arm.shown.camera.zoom > 1.0);
+    assert!(app.arm().shown.camera.zoom > 1.0);
     press(&mut app, KeyCode::Char('0'));
-    assert_eq!(app.screen.arm.shown.camera.zoom, 1.0);
+    assert_eq!(app.arm().shown.camera.zoom, 1.0);
 }
 
 #[test]
@@ -249,9 +249,9 @@ fn what_needs_a_map_is_not_offered_and_says_why() {
     assert!(picker.items().all(|item| !item.label.contains("editor")), "it is not listed");
     assert!(picker.items().any(|item| item.label == "choose the next projection"));
     for kind in ExportKind::ALL {
-        let is_written = crate::tui::export::contents(kind, &app.screen).is_ok();
+        let is_written = crate::tui::export::contents(kind, &app.screen, &app.scene).is_ok();
         assert_eq!(is_written, kind != ExportKind::Film, "{kind:?}: nothing has been filmed");
-        assert!(!kind.name(app.screen.scene().noun()).starts_with("map"));
+        assert!(!kind.name(app.scene.noun()).starts_with("map"));
     }
 }
 
@@ -278,11 +278,9 @@ fn the_arm_reaches_goals_and_goes_on_to_others() {
     press(&mut app, KeyCode::Char('t'));
     // Starting at the goal, it arrives at once, whatever it has learned.
     press(&mut app, KeyCode::Char('S'));
-    let first = app.screen.arm.goal;
-    wait_until(&mut app, |app| {
-        app.screen.arm.view.reach.finished.0 >= 1 && app.screen.arm.goal != first
-    });
-    let view = app.screen.arm.view.clone();
+    let first = app.arm().goal;
+    wait_until(&mut app, |app| app.arm().view.reach.finished.0 >= 1 && app.arm().goal != first);
+    let view = app.arm().view.clone();
     assert!(view.planes.len() == 1 && view.fields[0].iter().any(|d| d.is_finite()), "D is shown");
     assert_eq!(view.pose.links().last().map(|[_, end]| end), Some(view.pose.grip));
 }
@@ -293,7 +291,7 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
     let path = folder.path().join("arm.safetensors");
     let mut app = arm_app(Limits { updates: Some(5), ..Limits::default() }, Some(path.clone()));
     wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Done);
-    let goal = app.screen.arm.goal;
+    let goal = app.arm().goal;
     app.act(Action::Save);
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
     let mut trainer = train::load(&path, &Registry::builtin(), 1).expect("a checkpoint").trainer;
@@ -305,11 +303,11 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
     let mut app = app_on(rooms(), gdg());
     draw(&mut app, 80, 24);
     app.command(gdg::engine::Command::Load(path));
-    wait_until(&mut app, |app| app.screen.scene() == SceneKind::Arm);
-    assert_eq!(app.screen.arm.goal, goal);
+    wait_until(&mut app, |app| matches!(app.scene, Shown::Arm(_)));
+    assert_eq!(app.arm().goal, goal);
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| {
-        app.screen.arm.view.pose.grip[0] > 1.0 && !app.screen.arm.view.fields.is_empty()
+        app.arm().view.pose.grip[0] > 1.0 && !app.arm().view.fields.is_empty()
     });
     assert!(text(&draw(&mut app, 80, 24)).contains("fetch-reach"));
     press(&mut app, KeyCode::Char('v'));
@@ -320,7 +318,7 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
 fn maps_and_worlds_open_from_each_others_screens() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    for (name, kind) in [(WALL_KIND.name, SceneKind::Arm), ("trap", SceneKind::Maze)] {
+    for (name, noun) in [(WALL_KIND.name, "arm"), ("trap", "map")] {
         let generation = app.screen.snapshot.generation;
         app.act(Action::OpenMap);
         type_text(&mut app, name);
@@ -328,12 +326,12 @@ fn maps_and_worlds_open_from_each_others_screens() {
         assert!(text(&draw(&mut app, 80, 24)).contains("start a new run"));
         press(&mut app, KeyCode::Enter);
         wait_until(&mut app, |app| app.screen.snapshot.generation > generation);
-        assert_eq!((app.screen.scene(), app.screen.title()), (kind, name));
+        assert_eq!((app.scene.noun(), app.scene.title(&app.screen.snapshot)), (noun, name));
         draw(&mut app, 80, 24);
-        wait_until(&mut app, |app| match kind {
-            SceneKind::Arm => !app.screen.arm.view.fields.is_empty(),
-            SceneKind::Maze => {
-                app.screen.maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster)
+        wait_until(&mut app, |app| match &app.scene {
+            Shown::Arm(arm) => !arm.view.fields.is_empty(),
+            Shown::Maze(maze) => {
+                maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster)
             }
         });
     }

@@ -100,7 +100,7 @@ fn stage(comparison: &mut Comparison) {
         let [a, b] = comparison.apps();
         let app = if side == 0 { a } else { b };
         let frame = app.screen.layout.map.clone().expect("the map is drawn");
-        let map = app.screen.maze.map.clone();
+        let map = app.maze().map.clone();
         let (columns, rows) = frame.raster.pixels;
         let [_, _, width, height] = frame.raster.window;
         let field = |i: usize| {
@@ -114,7 +114,7 @@ fn stage(comparison: &mut Comparison) {
         };
         let values: Vec<f32> = (0..columns * rows).map(field).collect();
         let view = MazeView {
-            goal: (Some(app.screen.maze.goal), app.goal_request()),
+            goal: (Some(app.maze().goal), app.goal_request()),
             kind: Field::Learned,
             farthest: 30.0,
             field: Arc::new(values),
@@ -200,20 +200,19 @@ fn one_click_sets_both_goals_and_starts_both_agents_at_the_same_place() {
     {
         let at = character_of(&mut comparison, side, goal);
         mouse(&mut comparison, MouseEventKind::Down(MouseButton::Left), at);
-        assert_eq!(comparison.apps().map(|app| app.screen.maze.goal), [goal; 2]);
+        assert_eq!(comparison.apps().map(|app| app.maze().goal), [goal; 2]);
         let at = character_of(&mut comparison, side, start);
         mouse(&mut comparison, MouseEventKind::Down(MouseButton::Right), at);
         wait_until(&mut comparison, |apps| {
             apps.iter().all(|app| {
-                app.screen.maze.view.walk.start == start.centre()
-                    && app.screen.maze.view.goal.0 == Some(goal)
+                app.maze().view.walk.start == start.centre() && app.maze().view.goal.0 == Some(goal)
             })
         });
     }
     press(&mut comparison, KeyCode::Left);
-    assert_eq!(comparison.apps().map(|app| app.screen.maze.goal), [Cell::new(14, 4); 2]);
+    assert_eq!(comparison.apps().map(|app| app.maze().goal), [Cell::new(14, 4); 2]);
     press(&mut comparison, KeyCode::Char('n'));
-    let [a, b] = comparison.apps().map(|app| app.screen.maze.goal);
+    let [a, b] = comparison.apps().map(|app| app.maze().goal);
     assert_eq!(a, b);
 }
 
@@ -225,22 +224,16 @@ fn what_is_shown_changes_on_both_sides() {
         press(&mut comparison, KeyCode::Char(key));
         draw(&mut comparison, (80, 24));
         let [a, b] = comparison.apps().map(|app| {
-            let screen = &app.screen;
-            (
-                screen.field,
-                screen.overlays,
-                screen.maze.viewport,
-                screen.maze.inspecting,
-                screen.frozen,
-            )
+            let (screen, maze) = (&app.screen, app.maze());
+            (screen.field, screen.overlays, maze.viewport, maze.inspecting, screen.frozen)
         });
         assert_eq!(a, b, "after {key}");
     }
-    assert!(comparison.apps()[0].screen.maze.viewport.zoom > 1.0);
+    assert!(comparison.apps()[0].maze().viewport.zoom > 1.0);
     // The wheel zooms both at the place under the mouse, also on the other side.
     let at = character_of(&mut comparison, 1, Cell::new(17, 4));
     mouse(&mut comparison, MouseEventKind::ScrollUp, at);
-    let [a, b] = comparison.apps().map(|app| app.screen.maze.viewport);
+    let [a, b] = comparison.apps().map(|app| app.maze().viewport);
     assert!(a == b && a.zoom > 1.5, "{a:?} and {b:?}");
 }
 
@@ -324,10 +317,11 @@ fn the_same_distance_has_the_same_colour_on_both_sides() {
     let mut comparison = comparison();
     draw(&mut comparison, (120, 40));
     wait_until(&mut comparison, |apps| {
-        let [a, b] = apps.map(|app| (app.screen.own_farthest(), app.screen.farthest()));
+        let [a, b] = apps.map(|app| (app.scene.own_farthest(), app.maze().farthest(&app.screen)));
         a.0.to_bits() != b.0.to_bits() && a.1.to_bits() == b.1.to_bits()
     });
-    let [a, b] = comparison.apps().map(|app| (app.screen.own_farthest(), app.screen.farthest()));
+    let [a, b] =
+        comparison.apps().map(|app| (app.scene.own_farthest(), app.maze().farthest(&app.screen)));
     assert_eq!([a.1, b.1], [a.0.max(b.0); 2]);
 }
 
@@ -357,7 +351,7 @@ fn contour_lines_are_as_many_steps_apart_on_both_sides() {
         }
         draw(&mut comparison, (120, 40));
         stage(&mut comparison);
-        let view = comparison.apps()[1].screen.maze.view.clone();
+        let view = comparison.apps()[1].maze().view.clone();
         let farther = Arc::new(view.field.iter().map(|steps| 4.0 * steps).collect::<Vec<f32>>());
         comparison
             .on_view(1, &View::Maze(Arc::new(MazeView { field: farther, ..(*view).clone() })));

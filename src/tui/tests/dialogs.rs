@@ -192,7 +192,7 @@ fn learners_show_only_the_losses_they_have() {
 fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
     let folder = tempfile::tempdir().expect("a folder");
     let start = |app: &App| {
-        Choice::StartOn(Arc::new(Grid::empty("hall", 30, app.screen.maze.map.height())), None)
+        Choice::StartOn(Arc::new(Grid::empty("hall", 30, app.maze().map.height())), None)
     };
     std::fs::write(folder.path().join("file"), b"").expect("written");
     for (place, works) in [("run.safetensors", true), ("file/run.safetensors", false)] {
@@ -201,17 +201,20 @@ fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
         wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
         let (then, generation) = (start(&app), app.screen.snapshot.generation);
         let Choice::StartOn(map, _) = &then else { unreachable!("it starts a run") };
-        app.open_picker(lists::map_switch_choices(map, None, None, None, true));
+        app.screen.open(lists::map_switch_choices(map, None, None, None, true));
         press(&mut app, KeyCode::Char('s'));
         if works {
             wait_until(&mut app, |app| app.screen.snapshot.generation > generation);
             let updates = train::describe(&path).expect("a checkpoint").updates;
-            assert!(updates > 0 && app.screen.title() == "hall", "{updates}");
+            assert!(updates > 0 && app.scene.title(&app.screen.snapshot) == "hall", "{updates}");
         } else {
             wait_until(&mut app, |app| app.screen.snapshot.save_failed.0 > 0);
             let updates = app.screen.snapshot.updates();
             wait_until(&mut app, |app| app.screen.snapshot.updates() > updates);
-            assert_eq!((app.screen.snapshot.generation, app.screen.title()), (generation, "rooms"));
+            assert_eq!(
+                (app.screen.snapshot.generation, app.scene.title(&app.screen.snapshot)),
+                (generation, "rooms")
+            );
         }
     }
 }
@@ -264,9 +267,9 @@ fn a_run_that_has_not_changed_is_not_autosaved_again() {
         }
         wait_until(&mut app, |app| app.screen.snapshot.autosaves.len() == edits);
         assert_eq!(files(), edits, "an edit alone is worth another file");
-        let cell = app.screen.maze.map.free_cells().next().expect("a free cell");
-        app.change_map(app.screen.maze.map.with_cells([(cell, false)]).map(Arc::new));
-        wait_until(&mut app, |app| !app.screen.maze.map.is_free(cell));
+        let cell = app.maze().map.free_cells().next().expect("a free cell");
+        app.change_map(app.maze().map.with_cells([(cell, false)]).map(Arc::new));
+        wait_until(&mut app, |app| !app.maze().map.is_free(cell));
     }
 }
 
@@ -290,16 +293,16 @@ fn an_edited_map_is_not_discarded_without_a_question() {
         press(app, KeyCode::Esc);
         asked
     };
-    let cell = app.screen.maze.map.free_cells().next().expect("a free cell");
-    app.change_map(app.screen.maze.map.with_cells([(cell, false)]).map(Arc::new));
+    let cell = app.maze().map.free_cells().next().expect("a free cell");
+    app.change_map(app.maze().map.with_cells([(cell, false)]).map(Arc::new));
     assert!(asks(&mut app), "although it has hardly been trained");
     save_as(&mut app, Action::SaveMap, "edited.txt");
-    assert!(!app.screen.has_unsaved_map());
-    app.change_map(app.screen.maze.map.with_cells([(cell, true)]).map(Arc::new));
+    assert!(!app.scene.has_unsaved_map());
+    app.change_map(app.maze().map.with_cells([(cell, true)]).map(Arc::new));
     assert!(asks(&mut app));
     save_as(&mut app, Action::SaveAs, "run");
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
-    assert!(!app.screen.has_unsaved_map(), "a checkpoint has the map too");
+    assert!(!app.scene.has_unsaved_map(), "a checkpoint has the map too");
 }
 
 #[test]
@@ -366,7 +369,7 @@ fn a_map_is_recent_once_it_has_been_opened() {
 #[test]
 fn facts_about_a_cell_are_not_cut_on_narrow_screens() {
     let mut app = staged_app(80, 24);
-    let cell = app.screen.maze.map.free_cells().last().expect("a free cell");
+    let cell = app.maze().map.free_cells().last().expect("a free cell");
     for (truth, visits, expected) in [
         (
             Some(80),
@@ -385,9 +388,10 @@ fn facts_about_a_cell_are_not_cut_on_narrow_screens() {
         ),
         (Some(0), Some(12_345), format!(" {},{}: D 100.4, true 0 (+100.4 steps)", cell.x, cell.y)),
     ] {
-        let mut view = (*app.screen.maze.view).clone();
+        let mut view = (*app.maze().view).clone();
         view.inspected = Some(CellInfo { cell, learned: 100.4, truth, visits });
-        (app.screen.maze.view, app.screen.maze.inspecting) = (Arc::new(view), Some(cell));
+        let maze = app.maze_mut();
+        (maze.view, maze.inspecting) = (Arc::new(view), Some(cell));
         let shown = text(&draw(&mut app, 80, 24));
         let row = shown.lines().find(|row| row.contains("D 100.4")).expect("a line about the cell");
         let facts = row.split(['\u{2502}', '\u{2506}']).next().unwrap_or_default();
@@ -426,9 +430,9 @@ fn a_restart_with_another_seed_offers_to_save_what_would_be_lost() {
 #[test]
 fn the_minimap_hides_neither_goal_nor_cursor() {
     let mut app = staged_app(120, 40);
-    let (width, height) = (app.screen.maze.map.width(), app.screen.maze.map.height());
+    let (width, height) = (app.maze().map.width(), app.maze().map.height());
     for goal in [Cell::new(width - 1, 0), Cell::new(0, 0), Cell::new(width - 1, height - 1)] {
-        let Some(goal) = app.screen.maze.map.nearest_free(goal) else { panic!("a free cell") };
+        let Some(goal) = app.maze().map.nearest_free(goal) else { panic!("a free cell") };
         app.set_goal(goal);
         app.act(Action::ZoomOff);
         for _ in 0..3 {

@@ -45,13 +45,13 @@ fn a_resumed_run_goes_on_with_its_goal() {
         Some(path.clone()),
     );
     let own = Cell::new(3, 4);
-    assert_ne!(app.screen.maze.goal, own);
+    assert_ne!(app.maze().goal, own);
     app.set_goal(own);
     app.act(Action::Save);
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
     app.set_goal(Cell::new(1, 1));
     app.command(Command::Load(path));
-    wait_until(&mut app, |app| app.screen.snapshot.saved.is_some() && app.screen.maze.goal == own);
+    wait_until(&mut app, |app| app.screen.snapshot.saved.is_some() && app.maze().goal == own);
     assert_eq!(app.screen.snapshot.notes.goal, own.centre());
 }
 
@@ -107,8 +107,8 @@ fn the_first_walk_starts_at_the_maps_own_start() {
     let map =
         parse_map("start", b"..........\n.......S..\n..........\nG.........\n").expect("a map");
     let mut app = app_on(map, gdg());
-    wait_until(&mut app, |app| app.screen.maze.view.walk.steps > 0);
-    assert_eq!(app.screen.maze.view.walk.start, Cell::new(7, 1).centre());
+    wait_until(&mut app, |app| app.maze().view.walk.steps > 0);
+    assert_eq!(app.maze().view.walk.start, Cell::new(7, 1).centre());
 }
 
 #[test]
@@ -122,10 +122,10 @@ fn a_goal_without_a_path_is_said_and_drawn() {
         app.screen.log.entries().iter().filter(|e| e.text.starts_with("no path leads")).count()
     };
     wait_until(&mut app, |app| {
-        app.screen.maze.view.cut_off.contains(&true) && app.screen.maze.view.walk.steps > 0
+        app.maze().view.cut_off.contains(&true) && app.maze().view.walk.steps > 0
     });
     assert_eq!(said(&app), 0, "@ and G are on the same side");
-    wait_until(&mut app, |app| !app.screen.maze.view.path.is_empty());
+    wait_until(&mut app, |app| !app.maze().view.path.is_empty());
     // Agents hide some of the marks.
     let marked = |app: &mut App, columns: std::ops::Range<usize>| {
         let cells: Vec<Cell> = columns.flat_map(|x| (0..4).map(move |y| Cell::new(x, y))).collect();
@@ -133,14 +133,14 @@ fn a_goal_without_a_path_is_said_and_drawn() {
         let terminal = draw(app, 80, 24);
         places.into_iter().filter(|at| terminal.backend().buffer()[*at].symbol() == "\\").count()
     };
-    wait_until(&mut app, |app| app.screen.maze.view.raster.is_some());
+    wait_until(&mut app, |app| app.maze().view.raster.is_some());
     assert!(marked(&mut app, 11..14) > 0 && marked(&mut app, 0..10) == 0);
     app.set_goal(Cell::new(12, 0));
-    wait_until(&mut app, |app| app.screen.maze.view.goal.0 == Some(Cell::new(12, 0)));
-    wait_until(&mut app, |app| app.screen.maze.view.walk.steps > 3);
+    wait_until(&mut app, |app| app.maze().view.goal.0 == Some(Cell::new(12, 0)));
+    wait_until(&mut app, |app| app.maze().view.walk.steps > 3);
     assert_eq!(said(&app), 1, "once");
-    assert!(app.screen.maze.view.path.is_empty(), "a line through the wall is no plan");
-    wait_until(&mut app, |app| app.screen.maze.view.raster.is_some());
+    assert!(app.maze().view.path.is_empty(), "a line through the wall is no plan");
+    wait_until(&mut app, |app| app.maze().view.raster.is_some());
     assert!(marked(&mut app, 0..10) > 0 && marked(&mut app, 11..14) == 0);
 }
 
@@ -178,11 +178,11 @@ fn undone_and_redone_steps_are_named_with_what_they_change() {
 #[test]
 fn an_edit_that_the_trainer_has_yet_to_apply_is_shown_as_such() {
     let mut app = app();
-    assert_eq!(app.screen.phase(), "training");
+    assert_eq!(app.scene.phase(&app.screen), "training");
     app.act(Action::ToggleEdit);
     app.act(Action::Apply);
-    assert_eq!(app.screen.phase(), "applying the edit");
-    wait_until(&mut app, |app| app.screen.phase().starts_with("relearning"));
+    assert_eq!(app.scene.phase(&app.screen), "applying the edit");
+    wait_until(&mut app, |app| app.scene.phase(&app.screen).starts_with("relearning"));
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn on_narrow_screens_a_line_says_how_to_draw_until_something_is_drawn() {
         "over the map, or beside the tools"
     );
     app.act(Action::Apply);
-    wait_until(&mut app, |app| app.screen.maze.editor.has_changed);
+    wait_until(&mut app, |app| app.maze().editor.has_changed);
     assert_eq!((rows(&mut app, 80), rows(&mut app, 140)), (vec![], vec![23]));
     app.act(Action::ToggleEdit);
     app.act(Action::ToggleEdit);
@@ -234,7 +234,7 @@ fn escape_leads_back_from_an_explorer_to_the_walking_agent() {
 fn the_summary_fits_into_80_columns() {
     let mut app = app();
     wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
-    let summary = app.screen.summary();
+    let summary = app.screen.summary(app.scene.title(&app.screen.snapshot));
     assert!(
         summary.starts_with("gdg-bridge on rooms, seed ") && summary.contains(" updates in "),
         "{summary}"
@@ -312,7 +312,7 @@ fn random_steps_are_no_updates_and_their_success_is_not_the_methods() {
 fn clicks_on_walls_and_scales_of_curves_are_answered() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    let map = app.screen.maze.map.clone();
+    let map = app.maze().map.clone();
     let wall = (0..map.width() * map.height())
         .map(|i| map.cell(i))
         .find(|cell| !map.is_free(*cell))
@@ -322,7 +322,7 @@ fn clicks_on_walls_and_scales_of_curves_are_answered() {
     let notice = |app: &App| {
         app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default()
     };
-    let goal = app.screen.maze.goal;
+    let goal = app.maze().goal;
     assert!(map.is_free(goal));
     assert!(
         notice(&app)
@@ -337,10 +337,8 @@ fn at_the_goal_the_error_of_d_is_in_steps() {
     let mut app = app();
     draw(&mut app, 120, 40);
     press(&mut app, KeyCode::Char('i'));
-    let goal = app.screen.maze.goal;
-    wait_until(&mut app, |app| {
-        app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == goal)
-    });
+    let goal = app.maze().goal;
+    wait_until(&mut app, |app| app.maze().view.inspected.is_some_and(|facts| facts.cell == goal));
     let shown = text(&draw(&mut app, 120, 40));
     let line = shown.lines().find(|line| line.contains("true 0")).expect("a line about the cell");
     assert!(line.contains("true 0 (+") && line.contains(" steps)"), "{line}");

@@ -57,7 +57,7 @@ fn a_frozen_screen_says_what_was_saved_and_that_the_limit_is_reached() {
         latest.autosaves = Arc::new(vec![PathBuf::from("kept-auto.safetensors")]);
     });
     assert!(text(&draw(&mut app, 80, 24)).contains("autosaved kept-auto"));
-    let mut done = (*app.latest).clone();
+    let mut done = (*app.screen.latest).clone();
     done.phase = Phase::Done;
     app.on_snapshot(Arc::new(done));
     assert!(text(&draw(&mut app, 80, 24)).contains("limit reached"));

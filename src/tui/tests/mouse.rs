@@ -31,10 +31,10 @@ fn every_key_in_the_footer_is_clickable() {
     for (short, done) in [
         ("Space pause", (|app: &App| app.screen.pausing) as fn(&App) -> bool),
         ("pause", |app| app.screen.pausing),
-        ("n goal", |app| app.screen.maze.goal != Cell::new(19, 4)),
+        ("n goal", |app| app.maze().goal != Cell::new(19, 4)),
         ("v view", |app| app.screen.field != Field::default()),
         ("Tab panes", |app| app.screen.pane != Pane::default()),
-        ("e edit", |app| app.screen.maze.editor.is_open()),
+        ("e edit", |app| app.maze().editor.is_open()),
         (": all", |app| matches!(app.screen.dialogs[..], [Dialog::Pick(_)])),
         ("? help", |app| matches!(app.screen.dialogs[..], [Dialog::Help(_)])),
         ("q quit", |app| app.is_done()),
@@ -81,14 +81,14 @@ fn clicks_switch_panes_and_overlays() {
 fn clicks_on_a_maximised_pane_do_not_reach_the_map() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    let goal = app.screen.maze.goal;
+    let goal = app.maze().goal;
     press(&mut app, KeyCode::Char('z'));
     draw(&mut app, 80, 24);
     for kind in [MouseEventKind::Down(MouseButton::Left), MouseEventKind::Down(MouseButton::Right)]
     {
         mouse(&mut app, kind, Position::new(20, 12));
     }
-    assert_eq!(app.screen.maze.goal, goal);
+    assert_eq!(app.maze().goal, goal);
 }
 
 #[test]
@@ -96,14 +96,14 @@ fn clicks_select_the_editor_tools() {
     let mut app = app();
     click(&mut app, SMALL, "e edit");
     click(&mut app, SMALL, "box");
-    assert_eq!(app.screen.maze.editor.tool, crate::tui::tool::Tool::Rectangle);
+    assert_eq!(app.maze().editor.tool, crate::tui::tool::Tool::Rectangle);
     app.notify("8 cells walled up");
     assert!(
         place_of(&mut app, SMALL, "8 cells walled up").is_some_and(|at| at.y == SMALL.1 - 2),
         "above the tools"
     );
     click(&mut app, SMALL, "done");
-    assert!(!app.screen.maze.editor.is_open());
+    assert!(!app.maze().editor.is_open());
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn clicks_answer_and_close_dialogs() {
     app.act(Action::Method);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(0, 23));
     assert!(app.screen.dialogs.is_empty(), "a click outside closes it");
-    assert!(!app.screen.maze.editor.is_open(), "and does nothing else");
+    assert!(!app.maze().editor.is_open(), "and does nothing else");
     app.act(Action::Autosave);
     type_text(&mut app, "7");
     click(&mut app, SMALL, "Enter: accept");
@@ -150,7 +150,7 @@ fn zooming_keeps_the_place_under_the_mouse_and_can_be_reset() {
     let at = character_of(&app, cell);
     turn_wheel(&mut app, at, 8);
     let frame = app.screen.layout.map.clone().expect("a map");
-    let under = frame.cell_at(at, &app.screen.maze.map).expect("on the map");
+    let under = frame.cell_at(at, &app.maze().map).expect("on the map");
     assert!(
         under.x.abs_diff(cell.x) < 4 && under.y.abs_diff(cell.y) < 6,
         "{under:?} is far from {cell:?}"
@@ -184,18 +184,18 @@ fn the_middle_button_and_the_minimap_pan_the_map() {
         draw(app, 80, 24);
         app.screen.layout.map.clone().expect("a map").raster.window
     };
-    let cell = app.screen.layout.map.clone().expect("a map").cell_at(middle, &app.screen.maze.map);
+    let cell = app.screen.layout.map.clone().expect("a map").cell_at(middle, &app.maze().map);
     let before = window(&mut app);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Middle), middle);
     let to = Position::new(30, 15);
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Middle), to);
     assert!(window(&mut app)[0] < before[0], "the map follows the mouse to the right");
-    let now = app.screen.layout.map.clone().expect("a map").cell_at(to, &app.screen.maze.map);
+    let now = app.screen.layout.map.clone().expect("a map").cell_at(to, &app.maze().map);
     let (cell, now) = (cell.expect("a cell"), now.expect("a cell"));
     assert!(now.x.abs_diff(cell.x) <= 1 && now.y.abs_diff(cell.y) <= 1, "{now:?} is not {cell:?}");
-    let goal = app.screen.maze.goal;
+    let goal = app.maze().goal;
     let small = app.screen.layout.minimap.clone().expect("a small map").area;
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(small.x, small.y));
     assert_eq!(window(&mut app)[..2], [0.0, 0.0], "the upper left corner");
-    assert_eq!(app.screen.maze.goal, goal, "no goal is set below the small map");
+    assert_eq!(app.maze().goal, goal, "no goal is set below the small map");
 }

@@ -14,7 +14,7 @@ use gdg::viewer::{MazeView, View};
 
 /// Returns a film on the rooms map: distances grow with the updates.
 fn film(app: &App, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
-    let (mut world, mut film) = (PointMaze::new(app.screen.maze.map.clone(), 2), Film::default());
+    let (mut world, mut film) = (PointMaze::new(app.maze().map.clone(), 2), Film::default());
     world.set_full_state(0, &[3.5, 3.5]);
     world.set_full_state(1, &[14.5, 1.5]);
     let points = film.points(&world).expect("points");
@@ -42,13 +42,13 @@ fn filmed_app(updates: &[u64], width: u16, height: u16) -> App {
 fn stage_past(app: &mut App) {
     let frame = app.screen.past.clone().expect("the past is looked at");
     let raster = app.screen.layout.map.clone().expect("the map is drawn").raster;
-    let field = FilmedMap::new(app.screen.maze.map.clone()).field(&frame, raster);
+    let field = FilmedMap::new(app.maze().map.clone()).field(&frame, raster);
     let view = MazeView {
         farthest: frame.farthest(),
         field: Arc::new(field),
         raster: Some(raster),
         past: Some(frame),
-        ..(*app.screen.maze.view).clone()
+        ..(*app.maze().view).clone()
     };
     app.on_view(View::Maze(Arc::new(view)));
 }
@@ -140,7 +140,7 @@ fn whatever_is_about_the_present_returns_to_it() {
     app.act(Action::Back);
     let at = character_of(&app, Cell::new(3, 1));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-    assert_eq!((shown_update(&app), app.screen.maze.goal), (None, Cell::new(3, 1)));
+    assert_eq!((shown_update(&app), app.maze().goal), (None, Cell::new(3, 1)));
     app.act(Action::Back);
     app.act(Action::ZoomIn);
     assert!(shown_update(&app).is_some(), "zooming in does not");
@@ -209,7 +209,7 @@ fn runs_without_a_film_and_the_tour_say_so() {
 fn the_film_is_exported_from_any_moment() {
     let mut app = filmed_app(&[1, 2_500], 80, 24);
     press(&mut app, KeyCode::Char('['));
-    let bytes = contents(ExportKind::Film, &app.screen).expect("a film");
+    let bytes = contents(ExportKind::Film, &app.screen, &app.scene).expect("a film");
     let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
     assert_eq!(reader.info().animation_control().expect("an animation").num_frames, 2);
 }
@@ -219,31 +219,30 @@ fn the_viewer_shows_the_past_while_training_goes_on() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| {
-        app.screen.snapshot.film.len() > 1 && app.screen.maze.view.raster.is_some()
+        app.screen.snapshot.film.len() > 1 && app.maze().view.raster.is_some()
     });
     type_text(&mut app, "[[");
     assert_eq!(shown_update(&app), Some(1));
-    wait_until(&mut app, |app| app.screen.shown_past().is_some());
-    let field = app.screen.maze.view.field.clone();
+    wait_until(&mut app, |app| app.shown_past().is_some());
+    let field = app.maze().view.field.clone();
     assert!(field.iter().any(|value| value.is_finite()));
     let updates = app.screen.snapshot.counters.updates;
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates + 20);
-    assert!(Arc::ptr_eq(&field, &app.screen.maze.view.field), "the past does not change");
+    assert!(Arc::ptr_eq(&field, &app.maze().view.field), "the past does not change");
     press(&mut app, KeyCode::Char('i'));
-    let of_then =
-        |app: &App| app.screen.maze.view.inspected.is_some_and(|cell| cell.visits.is_none());
+    let of_then = |app: &App| app.maze().view.inspected.is_some_and(|cell| cell.visits.is_none());
     wait_until(&mut app, of_then);
-    assert!(app.screen.maze.view.inspected.is_some_and(|cell| cell.learned.is_finite()));
+    assert!(app.maze().view.inspected.is_some_and(|cell| cell.learned.is_finite()));
     press(&mut app, KeyCode::Char('i'));
     // On a frozen screen, time stands still, but one can look back.
     press(&mut app, KeyCode::Char('F'));
     let updates = app.screen.snapshot.counters.updates;
     press(&mut app, KeyCode::Char(']'));
-    wait_until(&mut app, |app| app.screen.shown_past().is_some_and(|frame| frame.updates > 1));
+    wait_until(&mut app, |app| app.shown_past().is_some_and(|frame| frame.updates > 1));
     assert_eq!(app.screen.snapshot.counters.updates, updates);
     press(&mut app, KeyCode::Esc);
     wait_until(&mut app, |app| {
-        app.screen.shown_past().is_none() && app.screen.snapshot.counters.updates > updates
+        app.shown_past().is_none() && app.screen.snapshot.counters.updates > updates
     });
 }
 
@@ -260,13 +259,13 @@ fn the_past_of_an_arm_is_a_field_through_its_goal() {
     app.act(Action::Back);
     let views = app.views();
     let began = Instant::now();
-    while app.screen.shown_past().is_none() {
+    while app.shown_past().is_none() {
         assert!(began.elapsed() < Duration::from_mins(1), "timed out");
         std::thread::sleep(Duration::from_millis(5));
         let view = views.borrow().clone();
         app.on_view(view);
     }
-    let fields = app.screen.arm.view.fields.clone();
+    let fields = app.arm().view.fields.clone();
     assert_eq!(fields.len(), app.screen.layout.projections.len());
     for field in fields.iter() {
         let known: Vec<f32> = field.iter().copied().filter(|value| value.is_finite()).collect();

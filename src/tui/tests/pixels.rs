@@ -27,7 +27,7 @@ fn app_with_field(columns: u16, rows: u16) -> App {
     hide_overlays(&mut app);
     draw(&mut app, columns, rows);
     wait_until(&mut app, |app| {
-        app.screen.maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster)
+        app.maze().view.raster == app.screen.layout.map.as_ref().map(|map| map.raster)
     });
     draw(&mut app, columns, rows);
     app
@@ -83,7 +83,7 @@ fn a_small_map_is_drawn_pixel_by_pixel() {
     assert_ne!(colour(&app, [10.0, 1.5], [-0.5, 0.0]), theme.wall);
     assert_ne!(colour(&app, [10.5, 2.5], [0.0; 2]), theme.wall, "the door");
     // The goal is a disc with a letter on it.
-    assert_eq!(colour(&app, app.screen.maze.goal.centre(), [-5.0, 0.0]), theme.goal);
+    assert_eq!(colour(&app, app.maze().goal.centre(), [-5.0, 0.0]), theme.goal);
     assert!(picture(&app).pixmap.pixels().iter().all(|pixel| pixel.alpha() == 255));
 }
 
@@ -113,7 +113,7 @@ fn the_fields_colours_are_smooth_and_its_contours_thin() {
 #[test]
 fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
     let mut app = app_with_field(80, 24);
-    let (walker, ground) = (app.screen.maze.view.walk.start, [4.5, 1.5]);
+    let (walker, ground) = (app.maze().view.walk.start, [4.5, 1.5]);
     let shown = |app: &mut App, redraw| {
         app.set_graphics(Some(GRAPHICS), redraw);
         draw(app, 80, 24);
@@ -121,7 +121,7 @@ fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
     };
     let before = shown(&mut app, Redraw::All);
     // All is farther, and the walk begins elsewhere.
-    let view = Arc::make_mut(&mut app.screen.maze.view);
+    let view = Arc::make_mut(&mut app.maze_mut().view);
     view.field = Arc::new(view.field.iter().map(|value| 0.1 * value).collect());
     view.walk.start = [ground[0] + 3.0, ground[1]];
     let [same, moved] = shown(&mut app, Redraw::Moving);
@@ -129,7 +129,7 @@ fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
     let [other, _] = shown(&mut app, Redraw::All);
     assert_ne!(other, before[0]);
     // Another goal is shown at once.
-    let view = Arc::make_mut(&mut app.screen.maze.view);
+    let view = Arc::make_mut(&mut app.maze_mut().view);
     view.field = Arc::new(view.field.iter().map(|value| 5.0 * value).collect());
     view.goal.1 += 1;
     assert_ne!(shown(&mut app, Redraw::Moving)[0], other);
@@ -145,7 +145,7 @@ fn the_mouse_finds_the_same_cells_as_with_characters() {
     assert_eq!(app.screen.layout.map, before);
     let at = character_of(&app, Cell::new(3, 3));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-    assert_eq!(app.screen.maze.goal, Cell::new(3, 3));
+    assert_eq!(app.maze().goal, Cell::new(3, 3));
     draw(&mut app, 80, 24);
     assert_eq!(colour(&app, [3.5, 3.5], [-5.0, 0.0]), app.screen.theme.goal);
 }
@@ -223,7 +223,7 @@ fn everything_on_the_map_can_be_drawn_as_pixels() {
     press(&mut app, KeyCode::Esc);
     type_text(&mut app, "++");
     draw(&mut app, 120, 40);
-    assert!(app.screen.maze.viewport.zoom > 1.0 && picture(&app).pixmap != without);
+    assert!(app.maze().viewport.zoom > 1.0 && picture(&app).pixmap != without);
     for (width, height) in [(1, 1), (2, 3), (40, 10), (400, 120)] {
         draw(&mut app, width, height);
     }
@@ -259,8 +259,10 @@ fn the_line_below_counts_the_cells_of_a_pixel() {
 fn exports_show_the_map_in_characters() {
     let mut app = app_with_pictures();
     draw(&mut app, 80, 24);
-    let with = crate::tui::export::contents(ExportKind::MapSvg, &app.screen).expect("an export");
+    let with = crate::tui::export::contents(ExportKind::MapSvg, &app.screen, &app.scene)
+        .expect("an export");
     app.set_graphics(None, Redraw::All);
-    let without = crate::tui::export::contents(ExportKind::MapSvg, &app.screen).expect("an export");
+    let without = crate::tui::export::contents(ExportKind::MapSvg, &app.screen, &app.scene)
+        .expect("an export");
     assert_eq!(with, without);
 }

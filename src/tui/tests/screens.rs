@@ -148,7 +148,7 @@ fn staged_view(app: &App) -> MazeView {
         let [left, top, width, height] = frame.raster.window;
         let x = left + (column as f32 + 0.5) / frame.raster.pixels.0 as f32 * width;
         let y = top + (row as f32 + 0.5) / frame.raster.pixels.1 as f32 * height;
-        let free = app.screen.maze.map.is_free_at(x, y);
+        let free = app.maze().map.is_free_at(x, y);
         if free { 2.0 * (x - 19.5).abs().max((y - 4.5).abs()) } else { f32::NAN }
     };
     let candidate = |(i, at): (usize, [f32; 2])| Candidate { at, degree: i as f32 / 4.0 };
@@ -159,11 +159,11 @@ fn staged_view(app: &App) -> MazeView {
         candidates.windows(2).zip(standings).map(|(ends, status)| ([ends[0], ends[1]], status));
     let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
     // Everything but the right end and a single cell.
-    let map = &app.screen.maze.map;
+    let map = &app.maze().map;
     let visited = |i: usize| map.cell(i).x < 15 && map.cell(i) != Cell::new(3, 3);
     let visits: Vec<u32> = (0..map.free().len()).map(|i| u32::from(visited(i))).collect();
     MazeView {
-        goal: (Some(app.screen.maze.goal), 1),
+        goal: (Some(app.maze().goal), 1),
         kind: Field::Learned,
         past: None,
         farthest: values.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max),
@@ -177,7 +177,7 @@ fn staged_view(app: &App) -> MazeView {
         candidates: Arc::new(candidates.into_iter().enumerate().map(candidate).collect()),
         edges: Arc::new(edges.collect()),
         cut_off: Arc::default(),
-        exploration: Arc::new(Exploration::new(&app.screen.maze.map, &visits)),
+        exploration: Arc::new(Exploration::new(&app.maze().map, &visits)),
         path: vec![[6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [19.5, 4.5]],
         trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
         walk: Walk {
@@ -315,12 +315,9 @@ fn what_is_unexplored_can_be_hidden_and_is_not_drawn_once_everything_is_explored
         assert_ne!(shown, hidden);
         app.screen.overlays.toggle(Overlay::Unexplored);
         assert_eq!(picture(&draw(&mut app, 80, 24)), shown);
-        let map = app.screen.maze.map.clone();
+        let map = app.maze().map.clone();
         let exploration = Arc::new(Exploration::new(&map, &vec![1; map.free().len()]));
-        app.on_view(View::Maze(Arc::new(MazeView {
-            exploration,
-            ..(*app.screen.maze.view).clone()
-        })));
+        app.on_view(View::Maze(Arc::new(MazeView { exploration, ..(*app.maze().view).clone() })));
         assert_eq!(picture(&draw(&mut app, 80, 24)), hidden);
     }
 }
@@ -426,7 +423,7 @@ fn nothing_is_cut_off_on_the_smallest_screen() {
             snapshot.evaluations = longest.screen.snapshot.evaluations.clone();
             app.on_snapshot(Arc::new(snapshot));
             for pane in [Pane::Training, Pane::Walk, Pane::Legend] {
-                let lines = pane_lines(pane, &app.screen, 29).expect("lines");
+                let lines = pane_lines(pane, &app.screen, &app.scene, 29).expect("lines");
                 // Header, names and title above, footer below; a border on the left.
                 assert!(lines.len() <= 20, "{} lines in {}", lines.len(), pane.name());
                 for line in lines {
@@ -483,11 +480,11 @@ fn lines_over_the_map_match_their_snapshots() {
 #[test]
 fn cells_without_a_path_to_the_goal_match_their_snapshot() {
     let mut app = staged_app(80, 24);
-    let map = app.screen.maze.map.clone();
+    let map = app.maze().map.clone();
     let cut_off = (0..map.free().len()).map(|i| map.free()[i] && map.cell(i).x < 8).collect();
     app.on_view(View::Maze(Arc::new(MazeView {
         cut_off: Arc::new(cut_off),
-        ..(*app.screen.maze.view).clone()
+        ..(*app.maze().view).clone()
     })));
     check("cut-off-80x24", &mut app, 80, 24);
 }
@@ -519,13 +516,13 @@ fn everything_can_be_exported() {
     let mut app = staged_app(80, 24);
     press(&mut app, KeyCode::Char('?'));
     assert!(
-        contents(ExportKind::Film, &app.screen)
+        contents(ExportKind::Film, &app.screen, &app.scene)
             .expect_err("no film")
             .to_string()
             .contains("no film")
     );
     for kind in ExportKind::ALL.into_iter().filter(|kind| *kind != ExportKind::Film) {
-        let bytes = contents(kind, &app.screen).expect("a file");
+        let bytes = contents(kind, &app.screen, &app.scene).expect("a file");
         match kind.file_type() {
             "png" => {
                 let reader =
@@ -573,10 +570,7 @@ fn fields_match_their_snapshots() {
     {
         let mut app = staged_app(80, 24);
         app.screen.field = field;
-        app.on_view(View::Maze(Arc::new(MazeView {
-            kind: field,
-            ..(*app.screen.maze.view).clone()
-        })));
+        app.on_view(View::Maze(Arc::new(MazeView { kind: field, ..(*app.maze().view).clone() })));
         let name = field.name().replace(' ', "-").to_lowercase();
         check(&format!("field-{name}-80x24"), &mut app, 80, 24);
     }
@@ -675,15 +669,15 @@ fn of_many_edges_only_tried_ones_near_the_cursor_are_drawn() {
     let at = |i: usize| [0.5 + (i % 39) as f32 / 2.0, 0.5 + (i / 39 % 9) as f32 / 2.0];
     let edges = |status| (0..11_000).map(|i| ([at(i), at(i + 40)], status)).collect::<Vec<_>>();
     let mut cells_changed = |edges, cursor| {
-        app.screen.maze.inspecting = Some(cursor);
+        app.maze_mut().inspecting = Some(cursor);
         app.on_view(View::Maze(Arc::new(MazeView {
             edges: Arc::default(),
-            ..(*app.screen.maze.view).clone()
+            ..(*app.maze().view).clone()
         })));
         let before = draw(&mut app, 120, 40).backend().buffer().clone();
         app.on_view(View::Maze(Arc::new(MazeView {
             edges: Arc::new(edges),
-            ..(*app.screen.maze.view).clone()
+            ..(*app.maze().view).clone()
         })));
         let after = draw(&mut app, 120, 40).backend().buffer().clone();
         // Only the map: the legend counts the edges.

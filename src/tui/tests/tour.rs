@@ -88,12 +88,12 @@ fn caption(app: &App) -> String {
 #[test]
 fn the_tour_runs_through_and_leaves_everything_as_it_was() {
     let mut app = app_on(builtin("fourrooms").expect("a map"), Method::default());
-    let (map, overlays) = (app.screen.maze.map.clone(), app.screen.overlays);
+    let (map, overlays) = (app.maze().map.clone(), app.screen.overlays);
     app.begin_tour();
     let mut closed = Vec::new();
     for (expected, step_shown) in STEPS.iter().enumerate() {
         assert_eq!(step(&app), Some(expected));
-        if !app.screen.maze.map.eq(&map) {
+        if !app.maze().map.eq(&map) {
             closed.push(step_shown.title);
         }
         if expected == 3 {
@@ -103,7 +103,7 @@ fn the_tour_runs_through_and_leaves_everything_as_it_was() {
     }
     assert_eq!(closed, ["A door closes"]);
     assert_eq!(step(&app), None, "the last step ends too");
-    assert_eq!((app.screen.maze.map.free(), app.screen.overlays), (map.free(), overlays));
+    assert_eq!((app.maze().map.free(), app.screen.overlays), (map.free(), overlays));
     assert_eq!(app.screen.on_arrival, OnArrival::Again);
     let trained = |app: &App| app.screen.snapshot.scene.maze().map.free() == map.free();
     wait_until(&mut app, trained);
@@ -155,17 +155,17 @@ fn a_bridge_is_explained_by_its_distances_and_stays() {
 fn clicks_and_keys_move_on_and_esc_ends() {
     let mut app = touring_app();
     draw(&mut app, 80, 24);
-    let goal = app.screen.maze.goal;
+    let goal = app.maze().goal;
     let at = character_of(&app, Cell::new(10, 80));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-    assert_eq!((step(&app), app.screen.maze.goal), (Some(1), goal), "the click sets no goal");
+    assert_eq!((step(&app), app.maze().goal), (Some(1), goal), "the click sets no goal");
     (0..4).for_each(|_| press(&mut app, KeyCode::Enter));
     assert_eq!(step(&app), Some(5));
-    assert!(app.screen.maze.map.free_count() < builtin("fourrooms").expect("a map").free_count());
+    assert!(app.maze().map.free_count() < builtin("fourrooms").expect("a map").free_count());
     press(&mut app, KeyCode::Esc);
     assert_eq!(step(&app), None);
     assert_eq!(
-        app.screen.maze.map.free(),
+        app.maze().map.free(),
         builtin("fourrooms").expect("a map").free(),
         "the door is open"
     );
@@ -179,11 +179,7 @@ fn the_last_click_sets_a_goal() {
     let at = character_of(&app, Cell::new(10, 80));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
     assert_eq!(step(&app), None);
-    assert!(
-        app.screen.maze.goal.x < 14 && app.screen.maze.goal.y > 76,
-        "{:?}",
-        app.screen.maze.goal
-    );
+    assert!(app.maze().goal.x < 14 && app.maze().goal.y > 76, "{:?}", app.maze().goal);
 }
 
 #[test]
@@ -219,7 +215,7 @@ fn the_tour_is_found_by_many_words_and_starts_its_own_run() {
     app.act(Action::Tour);
     press(&mut app, KeyCode::Char('y'));
     wait_until(&mut app, |app| app.screen.tour.is_some());
-    assert_eq!((app.screen.title(), app.screen.run().seed), ("fourrooms", 0));
+    assert_eq!((app.scene.title(&app.screen.snapshot), app.screen.run().seed), ("fourrooms", 0));
 }
 
 /// Draws the step and checks the box: within the map's pane, complete, and beside its subject.
@@ -259,15 +255,15 @@ fn captions_fit_and_never_cover_their_subject() {
                 app.screen.theme = Theme::new(theme, ColourDepth::Mono);
             }
             draw(&mut app, size.0, size.1);
-            wait_until(&mut app, |app| app.screen.maze.view.raster.is_some());
+            wait_until(&mut app, |app| app.maze().view.raster.is_some());
             for _ in STEPS {
                 for route in &routes {
                     let view = MazeView {
                         path: route.clone(),
                         trail: vec![[5.0, 5.0]],
-                        ..MazeView::clone(&app.screen.maze.view)
+                        ..MazeView::clone(&app.maze().view)
                     };
-                    app.screen.maze.view = Arc::new(view);
+                    app.maze_mut().view = Arc::new(view);
                     look(&mut app);
                     check_box(&mut app, size);
                 }

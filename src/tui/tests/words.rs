@@ -117,7 +117,7 @@ fn users_words_find_what_they_mean() {
     let app = app();
     let mut wrong = Vec::new();
     for (word, action) in WORDS {
-        let mut list = lists::actions(&app.screen);
+        let mut list = lists::actions(&app.screen, &app.scene);
         list.paste(word);
         if list.choice() != Some(&Choice::Act(action)) {
             wrong.push(format!("{word:?}: {:?} instead of {action:?}", list.choice()));
@@ -130,7 +130,7 @@ fn users_words_find_what_they_mean() {
 fn settings_are_found_beside_actions_and_after_them() {
     let app = app();
     let found = |word: &str| {
-        let mut list = lists::actions(&app.screen);
+        let mut list = lists::actions(&app.screen, &app.scene);
         list.paste(word);
         let choices = list.rows().into_iter().filter_map(|row| match row {
             Row::Item(item, _) => Some(item.choice.clone()),

@@ -6,6 +6,7 @@ use super::{Tour, Watched};
 use crate::tui::action::Action;
 use crate::tui::app::App;
 use crate::tui::layers::Overlay;
+use crate::tui::scene::MazeState;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
 use crate::tui::tour::Caption;
@@ -57,7 +58,7 @@ pub struct Step {
     /// What it does at first.
     pub enter: fn(&mut App),
     /// What it says now.
-    pub look: fn(&Screen, &mut Tour) -> Caption,
+    pub look: fn(&MazeState, &Screen, &mut Tour) -> Caption,
 }
 
 /// All steps.
@@ -97,8 +98,8 @@ pub const STEPS: &[Step] = &[
 ];
 
 /// Returns D from a position to the goal.
-fn distance_to_goal(screen: &Screen, from: [f32; 2]) -> f32 {
-    distance(screen, &from, &screen.maze.goal.centre())
+fn distance_to_goal(maze: &MazeState, screen: &Screen, from: [f32; 2]) -> f32 {
+    distance(screen, &from, &maze.goal.centre())
 }
 
 fn distance(screen: &Screen, from: &[f32], to: &[f32]) -> f32 {
@@ -123,8 +124,8 @@ fn straight(from: [f32; 2], to: [f32; 2]) -> f32 {
 }
 
 /// Returns the rest of the agent's planned path, from where it is.
-fn path_ahead(screen: &Screen) -> Vec<[f32; 2]> {
-    let view = &screen.maze.view;
+fn path_ahead(maze: &MazeState) -> Vec<[f32; 2]> {
+    let view = &maze.view;
     let stops: Vec<[f32; 2]> = view.trail.last().into_iter().chain(&view.path).copied().collect();
     points_along(&stops)
 }
@@ -138,7 +139,7 @@ fn aim_at_wall(app: &mut App) {
     app.send_walker();
 }
 
-fn wandering(screen: &Screen, _: &mut Tour) -> Caption {
+fn wandering(maze: &MazeState, screen: &Screen, _: &mut Tour) -> Caption {
     let text = if is_mono(screen) {
         "The o are agents that wander about. Nobody rewards them. Shades show what they learn: D, the number of steps to G. \
          The denser, the farther."
@@ -148,16 +149,16 @@ fn wandering(screen: &Screen, _: &mut Tour) -> Caption {
     };
     Caption {
         text: text.to_owned(),
-        subject: vec![screen.maze.goal.centre()],
+        subject: vec![maze.goal.centre()],
         seen: true,
         ..Caption::default()
     }
 }
 
-fn bending(screen: &Screen, tour: &mut Tour) -> Caption {
-    let (behind, goal) = (BEHIND_WALL.centre(), screen.maze.goal.centre());
-    let (straight, learned) = (straight(behind, goal), distance_to_goal(screen, behind));
-    let open = distance_to_goal(screen, SAME_ROOM.centre());
+fn bending(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
+    let (behind, goal) = (BEHIND_WALL.centre(), maze.goal.centre());
+    let (straight, learned) = (straight(behind, goal), distance_to_goal(maze, screen, behind));
+    let open = distance_to_goal(maze, screen, SAME_ROOM.centre());
     let seen = open >= PLAUSIBLE * straight && learned >= BENT * open.max(straight);
     if seen {
         keep_clearest_bridge(screen, tour);
@@ -173,8 +174,8 @@ fn bending(screen: &Screen, tour: &mut Tour) -> Caption {
 
 /// Returns the positions on the contour line nearest to `near`, the nearest first, and its
 /// distance.
-fn contour_near(screen: &Screen, near: [f32; 2]) -> Option<(Vec<[f32; 2]>, f32)> {
-    let (view, raster) = (&screen.maze.view, screen.maze.view.raster?);
+fn contour_near(maze: &MazeState, screen: &Screen, near: [f32; 2]) -> Option<(Vec<[f32; 2]>, f32)> {
+    let (view, raster) = (&maze.view, maze.view.raster?);
     if view.kind != screen.field || !view.kind.is_distance() {
         return None;
     }
@@ -195,9 +196,9 @@ fn contour_near(screen: &Screen, near: [f32; 2]) -> Option<(Vec<[f32; 2]>, f32)>
     Some((places, line.level))
 }
 
-fn contour(screen: &Screen, tour: &mut Tour) -> Caption {
+fn contour(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     keep_clearest_bridge(screen, tour);
-    let Some((line, level)) = contour_near(screen, Cell::new(24, 24).centre()) else {
+    let Some((line, level)) = contour_near(maze, screen, Cell::new(24, 24).centre()) else {
         return Caption {
             text: "Contour lines connect places with the same D.".to_owned(),
             ..Caption::default()
@@ -256,7 +257,7 @@ fn keep_clearest_bridge(screen: &Screen, tour: &mut Tour) {
     }
 }
 
-fn bridge(screen: &Screen, tour: &mut Tour) -> Caption {
+fn bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     if tour.bridge.is_none() {
         tour.bridge =
             found_bridge(screen, if tour.elapsed < PATIENCE_SECS { CLEAR_GAIN } else { 1.0 });
@@ -270,7 +271,7 @@ fn bridge(screen: &Screen, tour: &mut Tour) -> Caption {
         let text = format!(
             "Agents look for bridges B on the way from a to g: D(a,B) + D(B,g) < D(a,g). {end}"
         );
-        return Caption { text, subject: vec![screen.maze.goal.centre()], ..Caption::default() };
+        return Caption { text, subject: vec![maze.goal.centre()], ..Caption::default() };
     };
     let tried = if is_mono(screen) { "The x" } else { "The dots around" };
     let text = format!(
@@ -288,8 +289,8 @@ fn aim_far(app: &mut App) {
     app.send_walker();
 }
 
-fn plan(screen: &Screen, tour: &mut Tour) -> Caption {
-    let path = path_ahead(screen);
+fn plan(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
+    let path = path_ahead(maze);
     if path.len() > tour.route.len() {
         tour.route.clone_from(&path);
     }
@@ -297,13 +298,8 @@ fn plan(screen: &Screen, tour: &mut Tour) -> Caption {
     let text = format!(
         "G is now in the far room. {line} the plan: from bridge to bridge, each near enough to be reached reliably. @ walks it."
     );
-    let seen = screen.maze.view.walk.arrived && tour.elapsed > 1.0;
-    Caption {
-        text,
-        subject: [vec![screen.maze.goal.centre()], path].concat(),
-        marks: Vec::new(),
-        seen,
-    }
+    let seen = maze.view.walk.arrived && tour.elapsed > 1.0;
+    Caption { text, subject: [vec![maze.goal.centre()], path].concat(), marks: Vec::new(), seen }
 }
 
 /// Returns the cells of a door, given two of its corners.
@@ -318,7 +314,8 @@ fn close_door(app: &mut App) {
     };
     let through = DOORS.iter().find(|(corners, _)| leads_through(&cells_between(*corners)));
     let (corners, before) = through.unwrap_or(&DOORS[0]);
-    let distance = distance_to_goal(&app.screen, before.centre());
+    let Some(maze) = app.scene.maze() else { return };
+    let distance = distance_to_goal(maze, &app.screen, before.centre());
     let watched = Watched { place: before.centre(), before: distance, most: distance };
     app.close_door(cells_between(*corners));
     app.send_walker();
@@ -328,16 +325,16 @@ fn close_door(app: &mut App) {
 }
 
 /// Returns the door that was closed, the place before it, and the path of the agent.
-fn around_door(screen: &Screen, tour: &Tour) -> Vec<[f32; 2]> {
+fn around_door(maze: &MazeState, tour: &Tour) -> Vec<[f32; 2]> {
     let place = tour.watched.place;
     let door = DOORS.iter().find(|(_, before)| before.centre() == place).unwrap_or(&DOORS[0]).0;
     let door = cells_between(door).into_iter().map(Cell::centre);
-    [vec![place], door.collect(), path_ahead(screen)].concat()
+    [vec![place], door.collect(), path_ahead(maze)].concat()
 }
 
-fn closed(screen: &Screen, tour: &mut Tour) -> Caption {
+fn closed(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     let Watched { place, before, .. } = tour.watched;
-    let now = distance_to_goal(screen, place);
+    let now = distance_to_goal(maze, screen, place);
     tour.watched.most = tour.watched.most.max(now);
     let followed = if now.round() > before.round() {
         format!("D follows: from P it was {before:.0}, now {now:.0}.")
@@ -348,7 +345,7 @@ fn closed(screen: &Screen, tour: &mut Tour) -> Caption {
         "A wall now closes this door: you can draw one with {}. The plan changes at once. {followed}",
         screen.keymap.key_of(Action::ToggleEdit)
     );
-    let subject = around_door(screen, tour);
+    let subject = around_door(maze, tour);
     Caption { text, subject, marks: vec![(place, 'P')], seen: now >= LONGER * before }
 }
 
@@ -357,9 +354,9 @@ fn open_door(app: &mut App) {
     app.send_walker();
 }
 
-fn opened(screen: &Screen, tour: &mut Tour) -> Caption {
+fn opened(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     let Watched { place, before, most } = tour.watched;
-    let now = distance_to_goal(screen, place);
+    let now = distance_to_goal(maze, screen, place);
     let followed = if most.round() <= before.round() {
         format!("D had no time to follow: from P it is {now:.0}.")
     } else if now <= BACK * before {
@@ -368,22 +365,17 @@ fn opened(screen: &Screen, tour: &mut Tour) -> Caption {
         format!("D will fall: from P it is still {now:.0}.")
     };
     let text = format!("The door is open again. The plan may use it at once. {followed}");
-    let subject = around_door(screen, tour);
+    let subject = around_door(maze, tour);
     Caption { text, subject, marks: vec![(place, 'P')], seen: now <= BACK * before }
 }
 
-fn now_you(screen: &Screen, _: &mut Tour) -> Caption {
+fn now_you(maze: &MazeState, screen: &Screen, _: &mut Tour) -> Caption {
     let key = |action| screen.keymap.key_of(action);
     let text = format!(
         "Click anywhere: @ walks there. Press {} to draw walls, {} for help. Training goes on.",
         key(Action::ToggleEdit),
         key(Action::Help)
     );
-    let walker = screen.maze.view.trail.last().copied().unwrap_or(screen.maze.view.walk.start);
-    Caption {
-        text,
-        subject: vec![screen.maze.goal.centre(), walker],
-        marks: Vec::new(),
-        seen: true,
-    }
+    let walker = maze.view.trail.last().copied().unwrap_or(maze.view.walk.start);
+    Caption { text, subject: vec![maze.goal.centre(), walker], marks: Vec::new(), seen: true }
 }

@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
+use super::ArmState;
 use crate::tui::action::Action;
-use crate::tui::app::App;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
+use crate::tui::link::Link;
 use crate::tui::panes::Pane;
 use crate::tui::projection::{Angle, Camera, Projection, has_room};
+use crate::tui::screen::Screen;
 use gdg::env::{ArmScene, Scene};
 use gdg::viewer::arm::Request;
+use gdg::viewer::{ArmView, OnArrival};
 
 /// How far a key moves the goal, in metres.
 const NUDGE: f32 = 0.01;
@@ -59,130 +62,140 @@ pub fn wording(action: Action) -> Option<&'static str> {
     })
 }
 
-impl App {
-    /// Returns what is around the arm.
-    fn arm_scene(&self) -> Option<ArmScene> {
-        match &self.screen.snapshot.scene {
-            Scene::Arm(scene) => Some(*scene),
-            _ => None,
-        }
+/// Returns what is around the arm.
+fn arm_scene(screen: &Screen) -> Option<ArmScene> {
+    match &screen.snapshot.scene {
+        Scene::Arm(scene) => Some(*scene),
+        _ => None,
     }
+}
 
+impl ArmState {
     /// Shows the arm of another run, with the goal that it was saved with or a random one.
-    pub(in crate::tui) fn start_arm(&mut self) {
-        self.screen.arm.shown.camera = Camera::default();
-        self.screen.arm.view = Arc::default();
-        let run = &self.screen.snapshot.run;
+    pub fn start(&mut self, screen: &mut Screen, link: &mut Link) {
+        self.shown.camera = Camera::default();
+        self.view = Arc::default();
+        let run = screen.run();
         let agents = run.settings.train.agents;
-        let text =
-            format!("{} on {}, {agents} agents", run.method.name(), self.screen.snapshot.title);
-        self.screen.log.record(&text, self.screen.snapshot.moment());
-        match <[f32; 3]>::try_from(&*self.screen.snapshot.notes.goal) {
-            Ok(saved) => self.set_arm_goal(saved),
-            Err(_) => self.draw_goal(),
+        let text = format!("{} on {}, {agents} agents", run.method.name(), screen.snapshot.title);
+        screen.log.record(&text, screen.snapshot.moment());
+        match <[f32; 3]>::try_from(&*screen.snapshot.notes.goal) {
+            Ok(saved) => self.set_goal(saved, screen, link),
+            Err(_) => self.draw_goal(screen, link),
         }
     }
 
     /// Sets a random goal.
-    fn draw_goal(&mut self) {
-        if let Some(scene) = self.arm_scene() {
-            let goal = scene.random_goal(&mut self.rng);
-            self.set_arm_goal(goal);
+    fn draw_goal(&mut self, screen: &mut Screen, link: &mut Link) {
+        if let Some(scene) = arm_scene(screen) {
+            let goal = scene.random_goal(&mut link.rng);
+            self.set_goal(goal, screen, link);
         }
     }
 
     /// Puts the goal at `at`, or at the place for goals nearest to it.
-    pub(in crate::tui) fn set_arm_goal(&mut self, at: [f32; 3]) {
-        let Some(scene) = self.arm_scene() else { return };
+    pub fn set_goal(&mut self, at: [f32; 3], screen: &mut Screen, link: &mut Link) {
+        let Some(scene) = arm_scene(screen) else { return };
         let goal = scene.nearest_goal(at);
-        self.return_to_present();
-        self.screen.arm.goal = goal;
-        self.goal_requests += 1;
-        self.viewer.request(Request::Goal(goal, self.goal_requests));
+        link.return_to_present(screen);
+        self.goal = goal;
+        let request = Request::Goal(goal, link.next_goal_request());
+        link.request(request);
     }
 
     /// Performs an action that is about the arm.
-    pub(in crate::tui) fn act_on_arm(&mut self, action: Action) {
-        let arm = &mut self.screen.arm;
+    pub fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
         match action {
-            Action::NewGoal => self.draw_goal(),
-            Action::Move(dx, dy) => self.nudge(dx as f32, dy as f32),
-            Action::StartHere => {
-                let at = arm.goal;
-                self.viewer.request(Request::Start(Some(at)));
+            Action::NewGoal => self.draw_goal(screen, link),
+            Action::Move(dx, dy) => self.nudge([dx as f32, dy as f32], screen, link),
+            Action::StartHere => link.request(Request::Start(Some(self.goal))),
+            Action::NewStart => link.request(Request::Start(None)),
+            Action::Projection => self.shown.angle = self.shown.angle.next(),
+            Action::Alone if has_room(screen.layout.map_pane) => {
+                self.shown.alone = !self.shown.alone;
             }
-            Action::NewStart => self.viewer.request(Request::Start(None)),
-            Action::Projection => arm.shown.angle = arm.shown.angle.next(),
-            Action::Alone if has_room(self.screen.layout.map_pane) => {
-                arm.shown.alone = !arm.shown.alone;
+            Action::Alone => screen.notify("there is only room for one projection"),
+            Action::ZoomIn => self.zoom(1.5, None),
+            Action::ZoomOut => self.zoom(1.0 / 1.5, None),
+            Action::ZoomOff => self.shown.camera = Camera::default(),
+            Action::Pan(dx, dy) if self.shown.angle == Angle::Free => {
+                self.shown.orbit.turn(TURN * dx as f32, -TURN * dy as f32);
             }
-            Action::Alone => self.notify("there is only room for one projection"),
-            Action::ZoomIn => self.zoom_arm(1.5, None),
-            Action::ZoomOut => self.zoom_arm(1.0 / 1.5, None),
-            Action::ZoomOff => arm.shown.camera = Camera::default(),
-            Action::Pan(dx, dy) if arm.shown.angle == Angle::Free => {
-                arm.shown.orbit.turn(TURN * dx as f32, -TURN * dy as f32);
+            Action::Pan(dx, dy) => {
+                self.pan([PAN_SHARE * dx as f32, PAN_SHARE * dy as f32], &screen.layout);
             }
-            Action::Pan(dx, dy) => self.pan_arm([PAN_SHARE * dx as f32, PAN_SHARE * dy as f32]),
             _ => {}
         }
     }
 
     /// Moves the goal in the plane of the chosen projection.
-    fn nudge(&mut self, right: f32, down: f32) {
-        let Some(plane) = self.chosen_projection().map(|projection| projection.plane) else {
+    fn nudge(&mut self, [right, down]: [f32; 2], screen: &mut Screen, link: &mut Link) {
+        let Some(plane) = self.chosen_projection(&screen.layout).map(|shown| shown.plane) else {
             return;
         };
-        let goal = self.screen.arm.goal;
-        self.set_arm_goal(std::array::from_fn(|i| {
+        let goal = self.goal;
+        let moved = std::array::from_fn(|i| {
             goal[i] + NUDGE * (right * plane.across[i] - down * plane.up[i])
-        }));
+        });
+        self.set_goal(moved, screen, link);
     }
 
     /// Returns the chosen projection, if it has been drawn.
-    fn chosen_projection(&self) -> Option<&Projection> {
-        let (shown, angle) = (&self.screen.layout.projections, self.screen.arm.shown.angle);
-        shown.iter().find(|projection| projection.angle == angle)
+    fn chosen_projection<'a>(&self, layout: &'a ScreenLayout) -> Option<&'a Projection> {
+        layout.projections.iter().find(|projection| projection.angle == self.shown.angle)
     }
 
     /// Moves what is shown by a share of the chosen projection's size.
-    fn pan_arm(&mut self, [right, down]: [f32; 2]) {
-        let Some(projection) = self.chosen_projection() else { return };
+    fn pan(&mut self, [right, down]: [f32; 2], layout: &ScreenLayout) {
+        let Some(projection) = self.chosen_projection(layout) else { return };
         let [_, _, width, height] = projection.frame.raster.window;
-        let (plane, focus) = (projection.plane, self.screen.arm.shown.camera.focus);
-        self.screen.arm.shown.camera.focus = std::array::from_fn(|i| {
+        let (plane, focus) = (projection.plane, self.shown.camera.focus);
+        self.shown.camera.focus = std::array::from_fn(|i| {
             focus[i] + right * width * plane.across[i] - down * height * plane.up[i]
         });
     }
 
     /// Magnifies by a factor, keeping `fixed` (by default the goal) where it is on the screen.
-    pub(in crate::tui) fn zoom_arm(&mut self, by: f32, fixed: Option<[f32; 3]>) {
-        let arm = &mut self.screen.arm;
-        let (before, fixed) = (arm.shown.camera.zoom, fixed.unwrap_or(arm.goal));
-        arm.shown.camera.zoom = (before * by).clamp(1.0, MAX_ZOOM);
-        if arm.shown.camera.zoom < 1.01 {
-            arm.shown.camera = Camera::default();
+    pub fn zoom(&mut self, by: f32, fixed: Option<[f32; 3]>) {
+        let (before, fixed) = (self.shown.camera.zoom, fixed.unwrap_or(self.goal));
+        let camera = &mut self.shown.camera;
+        camera.zoom = (before * by).clamp(1.0, MAX_ZOOM);
+        if camera.zoom < 1.01 {
+            *camera = Camera::default();
             return;
         }
-        let share = before / arm.shown.camera.zoom;
-        let focus = arm.shown.camera.focus;
-        arm.shown.camera.focus = std::array::from_fn(|i| fixed[i] + share * (focus[i] - fixed[i]));
+        let share = before / camera.zoom;
+        let focus = camera.focus;
+        camera.focus = std::array::from_fn(|i| fixed[i] + share * (focus[i] - fixed[i]));
     }
 
     /// Shows all projections again; returns whether the chosen one was alone.
-    pub(in crate::tui) fn close_on_arm(&mut self) -> bool {
-        std::mem::take(&mut self.screen.arm.shown.alone)
+    pub fn close(&mut self) -> bool {
+        std::mem::take(&mut self.shown.alone)
     }
 
-    /// Has the viewer compute D for the pixels of all projections.
-    pub(in crate::tui) fn arm_drawn(&mut self, before: ScreenLayout) {
-        let shown = &mut self.screen.layout.projections;
+    /// Has the viewer compute D for the pixels of all projections; `before` is where things were
+    /// drawn before.
+    pub fn drawn(before: ScreenLayout, screen: &mut Screen, link: &Link) {
+        let shown = &mut screen.layout.projections;
         if shown.is_empty() {
             // The arm is hidden behind a maximised pane.
             *shown = before.projections;
         } else if *shown != before.projections {
             let planes = shown.iter().map(|projection| projection.plane).collect();
-            self.viewer.request(Request::Planes(Arc::new(planes)));
+            link.request(Request::Planes(Arc::new(planes)));
         }
+    }
+
+    /// Shows a new view.
+    pub fn show(&mut self, view: Arc<ArmView>, screen: &Screen, link: &Link) {
+        // As in a maze: goals that the walking agent has chosen itself.
+        if let (Some(goal), number) = view.goal
+            && screen.on_arrival == OnArrival::Visit
+            && number == link.goal_request()
+        {
+            self.goal = goal;
+        }
+        self.view = view;
     }
 }

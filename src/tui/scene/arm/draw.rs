@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 use ratatui::text::Line;
 
 use super::shapes::{Sketch, edges};
-use super::{shown_goal, shows_field};
+use super::{ArmState, shown_goal, shows_field};
 use crate::tui::canvas::{CANDIDATE_MARK, Canvas, shade};
 use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
@@ -14,7 +14,7 @@ use crate::tui::layout::ScreenLayout;
 use crate::tui::projection::{Angle, Projection};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, REVERSED};
-use crate::tui::theme::{ColourDepth, Rgb, blend};
+use crate::tui::theme::{ColourDepth, Rgb, Theme, blend};
 use gdg::bridge::EdgeStatus;
 use gdg::env::ArmScene;
 
@@ -32,79 +32,84 @@ pub fn draw(
     frame: &mut Frame,
     projection: &Projection,
     scene: &ArmScene,
+    arm: &ArmState,
     screen: &Screen,
     layout: &ScreenLayout,
 ) {
     let mut sketch = Sketch::new(projection);
-    let labels = draw_field(&mut sketch, layout.contour_interval, screen);
+    let labels = draw_field(&mut sketch, layout.contour_interval, arm, screen);
     let under = |label: &Label, canvas: &Canvas| {
         label.pixels(&projection.frame).map(|i| canvas.colour(i)).collect::<Vec<_>>()
     };
     let labels: Vec<_> =
         labels.into_iter().map(|label| (under(&label, &sketch.canvas), label)).collect();
-    draw_surroundings(&mut sketch, scene, screen);
-    if screen.shown_past().is_none() {
-        draw_graph(&mut sketch, screen);
+    draw_surroundings(&mut sketch, scene, &screen.theme);
+    if arm.past().is_none() {
+        draw_graph(&mut sketch, arm, screen);
     }
-    draw_explorers(&mut sketch, screen);
-    if screen.shown_past().is_none() {
-        draw_plan(&mut sketch, screen);
-        draw_arm(&mut sketch, screen);
+    draw_explorers(&mut sketch, arm, screen);
+    if arm.past().is_none() {
+        draw_plan(&mut sketch, arm, screen);
+        draw_arm(&mut sketch, arm, &screen.theme);
     }
-    sketch.circle(shown_goal(screen), scene.goal_radius(), (screen.theme.goal, '*'));
+    sketch.circle(shown_goal(arm), scene.goal_radius(), (screen.theme.goal, '*'));
     sketch.canvas.paint(frame.buffer_mut(), &projection.frame, &screen.theme);
     let mut glyphs =
         Glyphs { map_frame: &projection.frame, theme: &screen.theme, buffer: frame.buffer_mut() };
     // Where nothing else has been drawn since.
     let free = labels.iter().filter(|(before, label)| under(label, &sketch.canvas) == *before);
     free.for_each(|(_, label)| glyphs.label(label));
-    draw_symbols(frame, projection, screen);
+    draw_symbols(frame, projection, arm, screen);
     let area = projection.frame.area;
-    let chosen = layout.projections.len() > 1 && projection.angle == screen.arm.shown.angle;
+    let chosen = layout.projections.len() > 1 && projection.angle == arm.shown.angle;
     let style = if chosen { BOLD.patch(REVERSED) } else { BOLD };
     let style = style
         .fg(screen.theme.colour(screen.theme.cursor))
         .bg(screen.theme.colour(screen.theme.unknown));
-    let name = Line::styled(format!(" {} ", title(projection.angle, screen)), style);
+    let name = Line::styled(format!(" {} ", title(projection.angle, arm)), style);
     let width = (name.width() as u16).min(area.width);
     frame.render_widget(name, Rect { width, height: 1, ..area });
 }
 
 /// Returns the name of a projection and the coordinate of the coloured plane, or the direction.
-fn title(angle: Angle, screen: &Screen) -> String {
+fn title(angle: Angle, arm: &ArmState) -> String {
     let degrees = |rad: f32| (rad.to_degrees().round() as i32).rem_euclid(360);
-    let [x, y, z] = shown_goal(screen).map(|metres| format!("{:.0} cm", 100.0 * metres));
+    let [x, y, z] = shown_goal(arm).map(|metres| format!("{:.0} cm", 100.0 * metres));
     let name = angle.name();
     match angle {
         Angle::Side => format!("{name} at y {y}"),
         Angle::Front => format!("{name} at x {x}"),
         Angle::Top => format!("{name} at z {z}"),
         Angle::Free => {
-            let orbit = screen.arm.shown.orbit;
+            let orbit = arm.shown.orbit;
             format!("{name} {}\u{b0} {}\u{b0}", degrees(orbit.yaw), degrees(orbit.pitch))
         }
     }
 }
 
 /// Draws D on the plane through the goal, with contour lines; returns their labels.
-fn draw_field(sketch: &mut Sketch, contour_interval: Option<f32>, screen: &Screen) -> Vec<Label> {
-    let (theme, view, canvas) = (&screen.theme, &screen.arm.view, &mut sketch.canvas);
+fn draw_field(
+    sketch: &mut Sketch,
+    contour_interval: Option<f32>,
+    arm: &ArmState,
+    screen: &Screen,
+) -> Vec<Label> {
+    let (theme, view, canvas) = (&screen.theme, &arm.view, &mut sketch.canvas);
     (0..canvas.len()).for_each(|i| canvas.set(i, Some(theme.unknown), ' '));
     let field = view
         .planes
         .iter()
         .position(|plane| *plane == sketch.projection.plane)
         .map(|n| &view.fields[n]);
-    let Some(field) = field.filter(|_| shows_field(screen)) else { return Vec::new() };
-    let (farthest, mono) = (screen.farthest(), theme.depth == ColourDepth::Mono);
+    let Some(field) = field.filter(|_| shows_field(arm, screen)) else { return Vec::new() };
+    let (farthest, mono) = (arm.farthest(screen), theme.depth == ColourDepth::Mono);
     for (i, value) in field.iter().enumerate().filter(|(_, value)| value.is_finite()) {
         let share = value / farthest;
         canvas.set(i, Some(theme.distance_colour(share)), if mono { shade(share) } else { ' ' });
     }
     let Some(interval) = contour_interval else { return Vec::new() };
     let frame = &sketch.projection.frame;
-    let goal =
-        frame.raster.pixel_of(sketch.projection.flat(shown_goal(screen))).unwrap_or_default();
+    let goal = frame.raster.pixel_of(sketch.projection.flat(shown_goal(arm))).unwrap_or_default();
     let mut labels = contours::draw(canvas, frame, field, (interval, goal));
     // The first row has the projection's name.
     labels.retain(|label| label.area.y > frame.area.y);
@@ -112,8 +117,7 @@ fn draw_field(sketch: &mut Sketch, contour_interval: Option<f32>, screen: &Scree
 }
 
 /// Draws the table's edges, the region of goals and the wall.
-fn draw_surroundings(sketch: &mut Sketch, scene: &ArmScene, screen: &Screen) {
-    let theme = &screen.theme;
+fn draw_surroundings(sketch: &mut Sketch, scene: &ArmScene, theme: &Theme) {
     sketch.lines(edges(scene.table()), (blend(theme.wall, theme.cursor, 0.3), 1.0, '='));
     sketch.lines(edges(scene.goals()), (theme.frontier, 0.5, '.'));
     if let Some(wall) = scene.wall() {
@@ -122,8 +126,8 @@ fn draw_surroundings(sketch: &mut Sketch, scene: &ArmScene, screen: &Screen) {
 }
 
 /// Draws the bridge graph and its latest search.
-fn draw_graph(sketch: &mut Sketch, screen: &Screen) {
-    let (theme, view) = (&screen.theme, &screen.arm.view);
+fn draw_graph(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
+    let (theme, view) = (&screen.theme, &arm.view);
     if screen.overlays.has(Overlay::Edges) {
         let kinds = [
             (EdgeStatus::Untried, 2, 0.3, '-'),
@@ -163,12 +167,12 @@ fn draw_graph(sketch: &mut Sketch, screen: &Screen) {
 }
 
 /// Draws the grips of exploring agents, and their trails.
-fn draw_explorers(sketch: &mut Sketch, screen: &Screen) {
+fn draw_explorers(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
     let (snapshot, rgb) = (&screen.snapshot, screen.theme.frontier);
     if !screen.overlays.has(Overlay::Agents) {
         return;
     }
-    if let Some(past) = screen.shown_past() {
+    if let Some(past) = arm.past() {
         return positions(&past.agents, 3).for_each(|at| sketch.ball(at, DOT_RADIUS, (rgb, 'o')));
     }
     let agents = screen.run().settings.train.agents.max(1);
@@ -181,8 +185,8 @@ fn draw_explorers(sketch: &mut Sketch, screen: &Screen) {
 }
 
 /// Draws the waypoints ahead, and where the grip has been.
-fn draw_plan(sketch: &mut Sketch, screen: &Screen) {
-    let (theme, view) = (&screen.theme, &screen.arm.view);
+fn draw_plan(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
+    let (theme, view) = (&screen.theme, &arm.view);
     if screen.overlays.has(Overlay::Path) && view.path.len() > 1 {
         let stops: Vec<[f32; 3]> =
             std::iter::once(view.pose.grip).chain(view.path.iter().copied()).collect();
@@ -196,8 +200,8 @@ fn draw_plan(sketch: &mut Sketch, screen: &Screen) {
 }
 
 /// Draws the arm itself.
-fn draw_arm(sketch: &mut Sketch, screen: &Screen) {
-    let (theme, pose) = (&screen.theme, &screen.arm.view.pose);
+fn draw_arm(sketch: &mut Sketch, arm: &ArmState, theme: &Theme) {
+    let pose = &arm.view.pose;
     if pose.grip == [0.0; 3] {
         // The viewer has not published anything yet.
         return;
@@ -213,15 +217,15 @@ fn draw_arm(sketch: &mut Sketch, screen: &Screen) {
     pose.fingers.iter().for_each(|finger| sketch.rod(*finger, FINGER_RADIUS, (theme.walker, 'v')));
 }
 
-fn draw_symbols(frame: &mut Frame, projection: &Projection, screen: &Screen) {
-    let (theme, view) = (&screen.theme, &screen.arm.view);
+fn draw_symbols(frame: &mut Frame, projection: &Projection, arm: &ArmState, screen: &Screen) {
+    let (theme, view) = (&screen.theme, &arm.view);
     let mut glyphs = Glyphs { map_frame: &projection.frame, theme, buffer: frame.buffer_mut() };
-    let is_past = screen.shown_past().is_some();
+    let is_past = arm.past().is_some();
     if let Some(followed) = screen.snapshot.followed.as_ref().filter(|_| !is_past) {
         glyphs.symbol(projection.flat(position(&followed.goal)), '\u{2691}', Some(theme.frontier));
         glyphs.letter(projection.flat(position(&followed.state)), 'A', theme.frontier);
     }
-    glyphs.letter(projection.flat(shown_goal(screen)), 'G', theme.goal);
+    glyphs.letter(projection.flat(shown_goal(arm)), 'G', theme.goal);
     if view.pose.grip != [0.0; 3] && !is_past {
         glyphs.letter(projection.flat(view.pose.grip), '@', theme.walker);
     }

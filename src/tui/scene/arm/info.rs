@@ -5,15 +5,16 @@ use ratatui::layout::Rect;
 use ratatui::text::Span;
 use ratatui::widgets::Paragraph;
 
+use super::ArmState;
 use crate::tui::layout::ScreenLayout;
-use crate::tui::scene::scale::{BAR_WIDTH, scale};
+use crate::tui::scene::scale::BAR_WIDTH;
 use crate::tui::screen::Screen;
 use crate::tui::style::DIM;
 use crate::tui::theme::ColourDepth;
 
 /// Draws the line.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &ScreenLayout) {
-    let mut line = scale(screen, BAR_WIDTH);
+pub fn draw(frame: &mut Frame, area: Rect, arm: &ArmState, screen: &Screen, layout: &ScreenLayout) {
+    let mut line = arm.scale(screen, BAR_WIDTH);
     let interval = layout.contour_interval.filter(|_| screen.theme.depth != ColourDepth::Mono);
     let interval = interval
         .map(|steps| format!(", a line every {steps:.0}"))

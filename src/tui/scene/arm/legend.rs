@@ -2,16 +2,18 @@
 
 use ratatui::text::Line;
 
+use super::{ArmState, offers};
 use crate::tui::layers::Overlay;
 use crate::tui::scene::legend::{edge_lines, overlay_lines, sign};
+use crate::tui::scene::scale::SHORT_BAR_WIDTH;
 use crate::tui::screen::Screen;
 use crate::tui::text::heading;
 use crate::tui::theme::{ColourDepth, Rgb, blend};
 use gdg::env::Scene;
 
 /// Returns the pane's lines.
-pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
-    let mut lines = overlay_lines(screen, sign_of);
+pub fn lines(arm: &ArmState, screen: &Screen) -> Vec<Line<'static>> {
+    let mut lines = overlay_lines(arm.scale(screen, SHORT_BAR_WIDTH), offers, screen, sign_of);
     lines.push(heading("signs"));
     let (theme, mono) = (&screen.theme, screen.theme.depth == ColourDepth::Mono);
     let of_depth = |of_mono: char, other: char| if mono { of_mono } else { other };
@@ -28,7 +30,11 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     }
     if screen.run().method.plans() {
         lines.push(heading("edges"));
-        lines.extend(edge_lines(screen, ["walked", "failed", "untried"]));
+        lines.extend(edge_lines(
+            screen,
+            |status| arm.edge_count(status),
+            ["walked", "failed", "untried"],
+        ));
     }
     lines
 }

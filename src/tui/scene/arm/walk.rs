@@ -2,7 +2,7 @@
 
 use ratatui::text::Line;
 
-use super::centimetres;
+use super::{ArmState, centimetres};
 use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
 use crate::tui::text::{fact, heading};
@@ -10,10 +10,10 @@ use gdg::env::Scene;
 use gdg::text::counted;
 
 /// Returns the pane's lines.
-pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
+pub fn lines(arm: &ArmState, screen: &Screen) -> Vec<Line<'static>> {
     match screen.following {
         Some(_) => explorer(screen),
-        None => reacher(screen),
+        None => reacher(arm, screen),
     }
 }
 
@@ -25,8 +25,8 @@ fn format_metres(distance: f32) -> String {
     if distance.is_nan() { "-".to_owned() } else { format!("{:.1} cm", 100.0 * distance) }
 }
 
-fn reacher(screen: &Screen) -> Vec<Line<'static>> {
-    let (view, reach) = (&screen.arm.view, &screen.arm.view.reach);
+fn reacher(arm: &ArmState, screen: &Screen) -> Vec<Line<'static>> {
+    let (view, reach) = (&arm.view, &arm.view.reach);
     let state = if reach.arrived { "arrived" } else { "reaching" };
     let most = match &screen.snapshot.scene {
         Scene::Arm(scene) if !reach.arrived => format!(" of {}", scene.episode_steps()),
@@ -36,7 +36,7 @@ fn reacher(screen: &Screen) -> Vec<Line<'static>> {
         heading("x, y, z in cm"),
         fact("from", centimetres(reach.start)),
         fact("grip @", centimetres(view.pose.grip)),
-        fact("to G", centimetres(screen.arm.goal)),
+        fact("to G", centimetres(arm.goal)),
         fact(state, format!("{} steps{most}", reach.steps)),
         fact("left", format_metres(reach.metres)),
         fact("D to goal", format_steps(reach.distances.0)),

@@ -1,237 +1,310 @@
 //! What actions do in a maze.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use rand::RngExt;
 
+use super::MazeState;
 use super::editor::offset_cell;
 use crate::tui::action::Action;
-use crate::tui::app::{App, maze_on};
-use crate::tui::dialog::Question;
+use crate::tui::dialog::{Prompt, Question};
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
+use crate::tui::link::Link;
 use crate::tui::raster::Viewport;
-use gdg::engine::Command;
+use crate::tui::screen::Screen;
+use gdg::engine::{Command, MakeWorld};
+use gdg::env::PointMaze;
+use gdg::files::named;
 use gdg::map::{Cell, Grid};
 use gdg::viewer::maze::{Request, cell_of_goal};
+use gdg::viewer::{MazeView, OnArrival};
 
 /// What is said where older edits cannot be undone.
 const EDITS_DROPPED: &str =
     "older edits can no longer be undone: all together, they took too much memory";
 
-impl App {
+/// Makes the maze on `map` that takes the place of the run's: with its settings and scenario.
+pub fn maze_on(map: Arc<Grid>) -> MakeWorld {
+    Box::new(|world| match PointMaze::downcast_ref(world) {
+        Some(maze) => Box::new(maze.with_map(map)),
+        None => Box::new(PointMaze::new(map, 0)),
+    })
+}
+
+impl MazeState {
     /// Shows the maze of another run, with the goal that it was saved with, the map's own or a
     /// random one.
-    pub(in crate::tui) fn start_maze(&mut self) {
-        let map = self.screen.snapshot.scene.maze().map;
-        self.screen.maze.map = map.clone();
-        self.screen.maze.kept_map = map.clone();
-        self.screen.maze.editor.clear_history();
-        self.screen.maze.viewport = Viewport::default();
-        self.inspect(None);
-        self.viewer.request(Request::Directions(self.screen.overlays.has(Overlay::Directions)));
-        let run = &self.screen.snapshot.run;
-        let text = format!(
-            "{} on {}, {} x {} cells",
-            run.method.name(),
-            map.name(),
-            map.width(),
-            map.height()
-        );
-        self.screen.log.record(&text, self.screen.snapshot.moment());
-        let saved = cell_of_goal(&self.screen.snapshot.notes.goal, &map);
-        let goal = saved.or(map.goals().first().copied()).unwrap_or_else(|| self.random_cell());
-        self.set_goal(goal);
+    pub fn start(&mut self, screen: &mut Screen, link: &mut Link) {
+        let map = screen.snapshot.scene.maze().map;
+        self.map = map.clone();
+        self.kept_map = map.clone();
+        self.editor.clear_history();
+        self.viewport = Viewport::default();
+        self.inspect(None, link);
+        link.request(Request::Directions(screen.overlays.has(Overlay::Directions)));
+        let method = screen.run().method.name();
+        let (name, width, height) = (map.name(), map.width(), map.height());
+        let text = format!("{method} on {name}, {width} x {height} cells");
+        screen.log.record(&text, screen.snapshot.moment());
+        let saved = cell_of_goal(&screen.snapshot.notes.goal, &map);
+        let goal = saved.or(map.goals().first().copied()).unwrap_or_else(|| self.random_cell(link));
+        self.set_goal(goal, screen, link);
     }
 
     /// Performs an action that is about the maze.
-    pub(in crate::tui) fn act_in_maze(&mut self, action: Action) {
-        let maze = &mut self.screen.maze;
-        let at_cursor = maze.inspecting.unwrap_or(maze.goal);
-        let map = maze.map.clone();
+    pub fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
+        let at_cursor = self.inspecting.unwrap_or(self.goal);
         match action {
             Action::NewGoal => {
-                let cell = self.random_cell();
-                self.set_goal(cell);
+                let cell = self.random_cell(link);
+                self.set_goal(cell, screen, link);
             }
-            Action::Move(dx, dy) => self.move_by(dx, dy),
-            Action::GoalHere => self.set_goal(at_cursor),
-            Action::StartHere => self.place_walker(Some(at_cursor)),
-            Action::NewStart => self.place_walker(None),
+            Action::Move(dx, dy) => self.move_by([dx, dy], screen, link),
+            Action::GoalHere => self.set_goal(at_cursor, screen, link),
+            Action::StartHere => place_walker(Some(at_cursor), screen, link),
+            Action::NewStart => place_walker(None, screen, link),
             Action::Toggle(Overlay::Directions) => {
-                self.viewer
-                    .request(Request::Directions(self.screen.overlays.has(Overlay::Directions)));
+                link.request(Request::Directions(screen.overlays.has(Overlay::Directions)));
             }
-            Action::ZoomIn => self.zoom(1.5, None),
-            Action::ZoomOut => self.zoom(1.0 / 1.5, None),
-            Action::ZoomOff => self.zoom(0.0, None),
-            Action::Pan(dx, dy) => self.pan(dx, dy),
+            Action::ZoomIn => self.zoom(1.5, None, &screen.layout),
+            Action::ZoomOut => self.zoom(1.0 / 1.5, None, &screen.layout),
+            Action::ZoomOff => self.zoom(0.0, None, &screen.layout),
+            Action::Pan(dx, dy) => self.pan(dx, dy, &screen.layout),
             Action::Inspect => {
-                let at = maze.inspecting.is_none().then_some(maze.goal);
-                self.inspect(at);
+                let at = self.inspecting.is_none().then_some(self.goal);
+                self.inspect(at, link);
             }
-            Action::ToggleEdit => self.toggle_edit(),
+            Action::SaveMap => self.ask_file(screen),
+            Action::NewMap => self.ask_size(Question::NewMap, "size of the empty map", screen),
+            Action::ResizeMap => {
+                self.ask_size(Question::ResizeMap, "new size of the map", screen);
+            }
+            _ => self.edit(action, screen, link),
+        }
+    }
+
+    /// Performs an action of the editor.
+    fn edit(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
+        let map = self.map.clone();
+        match action {
+            Action::ToggleEdit => self.toggle_edit(link),
             Action::Tool(tool) => {
-                if !self.screen.maze.editor.is_open() {
-                    self.toggle_edit();
+                if !self.editor.is_open() {
+                    self.toggle_edit(link);
                 }
-                self.screen.maze.editor.select_tool(tool);
+                self.editor.select_tool(tool);
             }
             Action::Apply => {
-                let new = maze.editor.apply(&map);
-                let refusal = maze.editor.tool.refusal();
-                self.change_map_or_say(new, refusal);
+                let new = self.editor.apply(&map);
+                let refusal = self.editor.tool.refusal();
+                self.change_map_or_say(new, refusal, screen, link);
             }
             Action::Undo => {
-                let new = maze.editor.undo(&map);
+                let new = self.editor.undo(&map);
                 let nothing =
-                    if maze.editor.has_dropped_edits() { EDITS_DROPPED } else { "nothing to undo" };
-                self.step_through_edits(new, "undone: ", nothing);
+                    if self.editor.has_dropped_edits() { EDITS_DROPPED } else { "nothing to undo" };
+                self.step_through_edits(new, ["undone: ", nothing], screen, link);
             }
             Action::Redo => {
-                let new = maze.editor.redo(&map);
-                self.step_through_edits(new, "done again: ", "nothing to redo");
+                let new = self.editor.redo(&map);
+                self.step_through_edits(new, ["done again: ", "nothing to redo"], screen, link);
             }
-            Action::SaveMap => self.ask_map_file(),
-            Action::NewMap => self.ask_size(Question::NewMap),
-            Action::ResizeMap => self.ask_size(Question::ResizeMap),
             _ => {}
         }
     }
 
-    fn random_cell(&mut self) -> Cell {
-        let cells: Vec<Cell> = self.screen.maze.map.free_cells().collect();
-        cells[self.rng.random_range(0..cells.len())]
+    /// Asks for the file to write the map to.
+    fn ask_file(&self, screen: &mut Screen) {
+        let stem = self.map.name().trim_end_matches("-edited");
+        let name = named(Path::new(""), stem, "-edited.txt").to_string_lossy().into_owned();
+        let hint = "NAME.map: Moving AI format; any other: plain ASCII";
+        screen.open(Prompt::new(Question::SaveMap, "save the map as", hint, name));
+    }
+
+    fn ask_size(&self, question: Question, title: &str, screen: &mut Screen) {
+        let now = format!("{} x {}", self.map.width(), self.map.height());
+        screen.open(Prompt::new(question, title, "columns x rows, e.g. 40 x 30", now));
+    }
+
+    fn random_cell(&self, link: &mut Link) -> Cell {
+        let cells: Vec<Cell> = self.map.free_cells().collect();
+        cells[link.rng.random_range(0..cells.len())]
     }
 
     /// Puts the goal at `cell`, or at the free cell nearest to it.
-    pub(in crate::tui) fn set_goal(&mut self, cell: Cell) {
-        if let Some(cell) = self.screen.maze.map.nearest_free(cell) {
-            self.return_to_present();
-            self.screen.maze.goal = cell;
-            self.goal_requests += 1;
-            self.viewer.request(Request::Goal(cell, self.goal_requests));
+    pub fn set_goal(&mut self, cell: Cell, screen: &mut Screen, link: &mut Link) {
+        if let Some(cell) = self.map.nearest_free(cell) {
+            link.return_to_present(screen);
+            self.goal = cell;
+            let request = Request::Goal(cell, link.next_goal_request());
+            link.request(request);
         }
     }
 
     /// Puts the goal where the user has clicked, and says where it is if that is a wall.
-    pub(in crate::tui) fn set_goal_by_click(&mut self, clicked: Cell) {
-        self.set_goal(clicked);
-        let goal = self.screen.maze.goal;
+    pub fn set_goal_by_click(&mut self, clicked: Cell, screen: &mut Screen, link: &mut Link) {
+        self.set_goal(clicked, screen, link);
+        let goal = self.goal;
         if goal != clicked {
             let wall = format!("{},{} is a wall", clicked.x, clicked.y);
-            self.notify(&format!("{wall}: G is at the nearest free cell, {},{}", goal.x, goal.y));
+            screen.notify(&format!("{wall}: G is at the nearest free cell, {},{}", goal.x, goal.y));
         }
-    }
-
-    /// Puts the walking agent at a cell, or at a random place.
-    pub(in crate::tui) fn place_walker(&mut self, cell: Option<Cell>) {
-        self.return_to_present();
-        self.viewer.request(Request::Start(cell));
     }
 
     /// Starts inspecting a cell, or stops with `None`.
-    fn inspect(&mut self, cell: Option<Cell>) {
-        self.screen.maze.inspecting = cell;
-        self.viewer.request(Request::Inspect(cell.or(self.screen.maze.hovered)));
+    fn inspect(&mut self, cell: Option<Cell>, link: &Link) {
+        self.inspecting = cell;
+        link.request(Request::Inspect(cell.or(self.hovered)));
     }
 
     /// Switches to `map`, if given.
-    pub(in crate::tui) fn change_map(&mut self, map: Option<Arc<Grid>>) {
-        self.change_map_as("", map);
+    pub fn change_map(&mut self, map: Option<Arc<Grid>>, screen: &mut Screen, link: &mut Link) {
+        self.change_map_as("", map, screen, link);
     }
 
     /// Switches to `map`, if given; the notice of what has changed begins with what was `done`.
-    fn change_map_as(&mut self, done: &'static str, map: Option<Arc<Grid>>) {
+    fn change_map_as(
+        &mut self,
+        done: &'static str,
+        map: Option<Arc<Grid>>,
+        screen: &mut Screen,
+        link: &mut Link,
+    ) {
         let Some(map) = map else { return };
-        if !self.command(Command::ChangeWorld(maze_on(map.clone()), done)) {
+        if !link.command(Command::ChangeWorld(maze_on(map.clone()), done), screen) {
             return;
         }
-        self.screen.maze.map = map;
-        if self.screen.maze.editor.drops_first_edits() {
-            self.notify(EDITS_DROPPED);
+        self.map = map;
+        if self.editor.drops_first_edits() {
+            screen.notify(EDITS_DROPPED);
         }
-        if !self.screen.maze.map.is_free(self.screen.maze.goal) {
-            self.set_goal(self.screen.maze.goal);
+        if !self.map.is_free(self.goal) {
+            self.set_goal(self.goal, screen, link);
         }
     }
 
     /// Switches to `map`, or says why there is none.
-    pub(in crate::tui) fn change_map_or_say(
+    pub fn change_map_or_say(
         &mut self,
         map: Option<Arc<Grid>>,
         otherwise: Option<&str>,
+        screen: &mut Screen,
+        link: &mut Link,
     ) {
         if let Some(reason) = otherwise.filter(|_| map.is_none()) {
-            self.notify(reason);
+            screen.notify(reason);
         }
-        self.change_map(map);
+        self.change_map(map, screen, link);
     }
 
     /// Switches to `new`, an earlier or later map, and says so; or that there is `nothing`.
-    fn step_through_edits(&mut self, new: Option<Arc<Grid>>, done: &'static str, nothing: &str) {
+    fn step_through_edits(
+        &mut self,
+        new: Option<Arc<Grid>>,
+        [done, nothing]: [&'static str; 2],
+        screen: &mut Screen,
+        link: &mut Link,
+    ) {
         if new.is_none() {
-            self.notify(nothing);
+            screen.notify(nothing);
         }
-        self.change_map_as(done, new);
+        self.change_map_as(done, new, screen, link);
     }
 
-    fn toggle_edit(&mut self) {
-        if self.screen.maze.editor.is_open() {
-            self.screen.maze.editor.close();
+    fn toggle_edit(&mut self, link: &Link) {
+        if self.editor.is_open() {
+            self.editor.close();
         } else {
-            self.screen.maze.editor.cursor =
-                Some(self.screen.maze.inspecting.unwrap_or(self.screen.maze.goal));
-            self.inspect(None);
+            self.editor.cursor = Some(self.inspecting.unwrap_or(self.goal));
+            self.inspect(None, link);
         }
     }
 
-    fn move_by(&mut self, dx: isize, dy: isize) {
-        if self.screen.maze.editor.is_open() {
-            self.screen.maze.editor.move_cursor((dx, dy), &self.screen.maze.map.clone());
-        } else if let Some(at) = self.screen.maze.inspecting {
-            self.inspect(Some(offset_cell(at, (dx, dy), &self.screen.maze.map)));
+    /// Moves the editor's cursor, the inspecting one or the goal by columns to the right and rows
+    /// down.
+    fn move_by(&mut self, by: [isize; 2], screen: &mut Screen, link: &mut Link) {
+        if self.editor.is_open() {
+            self.editor.move_cursor(by, &self.map.clone());
+        } else if let Some(at) = self.inspecting {
+            self.inspect(Some(offset_cell(at, by, &self.map)), link);
         } else {
-            self.move_goal(dx, dy);
+            self.move_goal(by, screen, link);
         }
-        self.scroll_into_view();
+        self.scroll_into_view(&screen.layout);
     }
 
     /// Moves the goal to the next free cell in that direction, jumping over walls.
-    fn move_goal(&mut self, dx: isize, dy: isize) {
-        let mut at = self.screen.maze.goal;
+    fn move_goal(&mut self, [dx, dy]: [isize; 2], screen: &mut Screen, link: &mut Link) {
+        let mut at = self.goal;
         loop {
             at = Cell::new(at.x.wrapping_add_signed(dx), at.y.wrapping_add_signed(dy));
-            if !self.screen.maze.map.contains(at) {
+            if !self.map.contains(at) {
                 return;
             }
-            if self.screen.maze.map.is_free(at) {
-                return self.set_goal(at);
+            if self.map.is_free(at) {
+                return self.set_goal(at, screen, link);
             }
         }
     }
 
     /// Closes the editor or the cursor; returns whether one was open.
-    pub(in crate::tui) fn close_in_maze(&mut self) -> bool {
-        if self.screen.maze.editor.is_open() {
-            self.screen.maze.editor.close();
-        } else if self.screen.maze.inspecting.is_some() {
-            self.inspect(None);
+    pub fn close(&mut self, link: &Link) -> bool {
+        if self.editor.is_open() {
+            self.editor.close();
+        } else if self.inspecting.is_some() {
+            self.inspect(None, link);
         } else {
             return false;
         }
         true
     }
 
-    /// Has the viewer compute the field for the map's pixels.
-    pub(in crate::tui) fn maze_drawn(&mut self, before: ScreenLayout) {
-        match &self.screen.layout.map {
+    /// Has the viewer compute the field for the map's pixels; `before` is where things were drawn
+    /// before.
+    pub fn drawn(before: ScreenLayout, screen: &mut Screen, link: &Link) {
+        match &screen.layout.map {
             Some(frame) if before.map.as_ref() != Some(frame) => {
-                self.viewer.request(Request::Frame(frame.raster, Arc::new(frame.arrows())));
+                link.request(Request::Frame(frame.raster, Arc::new(frame.arrows())));
             }
             Some(_) => {}
             // The map is hidden behind a maximised pane.
-            None => self.screen.layout.map = before.map,
+            None => screen.layout.map = before.map,
         }
     }
+
+    /// Shows a new view.
+    pub fn show(&mut self, view: Arc<MazeView>, screen: &mut Screen, link: &Link) {
+        // Follow goals chosen by the walking agent itself, but not those older than the latest goal
+        // request.
+        if let (Some(goal), number) = view.goal
+            && screen.on_arrival == OnArrival::Visit
+            && number == link.goal_request()
+        {
+            self.goal = goal;
+        }
+        self.view = view;
+        self.warn_of_cut_off_goal(screen, link);
+    }
+
+    /// Says so if no path leads from the walking agent to the goal: once for each goal and state of
+    /// the map.
+    fn warn_of_cut_off_goal(&mut self, screen: &mut Screen, link: &Link) {
+        let view = &self.view;
+        let no_path = view.goal.1 == link.goal_request() && view.walk.shortest.is_none();
+        let warned = |(goal, cut_off): &(u64, Arc<Vec<bool>>)| {
+            *goal == view.goal.1 && Arc::ptr_eq(cut_off, &view.cut_off)
+        };
+        if no_path && view.cut_off.contains(&true) && !self.warned_of.as_ref().is_some_and(warned) {
+            self.warned_of = Some((view.goal.1, view.cut_off.clone()));
+            screen.notify("no path leads from @ to G: walls separate them");
+        }
+    }
+}
+
+/// Puts the walking agent at a cell, or at a random place.
+pub fn place_walker(cell: Option<Cell>, screen: &mut Screen, link: &Link) {
+    link.return_to_present(screen);
+    link.request(Request::Start(cell));
 }

@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
+use super::MazeState;
 use crate::tui::raster::MapFrame;
-use crate::tui::screen::Screen;
 use gdg::viewer::Candidate;
 
 /// One candidate is drawn for each block of so many columns and rows of characters.
@@ -11,9 +11,9 @@ const SPACING: (u16, u16) = (6, 3);
 
 /// Returns the candidates to draw: in each block the one nearest to its middle, so that the same
 /// ones are drawn as long as they stay where they are.
-pub fn shown<'a>(map_frame: &MapFrame, screen: &'a Screen) -> Vec<&'a Candidate> {
+pub fn shown<'a>(map_frame: &MapFrame, maze: &'a MazeState) -> Vec<&'a Candidate> {
     let mut nearest: HashMap<(u16, u16), (f32, usize)> = HashMap::new();
-    let candidates = &screen.maze.view.candidates;
+    let candidates = &maze.view.candidates;
     for (i, candidate) in candidates.iter().enumerate() {
         let Some(at) = map_frame.character_of(candidate.at) else { continue };
         let (column, row) = (at.x - map_frame.area.x, at.y - map_frame.area.y);

@@ -1,6 +1,7 @@
 //! Edges of the bridge graph: those that agents have walked along or failed to, near the cursor if
 //! there are many.
 
+use super::MazeState;
 use crate::tui::canvas::Canvas;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
@@ -20,9 +21,9 @@ const WALKED_OPACITY: f32 = 0.85;
 const FAILED_OPACITY: f32 = 0.9;
 
 /// Draws the edges.
-pub fn draw(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
+pub fn draw(canvas: &mut Canvas, map_frame: &MapFrame, maze: &MazeState, screen: &Screen) {
     let [walked, failed, _] = screen.theme.edges;
-    for (status, opacity, edges) in groups(map_frame, screen) {
+    for (status, opacity, edges) in groups(map_frame, maze) {
         let (rgb, mark) =
             if status == EdgeStatus::Confirmed { (walked, '=') } else { (failed, 'x') };
         // Each group is blended with the ground only once.
@@ -35,8 +36,8 @@ type Group = (EdgeStatus, f32, Vec<[[f32; 2]; 2]>);
 
 /// Returns the ends of edges by record and opacity, in the order in which they are drawn: the
 /// nearest go on top, and failed ones over walked ones.
-pub fn groups(map_frame: &MapFrame, screen: &Screen) -> Vec<Group> {
-    let edges = shown(screen, map_frame.raster.window);
+pub fn groups(map_frame: &MapFrame, maze: &MazeState) -> Vec<Group> {
+    let edges = shown(maze, map_frame.raster.window);
     let fades = if edges.len() < MAX_EDGES { 1 } else { FADES };
     let chunk = edges.len().div_ceil(fades).max(1);
     let mut groups = Vec::new();
@@ -54,9 +55,8 @@ pub fn groups(map_frame: &MapFrame, screen: &Screen) -> Vec<Group> {
 
 /// Returns the walked and failed edges within `window` (left, top, width, height) that are nearest
 /// to the cursor, the mouse or else the goal, nearest first.
-fn shown(screen: &Screen, [left, top, width, height]: [f32; 4]) -> Vec<ShownEdge> {
-    let [x, y] =
-        screen.maze.inspecting.or(screen.maze.hovered).unwrap_or(screen.maze.goal).centre();
+fn shown(maze: &MazeState, [left, top, width, height]: [f32; 4]) -> Vec<ShownEdge> {
+    let [x, y] = maze.inspecting.or(maze.hovered).unwrap_or(maze.goal).centre();
     let middle = |[a, b]: [[f32; 2]; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
     let off = |edge: &ShownEdge| {
         let at = middle(edge.0);
@@ -66,8 +66,7 @@ fn shown(screen: &Screen, [left, top, width, height]: [f32; 4]) -> Vec<ShownEdge
         let at = middle(edge.0);
         at[0] >= left && at[1] >= top && at[0] <= left + width && at[1] <= top + height
     };
-    let tried =
-        screen.maze.view.edges.iter().filter(|edge| edge.1 != EdgeStatus::Untried && inside(edge));
+    let tried = maze.view.edges.iter().filter(|edge| edge.1 != EdgeStatus::Untried && inside(edge));
     let mut edges: Vec<ShownEdge> = tried.copied().collect();
     if edges.len() > MAX_EDGES {
         edges.select_nth_unstable_by(MAX_EDGES, |a, b| off(a).total_cmp(&off(b)));

@@ -149,9 +149,9 @@ impl Editor {
     }
 
     /// Moves the cursor by a cell; an unfinished line follows it.
-    pub fn move_cursor(&mut self, (dx, dy): (isize, isize), map: &Grid) {
+    pub fn move_cursor(&mut self, [dx, dy]: [isize; 2], map: &Grid) {
         let Some(at) = self.cursor else { return };
-        let to = offset_cell(at, (dx, dy), map);
+        let to = offset_cell(at, [dx, dy], map);
         self.cursor = Some(to);
         if let Some(stroke) = &mut self.stroke {
             stroke.to = to;
@@ -211,7 +211,7 @@ impl Editor {
 }
 
 /// Returns the cell `dx` columns and `dy` rows from `at`, clamped to the map.
-pub fn offset_cell(at: Cell, (dx, dy): (isize, isize), map: &Grid) -> Cell {
+pub fn offset_cell(at: Cell, [dx, dy]: [isize; 2], map: &Grid) -> Cell {
     let to = Cell::new(at.x.saturating_add_signed(dx), at.y.saturating_add_signed(dy));
     Cell::new(to.x.min(map.width() - 1), to.y.min(map.height() - 1))
 }

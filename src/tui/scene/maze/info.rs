@@ -5,25 +5,37 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
+use super::MazeState;
 use crate::tui::action::Action;
 use crate::tui::layout::ScreenLayout;
-use crate::tui::scene::scale::{BAR_WIDTH, SHORT_BAR_WIDTH, scale};
+use crate::tui::scene::scale::{BAR_WIDTH, SHORT_BAR_WIDTH};
 use crate::tui::screen::Screen;
 use crate::tui::style::DIM;
 use crate::tui::text::short;
 use crate::tui::theme::ColourDepth;
 
 /// Draws the line.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &ScreenLayout) {
-    let cell = screen.maze.inspecting.or(screen.maze.hovered);
+pub fn draw(
+    frame: &mut Frame,
+    area: Rect,
+    maze: &MazeState,
+    screen: &Screen,
+    layout: &ScreenLayout,
+) {
+    let cell = maze.inspecting.or(maze.hovered);
     let width = usize::from(area.width);
     let line =
-        if cell.is_some() { cell_facts(width, screen) } else { meaning(width, screen, layout) };
+        if cell.is_some() { cell_facts(width, maze) } else { meaning(width, maze, screen, layout) };
     frame.render_widget(Paragraph::new(line), area);
 }
 
 /// Says what colours, pixels and lines mean: with the texts, and the bar, that fit into `width`.
-fn meaning(width: usize, screen: &Screen, layout: &ScreenLayout) -> Line<'static> {
+fn meaning(
+    width: usize,
+    maze: &MazeState,
+    screen: &Screen,
+    layout: &ScreenLayout,
+) -> Line<'static> {
     let [long, short] = scaled_down_texts(screen, layout);
     let interval = contour_text(screen, layout);
     let texts =
@@ -32,7 +44,7 @@ fn meaning(width: usize, screen: &Screen, layout: &ScreenLayout) -> Line<'static
     let bars = || (SHORT_BAR_WIDTH..=BAR_WIDTH).rev();
     let options = texts.iter().flat_map(|text| bars().map(move |bar| (text, bar)));
     let lines = options.map(|(text, bar)| {
-        let mut line = scale(screen, bar);
+        let mut line = maze.scale(screen, bar);
         // Without a bar, a blank ends the line.
         let text =
             if line.to_string().ends_with(' ') { text.trim_start_matches(", ") } else { text };
@@ -42,18 +54,18 @@ fn meaning(width: usize, screen: &Screen, layout: &ScreenLayout) -> Line<'static
     lines
         .into_iter()
         .find(|line| line.width() <= width)
-        .unwrap_or_else(|| scale(screen, SHORT_BAR_WIDTH))
+        .unwrap_or_else(|| maze.scale(screen, SHORT_BAR_WIDTH))
 }
 
 /// Describes the cell under the cursor or the mouse: with the facts that fit into `width`, the
 /// walls' and D's first.
-fn cell_facts(width: usize, screen: &Screen) -> Line<'static> {
-    let Some(cell) = screen.maze.inspecting.or(screen.maze.hovered) else { return Line::default() };
+fn cell_facts(width: usize, maze: &MazeState) -> Line<'static> {
+    let Some(cell) = maze.inspecting.or(maze.hovered) else { return Line::default() };
     let place = format!("{},{}", cell.x, cell.y);
-    if !screen.maze.map.is_free(cell) {
+    if !maze.map.is_free(cell) {
         return Line::from(format!(" cell {place}: wall"));
     }
-    let Some(facts) = screen.maze.view.inspected.filter(|facts| facts.cell == cell) else {
+    let Some(facts) = maze.view.inspected.filter(|facts| facts.cell == cell) else {
         return Line::from(format!(" cell {place}"));
     };
     let learned = facts.learned;

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::MazeState;
 use super::unexplored::Unexplored;
 use crate::tui::layers::Overlays;
 use crate::tui::layout::ScreenLayout;
@@ -28,52 +29,56 @@ pub struct Key {
 }
 
 impl Key {
-    pub fn new(map_frame: &MapFrame, screen: &Screen) -> Self {
+    pub fn new(map_frame: &MapFrame, maze: &MazeState, screen: &Screen) -> Self {
         Self {
             map_frame: map_frame.clone(),
             theme: screen.theme.name,
             overlays: screen.overlays,
-            map: screen.maze.map.clone(),
-            field: Self::field_on(&map_frame.raster, screen).cloned(),
-            farthest: screen.farthest(),
+            map: maze.map.clone(),
+            field: Self::field_on(&map_frame.raster, maze, screen).cloned(),
+            farthest: maze.farthest(screen),
             least_contour_interval: screen.least_contour_interval,
-            exploration: screen.maze.view.exploration.clone(),
-            cut_off: screen.maze.view.cut_off.clone(),
-            is_past: screen.shown_past().is_some(),
+            exploration: maze.view.exploration.clone(),
+            cut_off: maze.view.cut_off.clone(),
+            is_past: maze.past().is_some(),
         }
     }
 
     /// Returns whether the screen still shows the same part of the same map.
-    pub fn same_place(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
-        self.map_frame == *map_frame && Arc::ptr_eq(&self.map, &screen.maze.map)
+    pub fn same_place(&self, map_frame: &MapFrame, maze: &MazeState) -> bool {
+        self.map_frame == *map_frame && Arc::ptr_eq(&self.map, &maze.map)
     }
 
     /// Returns whether it does so in the same style.
-    pub fn same_style(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
+    pub fn same_style(&self, map_frame: &MapFrame, maze: &MazeState, screen: &Screen) -> bool {
         let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
-        self.same_place(map_frame, screen) && same_style
+        self.same_place(map_frame, maze) && same_style
     }
 
     /// Returns the field for `raster`, if it has been computed.
-    pub fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
-        let view = &screen.maze.view;
+    pub fn field_on<'a>(
+        raster: &Raster,
+        maze: &'a MazeState,
+        screen: &'a Screen,
+    ) -> Option<&'a Arc<Vec<f32>>> {
+        let view = &maze.view;
         (view.raster == Some(*raster) && (view.past.is_some() || view.kind == screen.field))
             .then_some(&view.field)
     }
 
     /// Returns whether what has been drawn from this is still up to date.
-    pub fn is_current(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
-        let same_field = match (&self.field, Self::field_on(&map_frame.raster, screen)) {
+    pub fn is_current(&self, map_frame: &MapFrame, maze: &MazeState, screen: &Screen) -> bool {
+        let same_field = match (&self.field, Self::field_on(&map_frame.raster, maze, screen)) {
             (Some(own), Some(now)) => Arc::ptr_eq(own, now),
             (own, now) => own.is_none() && now.is_none(),
         };
-        let same_exploration = Arc::ptr_eq(&self.exploration, &screen.maze.view.exploration)
-            && Arc::ptr_eq(&self.cut_off, &screen.maze.view.cut_off);
-        let same_time = self.is_past == screen.shown_past().is_some();
+        let same_exploration = Arc::ptr_eq(&self.exploration, &maze.view.exploration)
+            && Arc::ptr_eq(&self.cut_off, &maze.view.cut_off);
+        let same_time = self.is_past == maze.past().is_some();
         let scale = |farthest: f32, interval: f32| (farthest.to_bits(), interval.to_bits());
         let same_scale = scale(self.farthest, self.least_contour_interval)
-            == scale(screen.farthest(), screen.least_contour_interval);
-        self.same_style(map_frame, screen)
+            == scale(maze.farthest(screen), screen.least_contour_interval);
+        self.same_style(map_frame, maze, screen)
             && same_field
             && same_scale
             && same_exploration
@@ -101,7 +106,7 @@ pub fn open_field(field: &[f32], grounds: &[Ground], unexplored: &Unexplored) ->
 }
 
 /// Returns the goal that distances are shown to.
-pub fn shown_goal(screen: &Screen) -> Cell {
-    let past = screen.shown_past().and_then(|frame| film_goal(frame, &screen.maze.map));
-    past.unwrap_or(screen.maze.goal)
+pub fn shown_goal(maze: &MazeState) -> Cell {
+    let past = maze.past().and_then(|frame| film_goal(frame, &maze.map));
+    past.unwrap_or(maze.goal)
 }

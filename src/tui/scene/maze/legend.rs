@@ -2,20 +2,22 @@
 
 use ratatui::text::{Line, Span};
 
+use super::MazeState;
 use super::edges::MAX_EDGES;
 use super::map::{FRONTIER_SIGN, TRAIL_MARK};
+use super::offers;
 use crate::tui::canvas::{CANDIDATE_MARK, UNVISITED_MARK};
 use crate::tui::layers::Overlay;
-use crate::tui::scene::edge_count;
 use crate::tui::scene::legend::{edge_lines, overlay_lines, sample, sign};
+use crate::tui::scene::scale::SHORT_BAR_WIDTH;
 use crate::tui::screen::Screen;
 use crate::tui::text::heading;
 use crate::tui::theme::{ColourDepth, Rgb};
 use gdg::bridge::EdgeStatus;
 
 /// Returns the pane's lines.
-pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
-    let mut lines = overlay_lines(screen, sign_of);
+pub fn lines(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
+    let mut lines = overlay_lines(maze.scale(screen, SHORT_BAR_WIDTH), offers, screen, sign_of);
     lines.push(heading("signs"));
     let (theme, mono) = (&screen.theme, screen.theme.depth == ColourDepth::Mono);
     let mut pairs = vec![
@@ -35,18 +37,21 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     if screen.run().method.bridges() {
         lines.push(sign(screen, FRONTIER_SIGN, theme.frontier, "frontier goals of agents"));
     }
-    if screen.maze.view.cut_off.contains(&true) {
+    if maze.view.cut_off.contains(&true) {
         lines.push(sign(screen, '\\', theme.cursor, "hatched: no path to G"));
     }
     let trail = (if mono { TRAIL_MARK } else { '\u{2500}' }, theme.walker, "trail of @");
     let frontier = ('\u{2500}', theme.frontier, "frontier");
-    let has_edge = !mono && !screen.maze.view.exploration.is_complete(&screen.maze.map);
+    let has_edge = !mono && !maze.view.exploration.is_complete(&maze.map);
     lines.push(signs(screen, &[trail, frontier][..=usize::from(has_edge)]));
     if screen.run().method.plans() {
-        let tried =
-            edge_count(screen, EdgeStatus::Confirmed) + edge_count(screen, EdgeStatus::Demoted);
+        let tried = maze.edge_count(EdgeStatus::Confirmed) + maze.edge_count(EdgeStatus::Demoted);
         let walked = if tried > MAX_EDGES { "walked, near cursor" } else { "edges walked" };
-        lines.extend(edge_lines(screen, [walked, "failed", "untried, not shown"]));
+        lines.extend(edge_lines(
+            screen,
+            |status| maze.edge_count(status),
+            [walked, "failed", "untried, not shown"],
+        ));
     }
     lines
 }

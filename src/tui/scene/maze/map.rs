@@ -4,6 +4,7 @@ use ratatui::Frame;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 
+use super::MazeState;
 use super::candidates;
 use super::edges;
 use super::key::{Key, open_field, show_interval, shown_goal, shown_interval};
@@ -39,28 +40,27 @@ pub const TRAIL_MARK: char = '\u{b7}';
 pub fn draw(
     frame: &mut Frame,
     area: Rect,
+    maze: &MazeState,
     screen: &Screen,
     layout: &mut ScreenLayout,
     cache: &mut Cache,
 ) {
-    let Some(map_frame) =
-        MapFrame::fit(area, &screen.maze.map, screen.marker, screen.maze.viewport)
-    else {
+    let Some(map_frame) = MapFrame::fit(area, &maze.map, screen.marker, maze.viewport) else {
         return;
     };
     layout.map = Some(map_frame.clone());
     if let Some(pictures) = &mut cache.pictures
         && let Some(character) = screen.picture_character()
     {
-        return picture::draw(frame, &map_frame, character, screen, layout, pictures);
+        return picture::draw(frame, &map_frame, character, maze, screen, layout, pictures);
     }
     let before = cache.base.take();
     let interval = before.as_ref().and_then(|base| base.own_interval);
-    let base = before.filter(|base| base.key.is_current(&map_frame, screen));
-    let base = base.unwrap_or_else(|| Base::new(&map_frame, interval, screen));
+    let base = before.filter(|base| base.key.is_current(&map_frame, maze, screen));
+    let base = base.unwrap_or_else(|| Base::new(&map_frame, interval, maze, screen));
     show_interval(base.own_interval, screen, layout);
     let mut canvas = base.canvas.clone();
-    draw_moving_parts(&mut canvas, &map_frame, screen);
+    draw_moving_parts(&mut canvas, &map_frame, maze, screen);
     for at in map_frame.area.positions() {
         frame.buffer_mut()[at].clone_from(&base.painted[at]);
     }
@@ -69,7 +69,7 @@ pub fn draw(
         base.labels.iter().filter(|label| !is_covered(label, &canvas, &map_frame, &screen.theme));
     let mut glyphs =
         Glyphs { map_frame: &map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
-    draw_symbols(&mut glyphs, labels.collect(), screen);
+    draw_symbols(&mut glyphs, labels.collect(), maze, screen);
     cache.base = Some(base);
 }
 
@@ -112,26 +112,26 @@ struct Base {
 
 impl Base {
     /// Draws map and field, with contour lines at the same interval as `before` if possible.
-    fn new(map_frame: &MapFrame, before: Option<f32>, screen: &Screen) -> Self {
+    fn new(map_frame: &MapFrame, before: Option<f32>, maze: &MazeState, screen: &Screen) -> Self {
         let mut canvas = Canvas::new(map_frame);
         let columns = canvas.columns();
         let grounds: Vec<Ground> = (0..canvas.len())
-            .map(|i| map_frame.raster.ground(&screen.maze.map, i % columns, i / columns))
+            .map(|i| map_frame.raster.ground(&maze.map, i % columns, i / columns))
             .collect();
         terrain(&mut canvas, &grounds, &screen.theme);
-        let key = Key::new(map_frame, screen);
-        let unexplored = Unexplored::new(&grounds, screen);
+        let key = Key::new(map_frame, maze, screen);
+        let unexplored = Unexplored::new(&grounds, maze, screen);
         let (mut own_interval, mut labels) = (None, Vec::new());
         if let Some(field) = &key.field {
-            colour(&mut canvas, field, screen);
-            if screen.shown_field().is_distance() && screen.overlays.has(Overlay::Contours) {
+            colour(&mut canvas, field, maze, screen);
+            if maze.shown_field(screen).is_distance() && screen.overlays.has(Overlay::Contours) {
                 let open = open_field(field, &grounds, &unexplored);
                 own_interval = contours::interval(&[(&open, columns)], contours::SPACING, before);
                 labels = draw_contours(
                     &mut canvas,
                     map_frame,
                     (&open, shown_interval(own_interval, screen)),
-                    screen,
+                    maze,
                 );
             }
         }
@@ -163,16 +163,16 @@ pub fn ground_style(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
 }
 
 /// Draws the field as colours.
-fn colour(canvas: &mut Canvas, field: &[f32], screen: &Screen) {
-    let (theme, farthest) = (&screen.theme, screen.farthest());
+fn colour(canvas: &mut Canvas, field: &[f32], maze: &MazeState, screen: &Screen) {
+    let (theme, farthest) = (&screen.theme, maze.farthest(screen));
     let mono = theme.depth == ColourDepth::Mono;
     for (i, value) in field.iter().copied().enumerate().filter(|(_, value)| value.is_finite()) {
-        let share = match screen.shown_field() {
+        let share = match maze.shown_field(screen) {
             Field::Error => value.abs() / MAX_SHOWN_ERROR,
             Field::Visits => 1.0 - (1.0 + value).ln() / (1.0 + farthest).ln(),
             _ => value / farthest,
         };
-        let rgb = match screen.shown_field() {
+        let rgb = match maze.shown_field(screen) {
             Field::Error => theme.error_colour(value / MAX_SHOWN_ERROR),
             _ => theme.distance_colour(share),
         };
@@ -190,9 +190,9 @@ fn draw_contours(
     canvas: &mut Canvas,
     map_frame: &MapFrame,
     (field, interval): (&[f32], Option<f32>),
-    screen: &Screen,
+    maze: &MazeState,
 ) -> Vec<Label> {
-    let goal = map_frame.raster.pixel_of(shown_goal(screen).centre()).unwrap_or_default();
+    let goal = map_frame.raster.pixel_of(shown_goal(maze).centre()).unwrap_or_default();
     interval.map_or_else(Vec::new, |interval| {
         contours::draw(canvas, map_frame, field, (interval, goal))
     })
@@ -204,9 +204,9 @@ fn is_covered(label: &Label, canvas: &Canvas, map_frame: &MapFrame, theme: &Them
 }
 
 /// Draws what changes from frame to frame, as pixels: of the past, only the agents.
-fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
+fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, maze: &MazeState, screen: &Screen) {
     let (theme, shows) = (&screen.theme, |overlay| screen.overlays.has(overlay));
-    if let Some(past) = screen.shown_past() {
+    if let Some(past) = maze.past() {
         if shows(Overlay::Agents) {
             let (positions, _) = past.agents.as_chunks::<2>();
             positions.iter().for_each(|at| canvas.dot(map_frame, *at, theme.agent, 'o'));
@@ -216,11 +216,11 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
     // On a map scaled down, candidates would hide the rest; on a large one they are drawn as signs.
     let scale = map_frame.scale();
     if shows(Overlay::Edges) {
-        edges::draw(canvas, map_frame, screen);
+        edges::draw(canvas, map_frame, maze, screen);
     }
     if shows(Overlay::Candidates) && (MIN_BRIDGE_SCALE..MIN_SIZED_CANDIDATE_SCALE).contains(&scale)
     {
-        for candidate in candidates::shown(map_frame, screen) {
+        for candidate in candidates::shown(map_frame, maze) {
             // The better connected, the darker.
             canvas.faint_dot(
                 map_frame,
@@ -232,15 +232,8 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
         }
     }
     if shows(Overlay::Path) {
-        let stops: Vec<[f32; 2]> = screen
-            .maze
-            .view
-            .trail
-            .last()
-            .into_iter()
-            .chain(&screen.maze.view.path)
-            .copied()
-            .collect();
+        let stops: Vec<[f32; 2]> =
+            maze.view.trail.last().into_iter().chain(&maze.view.path).copied().collect();
         canvas.lines(
             map_frame,
             stops.windows(2).map(|ends| [ends[0], ends[1]]),
@@ -264,18 +257,18 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
             );
         }
     }
-    if let Some((cells, free)) = screen.maze.editor.preview() {
+    if let Some((cells, free)) = maze.editor.preview() {
         let (rgb, mark) = if free { (theme.unknown, ' ') } else { (theme.wall, WALL_MARK) };
         for cell in cells.iter() {
             canvas.dot(map_frame, cell.centre(), blend(rgb, theme.cursor, 0.25), mark);
         }
     }
-    for (i, at) in screen.maze.view.trail.iter().enumerate() {
+    for (i, at) in maze.view.trail.iter().enumerate() {
         canvas.faint_dot(
             map_frame,
             *at,
             theme.walker,
-            0.8 * (i + 1) as f32 / screen.maze.view.trail.len() as f32,
+            0.8 * (i + 1) as f32 / maze.view.trail.len() as f32,
             Some(TRAIL_MARK),
         );
     }
@@ -299,18 +292,18 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
 }
 
 /// Draws letters and signs, and those of `labels` which they leave room for.
-fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
+fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, maze: &MazeState, screen: &Screen) {
     let (theme, scale) = (&screen.theme, glyphs.map_frame.scale());
-    let is_past = screen.shown_past().is_some();
+    let is_past = maze.past().is_some();
     let shows = |overlay| screen.overlays.has(overlay) && !is_past;
     if shows(Overlay::Candidates) && scale >= MIN_SIZED_CANDIDATE_SCALE {
         // A sign would tear a hole into a wall that shares its character.
         let is_open = |at: Position| {
-            let cells = glyphs.map_frame.cells_at(at, &screen.maze.map);
-            cells.into_iter().all(|cell| screen.maze.map.is_free(cell))
+            let cells = glyphs.map_frame.cells_at(at, &maze.map);
+            cells.into_iter().all(|cell| maze.map.is_free(cell))
         };
         let open = |at| glyphs.map_frame.character_of(at).is_some_and(is_open);
-        let shown = candidates::shown(glyphs.map_frame, screen);
+        let shown = candidates::shown(glyphs.map_frame, maze);
         let open: Vec<_> = shown.into_iter().filter(|candidate| open(candidate.at)).collect();
         for candidate in open {
             let symbol = match candidate.degree {
@@ -322,7 +315,7 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
         }
     }
     if shows(Overlay::Directions) {
-        for (at, action) in screen.maze.view.directions.iter() {
+        for (at, action) in maze.view.directions.iter() {
             glyphs.symbol(*at, arrow(*action), None);
         }
     }
@@ -338,7 +331,7 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
         glyphs.symbol([search.state[0], search.state[1]], 'a', Some(theme.search[0]));
         glyphs.symbol([search.goal[0], search.goal[1]], 'g', Some(theme.search[0]));
     }
-    for (marks, letter) in [(screen.maze.map.starts(), 's'), (screen.maze.map.goals(), 'g')] {
+    for (marks, letter) in [(maze.map.starts(), 's'), (maze.map.goals(), 'g')] {
         marks.iter().for_each(|cell| glyphs.symbol(cell.centre(), letter, None));
     }
     if shows(Overlay::Agents) {
@@ -351,13 +344,13 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
         glyphs.symbol([followed.goal[0], followed.goal[1]], '\u{2691}', Some(theme.agent));
     }
     if !is_past {
-        glyphs.letter(screen.maze.view.walk.start, 'S', theme.walker);
+        glyphs.letter(maze.view.walk.start, 'S', theme.walker);
     }
-    glyphs.letter(shown_goal(screen).centre(), 'G', theme.goal);
-    if let Some(at) = screen.maze.view.trail.last().filter(|_| !is_past) {
+    glyphs.letter(shown_goal(maze).centre(), 'G', theme.goal);
+    if let Some(at) = maze.view.trail.last().filter(|_| !is_past) {
         glyphs.letter(*at, '@', theme.walker);
     }
-    if let Some(cursor) = screen.maze.editor.cursor.or(screen.maze.inspecting) {
+    if let Some(cursor) = maze.editor.cursor.or(maze.inspecting) {
         glyphs.letter(cursor.centre(), '+', theme.cursor);
     }
     for (label, before) in labels {

@@ -5,14 +5,14 @@ use ratatui::layout::{Position, Rect};
 use ratatui::style::Style;
 use ratatui::widgets::{Block, Clear};
 
+use super::MazeState;
 use super::key::shown_goal;
 use super::map::ground_style;
 use crate::tui::canvas::Canvas;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::marker::Marker;
 use crate::tui::raster::{MapFrame, Viewport};
-use crate::tui::screen::Screen;
-use crate::tui::theme::blend;
+use crate::tui::theme::{Theme, blend};
 
 /// Maximum columns and rows of the minimap, which takes at most 1 / `PANE_DIVISOR` of the pane's
 /// width and height.
@@ -21,8 +21,14 @@ const PANE_DIVISOR: u16 = 3;
 
 /// Draws the minimap in a corner of `area`: the upper right one, unless it would hide the goal or
 /// the cursor there.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
-    let Some(shown) = layout.map.as_ref().filter(|_| screen.maze.viewport.zoom > 1.0) else {
+pub fn draw(
+    frame: &mut Frame,
+    area: Rect,
+    maze: &MazeState,
+    layout: &mut ScreenLayout,
+    theme: &Theme,
+) {
+    let Some(shown) = layout.map.as_ref().filter(|_| maze.viewport.zoom > 1.0) else {
         return;
     };
     let room = Rect {
@@ -32,8 +38,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     };
     let inner =
         Rect { width: room.width.saturating_sub(2), height: room.height.saturating_sub(2), ..area };
-    let Some(map_frame) =
-        MapFrame::fit(inner, &screen.maze.map, Marker::Quadrant, Viewport::default())
+    let Some(map_frame) = MapFrame::fit(inner, &maze.map, Marker::Quadrant, Viewport::default())
     else {
         return;
     };
@@ -42,7 +47,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         (area.right().saturating_sub(width), area.bottom().saturating_sub(height));
     let corners = [(right, area.y), (area.x, area.y), (right, bottom), (area.x, bottom)];
     let corners = corners.map(|(x, y)| Rect { x, y, width, height });
-    let (maze, goal) = (&screen.maze, shown_goal(screen));
+    let goal = shown_goal(maze);
     let seen = [Some(goal), maze.inspecting, maze.editor.cursor].into_iter().flatten();
     let seen: Vec<Position> = seen.filter_map(|cell| shown.character_of(cell.centre())).collect();
     let outer = corners
@@ -59,13 +64,12 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         let x = (column as f32 + 0.5) / map_frame.raster.pixels.0 as f32 * width;
         let y = (row as f32 + 0.5) / map_frame.raster.pixels.1 as f32 * height;
         let inside = x >= left && x < left + columns && y >= top && y < top + rows;
-        let (rgb, mark) =
-            ground_style(map_frame.raster.ground(&screen.maze.map, column, row), &screen.theme);
-        let lit = rgb.map(|rgb| if inside { blend(rgb, screen.theme.walker, 0.5) } else { rgb });
+        let (rgb, mark) = ground_style(map_frame.raster.ground(&maze.map, column, row), theme);
+        let lit = rgb.map(|rgb| if inside { blend(rgb, theme.walker, 0.5) } else { rgb });
         canvas.set(i, lit, if inside && mark == ' ' { '.' } else { mark });
     }
     frame.render_widget(Clear, outer);
     frame.render_widget(Block::bordered().style(Style::new()), outer);
-    canvas.paint(frame.buffer_mut(), &map_frame, &screen.theme);
+    canvas.paint(frame.buffer_mut(), &map_frame, theme);
     layout.minimap = Some(map_frame);
 }

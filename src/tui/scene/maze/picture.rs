@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use ratatui::Frame;
 
+use super::MazeState;
 use super::candidates;
 use super::edges;
 use super::key::{Key, open_field, show_interval, shown_goal, shown_interval};
@@ -64,10 +65,11 @@ impl PictureCache {
         &self,
         map_frame: &MapFrame,
         size: (u32, u32),
+        maze: &MazeState,
         screen: &Screen,
     ) -> bool {
         self.picture.is_some()
-            && self.base.as_ref().is_some_and(|base| base.same_style(map_frame, size, screen))
+            && self.base.as_ref().is_some_and(|base| base.same_style(map_frame, size, maze, screen))
     }
 
     /// Returns the picture, if it is on the screen.
@@ -99,6 +101,7 @@ pub fn draw(
     frame: &mut Frame,
     map_frame: &MapFrame,
     character: (u16, u16),
+    maze: &MazeState,
     screen: &Screen,
     layout: &mut ScreenLayout,
     cache: &mut PictureCache,
@@ -108,7 +111,8 @@ pub fn draw(
         u32::from(area.width) * u32::from(character.0),
         u32::from(area.height) * u32::from(character.1),
     );
-    if screen.redraw == Redraw::Nothing && cache.is_up_to_date_enough(map_frame, size, screen) {
+    if screen.redraw == Redraw::Nothing && cache.is_up_to_date_enough(map_frame, size, maze, screen)
+    {
         Picture::reserve(area, frame.buffer_mut());
         show_interval(cache.base.as_ref().and_then(|base| base.own_interval), screen, layout);
         cache.is_shown = true;
@@ -117,11 +121,12 @@ pub fn draw(
     let scale = Scale::new(map_frame.raster.window, size, character);
     let base = match cache.base.take() {
         Some(base)
-            if base.shows(map_frame, size, screen) || base.may_stay(map_frame, size, screen) =>
+            if base.shows(map_frame, size, maze, screen)
+                || base.may_stay(map_frame, size, maze, screen) =>
         {
             Some(base)
         }
-        before => Base::new(map_frame, &scale, before, screen),
+        before => Base::new(map_frame, &scale, before, maze, screen),
     };
     let Some(base) = base else { return };
     show_interval(base.own_interval, screen, layout);
@@ -137,7 +142,7 @@ pub fn draw(
         }
         None => base.sheet.clone(),
     };
-    Moving { sheet: &mut drawn, scale: &scale, screen }.draw(map_frame);
+    Moving { sheet: &mut drawn, scale: &scale, maze, screen }.draw(map_frame);
     Picture::reserve(area, frame.buffer_mut());
     *cache = PictureCache {
         base: Some(base),
@@ -153,16 +158,17 @@ impl Base {
         map_frame: &MapFrame,
         scale: &Scale,
         before: Option<Self>,
+        maze: &MazeState,
         screen: &Screen,
     ) -> Option<Self> {
         let began = Instant::now();
-        let key = Key::new(map_frame, screen);
+        let key = Key::new(map_frame, maze, screen);
         let (columns, rows) = map_frame.raster.pixels;
-        let map = &screen.maze.map;
+        let map = &maze.map;
         let interval = before.as_ref().and_then(|before| before.own_interval);
         let (grounds, sheet) = match before {
             Some(Self { key: own, grounds, sheet, .. }) => {
-                (Some(grounds).filter(|_| own.same_place(map_frame, screen)), Some(sheet))
+                (Some(grounds).filter(|_| own.same_place(map_frame, maze)), Some(sheet))
             }
             None => (None, None),
         };
@@ -171,23 +177,36 @@ impl Base {
         // All of it is drawn over.
         let sheet = sheet.filter(|sheet: &Sheet| (sheet.0.width(), sheet.0.height()) == scale.size);
         let mut sheet = sheet.or_else(|| Sheet::new(scale.size))?;
-        ground::draw(&mut sheet, scale, (key.field.as_deref().map(Vec::as_slice), columns), screen);
+        ground::draw(
+            &mut sheet,
+            scale,
+            (key.field.as_deref().map(Vec::as_slice), columns),
+            maze,
+            screen,
+        );
         let mut own_interval = None;
         if let Some(field) = key.field.as_ref().filter(|_| {
-            screen.shown_field().is_distance() && screen.overlays.has(Overlay::Contours)
+            maze.shown_field(screen).is_distance() && screen.overlays.has(Overlay::Contours)
         }) {
-            let open = open_field(field, &grounds, &Unexplored::new(&grounds, screen));
+            let open = open_field(field, &grounds, &Unexplored::new(&grounds, maze, screen));
             own_interval = intervals::interval(&[(&open, columns)], CONTOUR_SPACING, interval);
             if let Some(interval) = shown_interval(own_interval, screen) {
-                contours::draw(&mut sheet, scale, (&open, columns, &grounds), interval, screen);
+                contours::draw(
+                    &mut sheet,
+                    scale,
+                    (&open, columns, &grounds),
+                    interval,
+                    maze,
+                    screen,
+                );
             }
         }
-        ground::draw_walls(&mut sheet, scale, screen);
-        ground::draw_edge(&mut sheet, scale, screen);
-        if screen.overlays.has(Overlay::Directions) && screen.shown_past().is_none() {
-            draw_directions(&mut sheet, scale, screen);
+        ground::draw_walls(&mut sheet, scale, map, screen.theme.wall);
+        ground::draw_edge(&mut sheet, scale, maze, screen);
+        if screen.overlays.has(Overlay::Directions) && maze.past().is_none() {
+            draw_directions(&mut sheet, scale, maze);
         }
-        let directions = screen.maze.view.directions.clone();
+        let directions = maze.view.directions.clone();
         let rests_until =
             Instant::now() + LONGEST_GROUND_REST.min(GROUND_REST_FACTOR * began.elapsed());
         Some(Self {
@@ -196,7 +215,7 @@ impl Base {
             grounds,
             sheet,
             own_interval,
-            subject: subject(screen),
+            subject: subject(maze),
             rests_until,
         })
     }
@@ -207,37 +226,55 @@ impl Base {
     }
 
     /// Returns whether this is still up to date.
-    fn shows(&self, map_frame: &MapFrame, size: (u32, u32), screen: &Screen) -> bool {
-        let same_directions = Arc::ptr_eq(&self.directions, &screen.maze.view.directions);
-        self.size() == size && same_directions && self.key.is_current(map_frame, screen)
+    fn shows(
+        &self,
+        map_frame: &MapFrame,
+        size: (u32, u32),
+        maze: &MazeState,
+        screen: &Screen,
+    ) -> bool {
+        let same_directions = Arc::ptr_eq(&self.directions, &maze.view.directions);
+        self.size() == size && same_directions && self.key.is_current(map_frame, maze, screen)
     }
 
     /// Returns whether this differs from what is up to date in what has been learned of late alone,
     /// and may stay.
-    fn may_stay(&self, map_frame: &MapFrame, size: (u32, u32), screen: &Screen) -> bool {
+    fn may_stay(
+        &self,
+        map_frame: &MapFrame,
+        size: (u32, u32),
+        maze: &MazeState,
+        screen: &Screen,
+    ) -> bool {
         screen.redraw == Redraw::Moving
             && Instant::now() < self.rests_until
-            && self.subject == subject(screen)
-            && self.same_style(map_frame, size, screen)
-            && self.key.field.is_some() == Key::field_on(&map_frame.raster, screen).is_some()
+            && self.subject == subject(maze)
+            && self.same_style(map_frame, size, maze, screen)
+            && self.key.field.is_some() == Key::field_on(&map_frame.raster, maze, screen).is_some()
     }
 
     /// Returns whether this shows the same part of the same map in the same style and size.
-    fn same_style(&self, map_frame: &MapFrame, size: (u32, u32), screen: &Screen) -> bool {
-        self.size() == size && self.key.same_style(map_frame, screen)
+    fn same_style(
+        &self,
+        map_frame: &MapFrame,
+        size: (u32, u32),
+        maze: &MazeState,
+        screen: &Screen,
+    ) -> bool {
+        self.size() == size && self.key.same_style(map_frame, maze, screen)
     }
 }
 
 /// Returns what the field on the screen is of.
-fn subject(screen: &Screen) -> Subject {
-    let view = &screen.maze.view;
+fn subject(maze: &MazeState) -> Subject {
+    let view = &maze.view;
     (view.goal, view.kind, view.past.as_ref().map(|past| past.updates))
 }
 
 /// Draws the directions that the actor would take.
-fn draw_directions(sheet: &mut Sheet, scale: &Scale, screen: &Screen) {
+fn draw_directions(sheet: &mut Sheet, scale: &Scale, maze: &MazeState) {
     let unit = scale.unit();
-    for (at, [x, y]) in screen.maze.view.directions.iter() {
+    for (at, [x, y]) in maze.view.directions.iter() {
         let at = scale.pixel(*at);
         let Some(ground) = sheet.colour(at[0] as i32, at[1] as i32) else { continue };
         let (own, length) = (Ink(ink(ground), 0.7), x.hypot(*y));
@@ -253,6 +290,7 @@ fn draw_directions(sheet: &mut Sheet, scale: &Scale, screen: &Screen) {
 struct Moving<'a> {
     sheet: &'a mut Sheet,
     scale: &'a Scale,
+    maze: &'a MazeState,
     screen: &'a Screen,
 }
 
@@ -265,7 +303,7 @@ impl Moving<'_> {
     /// Draws all of it, what matters most last; of the past, only the agents.
     fn draw(&mut self, map_frame: &MapFrame) {
         let shows = |overlay| self.screen.overlays.has(overlay);
-        if let Some(past) = self.screen.shown_past() {
+        if let Some(past) = self.maze.past() {
             if shows(Overlay::Agents) {
                 self.discs(past.agents.as_chunks::<2>().0);
             }
@@ -297,7 +335,7 @@ impl Moving<'_> {
     fn edges(&mut self, map_frame: &MapFrame) {
         let [walked, failed, _] = self.screen.theme.edges;
         let width = self.of(0.07).max(1.0);
-        for (status, opacity, edges) in edges::groups(map_frame, self.screen) {
+        for (status, opacity, edges) in edges::groups(map_frame, self.maze) {
             let rgb = if status == EdgeStatus::Confirmed { walked } else { failed };
             for ends in edges {
                 self.sheet.line(
@@ -311,7 +349,7 @@ impl Moving<'_> {
     }
 
     fn candidates(&mut self, map_frame: &MapFrame) {
-        for candidate in candidates::shown(map_frame, self.screen) {
+        for candidate in candidates::shown(map_frame, self.maze) {
             let at = self.scale.pixel(candidate.at);
             let Some(ground) = self.sheet.colour(at[0] as i32, at[1] as i32) else { continue };
             // The better connected, the larger.
@@ -328,7 +366,7 @@ impl Moving<'_> {
     }
 
     fn path(&mut self) {
-        let view = &self.screen.maze.view;
+        let view = &self.maze.view;
         let stops: Vec<[f32; 2]> =
             view.trail.last().into_iter().chain(&view.path).copied().collect();
         let ink = Ink(self.screen.theme.path, 1.0);
@@ -361,7 +399,7 @@ impl Moving<'_> {
 
     /// Draws the cells that the editor would change.
     fn preview(&mut self) {
-        let Some((cells, free)) = self.screen.maze.editor.preview() else { return };
+        let Some((cells, free)) = self.maze.editor.preview() else { return };
         let theme = &self.screen.theme;
         let rgb = if free { theme.unknown } else { theme.wall };
         for cell in cells.iter() {
@@ -383,7 +421,7 @@ impl Moving<'_> {
     }
 
     fn trail(&mut self) {
-        self.fading(&self.screen.maze.view.trail, self.of(0.2), Ink(self.screen.theme.walker, 0.9));
+        self.fading(&self.maze.view.trail, self.of(0.2), Ink(self.screen.theme.walker, 0.9));
     }
 
     fn agents(&mut self) {
@@ -421,9 +459,9 @@ impl Moving<'_> {
     }
 
     fn signs(&mut self, shows_agents: bool) {
-        let Self { screen, .. } = *self;
-        let (theme, is_past) = (&screen.theme, screen.shown_past().is_some());
-        for (marks, letter) in [(screen.maze.map.starts(), "s"), (screen.maze.map.goals(), "g")] {
+        let Self { maze, screen, .. } = *self;
+        let (theme, is_past) = (&screen.theme, maze.past().is_some());
+        for (marks, letter) in [(maze.map.starts(), "s"), (maze.map.goals(), "g")] {
             for cell in marks {
                 let at = self.scale.pixel(cell.centre());
                 let Some(ground) = self.sheet.colour(at[0] as i32, at[1] as i32) else { continue };
@@ -440,13 +478,13 @@ impl Moving<'_> {
             self.badge('A', [followed.state[0], followed.state[1]], 0.4, theme.agent);
         }
         if !is_past {
-            self.badge('S', screen.maze.view.walk.start, 0.36, theme.walker);
+            self.badge('S', maze.view.walk.start, 0.36, theme.walker);
         }
-        self.badge('G', shown_goal(screen).centre(), 0.45, theme.goal);
-        if let Some(at) = screen.maze.view.trail.last().filter(|_| !is_past) {
+        self.badge('G', shown_goal(maze).centre(), 0.45, theme.goal);
+        if let Some(at) = maze.view.trail.last().filter(|_| !is_past) {
             self.badge('@', *at, 0.42, theme.walker);
         }
-        if let Some(cursor) = screen.maze.editor.cursor.or(screen.maze.inspecting) {
+        if let Some(cursor) = maze.editor.cursor.or(maze.inspecting) {
             let ([x, y], arm) = (self.scale.pixel(cursor.centre()), self.of(0.6));
             for (more, ink) in [(2.0, Ink(SHADOW, 0.6)), (0.0, Ink(theme.cursor, 1.0))] {
                 for [dx, dy] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {

@@ -1,5 +1,6 @@
 //! Unvisited cells, the edge of the known world, and cells from which no path leads to the goal.
 
+use super::MazeState;
 use crate::tui::canvas::{CUT_OFF_MARK, Canvas, UNVISITED_MARK};
 use crate::tui::layers::Overlay;
 use crate::tui::raster::MapFrame;
@@ -39,13 +40,13 @@ pub struct Unexplored {
 
 impl Unexplored {
     /// Looks up each pixel's cell.
-    pub fn new(grounds: &[Ground], screen: &Screen) -> Self {
-        let (map, exploration) = (&screen.maze.map, &screen.maze.view.exploration);
-        if screen.shown_past().is_some() {
+    pub fn new(grounds: &[Ground], maze: &MazeState, screen: &Screen) -> Self {
+        let (map, exploration) = (&maze.map, &maze.view.exploration);
+        if maze.past().is_some() {
             // What had been explored then is not known.
             return Self { known: Vec::new(), cut_off: Vec::new(), fades: false };
         }
-        let cut_off = cut_off(grounds, screen);
+        let cut_off = cut_off(grounds, maze, screen);
         if !screen.overlays.has(Overlay::Unexplored) || exploration.is_complete(map) {
             return Self { known: Vec::new(), cut_off, fades: false };
         }
@@ -146,8 +147,8 @@ impl Unexplored {
 
 /// Returns whether no path leads from each pixel's cell to the goal, if the colours show distances
 /// to it.
-fn cut_off(grounds: &[Ground], screen: &Screen) -> Vec<bool> {
-    let (map, cells) = (&screen.maze.map, &screen.maze.view.cut_off);
+fn cut_off(grounds: &[Ground], maze: &MazeState, screen: &Screen) -> Vec<bool> {
+    let (map, cells) = (&maze.map, &maze.view.cut_off);
     let to_goal =
         matches!(screen.field, Field::Learned | Field::Composed | Field::True | Field::Error);
     // The trainer may not know the map's latest edit yet.

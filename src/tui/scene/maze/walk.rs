@@ -2,16 +2,17 @@
 
 use ratatui::text::Line;
 
+use super::MazeState;
 use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
 use crate::tui::text::{fact, heading};
 use gdg::text::counted;
 
 /// Returns the pane's lines.
-pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
+pub fn lines(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
     match screen.following {
-        Some(_) => explorer(screen),
-        None => walker(screen),
+        Some(_) => explorer(maze, screen),
+        None => walker(maze, screen),
     }
 }
 
@@ -23,8 +24,8 @@ fn format_steps(distance: f32) -> String {
     if distance.is_nan() { "-".to_owned() } else { format!("{distance:.1}") }
 }
 
-fn walker(screen: &Screen) -> Vec<Line<'static>> {
-    let shown = &screen.maze.view.walk;
+fn walker(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
+    let shown = &maze.view.walk;
     let has_path = shown.shortest.is_some();
     let shortest = shown.shortest.map_or("no path".to_owned(), |s| s.to_string());
     let state = if shown.arrived { "arrived" } else { "walking" };
@@ -33,7 +34,7 @@ fn walker(screen: &Screen) -> Vec<Line<'static>> {
     let planned = |name, value: String| fact(name, if is_planned { value } else { "-".to_owned() });
     let mut lines = vec![
         fact("from S", format_position(&shown.start)),
-        fact("to G", format_position(&screen.maze.goal.centre())),
+        fact("to G", format_position(&maze.goal.centre())),
         fact(state, counted(u64::from(shown.steps), "step")),
         fact("shortest", shortest),
         fact(
@@ -45,7 +46,7 @@ fn walker(screen: &Screen) -> Vec<Line<'static>> {
             shown.waypoint.map_or("the goal".to_owned(), |at| format_position(&at)),
         ),
         planned("D to it", format_steps(shown.distances.1)),
-        planned("ahead", counted(screen.maze.view.path.len().saturating_sub(1) as u64, "waypoint")),
+        planned("ahead", counted(maze.view.path.len().saturating_sub(1) as u64, "waypoint")),
         heading("walks"),
         fact("arrived", format!("{} of {}", shown.finished_walks.0, shown.finished_walks.1)),
         fact("then", screen.on_arrival.name()),
@@ -54,7 +55,7 @@ fn walker(screen: &Screen) -> Vec<Line<'static>> {
     lines
 }
 
-fn explorer(screen: &Screen) -> Vec<Line<'static>> {
+fn explorer(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
     let Some(followed) = &screen.snapshot.followed else { return vec![fact("agent", "...")] };
     let mut lines = vec![
         fact("agent", format!("{} of {}", followed.agent, screen.snapshot.agents.len() / 2)),
@@ -62,10 +63,7 @@ fn explorer(screen: &Screen) -> Vec<Line<'static>> {
         fact("at A", format_position(&followed.state)),
         fact("goal \u{2691}", format_position(&followed.goal)),
         fact("steps", format!("{} of {}", followed.steps.0, followed.steps.1)),
-        fact(
-            "shortest",
-            screen.maze.view.followed_steps.map_or("no path".to_owned(), |s| s.to_string()),
-        ),
+        fact("shortest", maze.view.followed_steps.map_or("no path".to_owned(), |s| s.to_string())),
     ];
     lines.extend(walk::pursuit(screen, followed, format_position, format_steps));
     lines

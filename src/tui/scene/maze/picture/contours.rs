@@ -1,6 +1,7 @@
 //! Smooth contour lines, with labels along them.
 
 use super::ground::Scale;
+use crate::tui::scene::maze::MazeState;
 use crate::tui::screen::Screen;
 use crate::tui::sheet::{Ink, Sheet, text_width};
 use crate::tui::theme::{Rgb, blend, ink};
@@ -42,10 +43,11 @@ pub fn draw(
     scale: &Scale,
     (field, columns, grounds): (&[f32], usize, &[Ground]),
     interval: f32,
+    maze: &MazeState,
     screen: &Screen,
 ) {
-    let (unit, farthest) = (scale.unit(), screen.farthest());
-    let goal = scale.pixel(screen.maze.goal.centre());
+    let (unit, farthest) = (scale.unit(), maze.farthest(screen));
+    let goal = scale.pixel(maze.goal.centre());
     let rows = (field.len() / columns).max(1);
     let (across, down) = (scale.size.0 as f32 / columns as f32, scale.size.1 as f32 / rows as f32);
     let is_known = |at: [f32; 2]| {

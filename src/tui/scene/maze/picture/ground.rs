@@ -3,11 +3,12 @@
 use std::ops::Range;
 
 use crate::tui::layers::Overlay;
+use crate::tui::scene::maze::MazeState;
 use crate::tui::scene::scale::MAX_SHOWN_ERROR;
 use crate::tui::screen::Screen;
 use crate::tui::sheet::{Ink, Sheet};
 use crate::tui::theme::{Rgb, blend};
-use gdg::map::Cell;
+use gdg::map::{Cell, Grid};
 use gdg::viewer::Field;
 use gdg::viewer::maze::Knowledge;
 
@@ -109,13 +110,14 @@ pub fn draw(
     sheet: &mut Sheet,
     scale: &Scale,
     (field, columns): (Option<&[f32]>, usize),
+    maze: &MazeState,
     screen: &Screen,
 ) {
-    let colours = Colours::new(screen);
+    let colours = Colours::new(maze, screen);
     let shades: Vec<f32> =
-        field.unwrap_or_default().iter().map(|value| colours.shade(*value, screen)).collect();
+        field.unwrap_or_default().iter().map(|value| colours.shade(*value)).collect();
     let width = scale.size.0 as usize;
-    let samples = Samples::new(&shades, columns, screen.shown_field() != Field::Visits);
+    let samples = Samples::new(&shades, columns, maze.shown_field(screen) != Field::Visits);
     let across = samples.across(width);
     let [columns_of_cells, rows_of_cells] = scale.cells();
     let hatching = Hatching {
@@ -134,7 +136,7 @@ pub fn draw(
             let mut x = 0;
             for same_cell in columns_of_cells.chunk_by(|a, b| a.0 == b.0) {
                 let (own, end) =
-                    (kind(Cell::new(same_cell[0].0, cell_row), screen), x + same_cell.len());
+                    (kind(Cell::new(same_cell[0].0, cell_row), maze, screen), x + same_cell.len());
                 match runs.last_mut() {
                     Some((run, kind)) if *kind == own => run.end = end,
                     _ => runs.push((x..end, own)),
@@ -167,21 +169,21 @@ impl Hatching {
 }
 
 /// Returns what the pixels of a cell show.
-fn kind(cell: Cell, screen: &Screen) -> Kind {
-    let map = &screen.maze.map;
+fn kind(cell: Cell, maze: &MazeState, screen: &Screen) -> Kind {
+    let map = &maze.map;
     if !map.contains(cell) {
         return Kind::Outside;
     }
-    let view = &screen.maze.view;
+    let view = &maze.view;
     let to_goal = matches!(
-        screen.shown_field(),
+        maze.shown_field(screen),
         Field::Learned | Field::Composed | Field::True | Field::Error
     );
     if to_goal && view.cut_off.len() == map.free().len() && view.cut_off[map.index(cell)] {
         return Kind::CutOff;
     }
     let fades = matches!(
-        screen.shown_field(),
+        maze.shown_field(screen),
         Field::Learned | Field::FromStart | Field::Composed | Field::Plain
     );
     if !screen.overlays.has(Overlay::Unexplored)
@@ -206,6 +208,7 @@ struct Colours {
     shades: [Vec<[u8; 4]>; 4],
     cut_off: [[u8; 4]; 2],
     outside: [u8; 4],
+    field: Field,
     farthest: f32,
 }
 
@@ -214,7 +217,7 @@ fn opaque((r, g, b): Rgb) -> [u8; 4] {
 }
 
 impl Colours {
-    fn new(screen: &Screen) -> Self {
+    fn new(maze: &MazeState, screen: &Screen) -> Self {
         let theme = &screen.theme;
         let variants = |rgb: Rgb| {
             let beyond = blend(rgb, theme.unknown, FADE);
@@ -223,7 +226,7 @@ impl Colours {
         };
         let shade = |i: usize| {
             let share = i as f32 / (SHADES - 1) as f32;
-            let is_error = screen.shown_field() == Field::Error;
+            let is_error = maze.shown_field(screen) == Field::Error;
             variants(if is_error {
                 theme.error_colour(2.0 * share - 1.0)
             } else {
@@ -236,13 +239,14 @@ impl Colours {
             shades: [0, 1, 2, 3].map(|variant| all.iter().map(|own| own[variant]).collect()),
             cut_off: CUT_OFF_FADES.map(|fade| opaque(blend(theme.unknown, theme.wall, fade))),
             outside: opaque(theme.page.map_or((0, 0, 0), |(_, ground)| ground)),
-            farthest: screen.farthest(),
+            field: maze.shown_field(screen),
+            farthest: maze.farthest(screen),
         }
     }
 
     /// Returns which shade shows a value; NaN if it is not known.
-    fn shade(&self, value: f32, screen: &Screen) -> f32 {
-        let share = match screen.shown_field() {
+    fn shade(&self, value: f32) -> f32 {
+        let share = match self.field {
             Field::Error => 0.5 + 0.5 * value / MAX_SHOWN_ERROR,
             Field::Visits => 1.0 - (1.0 + value).ln() / (1.0 + self.farthest).ln(),
             _ => value / self.farthest,
@@ -366,33 +370,15 @@ fn fill_row(values: &[f32], across: &[Place], shades: &mut [u16]) {
 }
 
 /// Draws the walls. Where a pixel shows several cells, it is darker the more of them are wall.
-pub fn draw_walls(sheet: &mut Sheet, scale: &Scale, screen: &Screen) {
-    let (map, wall) = (&screen.maze.map, screen.theme.wall);
-    let free = map.free();
+pub fn draw_walls(sheet: &mut Sheet, scale: &Scale, map: &Grid, wall: Rgb) {
     let [columns, rows] = scale.cells();
-    // The walls of a row, by their shares of the pixels: from row to row the same within a cell.
-    let mut runs: Vec<(Range<usize>, f32)> = Vec::new();
+    let mut runs = Vec::new();
     let mut before = None;
     let (pixels, _) = sheet.0.data_mut().as_chunks_mut::<4>();
-    for (row, (top, bottom)) in pixels.chunks_mut(scale.size.0 as usize).zip(rows) {
-        if before.replace((top, bottom)) != Some((top, bottom)) {
-            runs.clear();
-            let mut x = 0;
-            for same_cells in columns.chunk_by(|a, b| a == b) {
-                let ((left, right), end) = (same_cells[0], x + same_cells.len());
-                if right <= map.width() && bottom <= map.height() {
-                    let row = |y: usize| &free[y * map.width() + left..y * map.width() + right];
-                    let walls: usize =
-                        (top..bottom).map(|y| row(y).iter().filter(|free| !**free).count()).sum();
-                    let share = walls as f32 / ((right - left) * (bottom - top)) as f32;
-                    match runs.last_mut() {
-                        Some((run, own)) if run.end == x && *own == share => run.end = end,
-                        _ if walls > 0 => runs.push((x..end, share)),
-                        _ => {}
-                    }
-                }
-                x = end;
-            }
+    for (row, cells) in pixels.chunks_mut(scale.size.0 as usize).zip(rows) {
+        // From row to row the same within a cell.
+        if before.replace(cells) != Some(cells) {
+            wall_runs(map, &columns, cells, &mut runs);
         }
         for (run, share) in &runs {
             let mix =
@@ -405,9 +391,37 @@ pub fn draw_walls(sheet: &mut Sheet, scale: &Scale, screen: &Screen) {
     }
 }
 
+/// Finds the runs of pixels with walls in a row that shows the cells from `top` to before `bottom`,
+/// where each pixel shows its `columns`: with the walls' share of their pixels.
+fn wall_runs(
+    map: &Grid,
+    columns: &[(usize, usize)],
+    (top, bottom): (usize, usize),
+    runs: &mut Vec<(Range<usize>, f32)>,
+) {
+    runs.clear();
+    let mut end = 0;
+    for same_cells in columns.chunk_by(|a, b| a == b) {
+        let ((left, right), x) = (same_cells[0], end);
+        end += same_cells.len();
+        if right > map.width() || bottom > map.height() {
+            continue;
+        }
+        let row = |y: usize| &map.free()[y * map.width() + left..y * map.width() + right];
+        let walls: usize =
+            (top..bottom).map(|y| row(y).iter().filter(|free| !**free).count()).sum();
+        let share = walls as f32 / ((right - left) * (bottom - top)) as f32;
+        match runs.last_mut() {
+            Some((run, own)) if run.end == x && *own == share => run.end = end,
+            _ if walls > 0 => runs.push((x..end, share)),
+            _ => {}
+        }
+    }
+}
+
 /// Draws the edge of the known world, around what lies beyond it.
-pub fn draw_edge(sheet: &mut Sheet, scale: &Scale, screen: &Screen) {
-    let (map, exploration) = (&screen.maze.map, &screen.maze.view.exploration);
+pub fn draw_edge(sheet: &mut Sheet, scale: &Scale, maze: &MazeState, screen: &Screen) {
+    let (map, exploration) = (&maze.map, &maze.view.exploration);
     if !screen.overlays.has(Overlay::Unexplored) || exploration.is_complete(map) {
         return;
     }

@@ -1,0 +1,71 @@
+//! What the interface sends to trainer and viewer.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::screen::Screen;
+use gdg::engine::{Command, EngineLink, Snapshot};
+use gdg::viewer::{Request, Viewer};
+
+/// The ways to trainer and viewer.
+pub struct Link {
+    engine: EngineLink,
+    viewer: Viewer,
+    goal_requests: u64,
+    /// Of its own: training must not depend on what the user does.
+    pub rng: ChaCha8Rng,
+}
+
+impl Link {
+    /// Connects a screen that shows `snapshot` at first.
+    pub fn new(engine: EngineLink, viewer: Viewer, snapshot: &Snapshot) -> Self {
+        let rng = ChaCha8Rng::seed_from_u64(snapshot.run.seed);
+        Self { engine, viewer, goal_requests: 0, rng }
+    }
+
+    /// Returns the trainer's side.
+    pub fn engine(&self) -> &EngineLink {
+        &self.engine
+    }
+
+    /// Returns the viewer's side.
+    pub fn viewer(&self) -> &Viewer {
+        &self.viewer
+    }
+
+    /// Sends a command to the trainer. If too many are queued, says so and returns `false`.
+    pub fn command(&self, command: Command, screen: &mut Screen) -> bool {
+        let sent = self.engine.send(command);
+        if !sent {
+            screen.notify("the trainer is busy: try again");
+        }
+        sent
+    }
+
+    /// Sends a request to the viewer.
+    pub fn request(&self, request: impl Into<Request>) {
+        self.viewer.request(request);
+    }
+
+    /// Returns the number of the latest goal request.
+    pub fn goal_request(&self) -> u64 {
+        self.goal_requests
+    }
+
+    /// Returns the number of a new goal request.
+    pub fn next_goal_request(&mut self) -> u64 {
+        self.goal_requests += 1;
+        self.goal_requests
+    }
+
+    /// Returns to the present; returns whether the past was shown. A frozen screen thaws, as the
+    /// view that was frozen is gone.
+    pub fn return_to_present(&self, screen: &mut Screen) -> bool {
+        let was_past = screen.past.take().is_some();
+        if was_past {
+            self.request(Request::Past(None));
+            screen.frozen = false;
+        }
+        was_past
+    }
+}
