@@ -85,7 +85,8 @@ pub fn updates(
     (threads, runs): (usize, usize),
     peak_gflops: f64,
 ) -> Result<UpdateTimes, TrainError> {
-    let settings = LearnSettings { batch_size: rows, hidden: width, ..LearnSettings::paper() };
+    let settings =
+        LearnSettings { batch_size: rows, hidden: width, ..LearnSettings::of(Preset::Paper) };
     let world = PointMaze::new(
         Arc::new(Grid::new("100", 100, vec![true; 10_000], Vec::new(), Vec::new())),
         1,

@@ -294,7 +294,7 @@ mod tests {
         let ladder = cases(true);
         let settings = |case: &Case| settings(case).expect("valid settings");
         let first = Settings {
-            train: TrainSettings { env_noise: 0.0, ..TrainSettings::paper() },
+            train: TrainSettings { env_noise: 0.0, ..TrainSettings::of(Preset::Paper) },
             ..Preset::Paper.settings()
         };
         assert_eq!(settings(&ladder[0]), first);

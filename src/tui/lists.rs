@@ -119,9 +119,9 @@ pub fn setting_items(screen: &Screen) -> Vec<Item> {
 
 /// Describes a setting: its value, what it does, what it can be and what changing it costs.
 fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> Item {
-    let Setting { name, group, about, unit, range, effect, former, .. } = setting;
+    let Setting { name, group, about, unit, values, effect, former, .. } = setting;
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-    let former = former.map_or(String::new(), |former| format!(" Formerly {former}."));
+    let former: String = former.iter().map(|former| format!(" Formerly {former}.")).collect();
     let of = if preset == Preset::Default {
         String::new()
     } else {
@@ -129,7 +129,7 @@ fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> 
     };
     let below = vec![
         format!("{about}.{former}"),
-        format!("Now {now}{unit}; {default} by default{of}. Possible: {range}."),
+        format!("Now {now}{unit}; {default} by default{of}. Possible: {values}."),
         format!("A change {}.", effect.about()),
     ];
     let detail = format!("{}  {about}", padded(&fitted(now, VALUE_WIDTH), VALUE_WIDTH));

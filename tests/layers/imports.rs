@@ -115,9 +115,14 @@ impl Crate {
     }
 }
 
-/// Returns the name that an item defines.
+/// Returns the name that an item defines; for the call of a macro, what it calls a struct.
 fn defined(item: &Item) -> Option<String> {
     let name = match item {
+        Item::Macro(item) if item.ident.is_none() => {
+            let mut tokens = item.mac.tokens.clone().into_iter().map(|token| token.to_string());
+            tokens.find(|token| token == "struct")?;
+            return tokens.next();
+        }
         Item::Const(item) => &item.ident,
         Item::Enum(item) => &item.ident,
         Item::Fn(item) => &item.sig.ident,

@@ -10,9 +10,9 @@ use std::path::Path;
 use imports::{Crate, Name};
 
 /// The library's modules: each depends only on those before it.
-const LIBRARY: [&str; 14] = [
-    "printing", "pulse", "text", "faults", "files", "store", "map", "env", "learn", "bridge",
-    "train", "engine", "draw", "viewer",
+const LIBRARY: [&str; 15] = [
+    "printing", "pulse", "text", "faults", "files", "store", "settings", "map", "env", "learn",
+    "bridge", "train", "engine", "draw", "viewer",
 ];
 
 /// The program's modules: each depends only on those before it, and on the library.

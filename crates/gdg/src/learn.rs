@@ -34,7 +34,7 @@ pub use networks::export::{ActorExport, ActorInputs, NamedTensor};
 pub use networks::network::Network;
 pub use networks::policy::{FrozenNets, Nets, Policy, Scratch, look_ahead};
 pub(crate) use networks::shapes::axis_actions;
-pub use settings::{Auto, Backend, LearnSettings, LossScale, OutOfRange};
+pub use settings::{Backend, LearnSettings, LossScale};
 pub use update::gradient::FullGradient;
 pub use update::losses::Losses;
 pub use update::profile::{Profile, Stage};

@@ -12,14 +12,15 @@
 //! Each module depends only on modules to its left (`tests/layers` checks it):
 //!
 //! ```text
-//! printing, pulse, text, faults, files, store <- map <- env <- learn <- bridge <- train
+//! printing, pulse, text, faults, files, store, settings <- map <- env <- learn <- bridge <- train
 //!     <- engine <- draw <- viewer
 //! ```
 //!
 //! * [`printing`]: standard output and error, written by threads of their own. [`pulse`]: progress
 //!   of a run, and the request to stop it. [`text`]: makes external text safe to display.
 //!   [`files`]: reads and replaces files safely. [`faults`]: collects panics. [`store`]: named
-//!   arrays and texts, the form of all saved state.
+//!   arrays and texts, the form of all saved state. [`settings`]: what a setting is, and the macro
+//!   that defines them, one entry each.
 //! * [`map`]: grid maps and the true distances on them. Evaluation and display read these; learning
 //!   never does.
 //! * [`env`](mod@env): the interface of a world ([`env::Environment`], with optional
@@ -98,6 +99,7 @@ pub mod learn;
 pub mod map;
 pub mod printing;
 pub mod pulse;
+pub mod settings;
 pub mod store;
 pub mod text;
 pub mod train;

@@ -20,6 +20,7 @@ mod settings;
 mod trainer;
 mod visits;
 
+pub use crate::settings::{Effect, Preset, Setting};
 pub use checkpoint::{
     CheckpointError, Description, LoadError, Loaded, SaveTo, describe, examine, from_bytes,
     is_checkpoint, is_own, load, remove_own, save, with_updated_checksum,
@@ -35,7 +36,7 @@ pub use evaluate::{
 };
 pub use film::{Film, FilmFrame};
 pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Notes, Stretch};
-pub use method::{METHODS, Method, NamedMethod, Preset, UnknownMethod};
+pub use method::{METHODS, Method, NamedMethod, UnknownMethod};
 pub use policy_file::policy_file;
 pub use reference_page::reference_page;
 pub use registry::Registry;
@@ -43,6 +44,5 @@ pub use rollout::Rollout;
 pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score, Success};
 pub use session::{Due, EvaluateAt, Schedule, Session};
-pub use settings::reference::{Group, SETTINGS, Setting};
-pub use settings::{Effect, Settings, TrainSettings, UpdateWhen};
+pub use settings::{OutOfRange, SETTINGS, Settings, TrainSettings, UpdateWhen};
 pub use trainer::{KeptState, Recovery, Trainer, WorldChange};

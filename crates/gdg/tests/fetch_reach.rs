@@ -180,8 +180,8 @@ fn episodes_take_50_steps_unless_the_settings_say_otherwise() {
     assert_eq!(other.episode_steps(), 20);
 }
 
-fn train_steps(steps: u32) -> gdg::learn::Auto<u32> {
-    gdg::learn::Auto::Given(steps)
+fn train_steps(steps: u32) -> gdg::settings::Auto<u32> {
+    gdg::settings::Auto::Given(steps)
 }
 
 #[test]

@@ -10,6 +10,7 @@ use gdg::learn::{
     Backend, Batch, Gdg, Layers, LearnSettings, Learner, LossScale, Network, Policy, Profile,
     Scratch,
 };
+use gdg::settings::Preset;
 use gdg::store::Store;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -243,7 +244,7 @@ fn gradients_match_autograd_however_two_critics_are_combined() {
 
 #[test]
 fn gradients_of_the_paper_preset_match_autograd() {
-    check(&spec(2, 2, true), &LearnSettings::paper());
+    check(&spec(2, 2, true), &LearnSettings::of(Preset::Paper));
 }
 
 #[test]

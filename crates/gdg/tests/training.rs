@@ -10,10 +10,11 @@ use std::sync::Arc;
 
 use gdg::bridge::BridgeSettings;
 use gdg::env::{PointMaze, Restart};
-use gdg::learn::{Auto, LearnSettings, Scratch};
+use gdg::learn::{LearnSettings, Scratch};
 use gdg::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
+use gdg::settings::{Auto, Effect};
 use gdg::store::{Array, Store};
-use gdg::train::{self, Effect, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
+use gdg::train::{self, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
 use runs::train_to;
 
 /// Two rooms joined by a door: most straight lines between them hit the wall.

@@ -214,8 +214,9 @@ impl App {
             .find(|(known, _)| *known == name);
         let value = value.map(|(_, value)| value).unwrap_or_default();
         let setting = Setting::named(&name);
-        if setting.is_some_and(|setting| setting.is_switch() && setting.effect == Effect::Immediate)
-        {
+        if setting.is_some_and(|setting| {
+            setting.values.are_switch() && setting.effect == Effect::Immediate
+        }) {
             let other = if value == "true" { "false" } else { "true" };
             if let Ok(settings) = with_setting(&self.screen.run().settings, &name, other) {
                 self.change_run(|run| run.settings = settings);
@@ -223,7 +224,7 @@ impl App {
             return;
         }
         let hint = setting.map_or(String::new(), |setting| {
-            format!("{}: {}; {}", setting.about, setting.range, setting.effect.about())
+            format!("{}: {}; {}", setting.about, setting.values, setting.effect.about())
         });
         self.screen.open(Prompt::new(Question::Setting(name.clone()), name, hint, value));
     }

@@ -1,8 +1,7 @@
 //! Settings of bridge search and planning.
 
-use serde::{Deserialize, Serialize};
-
-use crate::learn::{Auto, OutOfRange};
+use crate::settings::Preset::{Paper, Sb3, Tuned};
+use crate::settings::{Auto, Values, settings, without};
 
 /// Automatic share of excursions while there is anything left to try ...
 pub(crate) const FRONTIER_SHARE: f32 = 0.5;
@@ -50,106 +49,90 @@ impl Planner {
     }
 }
 
-/// Settings of bridge candidates, edges, search and planning.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct BridgeSettings {
-    /// Target number of bridge candidates. Between thin walls, on large maps and where many walks
-    /// between them fail, there are up to eight times as many (three times without `verify_edges`).
-    pub candidates: usize,
-    /// Minimum distance between candidates, in goal radii; it grows when there would be too many.
-    pub candidate_spacing: f32,
-    /// An edge needs D below this, in steps.
-    pub edge_cutoff_steps: f32,
-    /// Overhead of passing a waypoint, in steps beyond D to it and D from it: D ends a goal radius
-    /// before its goal, short of where the next hop starts.
-    pub hop_steps: f32,
-    /// Whether an edge also needs a stored trajectory from one end to the other in about D steps.
-    pub verify_edges: bool,
-    /// Whether a pair that trajectories connect is kept as a costly edge if D is above the cut-off.
-    pub keep_observed_edges: bool,
-    /// Updates between rebuilds of the bridge graph.
-    pub graph_every_updates: u64,
-    /// Whether a waypoint not reached in time is banned temporarily.
-    pub progress_check: bool,
-    /// A waypoint is late after this many times D ...
-    pub late_factor: f32,
-    /// ... plus this many steps.
-    pub late_slack_steps: f32,
-    /// Steps for which a late waypoint is banned, times the number of complete runs of
-    /// `BAN_STRIKES` late ones in a row (at least 1).
-    pub ban_steps: u32,
-    /// Probability that an episode's first goal is a bridge point (Algorithm 1's epsilon; method
-    /// gdg-bridge).
-    pub bridge_epsilon: f32,
-    /// Candidates that one bridge search may try (Algorithm 2's number of searches).
-    pub search_budget: usize,
-    /// Whether to plan once and follow the plan to its end, instead of replanning at every
-    /// waypoint.
-    pub open_loop: bool,
-    /// Probability that an agent walks to a new goal through the bridge graph, which trains the
-    /// actor on the waypoints it will be given and confirms or demotes edges.
-    pub planned_episodes: f32,
-    /// Share of their steps that agents spend on exploring beyond the frontier of what has been
-    /// visited. Automatic: high while there is anything left to try.
-    pub frontier_epsilon: Auto<f32>,
-    /// Whether planning and evaluation use the running averages of critics and actor.
-    pub averaged_weights: bool,
-    /// Whether agents that follow a plan choose their actions by one step of lookahead, D(f(s, a),
-    /// g), over the actor's action and a fixed set of others.
-    #[serde(default)]
-    pub lookahead: bool,
-}
-
-impl Default for BridgeSettings {
-    fn default() -> Self {
-        Self {
-            candidates: 1_200,
-            candidate_spacing: 1.0,
-            edge_cutoff_steps: 10.0,
-            hop_steps: 0.5,
-            verify_edges: true,
-            keep_observed_edges: true,
-            graph_every_updates: 1_000,
-            progress_check: true,
-            late_factor: 1.5,
-            late_slack_steps: 6.0,
-            ban_steps: 60,
-            bridge_epsilon: 0.2,
-            search_budget: 64,
-            open_loop: false,
-            planned_episodes: 0.7,
-            frontier_epsilon: Auto::AUTO,
-            averaged_weights: true,
-            lookahead: true,
+settings! {
+    /// Settings of bridge candidates, edges, search and planning.
+    pub struct BridgeSettings {
+        Exploration {
+            /// Method gdg-bridge only.
+            bridge_epsilon: f32 = 0.2;
+                "probability that an episode that begins without an excursion has a bridge point as \
+                 its first goal (Algorithm 1's epsilon)",
+                values: Values::PROBABILITY,
+                ablation: without("no bridge goals in exploration", "0");
+            search_budget: usize = 64;
+                "maximum number of candidates that one bridge search tries (Algorithm 2)",
+                values: Values::count(1, 100_000), unit: "candidates";
+            /// It trains the actor on the waypoints it will be given, and confirms or demotes edges.
+            planned_episodes: f32 = 0.7, Paper => 0.0;
+                "probability that an agent walks to a new goal through the bridge graph",
+                values: Values::PROBABILITY,
+                ablation: without("no plans in exploration", "0");
+            /// Excursions are no part of what the rivals are compared for.
+            frontier_epsilon: Auto<f32> = Auto::AUTO, Paper | Tuned | Sb3 => Auto::Given(0.0);
+                "share of their steps that agents spend on exploring beyond the frontier; auto: 0.5 \
+                 while there is anything left to try, 0.05 afterwards",
+                values: Values::measure("a share", 0.0, 1.0).or_auto(),
+                ablation: without("no excursions", "0");
+        }
+        Bridges {
+            candidates: usize = 1_200, Paper => 600;
+                "target number of bridge candidates; up to eight times as many between thin walls, \
+                 on large maps and where many walks between them fail (three times without \
+                 verify_edges)",
+                values: Values::count(2, 10_000);
+            candidate_spacing: f32 = 1.0, Paper => 2.0;
+                "minimum distance between candidates; grows if there would be too many, and shrinks \
+                 if many walks between them fail",
+                values: Values::number(0.01, 1e6), unit: "goal radii";
+            edge_cutoff_steps: f32 = 10.0;
+                "maximum D of an edge",
+                values: Values::steps(1.0, 100.0), unit: "steps";
+            verify_edges: bool = true, Paper => false;
+                "require a stored trajectory along an edge in about D steps",
+                ablation: without("unverified edges", "false");
+            keep_observed_edges: bool = true, Paper => false;
+                "keep pairs connected by trajectories as costly edges if D is above the cut-off",
+                ablation: without("no edges from trajectories alone", "false");
+            graph_every_updates: u64 = 1_000;
+                "updates between builds of the bridge graph",
+                values: Values::count_from(1), unit: "updates";
+        }
+        Planning {
+            /// D ends a goal radius before its goal, short of where the next hop starts. Distances
+            /// of the rivals are less exact.
+            hop_steps: f32 = 0.5, Paper => 0.0, Tuned | Sb3 => 1.0;
+                "overhead of passing a waypoint, in steps beyond D to it and D from it",
+                values: Values::steps(0.0, 100.0), unit: "steps",
+                ablation: without("waypoints cost a step", "1");
+            open_loop: bool = false;
+                "plan once and follow the plan to its end";
+            progress_check: bool = true, Paper => false;
+                "temporarily ban a waypoint that was not reached in time",
+                ablation: without("no progress check", "false");
+            late_factor: f32 = 1.5;
+                "a waypoint is late after this many times D, plus late_slack_steps",
+                values: Values::number(0.0, 100.0);
+            late_slack_steps: f32 = 6.0;
+                "see late_factor",
+                values: Values::steps(1.0, 1e6), unit: "steps";
+            /// Times the number of complete runs of `BAN_STRIKES` late waypoints in a row (at
+            /// least 1).
+            ban_steps: u32 = 60;
+                "steps for which a late waypoint is banned; more if the agent is stuck",
+                values: Values::count(0, u32::MAX as u64), unit: "steps";
+            averaged_weights: bool = true, Paper | Sb3 => false;
+                "plan and evaluate with the averaged critics and actor",
+                ablation: without("current weights, no averages", "false");
+            #[serde(default)]
+            lookahead: bool = true, Paper => false;
+                "agents that follow a plan take the action a with the smallest D(f(s, a), waypoint), \
+                 of the actor's and a fixed set",
+                ablation: without("no lookahead", "false");
         }
     }
 }
 
 impl BridgeSettings {
-    /// Returns the preset `paper`: edges from D alone, no progress check.
-    pub fn paper() -> Self {
-        Self {
-            verify_edges: false,
-            keep_observed_edges: false,
-            progress_check: false,
-            averaged_weights: false,
-            lookahead: false,
-            hop_steps: 0.0,
-            planned_episodes: 0.0,
-            frontier_epsilon: Auto::Given(0.0),
-            candidates: 600,
-            candidate_spacing: 2.0,
-            ..Self::default()
-        }
-    }
-
-    /// Returns the presets `tuned` and `sb3` of rivals: without excursions, which are no part of
-    /// what they are compared for, and with a larger overhead of waypoints, as their distances are
-    /// less exact.
-    pub fn rivals() -> Self {
-        Self { frontier_epsilon: Auto::Given(0.0), hop_steps: 1.0, ..Self::default() }
-    }
-
     /// Returns the settings that plan on the same candidates as SoRB does (Eysenbach et al. 2019,
     /// algorithm 1 and section 3): edges wherever D is below the cut-off, one plan at the start.
     #[must_use]
@@ -210,31 +193,6 @@ impl BridgeSettings {
     /// recorded.
     pub fn window_steps(&self) -> usize {
         (2.0 * self.edge_cutoff_steps).ceil() as usize
-    }
-
-    /// Checks every value's range.
-    ///
-    /// # Errors
-    /// Returns the first setting that is out of range.
-    pub fn validate(&self) -> Result<(), OutOfRange> {
-        let within = |v: f32, from: f32, to: f32| (from..=to).contains(&v);
-        let checks = [
-            ("candidates", (2..=10_000).contains(&self.candidates)),
-            ("candidate_spacing", within(self.candidate_spacing, 0.01, 1e6)),
-            ("edge_cutoff_steps", within(self.edge_cutoff_steps, 1.0, 100.0)),
-            ("hop_steps", within(self.hop_steps, 0.0, 100.0)),
-            ("graph_every_updates", self.graph_every_updates > 0),
-            ("late_factor", within(self.late_factor, 0.0, 100.0)),
-            ("late_slack_steps", within(self.late_slack_steps, 1.0, 1e6)),
-            ("bridge_epsilon", within(self.bridge_epsilon, 0.0, 1.0)),
-            ("planned_episodes", within(self.planned_episodes, 0.0, 1.0)),
-            (
-                "frontier_epsilon",
-                self.frontier_epsilon.given().is_none_or(|share| within(share, 0.0, 1.0)),
-            ),
-            ("search_budget", (1..=100_000).contains(&self.search_budget)),
-        ];
-        checks.iter().find(|(_, ok)| !ok).map_or(Ok(()), |(name, _)| Err(OutOfRange(name)))
     }
 }
 

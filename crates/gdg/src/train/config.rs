@@ -4,6 +4,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
+use std::ops::Range;
 use std::path::Path;
 
 use serde::de::{MapAccess, Visitor};
@@ -11,11 +12,9 @@ use serde::{Deserialize, Deserializer};
 use serde_json::value::RawValue;
 use serde_json::{Map, Value};
 
-use super::method::Preset;
-use super::settings::Settings;
-use super::settings::reference::{SETTINGS, Setting};
+use super::settings::{OutOfRange, SETTINGS, Settings};
 use crate::files::{self, Format, Wanted};
-use crate::learn::OutOfRange;
+use crate::settings::{Preset, Setting};
 use crate::text::{Excerpt, NumberError, nearest, parse_count, parse_real, sanitized, truncated};
 
 /// Overrides of a preset.
@@ -65,13 +64,8 @@ impl ConfigError {
     }
 
     /// Adds the position in a file and an excerpt of it to the error.
-    fn in_file(
-        mut self: Box<Self>,
-        file: &str,
-        text: &str,
-        (offset, length): (usize, usize),
-    ) -> Box<Self> {
-        let (excerpt, (line, column)) = Excerpt::from_span(file, text, offset..offset + length);
+    fn in_file(mut self: Box<Self>, file: &str, text: &str, span: Range<usize>) -> Box<Self> {
+        let (excerpt, (line, column)) = Excerpt::from_span(file, text, span);
         self.excerpt = Some(excerpt);
         self.at(format!("{}:{line}:{column}: ", sanitized(file)))
     }
@@ -84,7 +78,7 @@ impl ConfigError {
 /// The file cannot be read or is not a JSON object, a name is unknown, or a value has the wrong
 /// type or is out of range.
 pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, Box<ConfigError>> {
-    let mut values = as_map(&preset.settings());
+    let mut values = preset.settings().values();
     let defaults = if preset.adapts_to_world() { overrides.defaults } else { &[] };
     for assignment in defaults {
         apply_assignment(&mut values, assignment, "default setting of the world ")?;
@@ -95,9 +89,7 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, 
     for assignment in overrides.set {
         apply_assignment(&mut values, assignment, "--set ")?;
     }
-    let settings = parse(&values)?;
-    check(&settings, &values)?;
-    Ok(settings)
+    checked(&values)
 }
 
 /// Returns the settings of `preset` in a world with these default settings, which count only if
@@ -131,27 +123,25 @@ pub fn settings_from_text(
     file: &str,
     text: &str,
 ) -> Result<Settings, Box<ConfigError>> {
-    let mut values = as_map(&preset.settings());
+    let mut values = preset.settings().values();
     apply_text(&mut values, file, text)?;
-    let settings = parse(&values)?;
-    check(&settings, &values)?;
-    Ok(settings)
+    checked(&values)
 }
 
-/// Formats all settings as a JSON object, in the order of the reference.
+/// Formats all settings as a JSON object, in the order of [`SETTINGS`].
 pub fn print_settings(settings: &Settings) -> String {
-    format!("{:#}\n", Value::Object(as_map(settings)))
+    format!("{:#}\n", Value::Object(settings.values()))
 }
 
-/// Returns the names and values of all settings, in the order of the reference.
+/// Returns the names and values of all settings, in the order of [`SETTINGS`].
 pub fn list_settings(settings: &Settings) -> Vec<(String, String)> {
-    as_map(settings).iter().map(|(name, value)| (name.clone(), shown(value))).collect()
+    settings.values().iter().map(|(name, value)| (name.clone(), shown(value))).collect()
 }
 
 /// Returns the settings of `settings` that differ from those of `base`, by name.
 pub fn changed_from(settings: &Settings, base: &Settings) -> Map<String, Value> {
-    let base = as_map(base);
-    as_map(settings).into_iter().filter(|(name, value)| base.get(name) != Some(value)).collect()
+    let base = base.values();
+    settings.values().into_iter().filter(|(name, value)| base.get(name) != Some(value)).collect()
 }
 
 /// Returns `settings` with one of them changed, as by `--set`.
@@ -163,11 +153,9 @@ pub fn with_setting(
     name: &str,
     value: &str,
 ) -> Result<Settings, Box<ConfigError>> {
-    let mut values = as_map(settings);
+    let mut values = settings.values();
     apply_typed(&mut values, name, value)?;
-    let settings = parse(&values)?;
-    check(&settings, &values)?;
-    Ok(settings)
+    checked(&values)
 }
 
 /// Sets one value as a person types it: JSON, a number as in options, or a word without quotes
@@ -188,16 +176,18 @@ fn as_number(setting: &Setting, value: &Value) -> Result<Value, Box<ConfigError>
     /// Whole numbers below this are exact in double precision.
     const MAX_EXACT: f64 = (1_u64 << 53) as f64;
     let parsed = match value {
-        Value::String(text) if setting.is_count() => parse_count(text).map(Value::from),
+        Value::String(text) if setting.values.are_counts() => parse_count(text).map(Value::from),
         // JSON keeps whole numbers as they are.
         Value::String(text) => {
             parse_real(text).map(|number| json_number(text).unwrap_or(number.into()))
         }
-        Value::Number(number) if setting.is_count() && !number.is_u64() => match number.as_f64() {
-            Some(number) if number.fract() != 0.0 => Err(NumberError::Fraction),
-            Some(number) if (0.0..MAX_EXACT).contains(&number) => Ok((number as u64).into()),
-            _ => return Ok(value.clone()),
-        },
+        Value::Number(number) if setting.values.are_counts() && !number.is_u64() => {
+            match number.as_f64() {
+                Some(number) if number.fract() != 0.0 => Err(NumberError::Fraction),
+                Some(number) if (0.0..MAX_EXACT).contains(&number) => Ok((number as u64).into()),
+                _ => return Ok(value.clone()),
+            }
+        }
         _ => return Ok(value.clone()),
     };
     let shown = truncated(&shown(value), MAX_QUOTED_CHARS);
@@ -210,7 +200,7 @@ fn as_number(setting: &Setting, value: &Value) -> Result<Value, Box<ConfigError>
         Err(NumberError::Fraction) => format!("{} needs a whole number, not {shown}", setting.name),
         Err(error) => format!("{}: {shown} {error}", setting.name),
     };
-    Err(ConfigError::new(problem, format!("{} must be {}", setting.name, setting.range)))
+    Err(ConfigError::new(problem, format!("{} must be {}", setting.name, setting.values)))
 }
 
 /// Parses a number of JSON.
@@ -221,17 +211,6 @@ fn json_number(text: &str) -> Option<Value> {
 /// Returns a value as a person writes it: words without quotes.
 fn shown(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
-}
-
-fn as_map(settings: &Settings) -> Map<String, Value> {
-    // Round-trips through text, which prints 0.005 rather than the nearest binary fraction.
-    match serde_json::to_string(settings).and_then(|text| serde_json::from_str(&text)) {
-        // In the order of the reference.
-        Ok(Value::Object(mut map)) => {
-            SETTINGS.iter().filter_map(|setting| map.remove_entry(setting.name)).collect()
-        }
-        _ => unreachable!("settings are an object of names and values"),
-    }
 }
 
 fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
@@ -250,44 +229,39 @@ fn apply(
     value: &Value,
 ) -> Result<(), Box<ConfigError>> {
     let Some(setting) = Setting::named(name) else { return Err(unknown(name)) };
-    let value = &as_number(setting, value)?;
-    values.insert(setting.name.to_owned(), value.clone());
-    let kind = |_| {
-        let help = format!("{name} must be {}{}", setting.range, decimal_comma(value));
-        ConfigError::new(
-            format!("{name} cannot be {}", truncated(&value.to_string(), MAX_QUOTED_CHARS)),
-            help,
-        )
-    };
-    let settings: Settings = serde_json::from_value(Value::Object(values.clone())).map_err(kind)?;
-    // The constraints between settings are checked once all are known.
-    match settings.validate_ranges() {
-        Err(OutOfRange(wrong)) if wrong == setting.name => Err(out_of_range(setting, value)),
+    let value = as_number(setting, value)?;
+    let error = refused(name, setting, &value);
+    if !setting.values.accept(&value) {
+        return Err(error);
+    }
+    values.insert(setting.name.to_owned(), value);
+    match parse(values)?.validate_ranges() {
+        Err(OutOfRange(wrong)) if wrong.name == setting.name => Err(error),
+        // The constraints between settings are checked once all are known.
         _ => Ok(()),
     }
 }
 
-/// Checks all values together: some ranges involve several settings.
-fn check(settings: &Settings, values: &Map<String, Value>) -> Result<(), Box<ConfigError>> {
-    let needed = settings.needed_buffer_size();
-    if settings.validate_ranges().is_ok() && settings.learn.buffer_size < needed {
-        let Settings { learn, train, .. } = settings;
-        return Err(ConfigError::new(
-            format!(
-                "buffer_size={} has no room for episodes of episode_steps={} with agents={}",
-                learn.buffer_size,
-                settings.min_episode_steps(),
-                train.agents
-            ),
-            format!("buffer_size must be at least {needed}: agents x (episode_steps + 1)"),
-        ));
+/// Returns the settings with these values, after checking them together: some ranges involve
+/// several settings.
+fn checked(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
+    let settings = parse(values)?;
+    if let Err(OutOfRange(setting)) = settings.validate_ranges() {
+        return Err(refused(setting.name, setting, &values[setting.name]));
     }
-    settings.validate().map_err(|OutOfRange(name)| match Setting::named(name) {
-        Some(setting) => out_of_range(setting, &values[name]),
-        None => {
-            ConfigError::new(format!("{name} is out of range"), "see --print-config".to_owned())
-        }
-    })
+    let needed = settings.needed_buffer_size();
+    let Settings { learn, train, .. } = &settings;
+    if learn.buffer_size >= needed {
+        return Ok(settings);
+    }
+    let problem = format!(
+        "buffer_size={} has no room for episodes of episode_steps={} with agents={}",
+        learn.buffer_size,
+        settings.min_episode_steps(),
+        train.agents
+    );
+    let help = format!("buffer_size must be at least {needed}: agents x (episode_steps + 1)");
+    Err(ConfigError::new(problem, help))
 }
 
 /// Returns what to say about a number with a decimal comma.
@@ -297,9 +271,11 @@ fn decimal_comma(value: &Value) -> &'static str {
     if value.as_str().is_some_and(is_number) { "; a point separates the fraction" } else { "" }
 }
 
-fn out_of_range(Setting { name, range, .. }: &Setting, value: &Value) -> Box<ConfigError> {
-    let value = truncated(&value.to_string(), MAX_QUOTED_CHARS);
-    ConfigError::new(format!("{name} cannot be {value}"), format!("{name} must be {range}"))
+/// Returns the error for a value that a setting, called `name` by the user, cannot have.
+fn refused(name: &str, setting: &Setting, value: &Value) -> Box<ConfigError> {
+    let shown = truncated(&value.to_string(), MAX_QUOTED_CHARS);
+    let help = format!("{name} must be {}{}", setting.values, decimal_comma(value));
+    ConfigError::new(format!("{name} cannot be {shown}"), help)
 }
 
 fn unknown(name: &str) -> Box<ConfigError> {
@@ -373,13 +349,13 @@ fn apply_text(
         } else {
             "a settings file is a JSON object of names and values, in the format of --print-config"
         };
-        ConfigError::new(without_place(&e), help.to_owned()).in_file(file, text, (offset, 0))
+        ConfigError::new(without_place(&e), help.to_owned()).in_file(file, text, offset..offset)
     })?;
     let mut given: BTreeMap<&str, &str> = BTreeMap::new();
     for (Key(name), raw) in &entries.0 {
         let location = |part: &str| {
             let offset = (part.as_ptr() as usize).wrapping_sub(text.as_ptr() as usize);
-            if offset <= text.len() { (offset, part.len()) } else { (0, 0) }
+            if offset <= text.len() { offset..offset + part.len() } else { 0..0 }
         };
         let known = Setting::named(name);
         if let Some(setting) = known

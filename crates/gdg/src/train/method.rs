@@ -1,13 +1,12 @@
-//! Methods (a learner and a planner) and presets of their settings.
+//! Methods: a learner and a planner.
 
 use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::settings::{Settings, TrainSettings};
-use crate::bridge::{BridgeSettings, Planner};
-use crate::learn::{LEARNERS, LearnSettings};
+use crate::bridge::Planner;
+use crate::learn::LEARNERS;
 
 /// A learner, which learns D and acts, and a planner, which plans over D.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -162,81 +161,6 @@ impl Serialize for Method {
 impl<'de> Deserialize<'de> for Method {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         String::deserialize(from)?.parse().map_err(serde::de::Error::custom)
-    }
-}
-
-/// A named set of settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Preset {
-    /// Every addition that measurably helps.
-    Default,
-    /// Algorithms 1 and 2 exactly as published.
-    Paper,
-    /// Rivals with rewards as published, in the setting in which they do best here.
-    Tuned,
-    /// Rivals with rewards by Stable-Baselines3's defaults.
-    Sb3,
-}
-
-impl Preset {
-    /// All presets.
-    pub const ALL: [Self; 4] = [Self::Default, Self::Paper, Self::Tuned, Self::Sb3];
-
-    /// Returns the name used on the command line and in records.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Default => "default",
-            Self::Paper => "paper",
-            Self::Tuned => "tuned",
-            Self::Sb3 => "sb3",
-        }
-    }
-
-    /// Returns the preset called `name`.
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|preset| preset.name() == name)
-    }
-
-    /// Returns a short description.
-    pub fn about(self) -> &'static str {
-        match self {
-            Self::Default => "All additions that measurably help",
-            Self::Paper => "The algorithms exactly as published",
-            Self::Tuned => "Baselines (ddpg, her, ddpg-distance) as they do best here",
-            Self::Sb3 => "Baselines by the defaults of Stable-Baselines3",
-        }
-    }
-
-    /// Whether a world's default settings ([`WorldKind::defaults`](crate::env::WorldKind)) apply to
-    /// it: the presets that somebody else has published stay as they are.
-    pub fn adapts_to_world(self) -> bool {
-        match self {
-            Self::Default | Self::Tuned => true,
-            Self::Paper | Self::Sb3 => false,
-        }
-    }
-
-    /// Returns the preset's settings.
-    pub fn settings(self) -> Settings {
-        match self {
-            Self::Default => Settings::default(),
-            Self::Paper => Settings {
-                learn: LearnSettings::paper(),
-                bridge: BridgeSettings::paper(),
-                train: TrainSettings::paper(),
-            },
-            Self::Tuned => Settings {
-                learn: LearnSettings::tuned(),
-                bridge: BridgeSettings::rivals(),
-                train: TrainSettings::tuned(),
-            },
-            Self::Sb3 => Settings {
-                learn: LearnSettings::sb3(),
-                bridge: BridgeSettings { averaged_weights: false, ..BridgeSettings::rivals() },
-                train: TrainSettings::sb3(),
-            },
-        }
     }
 }
 

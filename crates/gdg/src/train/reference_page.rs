@@ -1,9 +1,9 @@
 //! The reference page of all settings, in Markdown.
 
 use super::config::list_settings;
-use super::method::Preset;
-use super::settings::reference::{Group, SETTINGS, Setting};
+use super::settings::SETTINGS;
 use crate::env::{WORLDS, WorldKind};
+use crate::settings::{Group, Preset, Setting};
 
 /// Returns the reference page in Markdown.
 pub fn reference_page() -> String {
@@ -36,8 +36,8 @@ pub fn reference_page() -> String {
         for (i, setting) in
             SETTINGS.iter().enumerate().filter(|(_, setting)| setting.group == group)
         {
-            let Setting { name, about, unit, range, effect, former, .. } = setting;
-            let former = former.map_or(String::new(), |former| format!(" (was `{former}`)"));
+            let Setting { name, about, unit, values: range, effect, former, .. } = setting;
+            let former: String = former.iter().map(|former| format!(" (was `{former}`)")).collect();
             let effect = effect.about();
             let values = presets.each_ref().map(|values| values[i].1.as_str()).join(" | ");
             // A bar would end the cell.
@@ -53,34 +53,6 @@ pub fn reference_page() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::{Settings, with_setting};
-
-    #[test]
-    fn every_setting_has_an_entry_and_every_entry_a_setting() {
-        let mut listed: Vec<String> =
-            list_settings(&Settings::default()).into_iter().map(|(name, _)| name).collect();
-        let known: Vec<&str> = SETTINGS.iter().map(|setting| setting.name).collect();
-        assert_eq!(listed, known, "settings are listed in the order of the table");
-        listed.dedup();
-        assert_eq!(listed.len(), SETTINGS.len());
-        let groups: Vec<Group> = SETTINGS.iter().map(|setting| setting.group).collect();
-        let mut seen = groups.clone();
-        seen.dedup();
-        assert_eq!(seen, Group::ALL, "group by group");
-    }
-
-    #[test]
-    fn former_names_are_accepted() {
-        for setting in SETTINGS.iter().filter(|setting| setting.former.is_some()) {
-            let former = setting.former.unwrap_or_default();
-            let value = list_settings(&Preset::Default.settings())
-                .into_iter()
-                .find(|(name, _)| name == setting.name);
-            let value = value.expect("listed").1;
-            let settings = with_setting(&Settings::default(), former, &value).expect("the default");
-            assert_eq!(settings, Settings::default(), "{former}");
-        }
-    }
 
     #[test]
     fn docs_settings_md_matches_the_reference_page() {

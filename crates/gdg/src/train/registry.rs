@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use super::error::TrainError;
-use super::method::{Method, Preset, method_names};
+use super::method::{Method, method_names};
 use crate::env::{Environment, WORLDS, WorldKind};
 use crate::learn::{LEARNERS, LearnerKind};
+use crate::settings::Preset;
 use crate::store::{Store, StoreError};
 
 /// Name of the kind of world that maps are loaded into.

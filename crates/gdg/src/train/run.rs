@@ -4,10 +4,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::config::{changed_from, list_settings, with_setting};
-use super::method::{Method, Preset};
+use super::method::Method;
 use super::registry::Registry;
 use super::settings::Settings;
 use crate::bridge::BridgeSettings;
+use crate::settings::Preset;
 use crate::store::StoreError;
 
 /// Definition of a run: everything that its result depends on besides the world.

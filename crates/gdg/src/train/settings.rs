@@ -1,14 +1,33 @@
 //! All settings of a run.
 
-pub mod reference;
+use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 use crate::bridge::BridgeSettings;
 use crate::env::{EnvSettings, Restart};
-use crate::learn::{Auto, LearnSettings, OutOfRange};
+use crate::learn::LearnSettings;
+use crate::settings::Effect::NewAgents;
+use crate::settings::Preset::{Paper, Sb3, Tuned};
+use crate::settings::{Auto, Preset, Setting, Values, settings, without};
 
-/// All settings, serialised as one flat list of names.
+/// All settings, in the order in which they are listed: group by group.
+pub static SETTINGS: LazyLock<Vec<Setting>> = LazyLock::new(|| {
+    let modules = [LearnSettings::ENTRIES, TrainSettings::ENTRIES, BridgeSettings::ENTRIES];
+    let mut settings = modules.concat();
+    settings.sort_by_key(|setting| setting.group);
+    settings
+});
+
+impl Setting {
+    /// Returns the setting whose current or former name is `name`.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        SETTINGS.iter().find(|setting| setting.name == name || setting.former.contains(&name))
+    }
+}
+
+/// The values of all settings, serialised as one flat list of names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Networks, losses and batches.
@@ -22,24 +41,18 @@ pub struct Settings {
     pub train: TrainSettings,
 }
 
-/// Effect of changing a setting during a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Effect {
-    /// Takes effect immediately.
-    Immediate,
-    /// Restarts agents and episodes; keeps networks and replay buffer.
-    NewAgents,
-    /// Resets the networks; keeps agents and replay buffer.
-    NewNetworks,
-}
+/// A setting whose value is out of range.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("the setting {} is out of range", .0.name)]
+pub struct OutOfRange(pub &'static Setting);
 
-impl Effect {
-    /// Returns a short description.
-    pub fn about(self) -> &'static str {
-        match self {
-            Self::Immediate => "takes effect immediately",
-            Self::NewAgents => "restarts the agents; keeps networks and replay",
-            Self::NewNetworks => "resets the networks; keeps the replay",
+impl Preset {
+    /// Returns the preset's settings.
+    pub fn settings(self) -> Settings {
+        Settings {
+            learn: LearnSettings::of(self),
+            bridge: BridgeSettings::of(self),
+            train: TrainSettings::of(self),
         }
     }
 }
@@ -69,163 +82,102 @@ pub(crate) const MIN_EPISODE_STEPS: u32 = 150;
 /// ... and this many times the longest distance in the bridge graph.
 pub(crate) const EPISODE_FACTOR: f32 = 3.0;
 
-/// Default of [`TrainSettings::near_goal_steps`].
-fn near_goal_steps() -> u32 {
-    4
-}
-
-/// Settings of agents, episodes and exploration.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TrainSettings {
-    /// Agents exploring in parallel.
-    pub agents: usize,
-    /// Steps per episode. Automatic: a multiple of the longest distance in the bridge graph.
-    pub episode_steps: Auto<u32>,
-    /// Where episodes begin.
-    pub restart: Restart,
-    /// Environment steps (summed over all agents) per update.
-    pub env_steps_per_update: u64,
-    /// When due updates are run.
-    pub update_when: UpdateWhen,
-    /// Environment steps before the first update.
-    #[serde(alias = "warmup_env_steps")]
-    pub learning_starts: u64,
-    /// Fraction of steps that follow a held random direction instead of the actor.
-    pub random_actions: f32,
-    /// Mean number of steps that a random direction is held.
-    pub random_hold_steps: f32,
-    /// Standard deviation of the Gaussian noise on the actor's actions.
-    #[serde(alias = "action_noise")]
-    pub exploration_noise: f32,
-    /// Probability that an agent's goal is where a short straight walk from its place ends, which
-    /// needs no knowledge of the world: SoRB (Eysenbach et al. 2019) trains on near goals with
-    /// probability 0.8.
-    #[serde(default)]
-    pub near_goals: f32,
-    /// Longest such walk, in steps.
-    #[serde(default = "near_goal_steps")]
-    pub near_goal_steps: u32,
-    /// Whether an agent that reaches its goal gets a new one within the episode.
-    pub new_goal_when_reached: bool,
-    /// Standard deviation of the noise that the environment adds to every action.
-    pub env_noise: f32,
-}
-
-impl Default for TrainSettings {
-    fn default() -> Self {
-        Self {
-            agents: 32,
-            episode_steps: Auto::AUTO,
-            restart: Restart::Auto,
-            env_steps_per_update: 16,
-            update_when: UpdateWhen::Step,
-            learning_starts: 4_000,
-            random_actions: 0.3,
-            random_hold_steps: 10.0,
-            exploration_noise: 0.2,
-            near_goals: 0.0,
-            near_goal_steps: near_goal_steps(),
-            new_goal_when_reached: true,
-            env_noise: 0.0,
+settings! {
+    /// Settings of agents, episodes and exploration.
+    pub struct TrainSettings {
+        Optimiser {
+            env_steps_per_update: u64 = 16, Paper | Sb3 => 1, Tuned => 2;
+                "environment steps, summed over all agents, per update",
+                values: Values::count(1, MAX_ENV_STEPS_PER_UPDATE), unit: "steps";
+            update_when: UpdateWhen = UpdateWhen::Step, Paper => UpdateWhen::EpisodeEnd;
+                "run updates as soon as they are due or, as in Algorithm 1, after each episode",
+                values: Values::word(&["step", "episode-end"]);
+            learning_starts was "warmup_env_steps": u64 = 4_000, Paper => 1_000, Sb3 => 100;
+                "environment steps before the first update",
+                values: Values::count(0, MAX_LEARNING_STARTS), unit: "steps";
+        }
+        Agents {
+            agents: usize = 32, Paper | Sb3 => 1;
+                "agents exploring in parallel",
+                values: Values::count(1, 4096), effect: NewAgents;
+            episode_steps: Auto<u32> = Auto::AUTO, Paper => Auto::Given(20), Sb3 => Auto::Given(150);
+                "steps per episode; auto: three times the longest distance in the bridge graph, and \
+                 at least 150",
+                values: Values::count(1, MAX_EPISODE_STEPS as u64).or_auto(), unit: "steps",
+                ablation: without("episodes of 150 steps", "150");
+            restart: Restart = Restart::Auto, Paper | Sb3 => Restart::Anywhere;
+                "start of an episode: anywhere, the map's start S, or where the last one ended; \
+                 auto: never if there is an S",
+                values: Values::word(&["auto", "anywhere", "start-cell", "never"]),
+                effect: NewAgents,
+                ablation: without("episodes from anywhere", "anywhere");
+            /// It takes no knowledge of the world. SoRB (Eysenbach et al. 2019) trains on near
+            /// goals with probability 0.8.
+            near_goals: f32 = 0.0, Paper => 0.8;
+                "probability that an agent's goal is where a short straight walk from its place ends",
+                values: Values::PROBABILITY;
+            near_goal_steps: u32 = 4;
+                "longest of these walks",
+                values: Values::count(1, 10_000), unit: "steps";
+            new_goal_when_reached: bool = true, Paper | Sb3 => false;
+                "give an agent that reaches its goal, or gives up on it, a new one within the episode";
+            env_noise: f32 = 0.0, Paper => 1.0;
+                "standard deviation of the noise added to every action by the environment",
+                values: Values::number(0.0, 100.0);
+        }
+        Exploration {
+            random_actions: f32 = 0.3, Paper | Sb3 => 0.0;
+                "fraction of steps in a random direction instead of the actor's",
+                values: Values::FRACTION;
+            random_hold_steps: f32 = 10.0;
+                "mean number of steps for which a random direction is held",
+                values: Values::steps(1.0, 1e6), unit: "steps";
+            exploration_noise was "action_noise": f32 = 0.2;
+                "standard deviation of the Gaussian noise on the actor's actions",
+                values: Values::number(0.0, 100.0);
         }
     }
 }
 
 impl TrainSettings {
-    /// Returns the preset `paper`: one agent, and T updates after each episode of T steps.
-    pub fn paper() -> Self {
-        Self {
-            agents: 1,
-            episode_steps: Auto::Given(20),
-            restart: Restart::Anywhere,
-            env_steps_per_update: 1,
-            update_when: UpdateWhen::EpisodeEnd,
-            learning_starts: 1_000,
-            random_actions: 0.0,
-            near_goals: 0.8,
-            new_goal_when_reached: false,
-            env_noise: 1.0,
-            ..Self::default()
-        }
-    }
-
-    /// Returns the preset `tuned`: more updates per step.
-    pub fn tuned() -> Self {
-        Self { env_steps_per_update: 2, ..Self::default() }
-    }
-
-    /// Returns the preset `sb3`: one agent that makes an update at every step and pursues one goal
-    /// in each episode.
-    pub fn sb3() -> Self {
-        Self {
-            agents: 1,
-            episode_steps: Auto::Given(150),
-            restart: Restart::Anywhere,
-            env_steps_per_update: 1,
-            learning_starts: 100,
-            random_actions: 0.0,
-            new_goal_when_reached: false,
-            ..Self::default()
-        }
-    }
-
     /// Returns the settings of the environment.
     pub fn env(&self) -> EnvSettings {
         EnvSettings { restart: self.restart, noise: self.env_noise }
     }
-
-    /// Checks every value's range.
-    ///
-    /// # Errors
-    /// The name of the first setting out of range.
-    pub fn validate(&self) -> Result<(), OutOfRange> {
-        let noise = |v: f32| (0.0..=100.0).contains(&v);
-        let checks = [
-            ("agents", (1..=4096).contains(&self.agents)),
-            (
-                "episode_steps",
-                self.episode_steps
-                    .given()
-                    .is_none_or(|steps| (1..=MAX_EPISODE_STEPS).contains(&steps)),
-            ),
-            (
-                "env_steps_per_update",
-                (1..=MAX_ENV_STEPS_PER_UPDATE).contains(&self.env_steps_per_update),
-            ),
-            ("learning_starts", self.learning_starts <= MAX_LEARNING_STARTS),
-            ("random_actions", (0.0..=1.0).contains(&self.random_actions)),
-            ("random_hold_steps", (1.0..=1e6).contains(&self.random_hold_steps)),
-            ("exploration_noise", noise(self.exploration_noise)),
-            ("near_goals", (0.0..=1.0).contains(&self.near_goals)),
-            ("near_goal_steps", (1..=10_000).contains(&self.near_goal_steps)),
-            ("env_noise", noise(self.env_noise)),
-        ];
-        checks.iter().find(|(_, ok)| !ok).map_or(Ok(()), |(name, _)| Err(OutOfRange(name)))
-    }
 }
 
 impl Settings {
+    /// Returns all values by name, in the order of [`SETTINGS`].
+    pub fn values(&self) -> Map<String, Value> {
+        // Round-trips through text, which prints 0.005 rather than the nearest binary fraction.
+        match serde_json::to_string(self).and_then(|text| serde_json::from_str(&text)) {
+            Ok(Value::Object(mut map)) => {
+                SETTINGS.iter().filter_map(|setting| map.remove_entry(setting.name)).collect()
+            }
+            _ => unreachable!("settings are an object of names and values"),
+        }
+    }
+
     /// Checks every value's range and the constraints between settings.
     ///
     /// # Errors
-    /// The name of the first setting out of range.
+    /// The first setting that is out of range.
     pub fn validate(&self) -> Result<(), OutOfRange> {
         self.validate_ranges()?;
-        if self.learn.buffer_size < self.needed_buffer_size() {
-            Err(OutOfRange("buffer_size"))
-        } else {
-            Ok(())
-        }
+        demand(self.learn.buffer_size >= self.needed_buffer_size(), "buffer_size")
     }
 
     /// Checks every value's own range.
     ///
     /// # Errors
-    /// The name of the first setting out of range.
+    /// The first setting that is out of range.
     pub fn validate_ranges(&self) -> Result<(), OutOfRange> {
-        self.learn.validate()?;
-        self.bridge.validate()?;
-        self.train.validate()
+        let values = self.values();
+        let is_valid = |setting: &Setting| setting.values.accept(&values[setting.name]);
+        if let Some(wrong) = SETTINGS.iter().find(|setting| !is_valid(setting)) {
+            return Err(OutOfRange(wrong));
+        }
+        demand(self.learn.goal_random + self.learn.goal_hindsight <= 1.0, "goal_random")
     }
 
     /// Returns the smallest buffer that holds an episode of every agent.
@@ -256,20 +208,10 @@ impl Settings {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn episodes_grow_with_what_is_known_as_far_as_the_buffer_allows() {
-        let mut settings = Settings::default();
-        assert_eq!(
-            [0.0, 40.0, 240.0].map(|longest| settings.episode_steps(longest)),
-            [150, 150, 720]
-        );
-        settings.learn.buffer_size = 32 * 201;
-        assert_eq!(settings.episode_steps(240.0), 200);
-        settings.train.episode_steps = Auto::Given(77);
-        assert_eq!(settings.episode_steps(240.0), 77);
-    }
+/// Returns that `setting` is out of range, unless its condition holds.
+fn demand(holds: bool, setting: &str) -> Result<(), OutOfRange> {
+    Setting::named(setting).filter(|_| !holds).map_or(Ok(()), |setting| Err(OutOfRange(setting)))
 }
+
+#[cfg(test)]
+mod tests;

@@ -11,6 +11,7 @@ use crate::learn::update::autograd::{assert_close, random_state, spec, variables
 use crate::learn::update::gradient::full_gradient;
 use crate::learn::update::losses::EXCESS_WEIGHT;
 use crate::learn::update::reference::{Parameters, mlp, pair_rows};
+use crate::settings::Preset;
 
 /// Updates before gradients are compared: target networks start equal to the networks.
 const UPDATES_BEFORE: usize = 20;
@@ -189,7 +190,7 @@ fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
 }
 
 fn settings(batch: usize, hidden: usize, layers: usize, critics: usize) -> LearnSettings {
-    LearnSettings { batch_size: batch, hidden, layers, critics, ..LearnSettings::tuned() }
+    LearnSettings { batch_size: batch, hidden, layers, critics, ..LearnSettings::of(Preset::Tuned) }
 }
 
 /// Inputs as the goal-distance learner has them by default.
@@ -201,7 +202,7 @@ fn with_our_inputs(settings: &LearnSettings) -> LearnSettings {
 
 #[test]
 fn gradients_of_the_presets_match_autograd() {
-    for preset in [LearnSettings::tuned(), LearnSettings::sb3()] {
+    for preset in [LearnSettings::of(Preset::Tuned), LearnSettings::of(Preset::Sb3)] {
         for variant in [&SPARSE, &HINDSIGHT, &DISTANCE] {
             check(variant, &spec(2, 2, true), &LearnSettings { batch_size: 96, ..preset.clone() });
         }
@@ -255,7 +256,7 @@ fn updates_are_the_same_on_any_number_of_threads() {
 
 #[test]
 fn other_backends_are_refused_by_name() {
-    let settings = LearnSettings { backend: Backend::Tape, ..LearnSettings::tuned() };
+    let settings = LearnSettings { backend: Backend::Tape, ..LearnSettings::of(Preset::Tuned) };
     let refused = (HER.create)(&spec(2, 2, true), &settings, 1, &mut ChaCha8Rng::seed_from_u64(1));
     let message = refused.err().unwrap().to_string();
     assert!(message.contains("her") && message.contains("backend=fused"), "{message}");

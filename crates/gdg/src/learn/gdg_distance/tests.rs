@@ -13,6 +13,7 @@ use crate::learn::update::gradient::full_gradient;
 use crate::learn::update::losses::EXCESS_WEIGHT;
 use crate::learn::update::reference::{Layers, Reference, mlp, pair_rows};
 use crate::learn::update::straight::typical_step;
+use crate::settings::Preset;
 
 fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
     let mut batch =
@@ -109,7 +110,7 @@ fn settings(batch: usize, hidden: usize, layers: usize) -> LearnSettings {
 #[test]
 fn gradients_match_autograd() {
     check(&spec(2, 2, true), &LearnSettings::default());
-    check(&spec(2, 2, true), &LearnSettings::paper());
+    check(&spec(2, 2, true), &LearnSettings::of(Preset::Paper));
     check(&spec(10, 3, false), &settings(33, 24, 2));
     check(&spec(5, 3, true), &settings(70, 24, 2));
 }

@@ -6,12 +6,12 @@ use serde_json::{Map, Value};
 use super::recovery::LastGood;
 use super::{Result, Stream, Trainer, fork_world, new_candidates, new_learner, new_replay, stream};
 use crate::env::{Change, EnvError, Environment};
+use crate::settings::Effect;
 use crate::store::Store;
 use crate::train::config::list_settings;
 use crate::train::rollout::Rollout;
 use crate::train::run::Run;
-use crate::train::settings::reference::SETTINGS;
-use crate::train::settings::{Effect, Settings};
+use crate::train::settings::{SETTINGS, Settings};
 
 /// Result of a change of the world.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::recovery::LastGood;
 use super::{Result, Trainer};
 use crate::bridge::CandidatesState;
-use crate::learn::{OutOfRange, ReplayState};
+use crate::learn::ReplayState;
+use crate::settings::Setting;
 use crate::store::{Store, StoreError};
 use crate::train::error::TrainError;
 use crate::train::film::Film;
@@ -18,7 +19,7 @@ use crate::train::memory;
 use crate::train::registry::Registry;
 use crate::train::rollout::RolloutState;
 use crate::train::run::{Counters, Run};
-use crate::train::settings::reference::Setting;
+use crate::train::settings::OutOfRange;
 use crate::train::visits::Visits;
 
 /// Names in the store: bridge candidates, and the current and the next bridge graph.
@@ -84,9 +85,8 @@ impl Trainer {
     /// The store is incomplete or inconsistent, or the run does not fit into memory.
     pub fn load(store: &Store, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
         let run: Run = store.json("run")?;
-        let range = |OutOfRange(name)| {
-            let range = Setting::named(name).map_or("in range", |setting| setting.range);
-            StoreError::inconsistent(format!("its setting {name} must be {range}"))
+        let range = |OutOfRange(Setting { name, values, .. }): OutOfRange| {
+            StoreError::inconsistent(format!("its setting {name} must be {values}"))
         };
         run.settings.validate().map_err(range)?;
         let world = registry.load_world(store)?;

@@ -1,0 +1,209 @@
+//! What a setting is: all that is known about it stands in one entry, beside its field.
+//!
+//! A module declares its settings by the macro [`settings`], which makes of the entries a struct
+//! with a field each, its values in every [`Preset`], and a list of [`Setting`]s. Checks, errors,
+//! `--print-config`, the settings dialog, the page of settings and the ablation come from these.
+
+mod preset;
+pub(crate) mod values;
+
+pub use preset::Preset;
+pub(crate) use values::Excluded;
+pub use values::{Auto, AutoWord, Values};
+
+/// A group of related settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Group {
+    /// The networks and their inputs.
+    Networks,
+    /// The critics' targets.
+    Targets,
+    /// Composition of a batch.
+    Batches,
+    /// Step sizes, update schedule and backend.
+    Optimiser,
+    /// Agents, episodes and the world.
+    Agents,
+    /// How agents explore.
+    Exploration,
+    /// Bridge candidates and the edges between them.
+    Bridges,
+    /// Execution of plans.
+    Planning,
+}
+
+impl Group {
+    /// All groups, in the order in which settings are listed.
+    pub const ALL: [Self; 8] = [
+        Self::Networks,
+        Self::Targets,
+        Self::Batches,
+        Self::Optimiser,
+        Self::Agents,
+        Self::Exploration,
+        Self::Bridges,
+        Self::Planning,
+    ];
+
+    /// Returns its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Networks => "networks",
+            Self::Targets => "targets",
+            Self::Batches => "batches",
+            Self::Optimiser => "optimiser",
+            Self::Agents => "agents",
+            Self::Exploration => "exploration",
+            Self::Bridges => "bridges",
+            Self::Planning => "planning",
+        }
+    }
+}
+
+/// Effect of changing a setting during a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// Takes effect immediately.
+    Immediate,
+    /// Restarts agents and episodes; keeps networks and replay buffer.
+    NewAgents,
+    /// Resets the networks; keeps agents and replay buffer.
+    NewNetworks,
+}
+
+impl Effect {
+    /// Returns a short description.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Immediate => "takes effect immediately",
+            Self::NewAgents => "restarts the agents; keeps networks and replay",
+            Self::NewNetworks => "resets the networks; keeps the replay",
+        }
+    }
+}
+
+/// A setting, but for its type and its values in the presets.
+#[derive(Clone, Copy, Debug)]
+pub struct Setting {
+    /// Its name on the command line and in files.
+    pub name: &'static str,
+    /// Its former names, which are still accepted.
+    pub former: &'static [&'static str],
+    /// The group it belongs to.
+    pub group: Group,
+    /// Description.
+    pub about: &'static str,
+    /// Its unit; empty if it has none.
+    pub unit: &'static str,
+    /// Its valid values.
+    pub values: Values,
+    /// Effect of a change during a run.
+    pub effect: Effect,
+    /// The experiment that does without it.
+    pub ablation: Option<Ablation>,
+}
+
+/// A run that does without something, by another value of its setting.
+#[derive(Clone, Copy, Debug)]
+pub struct Ablation {
+    /// What is missing.
+    pub name: &'static str,
+    /// The setting's value, as typed.
+    pub value: &'static str,
+}
+
+/// Returns an [`Ablation`] for an entry.
+#[expect(clippy::unnecessary_wraps, reason = "as the entry's field takes it")]
+pub(crate) const fn without(name: &'static str, value: &'static str) -> Option<Ablation> {
+    Some(Ablation { name, value })
+}
+
+impl Setting {
+    /// What an entry leaves out.
+    pub(crate) const PLAIN: Self = Self {
+        name: "",
+        former: &[],
+        group: Group::Networks,
+        about: "",
+        unit: "",
+        values: Values::SWITCH,
+        effect: Effect::Immediate,
+        ablation: None,
+    };
+}
+
+/// Defines a struct of settings from one entry each, by group:
+///
+/// ```text
+/// pub struct NAME {
+///     GROUP {
+///         field was "former name": type = default, Preset | Preset => value;
+///             "description", values: .., unit: "..", effect: .., ablation: without("..", "..");
+///     }
+/// }
+/// ```
+///
+/// All but name, type, default and description can be left out: a plain setting is a switch that
+/// takes effect immediately. Doc comments before an entry add to its description; a checkpoint
+/// without the setting has its default, or what `#[serde(default ..)]` says.
+macro_rules! settings {
+    (
+        $(#[$about_all:meta])*
+        pub struct $name:ident {
+            $($group:ident {
+                $(
+                    $(#[$attribute:meta])*
+                    $field:ident $(was $former:literal)*: $type:ty =
+                        $default:expr $(, $preset:pat => $value:expr)*;
+                        $about:literal $(, $property:ident: $content:expr)*;
+                )*
+            })*
+        }
+    ) => {
+        $(#[$about_all])*
+        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[serde(default)]
+        pub struct $name {
+            $($(
+                #[doc = $about]
+                #[doc = ""]
+                $(#[$attribute])*
+                $(#[serde(alias = $former)])*
+                pub $field: $type,
+            )*)*
+        }
+
+        impl $name {
+            /// An entry for each field.
+            #[allow(clippy::needless_update, reason = "an entry may give all there is")]
+            pub(crate) const ENTRIES: &'static [$crate::settings::Setting] = &[
+                $($($crate::settings::Setting {
+                    name: stringify!($field),
+                    former: &[$($former),*],
+                    group: $crate::settings::Group::$group,
+                    about: $about,
+                    $($property: $content,)*
+                    ..$crate::settings::Setting::PLAIN
+                },)*)*
+            ];
+
+            /// Returns the values in `preset`.
+            pub fn of(preset: $crate::settings::Preset) -> Self {
+                Self {
+                    $($($field: match preset {
+                        $($preset => $value,)*
+                        _ => $default,
+                    },)*)*
+                }
+            }
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self::of($crate::settings::Preset::Default)
+            }
+        }
+    };
+}
+
+pub(crate) use settings;

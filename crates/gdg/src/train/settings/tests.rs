@@ -1,0 +1,203 @@
+//! Every setting does what its entry says.
+
+use serde_json::json;
+
+use super::*;
+use crate::settings::values::Kind;
+use crate::settings::{Excluded, Group};
+use crate::train::with_setting;
+
+/// Returns the default settings with one value, as a file would have it; `None` if that has
+/// another type.
+fn with(setting: &Setting, value: Value) -> Option<Settings> {
+    let mut values = Settings::default().values();
+    if setting.name == "goal_random" {
+        // Leaves room for all of its own range.
+        values["goal_hindsight"] = 0.into();
+    }
+    values.insert(setting.name.to_owned(), value);
+    serde_json::from_value(Value::Object(values)).ok()
+}
+
+/// Checks that exactly the `valid` values are accepted, and that the field can hold them.
+fn check(setting: &Setting, valid: &[Value], invalid: &[Value]) {
+    let accepted = |value: &Value| {
+        let settings = with(setting, value.clone());
+        settings.is_some_and(|settings| match settings.validate_ranges() {
+            Ok(()) => settings.values()[setting.name] == *value,
+            Err(OutOfRange(wrong)) => wrong.name != setting.name,
+        })
+    };
+    for value in valid {
+        assert!(accepted(value), "{} can be {value}: {}", setting.name, setting.values);
+    }
+    for value in invalid {
+        assert!(!accepted(value), "{} cannot be {value}: {}", setting.name, setting.values);
+    }
+}
+
+/// Returns a number in single precision as JSON prints it.
+fn number(value: f32) -> Value {
+    let text = serde_json::to_string(&value).unwrap_or_default();
+    serde_json::from_str(&text).unwrap_or(Value::Null)
+}
+
+/// Returns the numbers in a description.
+fn numbers_in(text: &str) -> Vec<f64> {
+    text.split([' ', ',']).filter_map(|word| word.parse().ok()).collect()
+}
+
+#[test]
+fn the_documented_bounds_are_the_checked_ones() {
+    for setting in SETTINGS.iter() {
+        let documented = numbers_in(&setting.values.to_string());
+        if setting.values.or_auto {
+            check(setting, &["auto".into()], &["automatic".into()]);
+        }
+        match setting.values.kind {
+            Kind::Switch => check(setting, &[true.into(), false.into()], &[0.into()]),
+            Kind::Word(words) => {
+                let words: Vec<Value> = words.iter().map(|word| (*word).into()).collect();
+                check(setting, &words, &["other".into(), 1.into()]);
+            }
+            Kind::Count { from, to } => {
+                assert!(documented.starts_with(&[from as f64]), "{}", setting.name);
+                let below = from.checked_sub(1).map_or(json!(-1), Value::from);
+                check(setting, &[from.into()], &[below, json!(from as f64 + 0.5)]);
+                if let Some(to) = to {
+                    assert_eq!(documented[1..2], [to as f64], "{}", setting.name);
+                    check(setting, &[to.into()], &[(to + 1).into()]);
+                }
+            }
+            Kind::Number { from, to, excluded, .. } => {
+                let ends = [documented[0], documented[1]].map(|end| end as f32);
+                assert_eq!(ends, [from, to], "{}", setting.name);
+                let (mut valid, mut invalid) = (vec![], vec![from.next_down(), to.next_up()]);
+                let [lower, upper] = match excluded {
+                    Excluded::None => [false, false],
+                    Excluded::Lower => [true, false],
+                    Excluded::Upper => [false, true],
+                    Excluded::Both => [true, true],
+                };
+                for (end, is_excluded, next) in
+                    [(from, lower, from.next_up()), (to, upper, to.next_down())]
+                {
+                    if is_excluded { &mut invalid } else { &mut valid }.push(end);
+                    valid.push(next);
+                }
+                let [valid, invalid] =
+                    [valid, invalid].map(|all| all.into_iter().map(number).collect::<Vec<_>>());
+                check(setting, &valid, &invalid);
+            }
+            Kind::Numbers { max_len, from, to } => {
+                assert_eq!(documented[0], max_len as f64);
+                assert_eq!([documented[1], documented[2]].map(|end| end as f32), [from, to]);
+                let list = |value: f32, len: usize| Value::from(vec![number(value); len]);
+                check(
+                    setting,
+                    &[list(from, max_len), list(to, 1), list(1.0, 0)],
+                    &[list(1.0, max_len + 1), list(from.next_down(), 1), list(to.next_up(), 1)],
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn words_are_those_that_the_field_knows() {
+    for setting in SETTINGS.iter() {
+        let Kind::Word(words) = setting.values.kind else { continue };
+        let mut values = Settings::default().values();
+        values[setting.name] = "?".into();
+        let error = serde_json::from_value::<Settings>(Value::Object(values)).expect_err("no word");
+        let error = error.to_string();
+        // unknown variant `?`, expected one of `squared`, `sqrt`, `log`
+        let known: Vec<&str> = error.split('`').skip(3).step_by(2).collect();
+        assert_eq!(known, words, "{}: {error}", setting.name);
+    }
+}
+
+#[test]
+fn every_field_has_an_entry_and_every_entry_a_field() {
+    let Ok(Value::Object(fields)) = serde_json::to_value(Settings::default()) else {
+        panic!("settings are an object")
+    };
+    let mut fields: Vec<&str> = fields.keys().map(String::as_str).collect();
+    let values = Settings::default().values();
+    let mut entries: Vec<&str> = SETTINGS.iter().map(|setting| setting.name).collect();
+    assert_eq!(entries, values.keys().collect::<Vec<_>>(), "in the order of the entries");
+    fields.sort_unstable();
+    entries.sort_unstable();
+    assert_eq!(fields, entries);
+    let mut groups: Vec<Group> = SETTINGS.iter().map(|setting| setting.group).collect();
+    groups.dedup();
+    assert_eq!(groups, Group::ALL, "group by group");
+    let mut names: Vec<&str> = SETTINGS
+        .iter()
+        .flat_map(|setting| setting.former.iter().chain([&setting.name]))
+        .copied()
+        .collect();
+    let all = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), all, "no name means two settings");
+}
+
+#[test]
+fn presets_are_within_range() {
+    for preset in Preset::ALL {
+        assert!(preset.settings().validate().is_ok(), "{}", preset.name());
+    }
+}
+
+#[test]
+fn former_names_are_accepted_in_files_and_as_options() {
+    let default = Settings::default();
+    for setting in SETTINGS.iter() {
+        for former in setting.former {
+            let mut values = default.values();
+            let value = values.remove(setting.name).expect("every setting has a value");
+            values.insert((*former).to_owned(), value.clone());
+            let read: Settings = serde_json::from_value(Value::Object(values)).expect("settings");
+            assert_eq!(read, default, "{former}");
+            let set = with_setting(&default, former, &value.to_string()).expect("the default");
+            assert_eq!(set, default, "{former}");
+        }
+    }
+}
+
+#[test]
+fn ablations_change_their_setting_to_a_valid_value() {
+    let default = Settings::default();
+    for setting in SETTINGS.iter() {
+        let Some(ablation) = setting.ablation else { continue };
+        let changed = with_setting(&default, setting.name, ablation.value);
+        assert!(changed.is_ok_and(|changed| changed != default), "{}", ablation.name);
+    }
+}
+
+#[test]
+fn settings_missing_in_a_checkpoint_are_off_or_have_their_default() {
+    let empty: Settings = serde_json::from_str("{}").expect("settings");
+    let mut expected = Settings::default();
+    for added_later in [
+        &mut expected.learn.model_check,
+        &mut expected.learn.graph_bounds,
+        &mut expected.learn.actor_waypoints,
+        &mut expected.learn.unblock_actor,
+        &mut expected.bridge.lookahead,
+    ] {
+        *added_later = false;
+    }
+    assert_eq!(empty, expected);
+}
+
+#[test]
+fn episodes_grow_with_what_is_known_as_far_as_the_buffer_allows() {
+    let mut settings = Settings::default();
+    assert_eq!([0.0, 40.0, 240.0].map(|longest| settings.episode_steps(longest)), [150, 150, 720]);
+    settings.learn.buffer_size = 32 * 201;
+    assert_eq!(settings.episode_steps(240.0), 200);
+    settings.train.episode_steps = Auto::Given(77);
+    assert_eq!(settings.episode_steps(240.0), 77);
+}
