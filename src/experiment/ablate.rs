@@ -20,8 +20,12 @@ use crate::host::status::EXIT_FAILURE;
 use gdg::files::{check_writable, write_atomically};
 use gdg::map::Grid;
 use gdg::printing::eprint_line;
+use gdg::settings::Ablation;
 use gdg::text::{counted, markdown};
-use gdg::train::{Evaluation, Method, Overrides, Preset, Registry, Run, Settings, settings_from};
+use gdg::train::{
+    Evaluation, Method, Overrides, Preset, Registry, Run, SETTINGS, Settings, list_settings,
+    settings_from,
+};
 
 /// What to train, and where results go.
 #[derive(Clone, Debug)]
@@ -47,45 +51,18 @@ pub struct Options {
 }
 
 /// What is trained and evaluated.
+#[derive(Clone)]
 struct Case {
     name: &'static str,
     method: &'static str,
     preset: Preset,
     /// Settings that differ from the preset's, as `--set` takes them.
-    set: Vec<&'static str>,
+    set: Vec<String>,
 }
 
-/// The default with one thing changed: settings as `--set` takes them, separated by spaces.
-const VARIANTS: [(&str, &str); 28] = [
-    ("default", ""),
-    ("1-step targets", "n_step=1"),
-    ("targets from behaviour alone", "greedy_targets=false"),
-    ("... and an expectile of 0.95", "greedy_targets=false expectile=0.95"),
-    ("no check of the model before targets", "model_check=false"),
-    ("no hindsight bound", "hindsight_bound=false"),
-    ("one critic", "critics=1"),
-    ("squared error of D", "loss=squared"),
-    ("no random goals in a batch", "goal_random=0"),
-    ("no Fourier features", "fourier_octaves=0"),
-    ("no relative inputs", "relative_scales=[]"),
-    ("no grid encoding", "grid_cells=[]"),
-    ("unbounded actor", "actor_bound=0"),
-    ("no distillation", "distillation=0"),
-    ("no bounds by the graph on other pairs", "graph_bounds=false"),
-    ("no waypoints for the actor", "actor_waypoints=false"),
-    ("no ways out for a blocked actor", "unblock_actor=false"),
-    ("waypoints cost a step", "hop_steps=1"),
-    ("unverified edges", "verify_edges=false"),
-    ("no edges from trajectories alone", "keep_observed_edges=false"),
-    ("no progress check", "progress_check=false"),
-    ("current weights, no averages", "averaged_weights=false"),
-    ("no bridge goals in exploration", "bridge_epsilon=0"),
-    ("no plans in exploration", "planned_episodes=0"),
-    ("no lookahead", "lookahead=false"),
-    ("episodes from anywhere", "restart=anywhere"),
-    ("episodes of 150 steps", "episode_steps=150"),
-    ("no excursions", "frontier_epsilon=0"),
-];
+/// The default with two settings changed, besides those whose entry has an ablation.
+const COMBINATION: (&str, &str) =
+    ("targets from behaviour alone, expectile of 0.95", "greedy_targets=false expectile=0.95");
 
 /// The default with another method.
 const OTHER_METHODS: [(&str, &str); 2] =
@@ -94,56 +71,71 @@ const OTHER_METHODS: [(&str, &str); 2] =
 /// The default's method.
 const METHOD: &str = "gdg-bridge";
 
-/// The components between the presets `paper` and `default`, each on top of those before it. The
-/// world is the same for all, without noise.
+/// The components between the presets `paper` and `default`, each on top of those before it: the
+/// settings that get their default. The world is the same for all, without noise.
 const LADDER: [(&str, &str); 14] = [
-    ("preset paper, without noise", "env_noise=0"),
+    ("preset paper, without noise", "env_noise"),
     (
         "+ hindsight goals instead of near ones",
-        "near_goals=0 goal_hindsight=0.5 goal_random=0.1 hindsight_bound=true max_distance_steps=0",
+        "near_goals goal_hindsight goal_random hindsight_bound max_distance_steps",
     ),
     (
         "+ 32 agents side by side, long episodes",
-        "agents=32 env_steps_per_update=16 update_when=step learning_starts=4000 random_actions=0.3 \
-         new_goal_when_reached=true episode_steps=auto",
+        "agents env_steps_per_update update_when learning_starts random_actions \
+         new_goal_when_reached episode_steps",
     ),
-    ("+ relative inputs, Fourier features", "relative_scales=[0.5,1,2,4,8,32] fourier_octaves=3"),
-    ("+ grid encoding", "grid_cells=[4,2,1,0.5]"),
-    ("+ 3-step targets, two critics, error of sqrt(D)", "n_step=3 critics=2 loss=sqrt tau=0.005"),
+    ("+ relative inputs, Fourier features", "relative_scales fourier_octaves"),
+    ("+ grid encoding", "grid_cells"),
+    ("+ 3-step targets, two critics, error of sqrt(D)", "n_step critics loss tau"),
     (
         "+ targets of the better of behaviour and actor",
-        "greedy_targets=true expectile=0.55 actor_bound=2.5 relearn_updates=3000",
+        "greedy_targets expectile actor_bound relearn_updates",
     ),
     (
         "+ verified edges, progress check, more candidates",
-        "verify_edges=true keep_observed_edges=true progress_check=true averaged_weights=true hop_steps=0.5 \
-         candidates=1200 candidate_spacing=1",
+        "verify_edges keep_observed_edges progress_check averaged_weights hop_steps candidates \
+         candidate_spacing",
     ),
-    ("+ distillation, plans in exploration", "distillation=0.3 planned_episodes=0.7"),
-    ("+ bounds by the graph on other pairs", "graph_bounds=true"),
-    ("+ waypoints for the actor", "actor_waypoints=true"),
-    ("+ checks of the model, ways out for a blocked actor", "model_check=true unblock_actor=true"),
-    ("+ lookahead", "lookahead=true"),
-    ("+ one start, excursions: the default", "restart=auto frontier_epsilon=auto"),
+    ("+ distillation, plans in exploration", "distillation planned_episodes"),
+    ("+ bounds by the graph on other pairs", "graph_bounds"),
+    ("+ waypoints for the actor", "actor_waypoints"),
+    ("+ checks of the model, ways out for a blocked actor", "model_check unblock_actor"),
+    ("+ lookahead", "lookahead"),
+    ("+ one start, excursions: the default", "restart frontier_epsilon"),
 ];
 
 /// Returns the cases in the order of the table.
 fn cases(ladder: bool) -> Vec<Case> {
-    let case = |name, method, preset, set| Case { name, method, preset, set };
-    if ladder {
-        let set = |rung: usize| {
-            LADDER[..=rung].iter().flat_map(|(_, set)| set.split_whitespace()).collect()
-        };
-        return (0..LADDER.len())
-            .map(|rung| case(LADDER[rung].0, METHOD, Preset::Paper, set(rung)))
-            .collect();
-    }
-    let variants = VARIANTS
-        .iter()
-        .map(|(name, set)| case(name, METHOD, Preset::Default, set.split_whitespace().collect()));
-    let methods =
-        OTHER_METHODS.iter().map(|(name, method)| case(name, method, Preset::Default, Vec::new()));
-    variants.chain(methods).collect()
+    if ladder { rungs() } else { variants() }
+}
+
+/// Returns the rungs of the [`LADDER`].
+fn rungs() -> Vec<Case> {
+    let default = list_settings(&Settings::default());
+    let (preset, mut set) = (Preset::Paper, Vec::new());
+    let mut rung = |(name, added): (&'static str, &str)| {
+        let is_added = |name: &str| added.split_whitespace().any(|added| added == name);
+        let added = default.iter().filter(|(name, _)| is_added(name));
+        set.extend(added.map(|(name, value)| format!("{name}={value}")));
+        Case { name, method: METHOD, preset, set: set.clone() }
+    };
+    LADDER.map(&mut rung).to_vec()
+}
+
+/// Returns the default, the default without each component, and with other methods.
+fn variants() -> Vec<Case> {
+    let case = |name, method, set: &str| {
+        let set = set.split_whitespace().map(str::to_owned).collect();
+        Case { name, method, preset: Preset::Default, set }
+    };
+    let ablated = SETTINGS.iter().filter_map(|setting| {
+        let Ablation { name, value } = setting.ablation?;
+        Some(case(name, METHOD, &format!("{}={value}", setting.name)))
+    });
+    let default = case("default", METHOD, "");
+    let combination = case(COMBINATION.0, METHOD, COMBINATION.1);
+    let methods = OTHER_METHODS.map(|(name, method)| case(name, method, ""));
+    [default].into_iter().chain(ablated).chain([combination]).chain(methods).collect()
 }
 
 /// One run's result.
@@ -243,8 +235,7 @@ fn write_json(path: &Path, overwrite: bool, outcomes: &[Outcome]) -> Result<(), 
 
 /// Returns the settings of `case`.
 fn settings(case: &Case) -> Result<Settings, Report> {
-    let set: Vec<String> = case.set.iter().map(|set| (*set).to_owned()).collect();
-    settings_from(case.preset, &Overrides { set: &set, ..Overrides::default() })
+    settings_from(case.preset, &Overrides { set: &case.set, ..Overrides::default() })
         .map_err(from_config_error)
 }
 
