@@ -1,7 +1,8 @@
 //! Values, targets and hand-written gradients of one part of a batch.
 
+use super::Variant;
 use super::batch::Transitions;
-use super::returns::{Returns, Reward};
+use super::returns::Returns;
 use crate::env::Spec;
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::features::{Pairs, SharedFeatures, Workspace, resized};
@@ -9,13 +10,17 @@ use crate::learn::networks::mlp::{GradientRequest, Mlp};
 use crate::learn::networks::network::Weights;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::gradient::Gradient;
-use crate::learn::update::losses::{EXCESS_WEIGHT, Losses};
+use crate::learn::update::losses::EXCESS_WEIGHT;
 use crate::learn::update::rows::rows_of_part;
 
 /// Sizes of the networks, and the meaning of their outputs.
 #[derive(Clone, Debug)]
 pub struct Shapes {
     pub encoder: Encoder,
+    /// Beginning of the networks' names in checkpoints.
+    pub prefix: &'static str,
+    /// Number of critics.
+    pub critics: usize,
     /// Q(s, a, g): rows are pair rows followed by the action.
     pub critic: Mlp,
     /// mu(s, g) = tanh(z).
@@ -29,7 +34,7 @@ pub struct Shapes {
 
 impl Shapes {
     /// Returns the shapes of the networks that `settings` specify.
-    pub fn new(spec: &Spec, settings: &LearnSettings, reward: Reward) -> Self {
+    pub fn new(variant: Variant, spec: &Spec, settings: &LearnSettings) -> Self {
         let encoder = Encoder::new(spec, settings);
         let mlp = |inputs, outputs| Mlp {
             inputs,
@@ -38,9 +43,11 @@ impl Shapes {
             outputs,
         };
         Self {
+            prefix: variant.prefix,
+            critics: settings.critics,
             critic: mlp(encoder.pair_width() + spec.action_dim, 1),
             actor: mlp(encoder.pair_width(), spec.action_dim),
-            returns: Returns::new(reward, settings.discount, spec),
+            returns: Returns::new(variant.reward, settings.discount, spec),
             actor_bound: if settings.actor_bound > 0.0 {
                 settings.actor_bound
             } else {
@@ -113,6 +120,7 @@ impl Shapes {
         gradient: &mut Gradient,
         ws: &mut Workspace,
     ) -> f32 {
+        gradient.prepare(self.critic.parameters());
         let mut q = std::mem::take(&mut ws.y);
         let values = resized(&mut q, targets.len());
         self.values(critic, pairs, rows.actions, values, ws);
@@ -146,6 +154,7 @@ impl Shapes {
         gradient: &mut Gradient,
         [actor_ws, critic_ws]: [&mut Workspace; 2],
     ) -> f32 {
+        gradient.prepare(self.actor.parameters());
         let a = self.actor.outputs;
         let rows = pairs.states.len() / self.encoder.spec().state_dim();
         let (mut actions, mut q) =
@@ -188,48 +197,25 @@ impl Shapes {
 
 /// Buffers of one task of an update.
 #[derive(Default)]
-pub struct Part {
+pub struct Buffers {
     plain: SharedFeatures,
     plain_ahead: SharedFeatures,
     pub targets: Vec<f32>,
-    pub critics: Vec<Gradient>,
-    pub actor: Gradient,
-    actor_ws: Workspace,
-    critic_ws: Workspace,
-    pub losses: Losses,
+    actor: Workspace,
+    critic: Workspace,
 }
 
-impl Part {
-    /// Creates buffers for `critics` critics.
-    pub fn new(critics: usize) -> Self {
-        Self { critics: vec![Gradient::default(); critics], ..Self::default() }
-    }
-
-    /// Computes the targets of the part's rows with the target networks, then each critic's
-    /// gradient towards them.
-    pub fn critic_gradients(
-        &mut self,
-        shapes: &Shapes,
-        rows: &Rows,
-        critics: &[Weights],
-        target_networks: (Weights, &[Weights]),
-    ) {
-        let Self {
-            plain,
-            plain_ahead,
-            targets,
-            critics: gradients,
-            actor_ws,
-            critic_ws,
-            losses,
-            ..
-        } = self;
+impl Buffers {
+    /// Computes the targets of the part's rows with the target networks: critics, then the actor.
+    pub fn compute_targets(&mut self, shapes: &Shapes, rows: &Rows, networks: &[Weights]) {
+        let Self { plain, plain_ahead, targets, actor: actor_ws, critic: critic_ws } = self;
         shapes.encoder.plain_pairs(rows.states, rows.goals, plain);
         shapes.encoder.plain_pairs(rows.next, rows.goals, plain_ahead);
         targets.resize(rows.rewards.len(), 0.0);
         let ahead = Pairs { plain: plain_ahead, states: rows.next, goals: rows.goals };
+        let (critics, actor) = (&networks[..shapes.critics], networks[shapes.critics]);
         shapes.values_of_actor(
-            target_networks,
+            (actor, critics),
             (ahead, rows.noise),
             targets,
             [actor_ws, critic_ws],
@@ -237,22 +223,33 @@ impl Part {
         for (i, target) in targets.iter_mut().enumerate() {
             *target = shapes.returns.target(rows.rewards[i], rows.at_goal[i], *target);
         }
-        losses.critic = 0.0;
-        let pairs = Pairs { plain, states: rows.states, goals: rows.goals };
-        for (critic, gradient) in critics.iter().zip(gradients) {
-            gradient.prepare(shapes.critic.parameters());
-            let loss = shapes.critic_gradient(*critic, (pairs, rows), targets, gradient, critic_ws);
-            losses.critic += loss / critics.len() as f32;
-        }
     }
 
-    /// Computes the actor's gradient; the critics' come first.
-    pub fn actor_gradient(&mut self, shapes: &Shapes, rows: &Rows, networks: (Weights, Weights)) {
-        self.actor.prepare(shapes.actor.parameters());
+    /// Computes a critic's gradient towards the targets into `gradient`. Returns the part's loss.
+    pub fn critic_gradient(
+        &mut self,
+        shapes: &Shapes,
+        rows: &Rows,
+        critic: Weights,
+        gradient: &mut Gradient,
+    ) -> f32 {
         let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
-        let buffers = [&mut self.actor_ws, &mut self.critic_ws];
-        self.losses.actor =
-            shapes.actor_gradient(networks, pairs, rows.share, &mut self.actor, buffers);
+        shapes.critic_gradient(critic, (pairs, rows), &self.targets, gradient, &mut self.critic)
+    }
+
+    /// Computes the actor's gradient by the frozen `critic` into `gradient`; the critics' come
+    /// first. Returns the part's loss.
+    pub fn actor_gradient(
+        &mut self,
+        shapes: &Shapes,
+        rows: &Rows,
+        actor: Weights,
+        critic: Weights,
+        gradient: &mut Gradient,
+    ) -> f32 {
+        let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
+        let buffers = [&mut self.actor, &mut self.critic];
+        shapes.actor_gradient((actor, critic), pairs, rows.share, gradient, buffers)
     }
 }
 
@@ -271,7 +268,8 @@ pub struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     /// Returns the rows of part number `part`.
-    pub fn new(spec: &Spec, batch: &'a Transitions, part: usize) -> Self {
+    pub fn new(shapes: &Shapes, batch: &'a Transitions, part: usize) -> Self {
+        let spec = shapes.encoder.spec();
         let rows = rows_of_part(batch.len(), part);
         let cut = |numbers: &'a [f32], width: usize| &numbers[rows.start * width..rows.end * width];
         Self {

@@ -6,12 +6,15 @@ use candle_core::{D, Device, Tensor};
 use rand::{RngExt, SeedableRng};
 
 use super::*;
+use crate::learn::Learner;
+use crate::learn::networks::network::Network;
 use crate::learn::settings::Backend;
 use crate::learn::update::autograd::{assert_close, random_state, spec, variables_of};
-use crate::learn::update::gradient::full_gradient;
 use crate::learn::update::losses::EXCESS_WEIGHT;
+use crate::learn::update::profile::Profile;
 use crate::learn::update::reference::{Parameters, mlp, pair_rows};
 use crate::settings::Preset;
+use crate::store::Store;
 
 /// Updates before gradients are compared: target networks start equal to the networks.
 const UPDATES_BEFORE: usize = 20;
@@ -34,7 +37,8 @@ fn transitions(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Transitions {
 
 /// Returns a network's parameters or their averages.
 fn parameters_of(learner: &Ddpg, network: &Network, averaged: bool) -> Parameters {
-    Parameters::copied(network, &learner.shared.shapes.encoder, averaged).unwrap()
+    let encoder = &learner.training.objective().encoder;
+    Parameters::copied(network, encoder, averaged).unwrap()
 }
 
 /// The learner's losses in candle's operations.
@@ -121,20 +125,26 @@ impl<'a> Oracle<'a> {
     }
 }
 
-fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
+fn update_on(learner: &Ddpg, batch: &Transitions) {
+    learner.training.batch().write().clone_from(batch);
+    learner.training.update(None, &mut Profile::default()).unwrap();
+}
+
+fn check(variant: Variant, spec: &Spec, settings: &LearnSettings) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
-    let mut learner = Ddpg::new(variant, (spec, settings), 2, &mut rng).unwrap();
+    let learner = Ddpg::new(variant, spec, settings, 2, &mut rng).unwrap();
     for _ in 0..UPDATES_BEFORE {
-        let other = transitions(spec, settings.batch_size, &mut rng);
-        learner.update_on(&other, None, &mut Profile::default()).unwrap();
+        update_on(&learner, &transitions(spec, settings.batch_size, &mut rng));
     }
     let batch = transitions(spec, settings.batch_size, &mut rng);
-    let shapes = learner.shared.shapes.clone();
-    let oracle = Oracle::new(&shapes, &batch);
+    let training = &learner.training;
+    let shapes = training.objective();
+    let oracle = Oracle::new(shapes, &batch);
     let at = |averaged: bool| {
-        let critics: Vec<_> =
-            learner.shared.critics.iter().map(|c| parameters_of(&learner, c, averaged)).collect();
-        oracle.targets(&critics, &parameters_of(&learner, &learner.shared.actor, averaged))
+        let mut all: Vec<_> =
+            training.networks().map(|n| parameters_of(&learner, n, averaged)).collect();
+        let actor = all.pop().unwrap();
+        oracle.targets(&all, &actor)
     };
     let targets = at(true);
     let [expected, current] =
@@ -144,17 +154,9 @@ fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
         apart > 0.003 || batch.len() == 1,
         "targets at averages and at current weights differ by {apart} only"
     );
-    // The gradients of an update, without its steps.
-    learner.shared.batch.write().clone_from(&batch);
-    let (parts, touched) = (&learner.shared.parts, &learner.shared.touched);
-    learner
-        .pool
-        .try_run(1 + parts.len(), &learner.shared, None, Shared::touched_corners_or_gradients)
-        .unwrap();
-    learner.pool.try_run(parts.len(), &learner.shared, None, Shared::actor_gradient).unwrap();
-    let touched = touched.read();
+    let losses = training.compute_gradients(&batch).unwrap();
     let found: Vec<f32> =
-        learner.shared.parts.iter().flat_map(|part| part.lock().targets.clone()).collect();
+        training.parts().iter().flat_map(|part| part.lock().buffers.targets.clone()).collect();
     for (found, expected) in found.iter().zip(&expected) {
         assert!(
             (found - expected).abs() < 1e-4 * expected.abs() + 1e-5,
@@ -163,29 +165,24 @@ fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
     }
     assert!(batch.len() < 5 || found.contains(&0.0), "a target is clipped");
     let mut critic_losses = Vec::new();
-    for (k, critic) in learner.shared.critics.iter().enumerate() {
-        let (own, vars) = variables_of(critic, &shapes.encoder);
+    for k in 0..settings.critics {
+        let (own, vars) = variables_of(training.network(k), &shapes.encoder);
         let loss = oracle.critic_loss(&own, &targets);
         critic_losses.push(loss.to_scalar::<f32>().unwrap());
-        let found = full_gradient(critic, &touched, parts, |part| &mut part.critics[k]);
-        assert_close("critic", found, &loss, &vars);
+        assert_close("critic", training.full_gradient(k), &loss, &vars);
     }
-    let (own, vars) = variables_of(&learner.shared.actor, &shapes.encoder);
+    let (own, vars) = variables_of(training.actor(), &shapes.encoder);
     let (cost, loss) =
-        oracle.actor_loss(&parameters_of(&learner, &learner.shared.critics[0], false), &own);
-    let found = full_gradient(&learner.shared.actor, &touched, parts, |part| &mut part.actor);
-    assert_close("actor", found, &loss, &vars);
-    let losses = learner.shared.parts.iter().map(|part| part.lock().losses);
-    let (critic, actor) =
-        losses.fold((0.0, 0.0), |sum, part| (sum.0 + part.critic, sum.1 + part.actor));
+        oracle.actor_loss(&parameters_of(&learner, training.network(0), false), &own);
+    assert_close("actor", training.full_gradient(settings.critics), &loss, &vars);
     let expected = (
         critic_losses.iter().sum::<f32>() / critic_losses.len() as f32,
         cost.to_scalar::<f32>().unwrap(),
     );
     let close = |a: f32, b: f32| (a - b).abs() < 2e-4 * b.abs() + 1e-5;
     assert!(
-        close(critic, expected.0) && close(actor, expected.1),
-        "{critic}, {actor} instead of {expected:?}"
+        close(losses.critic, expected.0) && close(losses.actor, expected.1),
+        "{losses:?} instead of {expected:?}"
     );
 }
 
@@ -203,7 +200,7 @@ fn with_our_inputs(settings: &LearnSettings) -> LearnSettings {
 #[test]
 fn gradients_of_the_presets_match_autograd() {
     for preset in [LearnSettings::of(Preset::Tuned), LearnSettings::of(Preset::Sb3)] {
-        for variant in [&SPARSE, &HINDSIGHT, &DISTANCE] {
+        for variant in [SPARSE, HINDSIGHT, DISTANCE] {
             check(variant, &spec(2, 2, true), &LearnSettings { batch_size: 96, ..preset.clone() });
         }
     }
@@ -212,28 +209,24 @@ fn gradients_of_the_presets_match_autograd() {
 #[test]
 fn gradients_with_our_inputs_match_autograd() {
     for critics in [1, 2] {
-        check(&HINDSIGHT, &spec(2, 2, true), &with_our_inputs(&settings(70, 48, 2, critics)));
-        check(&DISTANCE, &spec(5, 3, true), &with_our_inputs(&settings(40, 24, 2, critics)));
+        check(HINDSIGHT, &spec(2, 2, true), &with_our_inputs(&settings(70, 48, 2, critics)));
+        check(DISTANCE, &spec(5, 3, true), &with_our_inputs(&settings(40, 24, 2, critics)));
     }
 }
 
 #[test]
 fn gradients_of_odd_sizes_and_batch_one_match_autograd() {
     for (batch, hidden, layers) in [(1, 16, 1), (3, 7, 2), (37, 33, 3), (129, 40, 2)] {
-        check(&SPARSE, &spec(2, 2, true), &settings(batch, hidden, layers, 2));
+        check(SPARSE, &spec(2, 2, true), &settings(batch, hidden, layers, 2));
     }
-    check(&SPARSE, &spec(10, 6, false), &settings(33, 24, 2, 1));
+    check(SPARSE, &spec(10, 6, false), &settings(33, 24, 2, 1));
 }
 
 #[test]
 fn gradients_of_penalised_outputs_match_autograd() {
     let bounded = LearnSettings { actor_bound: 0.05, actor_l2: 0.0, ..settings(40, 32, 2, 1) };
-    check(&SPARSE, &spec(2, 2, true), &bounded);
-    check(
-        &SPARSE,
-        &spec(2, 2, true),
-        &LearnSettings { actor_bound: 0.0, actor_l2: 0.7, ..bounded },
-    );
+    check(SPARSE, &spec(2, 2, true), &bounded);
+    check(SPARSE, &spec(2, 2, true), &LearnSettings { actor_bound: 0.0, actor_l2: 0.7, ..bounded });
 }
 
 #[test]
@@ -241,11 +234,9 @@ fn updates_are_the_same_on_any_number_of_threads() {
     let (spec, settings) = (spec(2, 2, true), with_our_inputs(&settings(130, 32, 2, 2)));
     let states = [1, 2, 3].map(|threads| {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let mut learner = Ddpg::new(&HINDSIGHT, (&spec, &settings), threads, &mut rng).unwrap();
+        let learner = Ddpg::new(HINDSIGHT, &spec, &settings, threads, &mut rng).unwrap();
         for _ in 0..30 {
-            learner
-                .update_on(&transitions(&spec, 130, &mut rng), None, &mut Profile::default())
-                .unwrap();
+            update_on(&learner, &transitions(&spec, 130, &mut rng));
         }
         let mut store = Store::default();
         learner.save(&mut store).unwrap();

@@ -5,15 +5,19 @@
 use candle_core::{D, Device, Tensor};
 use rand::{RngExt, SeedableRng};
 
+use super::objective::{ACTOR, MODEL};
 use super::*;
+use crate::learn::Learner;
 use crate::learn::networks::export::NamedTensor;
+use crate::learn::networks::policy::Scratch;
 use crate::learn::settings::Backend;
 use crate::learn::update::autograd::{assert_close, random_state, spec, variables_of};
-use crate::learn::update::gradient::full_gradient;
 use crate::learn::update::losses::EXCESS_WEIGHT;
+use crate::learn::update::profile::Profile;
 use crate::learn::update::reference::{Layers, Reference, mlp, pair_rows};
 use crate::learn::update::straight::typical_step;
 use crate::settings::Preset;
+use crate::store::Store;
 
 fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
     let mut batch =
@@ -32,28 +36,19 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
     batch
 }
 
+fn update_on(learner: &GdgDistance, batch: &Batch) {
+    learner.training.batch().write().clone_from(batch);
+    learner.training.update(None, &mut Profile::default()).unwrap();
+}
+
 fn check(spec: &Spec, settings: &LearnSettings) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
-    let mut learner = GdgDistance::new(spec, settings, 2, &mut rng).unwrap();
+    let learner = GdgDistance::new(spec, settings, 2, &mut rng).unwrap();
     for _ in 0..20 {
-        learner
-            .update_on(&batch(spec, settings.batch_size, &mut rng), None, &mut Profile::default())
-            .unwrap();
+        update_on(&learner, &batch(spec, settings.batch_size, &mut rng));
     }
     let batch = batch(spec, settings.batch_size, &mut rng);
-    // The gradients of an update, without its steps.
-    learner.shared.batch.write().clone_from(&batch);
-    let parts = learner.shared.parts.len();
-    learner
-        .pool
-        .try_run(
-            Shared::TOUCH_TASKS + parts,
-            &learner.shared,
-            None,
-            Shared::touched_corners_or_gradients,
-        )
-        .unwrap();
-    learner.pool.try_run(parts, &learner.shared, None, Shared::actor_gradient).unwrap();
+    let losses = learner.training.compute_gradients(&batch).unwrap();
 
     let tensor = |numbers: &[f32], width: usize| {
         Tensor::from_slice(numbers, (batch.len(), width), &Device::Cpu).unwrap()
@@ -62,18 +57,14 @@ fn check(spec: &Spec, settings: &LearnSettings) {
         (tensor(&batch.states, spec.state_dim()), tensor(&batch.goals, spec.goal_dim()));
     let (from, next) =
         (tensor(&batch.from, spec.state_dim()), tensor(&batch.next, spec.state_dim()));
-    let shared = &*learner.shared;
-    let shapes = &shared.objective.shapes;
-    let (model, model_vars) = variables_of(&shared.model, &shapes.encoder);
-    let (actor, actor_vars) = variables_of(&shared.actor, &shapes.encoder);
+    let shapes = &learner.training.objective().shapes;
+    let variables = |k: usize| variables_of(learner.training.network(k), &shapes.encoder);
+    let ((model, model_vars), (actor, actor_vars)) = (variables(MODEL), variables(ACTOR));
     let reference =
         Reference::with_parameters(shapes, vec![model, actor.clone()], Layers::Linear).unwrap();
     let model_loss =
         reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
-    let found = full_gradient(&shared.model, &shared.transitions.read(), &shared.parts, |part| {
-        &mut part.model
-    });
-    assert_close("model", found, &model_loss, &model_vars);
+    assert_close("model", learner.training.full_gradient(MODEL), &model_loss, &model_vars);
 
     let indices: Vec<u32> = spec.achieved.iter().map(|i| *i as u32).collect();
     let after =
@@ -90,16 +81,13 @@ fn check(spec: &Spec, settings: &LearnSettings) {
         (excess.sum(D::Minus1).unwrap().mean_all().unwrap() * f64::from(EXCESS_WEIGHT)).unwrap();
     let whole =
         if shapes.actor_bound.is_finite() { (&steps + excess).unwrap() } else { steps.clone() };
-    let found =
-        full_gradient(&shared.actor, &shared.pairs.read(), &shared.parts, |part| &mut part.actor);
-    assert_close("actor", found, &whole, &actor_vars);
+    assert_close("actor", learner.training.full_gradient(ACTOR), &whole, &actor_vars);
 
-    let found = learner.losses();
     let expected = [&model_loss, &steps].map(|loss| loss.to_scalar::<f32>().unwrap());
     let close = |a: f32, b: f32| (a - b).abs() < 2e-4 * b.abs() + 1e-5;
     assert!(
-        close(found.model, expected[0]) && close(found.actor, expected[1]),
-        "{found:?} instead of {expected:?}"
+        close(losses.model, expected[0]) && close(losses.actor, expected[1]),
+        "{losses:?} instead of {expected:?}"
     );
 }
 
@@ -141,7 +129,7 @@ fn updates_are_the_same_on_any_number_of_threads_and_after_a_restart() {
                     .unwrap();
                 learner.load(&saved).unwrap();
             }
-            learner.update_on(&batch(&spec, 130, &mut rng), None, &mut Profile::default()).unwrap();
+            update_on(&learner, &batch(&spec, 130, &mut rng));
         }
         state(&learner)
     });
@@ -152,9 +140,9 @@ fn updates_are_the_same_on_any_number_of_threads_and_after_a_restart() {
 fn the_exported_actor_is_the_averaged_one() {
     let spec = spec(4, 2, false);
     let mut rng = ChaCha8Rng::seed_from_u64(3);
-    let mut learner = GdgDistance::new(&spec, &settings(40, 16, 2), 1, &mut rng).unwrap();
+    let learner = GdgDistance::new(&spec, &settings(40, 16, 2), 1, &mut rng).unwrap();
     for _ in 0..10 {
-        learner.update_on(&batch(&spec, 40, &mut rng), None, &mut Profile::default()).unwrap();
+        update_on(&learner, &batch(&spec, 40, &mut rng));
     }
     let biases = |averaged: bool| {
         let export = learner.export_actor(averaged).unwrap().unwrap();
@@ -162,8 +150,8 @@ fn the_exported_actor_is_the_averaged_one() {
         assert_eq!(name, "output.bias");
         values
     };
-    let shape = learner.shared.objective.shapes.actor;
-    assert_eq!(biases(true), learner.shared.actor.copy(true).unwrap().0[shape.output_bias()]);
+    let shape = learner.training.objective().shapes.actor;
+    assert_eq!(biases(true), learner.training.actor().copy(true).unwrap().0[shape.output_bias()]);
     assert_ne!(biases(true), biases(false));
 }
 

@@ -69,6 +69,11 @@ impl Dense {
         Ok(Self { mlp, var, training: RwLock::new(training) })
     }
 
+    /// Returns the network's size.
+    pub fn mlp(&self) -> &Mlp {
+        &self.mlp
+    }
+
     /// Returns the parameters as a candle variable; see [`Mlp`] for their order.
     pub fn var(&self) -> &Var {
         &self.var

@@ -38,6 +38,28 @@ impl LockedNetwork<'_> {
     }
 }
 
+/// A copy of one network's weights for inference.
+#[derive(Debug)]
+pub struct OwnedWeights {
+    dense: Vec<f32>,
+    packed: Packed,
+    /// The grid table's values `(corners, channels)`, and the number of channels.
+    table: Option<(Vec<f32>, usize)>,
+}
+
+impl OwnedWeights {
+    /// Returns the weights as slices.
+    pub fn weights(&self) -> Weights<'_> {
+        let Self { dense, packed, table } = self;
+        let table = table.as_ref().map(|(lines, stride)| TableView {
+            lines,
+            stride: *stride,
+            average: None,
+        });
+        Weights { dense, packed, table }
+    }
+}
+
 /// A network with its training state. Its two halves are stepped separately, possibly by two
 /// threads.
 #[derive(Debug)]
@@ -92,6 +114,21 @@ impl Network {
         let dense = self.dense.lock().numbers(averaged)?.0.to_vec();
         let table = self.table.as_ref().map(|t| t.copy(averaged)).transpose()?;
         Ok((dense, table.unwrap_or_default()))
+    }
+
+    /// Copies the weights, or their averages, and packs them for inference.
+    ///
+    /// # Errors
+    /// Returns candle's error if a tensor operation fails.
+    pub fn freeze(&self, averaged: bool) -> Result<OwnedWeights> {
+        let (dense, table) = self.copy(averaged)?;
+        let mut packed = Packed::default();
+        self.dense.mlp().pack(&dense, false, &mut packed);
+        Ok(OwnedWeights {
+            dense,
+            packed,
+            table: self.table.as_ref().map(|own| (table, own.channels())),
+        })
     }
 
     /// Returns the full training state, for a checkpoint.

@@ -1,13 +1,8 @@
-//! D and mu for inference: borrowed from the learner, or frozen for planning, evaluation and
-//! display.
-
-use std::sync::Arc;
+//! D and mu for inference.
 
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::features::{Pairs, SharedFeatures, Workspace};
-use crate::learn::networks::grid::TableView;
 use crate::learn::networks::lookahead::LookaheadBuffers;
-use crate::learn::networks::mlp::{Mlp, Packed};
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::shapes::Shapes;
 
@@ -145,88 +140,5 @@ impl Policy for Nets<'_> {
     ) {
         let networks = (self.model, &self.critics[..]);
         self.shapes.improve_actions(networks, (states, goals), actions, &mut scratch.lookahead);
-    }
-}
-
-/// A frozen copy of critics, dynamics model and actor.
-#[derive(Debug)]
-pub struct FrozenNets {
-    shapes: Arc<Shapes>,
-    critics: Vec<OwnedWeights>,
-    model: OwnedWeights,
-    actor: OwnedWeights,
-}
-
-/// One network's copied weights: parameters, flat and packed, and grid table.
-#[derive(Debug)]
-pub(in crate::learn) struct OwnedWeights {
-    dense: Vec<f32>,
-    packed: Packed,
-    table: Vec<f32>,
-}
-
-/// Flat parameters and grid table.
-pub(in crate::learn) type CopiedWeights = (Vec<f32>, Vec<f32>);
-
-impl OwnedWeights {
-    /// Packs copied weights for inference.
-    pub(in crate::learn) fn new((dense, table): CopiedWeights, mlp: &Mlp) -> Self {
-        let mut packed = Packed::default();
-        mlp.pack(&dense, false, &mut packed);
-        Self { dense, packed, table }
-    }
-
-    /// Returns the weights as slices.
-    pub(in crate::learn) fn weights<'a>(&'a self, encoder: &Encoder) -> Weights<'a> {
-        let Self { dense, packed, table } = self;
-        let table = encoder.grid().map(|grid| TableView {
-            lines: table,
-            stride: grid.channels,
-            average: None,
-        });
-        Weights { dense, packed, table }
-    }
-}
-
-impl FrozenNets {
-    pub(in crate::learn) fn new(
-        shapes: Arc<Shapes>,
-        critics: Vec<CopiedWeights>,
-        [model, actor]: [CopiedWeights; 2],
-    ) -> Self {
-        let critics =
-            critics.into_iter().map(|copied| OwnedWeights::new(copied, &shapes.critic)).collect();
-        let (model, actor) =
-            (OwnedWeights::new(model, &shapes.model), OwnedWeights::new(actor, &shapes.actor));
-        Self { shapes, critics, model, actor }
-    }
-
-    fn nets(&self) -> Nets<'_> {
-        Nets {
-            shapes: &self.shapes,
-            critics: self.critics.iter().map(|own| own.weights(&self.shapes.encoder)).collect(),
-            model: self.model.weights(&self.shapes.encoder),
-            actor: self.actor.weights(&self.shapes.encoder),
-        }
-    }
-}
-
-impl Policy for FrozenNets {
-    fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        self.nets().distances(states, goals, out, scratch);
-    }
-
-    fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        self.nets().actions(states, goals, out, scratch);
-    }
-
-    fn improve_actions(
-        &self,
-        states: &[f32],
-        goals: &[f32],
-        actions: &mut [f32],
-        scratch: &mut Scratch,
-    ) {
-        self.nets().improve_actions(states, goals, actions, scratch);
     }
 }

@@ -14,6 +14,8 @@ use crate::learn::settings::{LearnSettings, LossScale};
 #[derive(Clone, Debug)]
 pub struct Shapes {
     pub encoder: Encoder,
+    /// Number of critics.
+    pub critics: usize,
     pub critic: Mlp,
     pub actor: Mlp,
     pub model: Mlp,
@@ -37,6 +39,14 @@ pub struct Shapes {
 /// Dimensions of actions up to which every combination of axes is tried; beyond, single axes.
 const MAX_COMBINED_DIM: usize = 4;
 
+/// The networks on the way from a pair to the distance after a step.
+#[derive(Clone, Copy)]
+pub struct Path<'a> {
+    pub actor: Weights<'a>,
+    pub model: Weights<'a>,
+    pub critics: &'a [Weights<'a>],
+}
+
 /// Buffers of passes through all three networks.
 #[derive(Clone, Debug, Default)]
 pub struct Workspaces {
@@ -50,8 +60,8 @@ pub struct Workspaces {
 
 impl Shapes {
     /// Returns the shapes of the networks that `settings` specify.
-    pub fn new(encoder: Encoder, settings: &LearnSettings) -> Self {
-        let spec = encoder.spec();
+    pub fn new(spec: &Spec, settings: &LearnSettings) -> Self {
+        let encoder = Encoder::new(spec, settings);
         let mlp = |inputs, outputs| Mlp {
             inputs,
             hidden: settings.hidden,
@@ -59,6 +69,7 @@ impl Shapes {
             outputs,
         };
         Self {
+            critics: settings.critics,
             critic: mlp(encoder.pair_width(), 1),
             actor: mlp(encoder.pair_width(), spec.action_dim),
             model: mlp(encoder.state_width() + spec.action_dim, spec.state_dim()),
@@ -131,13 +142,13 @@ impl Shapes {
     /// a step of the actor.
     pub fn distances_after_actor(
         &self,
-        (actor, model, critics): (Weights, Weights, &[Weights]),
+        Path { actor, model, critics }: Path,
         pairs: Pairs,
         out: &mut [f32],
         buffers: &mut Workspaces,
     ) {
         let mut next = std::mem::take(&mut buffers.model.y);
-        let states = self.step_with_actor((actor, model), pairs, &mut next, buffers);
+        let states = self.step_with_actor(actor, model, pairs, &mut next, buffers);
         let mut plain = std::mem::take(&mut buffers.critic.plain);
         self.encoder.plain_pairs(states, pairs.goals, &mut plain);
         self.joint_distances(
@@ -179,7 +190,8 @@ impl Shapes {
     /// activations for the backward passes.
     pub fn step_with_actor<'a>(
         &self,
-        (actor, model): (Weights, Weights),
+        actor: Weights,
+        model: Weights,
         pairs: Pairs,
         next: &'a mut Vec<f32>,
         buffers: &mut Workspaces,

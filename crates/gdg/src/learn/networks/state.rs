@@ -15,7 +15,7 @@ const COUNTS: &str = "table_last";
 pub fn save_networks<'a>(
     store: &mut Store,
     updates: u64,
-    networks: impl Iterator<Item = (String, &'a Network)>,
+    networks: impl Iterator<Item = (&'a str, &'a Network)>,
 ) -> Result<()> {
     store.put_text("learner_updates", updates.to_string());
     for (network, of) in networks {
@@ -37,7 +37,7 @@ pub fn save_networks<'a>(
 /// Returns an error if the state is missing or does not fit; the networks are then unusable.
 pub fn load_networks<'a>(
     store: &Store,
-    mut networks: impl Iterator<Item = (String, &'a Network)>,
+    mut networks: impl Iterator<Item = (&'a str, &'a Network)>,
 ) -> std::result::Result<(), StoreError> {
     let updates = store.text("learner_updates")?.parse::<u32>();
     let updates = updates
@@ -50,7 +50,7 @@ pub fn load_networks<'a>(
         store.f32(&name).map(<[f32]>::to_vec).or_else(|_| counts()).ok()
     };
     let mut restore =
-        |(name, network): (String, &Network)| network.restore(updates, |part| find(&name, part));
+        |(name, network): (&str, &Network)| network.restore(updates, |part| find(name, part));
     networks
         .try_for_each(&mut restore)
         .map_err(|e| StoreError::inconsistent(format!("its networks do not fit: {e}")))

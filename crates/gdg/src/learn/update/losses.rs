@@ -8,9 +8,10 @@ use crate::learn::networks::features::{Pairs, Workspace, resized};
 use crate::learn::networks::lookahead::WaysOut;
 use crate::learn::networks::mlp::GradientRequest;
 use crate::learn::networks::network::Weights;
-use crate::learn::networks::shapes::{MAX_STATE_DIM, Shapes, Workspaces, sigmoid, softplus};
+use crate::learn::networks::shapes::{MAX_STATE_DIM, Path, Shapes, Workspaces, sigmoid, softplus};
 use crate::learn::settings::LossScale;
 use crate::learn::update::gradient::Gradient;
+use crate::learn::update::rows::Rows;
 
 /// Losses of one update, each a mean over the batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -49,16 +50,6 @@ pub const WAY_OUT_WEIGHT: f32 = 0.3;
 
 /// See [`WAY_OUT_WEIGHT`].
 pub const WAY_OUT_OUTPUT: f32 = 2.0;
-
-/// The networks that the actor's loss goes through.
-pub struct ActorLossNetworks<'a> {
-    /// Trained.
-    pub actor: Weights<'a>,
-    /// Frozen.
-    pub model: Weights<'a>,
-    /// Frozen.
-    pub critic: Weights<'a>,
-}
 
 /// Options of the actor's loss.
 #[derive(Clone, Copy)]
@@ -103,6 +94,7 @@ impl Shapes {
         gradient: &mut Gradient,
         ws: &mut Workspace,
     ) -> f32 {
+        gradient.prepare(self.critic.parameters());
         let rows = targets.len();
         self.encoder.pair_rows(pairs, critic.table, self.critic.inputs, &mut ws.x);
         let x = &ws.x[..rows * self.critic.inputs];
@@ -130,11 +122,12 @@ impl Shapes {
     pub fn model_gradient(
         &self,
         model: Weights,
-        (states, actions, next): (&[f32], &[f32], &[f32]),
-        share: f32,
+        rows: &Rows,
         gradient: &mut Gradient,
         ws: &mut Workspace,
     ) -> f32 {
+        gradient.prepare(self.model.parameters());
+        let Rows { from: states, actions, next, share, .. } = *rows;
         let spec = self.encoder.spec();
         let s = spec.state_dim();
         let rows = states.len() / s;
@@ -184,26 +177,27 @@ impl Shapes {
 
     /// Computes the actor's goal-distance gradient (Algorithm 1) into `gradient`: that of mean
     /// D(f(s, mu(s, g)), w), with w either g or a waypoint on the way there, which flows through
-    /// the frozen critic and model into the actor, plus that of the excess of the actor's outputs
+    /// the frozen first critic and the frozen model into the actor, plus that of the excess of the actor's outputs
     /// over their bound. A blocked actor is pulled towards what lookahead finds instead. Returns
     /// the part's contribution to mean D.
     pub fn actor_gradient(
         &self,
-        path: &ActorLossNetworks,
+        Path { actor, model, critics }: Path,
         pairs: Pairs,
         ActorLossOptions { towards, share, frees_stuck }: ActorLossOptions,
         gradient: &mut Gradient,
         buffers: &mut ActorBuffers,
     ) -> f32 {
+        gradient.prepare(self.actor.parameters());
         let ActorBuffers { networks: buffers, before, ways_out } = buffers;
-        let ActorLossNetworks { actor, model, critic } = *path;
+        let critic = critics[0];
         let states = pairs.states;
         let spec = self.encoder.spec();
         let s = spec.state_dim();
         let rows = states.len() / s;
         // Forward: a = mu(s, g), s' = f(s, a), z with D = scale softplus(z).
         let mut next = std::mem::take(&mut buffers.model.y);
-        self.step_with_actor((actor, model), pairs, &mut next, buffers);
+        self.step_with_actor(actor, model, pairs, &mut next, buffers);
         if self.unblock_actor {
             let own = (&buffers.actor.y[..rows * spec.action_dim], &next[..rows * s]);
             self.find_ways_out((model, critic), (states, towards), own, ways_out);

@@ -115,14 +115,16 @@ pub fn mispredicted(
     errors.iter().zip(own).map(move |(error, own)| own && *error > most)
 }
 
-/// Finds the table corners that the batch's pairs touch.
-pub fn find_corners_of_pairs(shapes: &Shapes, batch: &Batch, touched: &mut TouchedCorners) {
-    let parts = (0..parts_of(batch.len())).map(|i| Rows::new(shapes, batch, i));
-    find_corners(&shapes.encoder, parts.map(|rows| (rows.states, rows.goals)), touched);
-}
+/// The sets of positions in a batch: those of its pairs, and those of its transitions.
+pub const PAIRS: usize = 0;
+pub const TRANSITIONS: usize = 1;
 
-/// Finds the table corners that the batch's transitions touch.
-pub fn find_corners_of_transitions(shapes: &Shapes, batch: &Batch, touched: &mut TouchedCorners) {
+/// Finds the table corners around set number `set` of the batch's positions.
+pub fn find_corners_of(set: usize, shapes: &Shapes, batch: &Batch, touched: &mut TouchedCorners) {
     let parts = (0..parts_of(batch.len())).map(|i| Rows::new(shapes, batch, i));
-    find_corners(&shapes.encoder, parts.map(|rows| (rows.from, [].as_slice())), touched);
+    let parts = parts.map(|rows| match set {
+        PAIRS => (rows.states, rows.goals),
+        _ => (rows.from, [].as_slice()),
+    });
+    find_corners(&shapes.encoder, parts, touched);
 }

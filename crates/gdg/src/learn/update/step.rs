@@ -22,7 +22,7 @@ impl Half {
     }
 }
 
-/// Steps one half of a network with the sum of all parts' gradients. Moves these out of the parts
+/// Steps one half of a network with the sum of its gradients in all `parts`. Moves these out of the parts
 /// meanwhile, so that other threads can lock the parts for their own steps.
 ///
 /// # Errors
@@ -32,7 +32,8 @@ pub fn step_half<P>(
     half: Half,
     touched: &TouchedCorners,
     rates: LearningRates,
-    (parts, gradient): (&[Mutex<P>], impl Fn(&mut P) -> &mut Gradient),
+    parts: &[Mutex<P>],
+    gradient: impl Fn(&mut P) -> &mut Gradient,
 ) -> Result<()> {
     let numbers = |part: &mut P, exchange: &mut Vec<f32>| {
         let gradient = gradient(part);
