@@ -4,10 +4,19 @@
 //! Control strings (OSC, DCS, APC, PM, SOS) and control sequences that are no key are replies,
 //! however they are cut into reads. A key with Alt begins as they do (Alt-] and OSC are both `ESC
 //! ]`): what follows decides, and when.
+//!
+//! `sequence` knows what bytes mean; `report` makes keys and pastes of them.
+
+mod report;
+mod sequence;
+#[cfg(test)]
+mod tests;
 
 use std::time::Duration;
 
-use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
+use crossterm::event::Event;
+
+use sequence::{event_of, is_introducer, is_reply, is_ss3_key};
 
 /// What a terminal sends.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,9 +47,6 @@ const BURST: usize = 4;
 /// Bytes of a sequence, and of a paste, that are kept.
 const LONGEST_SEQUENCE: usize = 4096;
 const LONGEST_PASTE: usize = 1 << 16;
-
-/// What follows SS3 in the keys of terminals.
-const SS3_KEYS: &[u8] = b"ABCDFHPQRS";
 
 /// Ends a paste.
 const PASTE_END: &[u8] = b"\x1b[201~";
@@ -250,7 +256,7 @@ impl Scanner {
         let introducer = self.held[1];
         let goes_on = match introducer {
             b'O' if self.escape == Escape::Together => byte.is_ascii_alphanumeric(),
-            b'O' => SS3_KEYS.contains(&byte),
+            b'O' => is_ss3_key(&[b'O', byte]),
             b'[' => byte >= b' ',
             _ => byte >= b' ' || matches!(byte, 0x07 | 0x1b),
         };
@@ -358,296 +364,5 @@ impl Scanner {
         if self.held.len() < LONGEST_SEQUENCE {
             self.held.push(byte);
         }
-    }
-
-    /// Reports the key that sends what is held.
-    fn report_held(&mut self) {
-        self.found.extend(event_of(&self.held).map(Input::Event));
-    }
-
-    /// Reports the key Esc, unless it has been.
-    fn report_escape(&mut self) {
-        if self.escape != Escape::Reported {
-            self.report_key(KeyCode::Esc, KeyModifiers::NONE);
-        }
-    }
-
-    /// Reports ESC and an introducer as the keys that they are: one with Alt, or two.
-    fn report_introducer(&mut self) {
-        let character = char::from(self.held[1]);
-        let shift = if character.is_uppercase() { KeyModifiers::SHIFT } else { KeyModifiers::NONE };
-        let alt =
-            if self.escape == Escape::Together { KeyModifiers::ALT } else { KeyModifiers::NONE };
-        if self.escape == Escape::Apart {
-            self.report_escape();
-        }
-        self.report_key(KeyCode::Char(character), shift | alt);
-    }
-
-    /// Reports a key.
-    fn report_key(&mut self, code: KeyCode, modifiers: KeyModifiers) {
-        self.found.push(Input::Event(Event::Key(KeyEvent::new(code, modifiers))));
-    }
-
-    /// Reports a paste, without the last bytes.
-    fn report_paste(&mut self, without: usize) {
-        self.held.truncate(self.held.len().saturating_sub(without).min(LONGEST_PASTE));
-        let text = String::from_utf8_lossy(&self.held).into_owned();
-        self.held = Vec::new();
-        self.found.push(Input::Event(Event::Paste(text)));
-    }
-}
-
-/// Returns whether ESC and this character begin a sequence: SS3, CSI, OSC, DCS, APC, PM or SOS.
-fn is_introducer(byte: u8) -> bool {
-    b"O[]P_^X".contains(&byte)
-}
-
-/// Returns whether these bytes are the rest of a key that begins with SS3.
-fn is_ss3_key(rest: &[u8]) -> bool {
-    matches!(rest, [b'O', last] if SS3_KEYS.contains(last))
-}
-
-/// Returns whether a control sequence that looks like a key, or the mouse, is neither: the cursor's
-/// position, and positions off the screen.
-fn is_reply(sequence: &[u8]) -> bool {
-    let mut numbers =
-        sequence.split(|byte| !byte.is_ascii_digit()).filter(|number| !number.is_empty()).skip(1);
-    match sequence {
-        [.., b'R'] => numbers.next().is_some(),
-        [.., b'M' | b'm'] => numbers.any(|number| number.iter().all(|digit| *digit == b'0')),
-        _ => false,
-    }
-}
-
-/// Returns the event that `bytes` mean, if any.
-fn event_of(bytes: &[u8]) -> Option<Event> {
-    let event = terminput::Event::parse_from(bytes).ok()??;
-    terminput_crossterm::to_crossterm(event).ok()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const NONE: KeyModifiers = KeyModifiers::NONE;
-    const ALT: KeyModifiers = KeyModifiers::ALT;
-
-    /// Replies of terminals to questions of any program.
-    const REPLIES: [&[u8]; 26] = [
-        b"\x1b]11;rgb:1e1e/1e1e/2e2e\x1b\\",
-        b"\x1b]11;rgb:1e1e/1e1e/2e2e\x07",
-        b"\x9d11;rgb:1e1e/1e1e/2e2e\x9c",
-        "\u{9d}4;1;rgb:ff/00/00\u{9c}".as_bytes(),
-        "\x1b]lein gr\u{f6}\u{df}er Titel \u{dc}\u{715c}\x1b\\".as_bytes(),
-        b"\x1b]52;c;cXVpdA==\x1b\\",
-        b"\x1bP>|tmux 3.4\x1b\\",
-        b"\x1bP>|foot(1.2)\x9c",
-        b"\x90>|foot(1.2)\x9c",
-        b"\x1bP1$r0m\x1b\\",
-        b"\x1bP1+r544e=787465726d\x1b\\",
-        b"\x1bP!|00000000\x1b\\",
-        b"\x1b_Gi=31;OK\x1b\\",
-        b"\x9fGi=31;OK\x9c",
-        b"\x1b^private q\x1b\\",
-        b"\x1bXstring q\x1b\\",
-        b"\x1b[>1;10;0c",
-        b"\x9b>1;10;0c",
-        b"\x1b[?62;4c",
-        b"\x1b[6;20;10t",
-        b"\x1b[?2026;1$y",
-        b"\x1b[?1u",
-        b"\x1b[12;40R",
-        b"\x1b[0n",
-        b"\x1b[?997;1n",
-        b"\x1b[=5;q",
-    ];
-
-    fn keys(found: &[Input]) -> Vec<(KeyCode, KeyModifiers)> {
-        let key = |input: &Input| match input {
-            Input::Event(Event::Key(key)) => Some((key.code, key.modifiers)),
-            _ => None,
-        };
-        found.iter().filter_map(key).collect()
-    }
-
-    fn read(parts: &[&[u8]]) -> Vec<Input> {
-        let mut scanner = Scanner::default();
-        parts.iter().flat_map(|part| scanner.read(part)).collect()
-    }
-
-    fn character(c: char, modifiers: KeyModifiers) -> (KeyCode, KeyModifiers) {
-        (KeyCode::Char(c), modifiers)
-    }
-
-    #[test]
-    fn replies_are_never_keys_however_they_are_cut() {
-        for reply in REPLIES {
-            let shown = String::from_utf8_lossy(reply);
-            assert!(keys(&read(&[reply])).is_empty(), "{shown:?}");
-            let mut scanner = Scanner::default();
-            let mut one_by_one: Vec<Input> =
-                reply.iter().flat_map(|byte| scanner.read(&[*byte])).collect();
-            assert_eq!(scanner.patience(), None, "{shown:?} is at its end");
-            one_by_one.extend(scanner.read(b"q"));
-            assert_eq!(keys(&one_by_one), [character('q', NONE)], "{shown:?}");
-            for at in 1..reply.len() {
-                let (first, second) = reply.split_at(at);
-                assert_eq!(
-                    keys(&read(&[first, second, b"q"])),
-                    [character('q', NONE)],
-                    "{shown:?} at {at}"
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn a_reply_whose_beginning_was_taken_for_a_key_is_recognised() {
-        for reply in REPLIES.iter().filter(|reply| reply[0] == 0x1b) {
-            for at in (1..3).filter(|at| *at == 1 || reply.len() - at >= BURST) {
-                let mut scanner = Scanner::default();
-                let (first, second) = reply.split_at(at);
-                assert!(
-                    scanner.read(first).is_empty() && scanner.give_up().len() == 1,
-                    "Esc, or a key with Alt"
-                );
-                let mut found = scanner.read(second);
-                found.extend(scanner.read(b"q"));
-                assert_eq!(
-                    keys(&found),
-                    [character('q', NONE)],
-                    "{:?} at {at}",
-                    String::from_utf8_lossy(reply)
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn keys_with_alt_and_escape_still_work() {
-        for key in ['_', 'P', ']', '^', 'X', 'O', '['] {
-            let shift = if key.is_uppercase() { KeyModifiers::SHIFT } else { NONE };
-            let mut scanner = Scanner::default();
-            assert!(
-                scanner.read(format!("\x1b{key}").as_bytes()).is_empty()
-                    && scanner.patience().is_some()
-            );
-            assert_eq!(keys(&scanner.give_up()), [character(key, ALT | shift)]);
-            assert_eq!(keys(&scanner.read(b"q")), [character('q', NONE)], "then {key}");
-        }
-        assert_eq!(
-            keys(&read(&[b"\x1bx", "\x1b\u{e9}".as_bytes(), b"\x1b\r"])),
-            [character('x', ALT), character('\u{e9}', ALT), (KeyCode::Enter, ALT)]
-        );
-        let escape = (KeyCode::Esc, NONE);
-        assert_eq!(keys(&read(&[b"\x1b", b"q"])), [escape, character('q', NONE)], "not Alt-q");
-        assert_eq!(
-            keys(&read(&[b"\x1b", b"O", b"t"])),
-            [escape, character('O', KeyModifiers::SHIFT), character('t', NONE)]
-        );
-        let mut scanner = Scanner::default();
-        assert!(scanner.read(b"\x1b\x1b").len() == 1);
-        assert_eq!(keys(&scanner.give_up()), [escape]);
-        assert!(scanner.read(b"P").is_empty(), "it may go on");
-        assert_eq!(keys(&scanner.give_up()), [character('P', KeyModifiers::SHIFT)]);
-    }
-
-    #[test]
-    fn a_key_long_after_escape_is_one_of_its_own_whatever_follows_it() {
-        for key in ["O", "[", "]", "P", "X", "^", "_"] {
-            for text in ["some text", "A wall", "1234"] {
-                let mut scanner = Scanner::default();
-                let mut found = scanner.read(b"\x1b");
-                found.extend(scanner.give_up());
-                found.extend(scanner.read(key.as_bytes()));
-                found.extend(scanner.give_up());
-                found.extend(scanner.read(text.as_bytes()));
-                let typed: String =
-                    keys(&found).iter().filter_map(|(code, _)| code.as_char()).collect();
-                assert_eq!(typed, format!("{key}{text}"));
-                assert_eq!(found.len(), 1 + typed.len(), "the key Esc, and no replies");
-            }
-        }
-        let mut scanner = Scanner::default();
-        scanner.read(b"\x1b");
-        scanner.give_up();
-        assert_eq!(keys(&scanner.read(b"O")), [character('O', KeyModifiers::SHIFT)], "at once");
-        scanner.read(b"\x1b");
-        scanner.give_up();
-        assert_eq!(keys(&scanner.read(b"OA")), [(KeyCode::Up, NONE)], "the rest of a key");
-        scanner.read(b"\x1bO");
-        assert_eq!(keys(&scanner.give_up()), [character('O', ALT | KeyModifiers::SHIFT)]);
-        assert_eq!(keys(&scanner.read(b"text")).len(), 4);
-    }
-
-    #[test]
-    fn keys_and_the_mouse_are_recognised() {
-        let plain = |code| (code, NONE);
-        let bytes =
-            "f\x1b[A\x1bOB \u{e9}Q\r\x03\x7f\t\x1b[Z\x1b[5~\x1b[1;5C\x1b[15~\x1b[[A\x1b[113;5u"
-                .as_bytes();
-        let expected = [
-            character('f', NONE),
-            plain(KeyCode::Up),
-            plain(KeyCode::Down),
-            character(' ', NONE),
-            character('\u{e9}', NONE),
-            character('Q', KeyModifiers::SHIFT),
-            plain(KeyCode::Enter),
-            character('c', KeyModifiers::CONTROL),
-            plain(KeyCode::Backspace),
-            plain(KeyCode::Tab),
-            (KeyCode::BackTab, KeyModifiers::SHIFT),
-            plain(KeyCode::PageUp),
-            (KeyCode::Right, KeyModifiers::CONTROL),
-            plain(KeyCode::F(5)),
-            plain(KeyCode::F(1)),
-            character('q', KeyModifiers::CONTROL),
-        ];
-        assert_eq!(keys(&read(&[bytes])), expected);
-        for mouse in [&b"\x1b[<0;3;4M"[..], b"\x1b[M #$", b"\x1b[32;3;4M"] {
-            assert!(
-                matches!(&read(&[mouse])[..], [Input::Event(Event::Mouse(at))] if (at.column, at.row) == (2, 3))
-            );
-        }
-        assert!(matches!(&read(&[b"\x1b[<0;0;0M"])[..], [Input::Reply(_)]));
-        assert!(read(&[b"\xff\xfe\xc3"]).is_empty());
-    }
-
-    #[test]
-    fn pastes_end_by_themselves_and_stay_small() {
-        let paste = |found: &[Input]| match found {
-            [Input::Event(Event::Paste(text))] => text.clone(),
-            _ => panic!("{found:?}"),
-        };
-        for parts in
-            [&[&b"\x1b[200~a\x1b[Ab\x1b[201~"[..]][..], &[b"\x1b[20", b"0~a\x1b[Ab\x1b", b"[201~"]]
-        {
-            assert_eq!(paste(&read(parts)), "a\x1b[Ab");
-        }
-        let mut scanner = Scanner::default();
-        assert!(scanner.read(b"\x1b[200~").is_empty());
-        (0..1000).for_each(|_| assert!(scanner.read(&[b'q'; 4096]).is_empty()));
-        assert!(scanner.held.capacity() < 4 * LONGEST_PASTE);
-        assert_eq!(paste(&scanner.give_up()).len(), LONGEST_PASTE);
-        assert_eq!(keys(&scanner.read(b"q")), [character('q', NONE)]);
-        assert!(keys(&scanner.read(b"\x1b[201~")).is_empty(), "its end comes late");
-    }
-
-    #[test]
-    fn a_string_without_an_end_takes_neither_memory_nor_the_keys_for_long() {
-        let mut scanner = Scanner::default();
-        scanner.read(b"\x1b]0;");
-        (0..1000).for_each(|_| assert!(scanner.read(&[b'q'; 4096]).is_empty()));
-        assert!(scanner.held.len() <= LONGEST_SEQUENCE && scanner.patience() == Some(WITHIN));
-        assert_eq!(
-            keys(&scanner.read(b"\x03")),
-            [character('c', KeyModifiers::CONTROL)],
-            "a key that no string contains"
-        );
-        scanner.read(b"\x1bPx");
-        assert!(scanner.give_up().is_empty());
-        assert_eq!(keys(&scanner.read(b"q")), [character('q', NONE)]);
     }
 }
