@@ -8,6 +8,17 @@ use super::raster::MapFrame;
 use super::theme::{ColourDepth, Rgb, Theme, blend};
 use crate::tui::marker::Marker;
 
+/// What a line is drawn with.
+#[derive(Clone, Copy, Debug)]
+pub struct Pen {
+    /// The colour.
+    pub rgb: Rgb,
+    /// The opacity.
+    pub share: f32,
+    /// The character without colours.
+    pub mark: char,
+}
+
 /// The map as pixels, before it becomes characters.
 #[derive(Clone, Debug)]
 pub struct Canvas {
@@ -122,20 +133,20 @@ impl Canvas {
         }
     }
 
-    /// Draws straight lines with opacity `share`, blended only once where several cross.
+    /// Draws straight lines, blended only once where several cross.
     pub fn lines(
         &mut self,
         map_frame: &MapFrame,
         ends: impl Iterator<Item = [[f32; 2]; 2]>,
-        (rgb, share, mark): (Rgb, f32, char),
+        pen: Pen,
     ) {
         let mut covered = vec![false; self.pixels.len()];
         for ends in ends {
             self.cover(map_frame, ends, &mut covered);
         }
         for i in (0..covered.len()).filter(|i| covered[*i]) {
-            self.pixels[i] = self.pixels[i].map(|ground| blend(ground, rgb, share));
-            self.marks[i] = mark;
+            self.pixels[i] = self.pixels[i].map(|ground| blend(ground, pen.rgb, pen.share));
+            self.marks[i] = pen.mark;
             self.changed.push(i);
         }
     }
@@ -160,7 +171,7 @@ impl Canvas {
         self.changed.clear();
         for row in 0..map_frame.area.height {
             for column in 0..map_frame.area.width {
-                self.paint_character(buffer, (column, row), map_frame, theme);
+                self.paint_character(buffer, [column, row], map_frame, theme);
             }
         }
     }
@@ -169,8 +180,8 @@ impl Canvas {
     pub fn paint_changes(&mut self, buffer: &mut Buffer, map_frame: &MapFrame, theme: &Theme) {
         let (across, down) = map_frame.marker.pixels();
         let character =
-            |i: usize| ((i % self.columns / across) as u16, (i / self.columns / down) as u16);
-        let mut characters: Vec<(u16, u16)> = self.changed.drain(..).map(character).collect();
+            |i: usize| [(i % self.columns / across) as u16, (i / self.columns / down) as u16];
+        let mut characters: Vec<[u16; 2]> = self.changed.drain(..).map(character).collect();
         characters.sort_unstable();
         characters.dedup();
         for at in characters {
@@ -182,7 +193,7 @@ impl Canvas {
     fn paint_character(
         &self,
         buffer: &mut Buffer,
-        (column, row): (u16, u16),
+        [column, row]: [u16; 2],
         map_frame: &MapFrame,
         theme: &Theme,
     ) {

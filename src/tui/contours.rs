@@ -60,7 +60,8 @@ pub fn draw(
     canvas: &mut Canvas,
     map_frame: &MapFrame,
     field: &[f32],
-    (interval, near): (f32, (usize, usize)),
+    interval: f32,
+    near: (usize, usize),
 ) -> Vec<Label> {
     let lines = contour_lines(field, canvas.columns(), interval);
     let labels = place_labels(&lines, map_frame, field, near);
@@ -158,7 +159,7 @@ mod tests {
         let mut canvas = Canvas::new(&map_frame);
         let ground = (100, 100, 100);
         (0..canvas.len()).for_each(|i| canvas.set(i, Some(ground), ' '));
-        let labels = draw(&mut canvas, &map_frame, &field, (10.0, (0, 0)));
+        let labels = draw(&mut canvas, &map_frame, &field, 10.0, (0, 0));
         for label in &labels {
             assert_eq!(label.area, label.area.intersection(AREA), "in the frame");
             assert!(

@@ -133,11 +133,7 @@ pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut
         marker: curve.marker,
         points: &curve.points,
     });
-    chart::draw(
-        frame,
-        body,
-        ([0.0, last], [0.0, 1.0]),
-        (comparison.axis.name(), ["0.0".to_owned(), "1.0".to_owned()]),
-        lines,
-    );
+    let y_labels = ["0.0".to_owned(), "1.0".to_owned()];
+    let (x_unit, y) = (comparison.axis.name(), [0.0, 1.0]);
+    chart::draw(frame, body, chart::Axes { x: [0.0, last], x_unit, y, y_labels }, lines);
 }

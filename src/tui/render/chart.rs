@@ -44,13 +44,21 @@ pub fn heading(
     lines
 }
 
-/// Draws lines within the bounds `x` and `y`, the former in `x_unit`, the latter labelled with
-/// `y_labels`; returns the area of the lines.
+/// The axes of a chart.
+pub struct Axes<'a> {
+    /// The bounds across, and their unit.
+    pub x: [f64; 2],
+    pub x_unit: &'a str,
+    /// The bounds upwards, and their labels.
+    pub y: [f64; 2],
+    pub y_labels: [String; 2],
+}
+
+/// Draws lines over axes; returns the area of the lines.
 pub fn draw<'a>(
     frame: &mut Frame,
     area: Rect,
-    (x, y): ([f64; 2], [f64; 2]),
-    (x_unit, y_labels): (&str, [String; 2]),
+    Axes { x, x_unit, y, y_labels }: Axes,
     lines: impl Iterator<Item = Line<'a>>,
 ) -> Rect {
     let inner = lines_area(area, &x.map(short), &y_labels);

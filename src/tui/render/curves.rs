@@ -148,59 +148,100 @@ fn by_distance(e: &Evaluation) -> &[DistanceScore] {
     &e.planned.as_ref().unwrap_or(&e.greedy).by_distance
 }
 
-/// Draws a chart; returns where its lines are, unless there are none.
-fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Option<ChartArea> {
-    let log = plot.log && screen.log_scale;
-    let [from, to] = window(screen);
-    let value = |y: f64| if log { y.max(1e-9).log10() } else { y };
-    let in_window = |part: &Vec<(f64, f64)>| -> Vec<(f64, f64)> {
-        part.iter().filter(|p| (from..=to).contains(&p.0)).map(|p| (p.0, value(p.1))).collect()
-    };
-    let shown: Vec<(usize, Vec<(f64, f64)>)> = (plot.series.iter().enumerate())
-        .flat_map(|(i, series)| series.parts.iter().map(move |part| (i, part)))
-        .map(|(i, part)| (i, in_window(part)))
-        .collect();
-    let title = format!(" {}{}", plot.title, if log { " (log)" } else { "" });
-    let is_shown =
-        |s: &Series| plot.series.len() > 1 && s.parts.iter().any(|part| !part.is_empty());
-    let named = plot.series.iter().enumerate().filter(|(_, s)| is_shown(s));
-    let names = named.map(|(i, s)| {
-        Span::styled(format!("  {} {}", symbol(marker(screen, i)), s.name), colour(screen, i))
-    });
-    let mut lines = chart::heading(Span::styled(title, BOLD), names, area.width);
-    let marks = marks(screen, [from, to]);
-    if plot.max.is_some() && !marks.is_empty() {
-        lines.push(Line::styled(mark_names(&marks, usize::from(area.width)), DIM));
+/// What a chart shows of its data.
+struct Window<'a> {
+    plot: &'a Plot,
+    /// The updates shown.
+    x: [f64; 2],
+    /// Whether values are on a logarithmic scale.
+    log: bool,
+    /// The series that each part belongs to, and its points as they are drawn.
+    parts: Vec<(usize, Vec<(f64, f64)>)>,
+}
+
+impl<'a> Window<'a> {
+    fn new(plot: &'a Plot, screen: &Screen) -> Self {
+        let (x, log) = (window(screen), plot.log && screen.log_scale);
+        let value = |y: f64| if log { y.max(1e-9).log10() } else { y };
+        let shown = |part: &Vec<(f64, f64)>| -> Vec<(f64, f64)> {
+            part.iter().filter(|p| is_within(p.0, x)).map(|p| (p.0, value(p.1))).collect()
+        };
+        let parts = (plot.series.iter().enumerate())
+            .flat_map(|(i, series)| series.parts.iter().map(move |part| (i, shown(part))))
+            .collect();
+        Self { plot, x, log, parts }
     }
-    let [head, body] =
-        Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
-    frame.render_widget(Paragraph::new(lines), head);
-    let values = || shown.iter().flat_map(|(_, points)| points).map(|p| p.1);
-    if values().next().is_none() {
-        let text = match screen.snapshot.evaluations.is_empty() {
-            _ if plot.log && plot.series.len() == 1 => " no data yet",
+
+    fn values(&self) -> impl Iterator<Item = f64> {
+        self.parts.iter().flat_map(|(_, points)| points).map(|point| point.1)
+    }
+
+    /// Returns the lowest and the highest value of the vertical axis.
+    fn y(&self) -> [f64; 2] {
+        let low = if self.log { self.values().fold(f64::INFINITY, f64::min) } else { 0.0 };
+        [low, self.plot.max.unwrap_or_else(|| self.values().fold(low + 1e-6, f64::max))]
+    }
+
+    /// Returns the label of a value on the vertical axis.
+    fn label(&self, y: f64) -> String {
+        match if self.log { 10f64.powf(y) } else { y } {
+            y if self.plot.percent => format!("{:.0} %", 100.0 * y),
+            y if y >= 100.0 => format!("{y:.0}"),
+            y if y >= 1.0 || y == 0.0 => format!("{y:.1}"),
+            y => format!("{y:.2}"),
+        }
+    }
+
+    /// Returns the title, with the names of the series if there are several, and of the methods.
+    fn heading(&self, marks: &[(f64, String)], screen: &Screen, width: u16) -> Vec<Line<'static>> {
+        let Self { plot, .. } = self;
+        let title = format!(" {}{}", plot.title, if self.log { " (log)" } else { "" });
+        let is_shown =
+            |s: &Series| plot.series.len() > 1 && s.parts.iter().any(|part| !part.is_empty());
+        let named = plot.series.iter().enumerate().filter(|(_, s)| is_shown(s));
+        let names = named.map(|(i, s)| {
+            Span::styled(format!("  {} {}", symbol(marker(screen, i)), s.name), colour(screen, i))
+        });
+        let mut lines = chart::heading(Span::styled(title, BOLD), names, width);
+        if plot.max.is_some() && !marks.is_empty() {
+            lines.push(Line::styled(mark_names(marks, usize::from(width)), DIM));
+        }
+        lines
+    }
+
+    /// Says why there is nothing to draw.
+    fn why_empty(&self, screen: &Screen) -> &'static str {
+        match screen.snapshot.evaluations.is_empty() {
+            _ if self.plot.log && self.plot.series.len() == 1 => " no data yet",
             true => " not evaluated yet",
             false => " not known here",
-        };
-        frame.render_widget(Paragraph::new(Line::styled(text, DIM)), body);
+        }
+    }
+}
+
+fn is_within(at: f64, [from, to]: [f64; 2]) -> bool {
+    (from..=to).contains(&at)
+}
+
+/// Draws a chart; returns where its lines are, unless there are none.
+fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Option<ChartArea> {
+    let window = Window::new(plot, screen);
+    let marks = marks(screen, window.x);
+    let heading = window.heading(&marks, screen, area.width);
+    let [head, body] =
+        Layout::vertical([Constraint::Length(heading.len() as u16), Constraint::Min(0)])
+            .areas(area);
+    frame.render_widget(Paragraph::new(heading), head);
+    if window.values().next().is_none() {
+        let text = Line::styled(window.why_empty(screen), DIM);
+        frame.render_widget(Paragraph::new(text), body);
         return None;
     }
-    let low = if log { values().fold(f64::INFINITY, f64::min) } else { 0.0 };
-    let high = plot.max.unwrap_or_else(|| values().fold(low + 1e-6, f64::max));
-    let uprights: Vec<[(f64, f64); 2]> =
-        marks.iter().map(|(at, _)| [(*at, low), (*at, high)]).collect();
-    let label = |y: f64| {
-        let y = if log { 10f64.powf(y) } else { y };
-        if plot.percent {
-            format!("{:.0} %", 100.0 * y)
-        } else if y >= 100.0 {
-            format!("{y:.0}")
-        } else if y >= 1.0 || y == 0.0 {
-            format!("{y:.1}")
-        } else {
-            format!("{y:.2}")
-        }
-    };
+    let [low, high] = window.y();
+    let upright = |at: f64| [(at, low), (at, high)];
+    let uprights: Vec<[(f64, f64); 2]> = marks.iter().map(|(at, _)| upright(*at)).collect();
+    let past = screen.past.as_ref().map(|frame| along(screen, frame.updates));
+    let past = past.filter(|at| is_within(*at, window.x)).map(upright);
     let line = |style, points| chart::Line { style, marker: Marker::Braille, points };
     let curve = |i: usize, points| chart::Line {
         style: colour(screen, i),
@@ -209,24 +250,17 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
     };
     // The first ones last, on top.
     let changes = uprights.iter().map(|upright| line(DIM, &upright[..]));
-    let past = screen
-        .past
-        .as_ref()
-        .map(|frame| along(screen, frame.updates))
-        .filter(|at| (from..=to).contains(at));
-    let past = past.map(|at| [(at, low), (at, high)]);
-    let lines = changes.chain(shown.iter().rev().map(|(i, points)| curve(*i, &points[..])));
-    let cursor =
-        Style::new().fg(screen.theme.colour(screen.theme.cursor)).add_modifier(Modifier::BOLD);
-    let lines = lines.chain(past.iter().map(|upright| line(cursor, &upright[..])));
-    let area = chart::draw(
-        frame,
-        body,
-        ([from, to], [low, high]),
-        (unit(screen), [label(low), label(high)]),
-        lines,
-    );
-    Some(ChartArea { area, bounds: [from, to] })
+    let curves = window.parts.iter().rev().map(|(i, points)| curve(*i, &points[..]));
+    let cursor = BOLD.fg(screen.theme.colour(screen.theme.cursor));
+    let lines = changes.chain(curves).chain(past.iter().map(|points| line(cursor, &points[..])));
+    let axes = chart::Axes {
+        x: window.x,
+        x_unit: unit(screen),
+        y: [low, high],
+        y_labels: [low, high].map(|y| window.label(y)),
+    };
+    let area = chart::draw(frame, body, axes, lines);
+    Some(ChartArea { area, bounds: window.x })
 }
 
 /// Returns the place along the curves of a number of updates counted: the updates done by a learner
@@ -248,10 +282,10 @@ fn has_learned(screen: &Screen) -> bool {
 }
 
 /// Returns where the method changed within the window, and to which.
-fn marks(screen: &Screen, [from, to]: [f64; 2]) -> Vec<(f64, String)> {
+fn marks(screen: &Screen, window: [f64; 2]) -> Vec<(f64, String)> {
     let changes = screen.snapshot.methods.stretches().iter().skip(1);
     let marks = changes.map(|stretch| (along(screen, stretch.from), stretch.method.clone()));
-    marks.filter(|(at, _)| (from..=to).contains(at)).collect()
+    marks.filter(|(at, _)| is_within(*at, window)).collect()
 }
 
 /// Names the latest of `marks` that fit into `width` columns, the last one in any case.

@@ -6,7 +6,7 @@ use ratatui::text::Line;
 
 use super::shapes::{Sketch, edges};
 use super::{ArmState, shown_goal, shows_field};
-use crate::tui::canvas::{CANDIDATE_MARK, Canvas, shade};
+use crate::tui::canvas::{CANDIDATE_MARK, Canvas, Pen, shade};
 use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
 use crate::tui::layers::Overlay;
@@ -110,7 +110,7 @@ fn draw_field(
     let Some(interval) = contour_interval else { return Vec::new() };
     let frame = &sketch.projection.frame;
     let goal = frame.raster.pixel_of(sketch.projection.flat(shown_goal(arm))).unwrap_or_default();
-    let mut labels = contours::draw(canvas, frame, field, (interval, goal));
+    let mut labels = contours::draw(canvas, frame, field, interval, goal);
     // The first row has the projection's name.
     labels.retain(|label| label.area.y > frame.area.y);
     labels
@@ -118,10 +118,13 @@ fn draw_field(
 
 /// Draws the table's edges, the region of goals and the wall.
 fn draw_surroundings(sketch: &mut Sketch, scene: &ArmScene, theme: &Theme) {
-    sketch.lines(edges(scene.table()), (blend(theme.wall, theme.cursor, 0.3), 1.0, '='));
-    sketch.lines(edges(scene.goals()), (theme.frontier, 0.5, '.'));
+    sketch.lines(
+        edges(scene.table()),
+        Pen { rgb: blend(theme.wall, theme.cursor, 0.3), share: 1.0, mark: '=' },
+    );
+    sketch.lines(edges(scene.goals()), Pen { rgb: theme.frontier, share: 0.5, mark: '.' });
     if let Some(wall) = scene.wall() {
-        sketch.lines(edges(wall), (theme.edges[1], 0.9, '#'));
+        sketch.lines(edges(wall), Pen { rgb: theme.edges[1], share: 0.9, mark: '#' });
     }
 }
 
@@ -137,7 +140,7 @@ fn draw_graph(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
         for (kind, colour, share, mark) in kinds {
             let own =
                 view.edges.iter().filter(|(_, status)| *status == kind).map(|(ends, _)| *ends);
-            sketch.lines(own, (theme.edges[colour], share, mark));
+            sketch.lines(own, Pen { rgb: theme.edges[colour], share, mark });
         }
     }
     if screen.overlays.has(Overlay::Candidates) {
@@ -160,7 +163,10 @@ fn draw_graph(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
         if let Some(bridge) = &search.found {
             let stops =
                 [&search.state, &bridge.point, &search.goal].map(|numbers| position(numbers));
-            sketch.lines(stops.windows(2).map(|ends| [ends[0], ends[1]]), (accepted, 0.9, '='));
+            sketch.lines(
+                stops.windows(2).map(|ends| [ends[0], ends[1]]),
+                Pen { rgb: accepted, share: 0.9, mark: '=' },
+            );
             sketch.ball(stops[1], DOT_RADIUS, (accepted, 'B'));
         }
     }
@@ -179,7 +185,10 @@ fn draw_explorers(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
     let size = (snapshot.agents.len() / agents).max(1);
     for trail in snapshot.trails.iter() {
         let stops: Vec<[f32; 3]> = positions(trail, size).collect();
-        sketch.lines(stops.windows(2).map(|ends| [ends[0], ends[1]]), (rgb, 0.4, '.'));
+        sketch.lines(
+            stops.windows(2).map(|ends| [ends[0], ends[1]]),
+            Pen { rgb, share: 0.4, mark: '.' },
+        );
     }
     positions(&snapshot.agents, size).for_each(|at| sketch.ball(at, DOT_RADIUS, (rgb, 'o')));
 }
@@ -190,13 +199,19 @@ fn draw_plan(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
     if screen.overlays.has(Overlay::Path) && view.path.len() > 1 {
         let stops: Vec<[f32; 3]> =
             std::iter::once(view.pose.grip).chain(view.path.iter().copied()).collect();
-        sketch.lines(stops.windows(2).map(|ends| [ends[0], ends[1]]), (theme.path, 1.0, '+'));
+        sketch.lines(
+            stops.windows(2).map(|ends| [ends[0], ends[1]]),
+            Pen { rgb: theme.path, share: 1.0, mark: '+' },
+        );
         let between = &view.path[..view.path.len() - 1];
         between.iter().for_each(|at| sketch.ball(*at, DOT_RADIUS, (theme.path, '+')));
     }
     let trail: Vec<[f32; 3]> =
         std::iter::once(view.reach.start).chain(view.trail.iter().copied()).collect();
-    sketch.lines(trail.windows(2).map(|ends| [ends[0], ends[1]]), (theme.walker, 0.7, ','));
+    sketch.lines(
+        trail.windows(2).map(|ends| [ends[0], ends[1]]),
+        Pen { rgb: theme.walker, share: 0.7, mark: ',' },
+    );
 }
 
 /// Draws the arm itself.

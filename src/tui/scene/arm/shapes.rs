@@ -1,6 +1,6 @@
 //! Lines, balls and boxes on the pixels of a projection.
 
-use crate::tui::canvas::Canvas;
+use crate::tui::canvas::{Canvas, Pen};
 use crate::tui::projection::Projection;
 use crate::tui::theme::Rgb;
 use gdg::env::fetch_reach::Corners;
@@ -83,10 +83,10 @@ impl<'a> Sketch<'a> {
         }
     }
 
-    /// Draws thin lines with opacity `share`.
-    pub fn lines(&mut self, lines: impl Iterator<Item = [[f32; 3]; 2]>, style: (Rgb, f32, char)) {
+    /// Draws thin lines.
+    pub fn lines(&mut self, lines: impl Iterator<Item = [[f32; 3]; 2]>, pen: Pen) {
         let flat = lines.map(|ends| ends.map(|end| self.projection.flat(end))).collect::<Vec<_>>();
-        self.canvas.lines(&self.projection.frame, flat.into_iter(), style);
+        self.canvas.lines(&self.projection.frame, flat.into_iter(), pen);
     }
 }
 

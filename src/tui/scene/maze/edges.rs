@@ -2,7 +2,7 @@
 //! there are many.
 
 use super::MazeState;
-use crate::tui::canvas::Canvas;
+use crate::tui::canvas::{Canvas, Pen};
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
 use gdg::bridge::EdgeStatus;
@@ -27,7 +27,7 @@ pub fn draw(canvas: &mut Canvas, map_frame: &MapFrame, maze: &MazeState, screen:
         let (rgb, mark) =
             if status == EdgeStatus::Confirmed { (walked, '=') } else { (failed, 'x') };
         // Each group is blended with the ground only once.
-        canvas.lines(map_frame, edges.into_iter(), (rgb, opacity, mark));
+        canvas.lines(map_frame, edges.into_iter(), Pen { rgb, share: opacity, mark });
     }
 }
 

@@ -10,7 +10,7 @@ use super::edges;
 use super::key::{Key, open_field, show_interval, shown_goal, shown_interval};
 use super::picture::{self, PictureCache};
 use super::unexplored::Unexplored;
-use crate::tui::canvas::{CANDIDATE_MARK, Canvas, WALL_MARK, shade};
+use crate::tui::canvas::{CANDIDATE_MARK, Canvas, Pen, WALL_MARK, shade};
 use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
 use crate::tui::graphics::Picture;
@@ -20,6 +20,7 @@ use crate::tui::raster::MapFrame;
 use crate::tui::scene::scale::MAX_SHOWN_ERROR;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb, Theme, blend};
+use gdg::bridge::SearchOutcome;
 use gdg::draw::Ground;
 use gdg::viewer::Field;
 
@@ -127,12 +128,11 @@ impl Base {
             if maze.shown_field(screen).is_distance() && screen.overlays.has(Overlay::Contours) {
                 let open = open_field(field, &grounds, &unexplored);
                 own_interval = contours::interval(&[(&open, columns)], contours::SPACING, before);
-                labels = draw_contours(
-                    &mut canvas,
-                    map_frame,
-                    (&open, shown_interval(own_interval, screen)),
-                    maze,
-                );
+                let goal = map_frame.raster.pixel_of(shown_goal(maze).centre());
+                if let Some(interval) = shown_interval(own_interval, screen) {
+                    let near = goal.unwrap_or_default();
+                    labels = contours::draw(&mut canvas, map_frame, &open, interval, near);
+                }
             }
         }
         unexplored.draw(&mut canvas, map_frame, screen);
@@ -185,19 +185,6 @@ fn colour(canvas: &mut Canvas, field: &[f32], maze: &MazeState, screen: &Screen)
     }
 }
 
-/// Draws contour lines; returns their labels, near the goal.
-fn draw_contours(
-    canvas: &mut Canvas,
-    map_frame: &MapFrame,
-    (field, interval): (&[f32], Option<f32>),
-    maze: &MazeState,
-) -> Vec<Label> {
-    let goal = map_frame.raster.pixel_of(shown_goal(maze).centre()).unwrap_or_default();
-    interval.map_or_else(Vec::new, |interval| {
-        contours::draw(canvas, map_frame, field, (interval, goal))
-    })
-}
-
 /// Returns whether the planned path or an agent is where a label would be.
 fn is_covered(label: &Label, canvas: &Canvas, map_frame: &MapFrame, theme: &Theme) -> bool {
     label.pixels(map_frame).any(|i| [theme.path, theme.agent].map(Some).contains(&canvas.colour(i)))
@@ -214,105 +201,83 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, maze: &MazeState
         return;
     }
     // On a map scaled down, candidates would hide the rest; on a large one they are drawn as signs.
-    let scale = map_frame.scale();
+    let are_dots = (MIN_BRIDGE_SCALE..MIN_SIZED_CANDIDATE_SCALE).contains(&map_frame.scale());
     if shows(Overlay::Edges) {
         edges::draw(canvas, map_frame, maze, screen);
     }
-    if shows(Overlay::Candidates) && (MIN_BRIDGE_SCALE..MIN_SIZED_CANDIDATE_SCALE).contains(&scale)
-    {
+    if shows(Overlay::Candidates) && are_dots {
         for candidate in candidates::shown(map_frame, maze) {
             // The better connected, the darker.
-            canvas.faint_dot(
-                map_frame,
-                candidate.at,
-                theme.candidate,
-                0.25 + 0.5 * candidate.degree,
-                Some(CANDIDATE_MARK),
-            );
+            let share = 0.25 + 0.5 * candidate.degree;
+            let mark = Some(CANDIDATE_MARK);
+            canvas.faint_dot(map_frame, candidate.at, theme.candidate, share, mark);
         }
     }
     if shows(Overlay::Path) {
         let stops: Vec<[f32; 2]> =
             maze.view.trail.last().into_iter().chain(&maze.view.path).copied().collect();
-        canvas.lines(
-            map_frame,
-            stops.windows(2).map(|ends| [ends[0], ends[1]]),
-            (theme.path, 1.0, '+'),
-        );
+        let ends = stops.windows(2).map(|ends| [ends[0], ends[1]]);
+        canvas.lines(map_frame, ends, Pen { rgb: theme.path, share: 1.0, mark: '+' });
     }
     if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
-        let [accepted, rejected] = theme.search;
-        let at = |numbers: &[f32]| [numbers[0], numbers[1]];
-        search
-            .rejected
-            .chunks_exact(2)
-            .for_each(|b| canvas.ground_dot(map_frame, at(b), rejected, 'x'));
-        if let Some(bridge) = &search.found {
-            let [from, bridge, to] =
-                [&search.state, &bridge.point, &search.goal].map(|numbers| at(numbers));
-            canvas.lines(
-                map_frame,
-                [[from, bridge], [bridge, to]].into_iter(),
-                (accepted, 0.8, '='),
-            );
-        }
+        draw_search(canvas, map_frame, search, theme);
     }
-    if let Some((cells, free)) = maze.editor.preview() {
-        let (rgb, mark) = if free { (theme.unknown, ' ') } else { (theme.wall, WALL_MARK) };
-        for cell in cells.iter() {
-            canvas.dot(map_frame, cell.centre(), blend(rgb, theme.cursor, 0.25), mark);
-        }
-    }
-    for (i, at) in maze.view.trail.iter().enumerate() {
-        canvas.faint_dot(
-            map_frame,
-            *at,
-            theme.walker,
-            0.8 * (i + 1) as f32 / maze.view.trail.len() as f32,
-            Some(TRAIL_MARK),
-        );
-    }
+    draw_preview(canvas, map_frame, maze, theme);
+    draw_trail(canvas, map_frame, &maze.view.trail, (theme.walker, 0.8), Some(TRAIL_MARK));
     if shows(Overlay::Agents) {
         for trail in screen.snapshot.trails.iter() {
             let (positions, _) = trail.as_chunks::<2>();
-            for (i, at) in positions.iter().enumerate() {
-                canvas.faint_dot(
-                    map_frame,
-                    *at,
-                    theme.agent,
-                    0.5 * (i + 1) as f32 / positions.len() as f32,
-                    None,
-                );
-            }
+            draw_trail(canvas, map_frame, positions, (theme.agent, 0.5), None);
         }
-        for at in screen.snapshot.agents.chunks_exact(2) {
-            canvas.dot(map_frame, [at[0], at[1]], theme.agent, 'o');
+        for at in screen.snapshot.agents.as_chunks::<2>().0 {
+            canvas.dot(map_frame, *at, theme.agent, 'o');
         }
+    }
+}
+
+/// Draws the places tried in a search for a bridge, and the way over the bridge that it found.
+fn draw_search(canvas: &mut Canvas, map_frame: &MapFrame, search: &SearchOutcome, theme: &Theme) {
+    let [accepted, rejected] = theme.search;
+    for tried in search.rejected.as_chunks::<2>().0 {
+        canvas.ground_dot(map_frame, *tried, rejected, 'x');
+    }
+    if let Some(bridge) = &search.found {
+        let [from, bridge, to] =
+            [&search.state, &bridge.point, &search.goal].map(|numbers| [numbers[0], numbers[1]]);
+        let ends = [[from, bridge], [bridge, to]].into_iter();
+        canvas.lines(map_frame, ends, Pen { rgb: accepted, share: 0.8, mark: '=' });
+    }
+}
+
+/// Draws the cells that the editor would change.
+fn draw_preview(canvas: &mut Canvas, map_frame: &MapFrame, maze: &MazeState, theme: &Theme) {
+    let Some((cells, free)) = maze.editor.preview() else { return };
+    let (rgb, mark) = if free { (theme.unknown, ' ') } else { (theme.wall, WALL_MARK) };
+    for cell in cells.iter() {
+        canvas.dot(map_frame, cell.centre(), blend(rgb, theme.cursor, 0.25), mark);
+    }
+}
+
+/// Draws a trail that fades towards its beginning, from an opacity at its end.
+fn draw_trail(
+    canvas: &mut Canvas,
+    map_frame: &MapFrame,
+    trail: &[[f32; 2]],
+    (rgb, opacity): (Rgb, f32),
+    mark: Option<char>,
+) {
+    for (i, at) in trail.iter().enumerate() {
+        let share = opacity * (i + 1) as f32 / trail.len() as f32;
+        canvas.faint_dot(map_frame, *at, rgb, share, mark);
     }
 }
 
 /// Draws letters and signs, and those of `labels` which they leave room for.
 fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, maze: &MazeState, screen: &Screen) {
-    let (theme, scale) = (&screen.theme, glyphs.map_frame.scale());
     let is_past = maze.past().is_some();
     let shows = |overlay| screen.overlays.has(overlay) && !is_past;
-    if shows(Overlay::Candidates) && scale >= MIN_SIZED_CANDIDATE_SCALE {
-        // A sign would tear a hole into a wall that shares its character.
-        let is_open = |at: Position| {
-            let cells = glyphs.map_frame.cells_at(at, &maze.map);
-            cells.into_iter().all(|cell| maze.map.is_free(cell))
-        };
-        let open = |at| glyphs.map_frame.character_of(at).is_some_and(is_open);
-        let shown = candidates::shown(glyphs.map_frame, maze);
-        let open: Vec<_> = shown.into_iter().filter(|candidate| open(candidate.at)).collect();
-        for candidate in open {
-            let symbol = match candidate.degree {
-                d if d < 0.34 => '\u{b7}',
-                d if d < 0.67 => '\u{2022}',
-                _ => '\u{25cf}',
-            };
-            glyphs.symbol(candidate.at, symbol, None);
-        }
+    if shows(Overlay::Candidates) && glyphs.map_frame.scale() >= MIN_SIZED_CANDIDATE_SCALE {
+        draw_candidate_signs(glyphs, maze);
     }
     if shows(Overlay::Directions) {
         for (at, action) in maze.view.directions.iter() {
@@ -325,18 +290,51 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, maze: &MazeState, scre
     let labels: Vec<_> =
         labels.into_iter().map(|label| (label, under(label, glyphs.buffer))).collect();
     if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
+        let rgb = screen.theme.search[0];
         if let Some(bridge) = &search.found {
-            glyphs.letter([bridge.point[0], bridge.point[1]], 'B', theme.search[0]);
+            glyphs.letter([bridge.point[0], bridge.point[1]], 'B', rgb);
         }
-        glyphs.symbol([search.state[0], search.state[1]], 'a', Some(theme.search[0]));
-        glyphs.symbol([search.goal[0], search.goal[1]], 'g', Some(theme.search[0]));
+        glyphs.symbol([search.state[0], search.state[1]], 'a', Some(rgb));
+        glyphs.symbol([search.goal[0], search.goal[1]], 'g', Some(rgb));
     }
+    draw_marks(glyphs, maze, screen);
+    for (label, before) in labels {
+        if under(label, glyphs.buffer) == before {
+            glyphs.label(label);
+        }
+    }
+}
+
+/// Draws bridge candidates as signs: the better connected, the larger.
+fn draw_candidate_signs(glyphs: &mut Glyphs, maze: &MazeState) {
+    // A sign would tear a hole into a wall that shares its character.
+    let is_open = |at: Position| {
+        let cells = glyphs.map_frame.cells_at(at, &maze.map);
+        cells.into_iter().all(|cell| maze.map.is_free(cell))
+    };
+    let open = |at| glyphs.map_frame.character_of(at).is_some_and(is_open);
+    let shown = candidates::shown(glyphs.map_frame, maze);
+    let open: Vec<_> = shown.into_iter().filter(|candidate| open(candidate.at)).collect();
+    for candidate in open {
+        let symbol = match candidate.degree {
+            d if d < 0.34 => '\u{b7}',
+            d if d < 0.67 => '\u{2022}',
+            _ => '\u{25cf}',
+        };
+        glyphs.symbol(candidate.at, symbol, None);
+    }
+}
+
+/// Draws the map's own starts and goals, the agents' goals, the walk and the cursor: what matters
+/// most last.
+fn draw_marks(glyphs: &mut Glyphs, maze: &MazeState, screen: &Screen) {
+    let (theme, is_past) = (&screen.theme, maze.past().is_some());
     for (marks, letter) in [(maze.map.starts(), 's'), (maze.map.goals(), 'g')] {
         marks.iter().for_each(|cell| glyphs.symbol(cell.centre(), letter, None));
     }
-    if shows(Overlay::Agents) {
-        for at in screen.snapshot.frontier_goals.chunks_exact(2) {
-            glyphs.symbol([at[0], at[1]], FRONTIER_SIGN, Some(theme.frontier));
+    if screen.overlays.has(Overlay::Agents) && !is_past {
+        for at in screen.snapshot.frontier_goals.as_chunks::<2>().0 {
+            glyphs.symbol(*at, FRONTIER_SIGN, Some(theme.frontier));
         }
     }
     if let Some(followed) = screen.snapshot.followed.as_ref().filter(|_| !is_past) {
@@ -352,11 +350,6 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, maze: &MazeState, scre
     }
     if let Some(cursor) = maze.editor.cursor.or(maze.inspecting) {
         glyphs.letter(cursor.centre(), '+', theme.cursor);
-    }
-    for (label, before) in labels {
-        if under(label, glyphs.buffer) == before {
-            glyphs.label(label);
-        }
     }
 }
 

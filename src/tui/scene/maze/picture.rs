@@ -177,30 +177,21 @@ impl Base {
         // All of it is drawn over.
         let sheet = sheet.filter(|sheet: &Sheet| (sheet.0.width(), sheet.0.height()) == scale.size);
         let mut sheet = sheet.or_else(|| Sheet::new(scale.size))?;
-        ground::draw(
-            &mut sheet,
-            scale,
-            (key.field.as_deref().map(Vec::as_slice), columns),
-            maze,
-            screen,
-        );
-        let mut own_interval = None;
-        if let Some(field) = key.field.as_ref().filter(|_| {
-            maze.shown_field(screen).is_distance() && screen.overlays.has(Overlay::Contours)
-        }) {
-            let open = open_field(field, &grounds, &Unexplored::new(&grounds, maze, screen));
-            own_interval = intervals::interval(&[(&open, columns)], CONTOUR_SPACING, interval);
-            if let Some(interval) = shown_interval(own_interval, screen) {
-                contours::draw(
-                    &mut sheet,
-                    scale,
-                    (&open, columns, &grounds),
-                    interval,
-                    maze,
-                    screen,
-                );
+        let field = key.field.as_deref().map(Vec::as_slice);
+        ground::draw(&mut sheet, scale, field, columns, maze, screen);
+        let shows_contours =
+            maze.shown_field(screen).is_distance() && screen.overlays.has(Overlay::Contours);
+        let field = key.field.as_deref().filter(|_| shows_contours);
+        let own_interval = field.and_then(|field| {
+            let unexplored = Unexplored::new(&grounds, maze, screen);
+            let open = open_field(field, &grounds, &unexplored);
+            let own = intervals::interval(&[(&open, columns)], CONTOUR_SPACING, interval);
+            if let Some(interval) = shown_interval(own, screen) {
+                let known = contours::Known { field: &open, columns, grounds: &grounds };
+                contours::draw(&mut sheet, scale, known, interval, maze, screen);
             }
-        }
+            own
+        });
         ground::draw_walls(&mut sheet, scale, map, screen.theme.wall);
         ground::draw_edge(&mut sheet, scale, maze, screen);
         if screen.overlays.has(Overlay::Directions) && maze.past().is_none() {

@@ -36,12 +36,22 @@ const STEP: f32 = 6.0;
 /// intervals: otherwise they belong to different sides of it.
 const MAX_JUMP: f32 = 1.5;
 
-/// Draws the lines of `field` (rows of `columns` values over the whole sheet; NaN where there are
-/// none) at the multiples of `interval`.
+/// A field where contour lines may be.
+#[derive(Clone, Copy)]
+pub struct Known<'a> {
+    /// Rows of values over the whole sheet; NaN where there are none.
+    pub field: &'a [f32],
+    /// The values of a row.
+    pub columns: usize,
+    /// What each value belongs to.
+    pub grounds: &'a [Ground],
+}
+
+/// Draws the lines of a field at the multiples of `interval`.
 pub fn draw(
     sheet: &mut Sheet,
     scale: &Scale,
-    (field, columns, grounds): (&[f32], usize, &[Ground]),
+    Known { field, columns, grounds }: Known,
     interval: f32,
     maze: &MazeState,
     screen: &Screen,
@@ -130,6 +140,16 @@ fn distance(a: [f32; 2], b: [f32; 2]) -> f32 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
+/// Returns the corners of a text of that width and height, and the middles of its longer sides;
+/// `along` is its direction.
+fn outline(middle: [f32; 2], along: [f32; 2], [width, height]: [f32; 2]) -> [[f32; 2]; 6] {
+    let at = |[by, aside]: [f32; 2]| {
+        let [by, aside] = [by * width / 2.0, aside * height / 2.0];
+        [middle[0] + by * along[0] - aside * along[1], middle[1] + by * along[1] + aside * along[0]]
+    };
+    [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [0.0, -1.0], [0.0, 1.0]].map(at)
+}
+
 impl Label {
     /// Returns the parts of its line before and after the gap.
     fn pieces(&self, points: &[[f32; 2]]) -> Vec<Vec<[f32; 2]>> {
@@ -177,23 +197,13 @@ impl Label {
             let middle = [0.5 * (ends[0][0] + ends[1][0]), 0.5 * (ends[0][1] + ends[1][1])];
             let apart = distance(ends[0], ends[1]);
             let along = [(ends[1][0] - ends[0][0]) / apart, (ends[1][1] - ends[0][1]) / apart];
-            let corner = |(by, aside): (f32, f32)| {
-                let [by, aside] = [by * gap / 2.0, aside * height / 2.0];
-                [
-                    middle[0] + by * along[0] - aside * along[1],
-                    middle[1] + by * along[1] + aside * along[0],
-                ]
-            };
-            let corners =
-                [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (0.0, 1.0)]
-                    .map(corner);
             let has_room = apart >= LEAST_STRAIGHTNESS * gap
                 && others.iter().all(|other| {
                     let least = if other.text == text { SAME_LEVEL_SPACING } else { LABEL_SPACING };
                     distance(middle, other.middle) >= least * unit
                 })
                 && distance(middle, near) >= gap
-                && corners.into_iter().all(is_known);
+                && outline(middle, along, [gap, height]).into_iter().all(is_known);
             has_room.then_some((from, ends, middle, along))
         });
         let (from, ends, middle, [x, y]) = found?;

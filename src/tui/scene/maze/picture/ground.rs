@@ -109,7 +109,8 @@ enum Kind {
 pub fn draw(
     sheet: &mut Sheet,
     scale: &Scale,
-    (field, columns): (Option<&[f32]>, usize),
+    field: Option<&[f32]>,
+    columns: usize,
     maze: &MazeState,
     screen: &Screen,
 ) {
