@@ -4,18 +4,25 @@
 //! walks the test agent, and this one draws. No thread waits for another: each reads the latest
 //! state that the others have published.
 //!
+//! The parts, each of which uses only those before it:
+//!
+//! * `theme`, `style`, `text`, `marker`, `layers`, `panes`, `tool`: colours, and words of the other
+//!   parts.
+//! * `sheet`, `graphics`: pictures in the terminal, where it shows them; `raster`, `canvas`,
+//!   `contours`, `glyphs`, `projection`: maps and arms as characters.
 //! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration.
-//! * `screen`: the state a frame is drawn from; `dialog` and `log` are parts of it.
-//! * `app`: the controller, which applies events to the screen, the trainer and the viewer.
-//! * `event_loop`: forwards events and draws frames, for the trainer and for comparisons.
+//! * `dialog`, `layout`, `log`, `offer`, `tour`: what a screen consists of besides the scene.
+//! * `screen`: all of that; `link`: the ways to trainer and viewer.
+//! * `scene`: what is drawn in the place of the map, and how it reacts: a folder for each kind of
+//!   world, with its state.
+//! * `render`: the panes and everything else around it; `lists`: what there is to pick from;
+//!   `export`: writes what is shown to files.
+//! * `app`: the controller, which applies events to screen, scene, trainer and viewer. A part of it
+//!   for each thing that it does: time, what is shown, dialogs, runs and their files, the tour.
+//! * `interface`, `job_control`, `input`, `record`, `terminal`, `event_loop`: what fills the screen,
+//!   the terminal itself, what comes from it, recordings of it, and the loop that forwards events
+//!   and draws frames.
 //! * `compare`: two runs side by side, each with its own `app`.
-//! * `scene`: what is drawn in the place of the map and how it reacts, a folder for each kind of
-//!   world; `raster`, `canvas`, `glyphs`, `layers` and `theme` turn it into characters.
-//! * `graphics`: pictures in the terminal, where it shows them; `sheet` draws them.
-//! * `render`: the panes and everything else around it.
-//! * `tour`: the guided tour.
-//! * `export`: writes what is shown to files; `terminal`: the terminal itself; `input`: what comes
-//!   from it; `record`: recordings of it.
 
 mod action;
 mod app;
@@ -160,7 +167,8 @@ pub fn run(
         Engine::resume(trainer, limits, resumed.filter(|_| save.is_none())).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let marker = config.0.marker;
-    let mut app = App::new(engine, viewer, config, Files { save });
+    let (config, keymap) = config;
+    let mut app = App::new(engine.link(), viewer, &config, keymap, Files { save });
     app.search = search;
     app.screen.first_run = is_first_run();
     let file =
@@ -173,7 +181,8 @@ pub fn run(
     };
     let remembering = file.and_then(remember);
     warnings.iter().for_each(|warning| app.notify(warning));
-    let status = event_loop::show(app, recorder, marker, &termination);
+    let status =
+        event_loop::show(app, recorder, marker, &termination, |app| app.close(engine, true));
     remembering.map(JoinHandle::join);
     status
 }
@@ -205,8 +214,9 @@ pub fn take_tour(
     let engine = Engine::start(trainer, Limits::default()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let marker = config.0.marker;
-    let mut app = App::new(engine, viewer, config, Files::default());
+    let (config, keymap) = config;
+    let mut app = App::new(engine.link(), viewer, &config, keymap, Files::default());
     app.screen.first_run = is_first_run();
     app.begin_tour();
-    event_loop::show(app, recorder, marker, &termination)
+    event_loop::show(app, recorder, marker, &termination, |app| app.close(engine, true))
 }

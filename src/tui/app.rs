@@ -3,18 +3,19 @@
 mod act;
 mod answer;
 mod answer_error;
+mod autosave;
+mod exports;
 mod files;
 mod maze;
 mod mouse;
 mod offer;
-mod past;
 mod saving;
+mod time;
 mod tour;
 mod updates;
+mod view;
 
 use std::sync::Arc;
-use std::thread::JoinHandle;
-use std::time::Instant;
 
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use ratatui::Frame;
@@ -23,23 +24,21 @@ use tokio::sync::watch;
 use super::action::{Action, Mode};
 use super::config::UiConfig;
 use super::dialog::{Choice, Dialog};
-use super::export;
 use super::graphics::{Graphics, Picture, Redraw};
-use super::interface::{ClosedRun, Interface, TerminalRequest};
+use super::interface::{Interface, TerminalRequest};
 use super::keymap::{self, Keymap};
 use super::layout::ScreenLayout;
 use super::link::Link;
 use super::offer::Search;
-use super::output::ExportKind;
 use super::render;
 use super::scene::{Cache, MazeState, Scene};
 use super::screen::Screen;
 use super::theme::ThemeName;
+use autosave::Autosave;
+use exports::Exports;
 pub use files::remember_map;
-use gdg::engine::{Command, Engine, Snapshot};
+use gdg::engine::{Command, EngineLink, Snapshot};
 use gdg::faults::Failure;
-use gdg::map::Grid;
-use gdg::train::Run;
 use gdg::viewer::{Field, OnArrival, Request, View, Viewer};
 pub use saving::Files;
 use saving::Saving;
@@ -48,24 +47,23 @@ pub use tour::ALL_STEPS;
 use tour::Tour;
 pub use tour::{MAP as TOUR_MAP, run as tour_run};
 
-/// The run, updates and map in an autosave.
-type Autosaved = (Arc<Run>, u64, Option<Arc<Grid>>);
+/// What trainer and viewer publish.
+struct Feed {
+    snapshots: watch::Receiver<Arc<Snapshot>>,
+    views: watch::Receiver<View>,
+}
 
 /// Forwards user input to trainer and viewer, and what they publish to the screen.
 pub struct App {
-    engine: Engine,
     link: Link,
+    feed: Feed,
     /// The state a frame is drawn from, but for the scene.
     pub screen: Screen,
     /// What is drawn in the place of the map.
     pub scene: Scene,
-    /// Minutes between automatic checkpoints; 0 for none.
-    pub autosave_minutes: f64,
-    autosaved: Instant,
-    /// What is being autosaved, ...
-    autosaving_as: Option<Autosaved>,
-    /// ... and what was last.
-    autosaved_as: Option<Autosaved>,
+    /// When the run is saved automatically.
+    pub(super) autosave: Autosave,
+    exports: Exports,
     saving: Saving,
     /// Looks for a saved run to offer.
     pub search: Option<Search>,
@@ -81,12 +79,6 @@ pub struct App {
     /// Whether the press of the mouse button that is down has had its effect, so that dragging on
     /// does nothing.
     press_is_spent: bool,
-    /// The pending export.
-    export: Option<ExportKind>,
-    /// The film being written, and its notice.
-    film_export: Option<JoinHandle<Result<String, String>>>,
-    /// The engine's snapshots and the viewer's views.
-    feed: (watch::Receiver<Arc<Snapshot>>, watch::Receiver<View>),
     /// What the next frame can reuse.
     cache: Cache,
     /// The theme in use, while others are shown that are selected in the list of themes.
@@ -94,19 +86,20 @@ pub struct App {
 }
 
 impl App {
-    /// Opens the screen, with the goal that the run was saved with, the map's own or a random one.
+    /// Opens the screen on the run of `engine`, with the goal that the run was saved with, the map's
+    /// own or a random one; `viewer` computes what it shows.
     pub fn new(
-        engine: Engine,
+        engine: EngineLink,
         viewer: Viewer,
-        (config, keymap): (UiConfig, Keymap),
+        config: &UiConfig,
+        keymap: Keymap,
         files: Files,
     ) -> Self {
-        let snapshot = engine.snapshots().borrow().clone();
+        let feed = Feed { snapshots: engine.snapshots(), views: viewer.views() };
+        let snapshot = feed.snapshots.borrow().clone();
         let mut app = Self {
-            autosave_minutes: config.autosave_minutes,
-            autosaved: Instant::now(),
-            autosaving_as: None,
-            autosaved_as: None,
+            autosave: Autosave::every(config.autosave_minutes),
+            exports: Exports::default(),
             saving: Saving::new(files),
             search: None,
             tour: None,
@@ -115,18 +108,20 @@ impl App {
             done: false,
             terminal_request: None,
             press_is_spent: false,
-            export: None,
-            film_export: None,
-            feed: (engine.snapshots(), viewer.views()),
             cache: Cache::with_pictures(),
             previewed_over: None,
             scene: Scene::of(&snapshot),
-            link: Link::new(engine.link(), viewer, &snapshot),
-            screen: Screen::new((&config, keymap), snapshot),
-            engine,
+            link: Link::new(engine, viewer, &snapshot),
+            screen: Screen::new(config, keymap, snapshot),
+            feed,
         };
         app.start_run();
         app
+    }
+
+    /// Returns to the present; returns whether the past was shown.
+    fn return_to_present(&mut self) -> bool {
+        self.in_scene(|_, screen, link| link.return_to_present(screen))
     }
 
     /// Resets the screen for a new run.
@@ -170,20 +165,6 @@ impl App {
     #[cfg(test)]
     pub fn terminal_request(&self) -> Option<TerminalRequest> {
         self.terminal_request
-    }
-
-    /// Takes what has been published so far as seen.
-    #[cfg(test)]
-    pub fn ignore_published(&mut self) {
-        self.feed.0.mark_unchanged();
-    }
-
-    /// Stops training and returns the trainer.
-    #[cfg(test)]
-    pub fn stop(self) -> Option<gdg::train::Trainer> {
-        let Self { engine, link, .. } = self;
-        drop(link);
-        engine.stop()
     }
 
     /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
@@ -279,7 +260,7 @@ impl App {
     fn dismiss(&mut self) {
         self.screen.dialogs.pop();
         if let Some(name) = self.previewed_over.take() {
-            self.set_theme(name);
+            view::set_theme(name, &mut self.screen);
         }
         self.cancel_quit();
     }
@@ -290,7 +271,7 @@ impl App {
             && let Some(Choice::Theme(name)) = picker.choice().cloned()
         {
             self.previewed_over.get_or_insert(self.screen.theme.name);
-            self.set_theme(name);
+            view::set_theme(name, &mut self.screen);
         }
     }
 
@@ -299,10 +280,14 @@ impl App {
         self.link.goal_request()
     }
 
+    /// Colours the scene by a field.
+    pub fn show_field(&mut self, field: Field) {
+        view::show_field(field, &mut self.screen, &self.link);
+    }
+
     /// Changes what the walking agent does at the goal.
     pub fn set_on_arrival(&mut self, on_arrival: OnArrival) {
-        self.screen.on_arrival = on_arrival;
-        self.link.request(Request::OnArrival(on_arrival));
+        view::set_on_arrival(on_arrival, &mut self.screen, &self.link);
     }
 
     /// Shows a notice and logs it.
@@ -333,39 +318,15 @@ impl App {
     }
 }
 
-impl App {
-    /// Begins to write the film.
-    fn export_film(&mut self) {
-        if self.film_export.is_some() {
-            return self.notify("the film is being written already");
-        }
-        match export::write_film(&self.screen, &self.scene) {
-            Ok(film) => {
-                self.film_export = Some(film);
-                self.notify("writing the film ...");
-            }
-            Err(error) => self.report(&format!("the film cannot be written: {error}")),
-        }
-    }
-
-    /// Says where an export has been written, or why not.
-    fn on_exported(&mut self, written: Result<String, String>) {
-        match written {
-            Ok(notice) => self.notify(&notice),
-            Err(problem) => self.report(&problem),
-        }
-    }
-}
-
 impl Interface for App {
     async fn update(&mut self) {
         tokio::select! {
-            Ok(()) = self.feed.0.changed() => {
-                let snapshot = self.feed.0.borrow_and_update().clone();
+            Ok(()) = self.feed.snapshots.changed() => {
+                let snapshot = self.feed.snapshots.borrow_and_update().clone();
                 self.on_snapshot(snapshot);
             }
-            Ok(()) = self.feed.1.changed() => {
-                let view = self.feed.1.borrow_and_update().clone();
+            Ok(()) = self.feed.views.changed() => {
+                let view = self.feed.views.borrow_and_update().clone();
                 self.on_view(view);
             }
             // Both threads have ended.
@@ -378,16 +339,7 @@ impl Interface for App {
     }
 
     fn on_tick(&mut self) -> bool {
-        match self.export.take() {
-            Some(ExportKind::Film) => self.export_film(),
-            Some(kind) => self.on_exported(export::write(kind, &self.screen, &self.scene)),
-            None => {}
-        }
-        if let Some(done) = self.film_export.take_if(|film| film.is_finished()) {
-            self.on_exported(
-                done.join().unwrap_or_else(|_| Err("the film cannot be drawn".to_owned())),
-            );
-        }
+        self.exports.on_tick(&mut self.screen, &self.scene);
         App::on_tick(self)
     }
 
@@ -423,13 +375,5 @@ impl Interface for App {
 
     fn on_signal(&mut self) {
         App::on_signal(self);
-    }
-
-    fn close(mut self) -> ClosedRun {
-        if let Some(film) = self.film_export.take() {
-            // A second at most; otherwise its temporary file would stay behind.
-            drop(film.join());
-        }
-        App::close(self, true)
     }
 }

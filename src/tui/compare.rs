@@ -54,6 +54,7 @@ const EVALUATION_PAUSE_FACTOR: u32 = 2;
 /// A run of a comparison.
 struct Side {
     app: App,
+    engine: Engine,
     /// Letter, method, preset, and settings of this side alone.
     title: String,
     pace: Pace,
@@ -90,13 +91,13 @@ pub fn run(
     let termination = TerminationSignal::listen_in_interface(super::terminal::restore)?;
     let marker = config.0.marker;
     let comparison = Comparison::start(contestants, &config, Limits::default())?;
-    event_loop::show(comparison, recorder, marker, &termination)
+    event_loop::show(comparison, recorder, marker, &termination, Comparison::close)
 }
 
 impl Side {
     fn start(
         Contestant { trainer, title }: Contestant,
-        config: (UiConfig, Keymap),
+        (config, keymap): &(UiConfig, Keymap),
         limits: Limits,
     ) -> Result<Self, Report> {
         let engine = Engine::start(trainer, limits).into_diagnostic()?;
@@ -104,10 +105,10 @@ impl Side {
         // first steps.
         engine.send(Command::PauseEvaluations(EVALUATION_PAUSE_FACTOR));
         let viewer = Viewer::start(&engine).into_diagnostic()?;
-        let mut app = App::new(engine, viewer, config, Files::default());
+        let mut app = App::new(engine.link(), viewer, config, keymap.clone(), Files::default());
         // The race decides where both go next.
         app.set_on_arrival(OnArrival::Wait);
-        Ok(Self { app, title, pace: Pace::default(), cache: Cache::with_pictures() })
+        Ok(Self { app, engine, title, pace: Pace::default(), cache: Cache::with_pictures() })
     }
 
     /// Returns the maze that is shown.
@@ -135,7 +136,7 @@ impl Comparison {
         config: &(UiConfig, Keymap),
         limits: Limits,
     ) -> Result<Self, Report> {
-        let [a, b] = contestants.map(|contestant| Side::start(contestant, config.clone(), limits));
+        let [a, b] = contestants.map(|contestant| Side::start(contestant, config, limits));
         Ok(Self::new([a?, b?]))
     }
 
@@ -203,6 +204,21 @@ impl Comparison {
             );
             self.failed = true;
         }
+    }
+}
+
+impl Comparison {
+    /// Ends training.
+    pub fn close(self) -> ClosedRun {
+        let mut closed = ClosedRun { summary: String::new(), saved: Ok(()), failed: self.failed };
+        for (side, letter) in self.sides.into_iter().zip(LETTERS) {
+            let own = side.app.close(side.engine, false);
+            let gap = if closed.summary.is_empty() { "" } else { "\n" };
+            closed.summary += &format!("{gap}{letter}: {}", own.summary);
+            closed.saved = closed.saved.and(own.saved);
+            closed.failed |= own.failed;
+        }
+        closed
     }
 }
 
@@ -289,18 +305,6 @@ impl Interface for Comparison {
     fn on_signal(&mut self) {
         // Nothing is saved.
     }
-
-    fn close(self) -> ClosedRun {
-        let mut closed = ClosedRun { summary: String::new(), saved: Ok(()), failed: self.failed };
-        for (side, letter) in self.sides.into_iter().zip(LETTERS) {
-            let own = side.app.close(false);
-            let gap = if closed.summary.is_empty() { "" } else { "\n" };
-            closed.summary += &format!("{gap}{letter}: {}", own.summary);
-            closed.saved = closed.saved.and(own.saved);
-            closed.failed |= own.failed;
-        }
-        closed
-    }
 }
 
 #[cfg(test)]
@@ -336,6 +340,9 @@ impl Comparison {
 
     /// Stops both runs and returns their trainers.
     pub fn stop(self) -> [Option<gdg::train::Trainer>; 2] {
-        self.sides.map(|side| side.app.stop())
+        self.sides.map(|Side { app, engine, .. }| {
+            drop(app);
+            engine.stop()
+        })
     }
 }

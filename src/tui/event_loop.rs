@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use crossterm::event::{Event, MouseEvent, MouseEventKind};
 use miette::{IntoDiagnostic, Report};
 
-use super::interface::{Interface, TerminalRequest};
+use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::record::Recorder;
 use super::terminal::Terminal;
 use crate::host::signals::TerminationSignal;
@@ -26,16 +26,17 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// should use little CPU.
 const IDLE_FRAME_INTERVAL: Duration = Duration::from_millis(130);
 
-/// Shows `interface` until the user or a signal ends it, restores the terminal, and returns the
-/// exit status.
+/// Shows `interface` until the user or a signal ends it, lets `close` end training, restores the
+/// terminal, and returns the exit status.
 ///
 /// # Errors
 /// Errors of the terminal, of training or of saving.
-pub fn show(
-    mut interface: impl Interface,
+pub fn show<I: Interface>(
+    mut interface: I,
     recorder: Option<Recorder>,
     marker: Marker,
     termination: &TerminationSignal,
+    close: impl FnOnce(I) -> ClosedRun,
 ) -> Result<u8, Report> {
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
@@ -53,7 +54,7 @@ pub fn show(
         interface.on_signal();
     }
     // First, since writing to a terminal that is gone may block.
-    let closed = interface.close();
+    let closed = close(interface);
     // What is typed meanwhile is gone with the interface.
     let _ = runtime.block_on(terminal.answered());
     drop(terminal);
@@ -96,17 +97,7 @@ async fn event_loop(
             () = tokio::time::sleep(timer.until_due()) => {}
         }
         if let Some(request) = request.or(app.take_terminal_request()) {
-            match request {
-                TerminalRequest::Suspend => {
-                    if !terminal.suspend().await? {
-                        app.report(
-                            "not suspended: no shell is waiting that could resume the program",
-                        );
-                    }
-                }
-                TerminalRequest::Redraw => terminal.reopen(),
-                TerminalRequest::Resize => {}
-            }
+            meet(request, app, terminal).await?;
             timer.immediate = true;
         }
         timer.changed |= app.on_tick();
@@ -119,6 +110,24 @@ async fn event_loop(
                 timer.drawn(terminal.is_behind());
             }
         }
+    }
+    Ok(())
+}
+
+/// Does with the terminal what is asked for.
+async fn meet(
+    request: TerminalRequest,
+    app: &mut impl Interface,
+    terminal: &mut Terminal,
+) -> std::io::Result<()> {
+    match request {
+        TerminalRequest::Suspend => {
+            if !terminal.suspend().await? {
+                app.report("not suspended: no shell is waiting that could resume the program");
+            }
+        }
+        TerminalRequest::Redraw => terminal.reopen(),
+        TerminalRequest::Resize => {}
     }
     Ok(())
 }

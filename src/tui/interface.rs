@@ -51,9 +51,6 @@ pub trait Interface {
 
     /// Handles a signal, or an internal error, that ends the program.
     fn on_signal(&mut self);
-
-    /// Ends training.
-    fn close(self) -> ClosedRun;
 }
 
 /// What remains of a run after the interface is closed.

@@ -88,7 +88,8 @@ impl MeasuredInterface {
         let engine = Engine::start(trainer, Limits::default())?;
         let viewer = Viewer::start(&engine)?;
         let keymap = Keymap::new(&BTreeMap::new()).map_err(std::io::Error::other)?;
-        let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), Files::default());
+        let config = UiConfig::default();
+        let mut app = App::new(engine.link(), viewer, &config, keymap, Files::default());
         app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
         let patches = screen.graphics().map(|graphics| (Patches::new(graphics.protocol), graphics));
         app.set_graphics(screen.graphics(), Redraw::All);

@@ -84,7 +84,7 @@ pub struct Screen {
 
 impl Screen {
     /// Creates a screen that shows `snapshot`.
-    pub fn new((config, keymap): (&UiConfig, Keymap), snapshot: Arc<Snapshot>) -> Self {
+    pub fn new(config: &UiConfig, keymap: Keymap, snapshot: Arc<Snapshot>) -> Self {
         let theme = Theme::new(config.theme, ColourDepth::detect());
         let mut screen = Self {
             keymap,

@@ -14,8 +14,10 @@ mod tour;
 mod words;
 
 use std::collections::BTreeMap;
+use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel, sync_channel};
 use std::time::{Duration, Instant};
 
 use crossterm::event::{
@@ -25,6 +27,7 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::layout::Position;
 use ratatui::style::Color;
+use tokio::sync::watch;
 
 use super::action::{Action, Binding, Mode, bindings};
 use super::app::{App, Files};
@@ -37,13 +40,13 @@ use super::scene::{ArmState, Cache, MazeState, Scene};
 use super::screen::Screen;
 use super::theme::{ColourDepth, Theme, ThemeName};
 use super::tool::Tool;
-use gdg::engine::{Engine, Phase, Snapshot};
+use gdg::engine::{Command, Engine, EngineLink, Phase, Snapshot};
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Cell, Grid, parse_map};
 use gdg::train::{
     self, Description, FilmFrame, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Trainer,
 };
-use gdg::viewer::{Field, Viewer};
+use gdg::viewer::{Field, MazeView, Request, View, Viewer};
 
 const ROOMS: &str = "\
 ..........#.........
@@ -79,8 +82,7 @@ fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {
     let files = Files { save: save.map(SaveTo::CreateNew) };
     let engine = Engine::start(trainer, limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
-    let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
-    let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), files);
+    let mut app = App::new(engine.link(), viewer, &UiConfig::default(), keymap(), files);
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     app
 }
@@ -125,6 +127,20 @@ impl App {
         self.in_maze(|maze, screen, link| maze.change_map(map, screen, link));
     }
 
+    /// Shows the snapshot as `change` makes it.
+    fn change_snapshot(&mut self, change: impl FnOnce(&mut Snapshot)) {
+        let mut snapshot = (*self.screen.snapshot).clone();
+        change(&mut snapshot);
+        self.on_snapshot(Arc::new(snapshot));
+    }
+
+    /// Shows the view as `change` makes it.
+    fn change_view(&mut self, change: impl FnOnce(&mut MazeView)) {
+        let mut view = (*self.maze().view).clone();
+        change(&mut view);
+        self.on_view(View::Maze(Arc::new(view)));
+    }
+
     /// Returns the frame of the film that is shown.
     fn shown_past(&self) -> Option<&FilmFrame> {
         match &self.scene {
@@ -132,6 +148,89 @@ impl App {
             Scene::Arm(arm) => arm.past(),
         }
     }
+}
+
+/// An app without a trainer and a viewer: what it sends them stays in its channels.
+struct Still {
+    app: App,
+    commands: Receiver<Command>,
+    _requests: Receiver<Request>,
+    snapshots: watch::Sender<Arc<Snapshot>>,
+    _views: watch::Sender<View>,
+}
+
+impl Deref for Still {
+    type Target = App;
+
+    fn deref(&self) -> &App {
+        &self.app
+    }
+}
+
+impl DerefMut for Still {
+    fn deref_mut(&mut self) -> &mut App {
+        &mut self.app
+    }
+}
+
+impl Still {
+    /// Shows a snapshot after so many updates.
+    fn train(&mut self, updates: u64) {
+        let mut snapshot = (*self.app.screen.latest).clone();
+        snapshot.counters.updates += updates;
+        self.publish(snapshot);
+    }
+
+    /// Does what the app has asked the trainer for: pauses, and changes of run and speed.
+    fn obey(&mut self) {
+        while let Ok(command) = self.commands.try_recv() {
+            let mut snapshot = (*self.app.screen.latest).clone();
+            match command {
+                Command::Pause => snapshot.phase = Phase::Paused,
+                Command::Resume => snapshot.phase = Phase::Running,
+                Command::LimitSpeed(speed) => snapshot.speed = speed,
+                Command::Change(run) => snapshot.run = Arc::new(*run),
+                _ => {}
+            }
+            self.publish(snapshot);
+        }
+    }
+
+    /// Publishes a snapshot as a trainer does, and shows it.
+    fn publish(&mut self, snapshot: Snapshot) {
+        let snapshot = Arc::new(snapshot);
+        self.snapshots.send_replace(snapshot.clone());
+        self.app.on_snapshot(snapshot);
+    }
+}
+
+fn still_in(world: &dyn Environment, method: Method) -> Still {
+    still_of(&trainer_in(world, method, &Registry::builtin()))
+}
+
+fn still_of(trainer: &Trainer) -> Still {
+    let snapshot = Arc::new(Snapshot::capture(trainer).expect("a snapshot"));
+    let (sender, commands) = sync_channel(64);
+    let (request, requests) = channel();
+    let (publish, snapshots) = watch::channel(snapshot);
+    let (show, views) = watch::channel(View::default());
+    let engine = EngineLink::new(sender, snapshots);
+    let viewer = Viewer::new(request, views);
+    let mut app = App::new(engine, viewer, &UiConfig::default(), keymap(), Files::default());
+    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
+    Still { app, commands, _requests: requests, snapshots: publish, _views: show }
+}
+
+fn still_on(map: Grid, method: Method) -> Still {
+    still_in(&PointMaze::new(Arc::new(map), 0), method)
+}
+
+fn still() -> Still {
+    still_on(rooms(), Method::default())
+}
+
+fn keymap() -> Keymap {
+    Keymap::new(&BTreeMap::new()).expect("the table's keys")
 }
 
 /// Saves what `app` trains to a file in `folder` and describes it.
@@ -230,7 +329,7 @@ fn a_screen_is_drawn_from_its_state_alone() {
     let snapshot = Arc::new(Snapshot::capture(&trainer).expect("a snapshot"));
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let scene = Scene::of(&snapshot);
-    let screen = Screen::new((&UiConfig::default(), keymap), snapshot);
+    let screen = Screen::new(&UiConfig::default(), keymap, snapshot);
     let drawn = || {
         let mut terminal = Terminal::new(TestBackend::new(80, 24)).expect("a buffer");
         let draw = |frame: &mut ratatui::Frame| {
@@ -244,7 +343,7 @@ fn a_screen_is_drawn_from_its_state_alone() {
 
 #[test]
 fn every_screen_size_can_be_drawn() {
-    let mut app = app();
+    let mut app = still();
     for (width, height) in [
         (1, 1),
         (2, 1),
@@ -270,7 +369,7 @@ fn maps_of_every_shape_can_be_drawn() {
     for (width, height) in [(1, 1), (300, 1), (1, 300), (256, 256)] {
         let map = parse_map("shape", format!("{}\n", ".".repeat(width)).repeat(height).as_bytes())
             .expect("a map");
-        let mut app = app_on(map, gdg());
+        let mut app = still_on(map, gdg());
         for (columns, rows) in [(80, 24), (30, 5), (200, 60)] {
             draw(&mut app, columns, rows);
             app.on_event(&Event::Mouse(MouseEvent {
@@ -309,7 +408,7 @@ fn an_80_by_24_screen_shows_everything_important() {
 
 #[test]
 fn arrow_keys_move_the_goal_and_jump_over_walls() {
-    let mut app = app();
+    let mut app = still();
     assert_eq!(app.maze().goal, Cell::new(19, 4), "the map's own goal");
     for _ in 0..9 {
         press(&mut app, KeyCode::Left);
@@ -464,7 +563,7 @@ fn a_door_can_be_closed_and_reopened_during_training() {
 #[test]
 fn tools_that_change_nothing_say_why() {
     let map = parse_map("room", b"S...#\n....#\n...G#\n").expect("a map");
-    let mut app = app_on(map, gdg());
+    let mut app = still_on(map, gdg());
     draw(&mut app, 80, 24);
     press(&mut app, KeyCode::Char('e'));
     let (wall, floor) = (Cell::new(4, 1), Cell::new(1, 1));
@@ -485,7 +584,7 @@ fn tools_that_change_nothing_say_why() {
 
 #[test]
 fn a_box_drawn_beyond_the_map_ends_at_its_edge() {
-    let mut app = app();
+    let mut app = still();
     draw(&mut app, 80, 24);
     press(&mut app, KeyCode::Char('e'));
     app.act(Action::Tool(Tool::Rectangle));
@@ -503,21 +602,19 @@ fn a_box_drawn_beyond_the_map_ends_at_its_edge() {
 
 #[test]
 fn space_pauses_and_resumes() {
-    let mut app = app();
+    let mut app = still();
     press(&mut app, KeyCode::Char(' '));
-    wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Paused);
+    app.obey();
+    assert_eq!(app.screen.snapshot.phase, Phase::Paused);
     assert!(text(&draw(&mut app, 80, 24)).contains("paused"));
-    let updates = app.screen.snapshot.counters.updates;
     press(&mut app, KeyCode::Char(' '));
-    wait_until(&mut app, |app| {
-        app.screen.snapshot.phase == Phase::Running
-            && app.screen.snapshot.counters.updates > updates
-    });
+    app.obey();
+    assert_eq!(app.screen.snapshot.phase, Phase::Running);
 }
 
 #[test]
 fn without_colours_walls_are_still_distinct_from_floor() {
-    let mut app = app();
+    let mut app = still();
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::Mono);
     let terminal = draw(&mut app, 80, 24);
     let plain = |colour: Color| colour == Color::Reset;
@@ -527,9 +624,8 @@ fn without_colours_walls_are_still_distinct_from_floor() {
 
 #[test]
 fn a_setting_can_change_during_training_and_invalid_values_are_reported() {
-    let mut app = app();
+    let mut app = still();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20);
     press(&mut app, KeyCode::Char('o'));
     type_text(&mut app, "random_actions");
     press(&mut app, KeyCode::Enter);
@@ -544,16 +640,16 @@ fn a_setting_can_change_during_training_and_invalid_values_are_reported() {
     type_text(&mut app, "0.5");
     press(&mut app, KeyCode::Enter);
     assert!(matches!(app.screen.dialogs[..], [Dialog::Pick(_)]), "back to the list");
-    let updates = app.screen.snapshot.counters.updates;
-    wait_until(&mut app, |app| app.screen.run().settings.train.random_actions == 0.5);
+    app.obey();
+    assert_eq!(app.screen.run().settings.train.random_actions, 0.5);
     let marked = |app: &mut App| text(&draw(app, 80, 24)).contains("*random_actions");
     assert!(marked(&mut app), "it is marked as changed");
     press(&mut app, KeyCode::Delete);
-    wait_until(&mut app, |app| app.screen.run().settings.train.random_actions == 0.3);
+    app.obey();
+    assert_eq!(app.screen.run().settings.train.random_actions, 0.3);
     assert!(!marked(&mut app), "and back at its default");
     press(&mut app, KeyCode::Esc);
     assert!(app.screen.dialogs.is_empty());
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates + 10);
 }
 
 #[test]
@@ -605,7 +701,7 @@ fn autosaves_use_their_own_files_and_only_the_newest_are_kept() {
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     app.on_tick();
     assert!(app.screen.snapshot.autosaves.is_empty(), "not yet");
-    app.autosave_minutes = 1e-6;
+    app.autosave.minutes = 1e-6;
     let mut all = std::collections::BTreeSet::new();
     while all.len() < 5 {
         let updates = app.screen.snapshot.counters.updates;
@@ -695,12 +791,10 @@ fn method_and_preset_can_change_during_training_and_keep_the_data() {
 
 #[test]
 fn a_frozen_screen_stays_unchanged_while_training_continues() {
-    let mut app = app();
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
+    let mut app = still();
     press(&mut app, KeyCode::Char('F'));
     let updates = app.screen.snapshot.counters.updates;
-    let snapshots = app.snapshots();
-    wait_until(&mut app, |_| snapshots.borrow().counters.updates > updates + 50);
+    app.train(51);
     assert_eq!(app.screen.snapshot.counters.updates, updates);
     assert!(text(&draw(&mut app, 80, 24)).contains("frozen"));
     press(&mut app, KeyCode::Char('F'));
@@ -712,7 +806,7 @@ fn writing_a_map_asks_before_replacing_a_file() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("kept.txt");
     std::fs::write(&file, "something else").expect("a file");
-    let mut app = app();
+    let mut app = still();
     draw(&mut app, 80, 24);
     press_with(&mut app, KeyCode::Char('w'), KeyModifiers::CONTROL);
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);

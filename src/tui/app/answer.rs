@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use rand::RngExt;
 
-use super::App;
 use super::answer_error::{AnswerError, FILE_EXISTS};
 use super::files::{checkpoint_file, remember_map};
+use super::{App, time, view};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
 use crate::tui::lists;
@@ -66,23 +66,9 @@ impl App {
             Choice::SaveFirst(then) => self.save_then(*then),
             Choice::Act(action) => self.act(action),
             Choice::Setting(name) => self.ask_setting(name),
-            Choice::Method(method)
-                if method.learner != self.screen.run().method.learner && self.is_worth_saving() =>
-            {
-                self.screen
-                    .open(lists::method_choices(self.screen.latest.unsaved_updates(), method));
-            }
-            Choice::Method(method) | Choice::MethodUnsaved(method) => {
-                let registry = self.screen.latest.registry.clone();
-                self.change_run(|run| run.set_method(method, &registry));
-            }
-            Choice::Preset(preset) => {
-                let settings = self.screen.settings_of(preset);
-                self.change_run(|run| (run.preset, run.settings) = (preset, settings));
-            }
             Choice::Theme(name) => {
                 self.previewed_over = None;
-                self.set_theme(name);
+                view::set_theme(name, &mut self.screen);
             }
             Choice::Folder(folder) => self.pick_map(Some(&folder)),
             Choice::OpenMap(path) => self.open_map(&path),
@@ -98,12 +84,37 @@ impl App {
             Choice::OpenWorld(name) => {
                 self.screen.open(lists::world_switch_choices(name, self.is_worth_saving()));
             }
-            Choice::StartIn(name) => self.start_run_in(name),
-            Choice::Restart(seed) => self.restart(seed),
             Choice::Field(field) => {
-                self.leave_past();
+                self.in_scene(|_, screen, link| time::leave_past(screen, link));
                 self.show_field(field);
             }
+            Choice::Export(kind) => self.exports.request(kind),
+            Choice::Quit { save: true } => self.save_and_quit(),
+            Choice::Quit { save: false } => self.done = true,
+            Choice::Nothing => {}
+            _ => self.choose_run(choice),
+        }
+    }
+
+    /// Continues with another run, or this one changed.
+    fn choose_run(&mut self, choice: Choice) {
+        match choice {
+            Choice::Method(method)
+                if method.learner != self.screen.run().method.learner && self.is_worth_saving() =>
+            {
+                let unsaved = self.screen.latest.unsaved_updates();
+                self.screen.open(lists::method_choices(unsaved, method));
+            }
+            Choice::Method(method) | Choice::MethodUnsaved(method) => {
+                let registry = self.screen.latest.registry.clone();
+                self.change_run(|run| run.set_method(method, &registry));
+            }
+            Choice::Preset(preset) => {
+                let settings = self.screen.settings_of(preset);
+                self.change_run(|run| (run.preset, run.settings) = (preset, settings));
+            }
+            Choice::StartIn(name) => self.start_run_in(name),
+            Choice::Restart(seed) => self.restart(seed),
             Choice::StartOn(map, file) => {
                 file.as_deref().inspect(|file| remember_map(file));
                 self.start_run_on(map);
@@ -116,17 +127,15 @@ impl App {
                 });
             }
             Choice::Load(path) if self.is_worth_saving() => {
-                self.screen.open(lists::load_choices(self.screen.latest.unsaved_updates(), path));
+                let unsaved = self.screen.latest.unsaved_updates();
+                self.screen.open(lists::load_choices(unsaved, path));
             }
             Choice::Load(path) | Choice::LoadUnsaved(path) => {
                 self.notify(&format!("loading {} ...", path.display()));
                 self.command(Command::Load(path));
             }
             Choice::Tour => self.start_tour_run(),
-            Choice::Export(kind) => self.export = Some(kind),
-            Choice::Quit { save: true } => self.save_and_quit(),
-            Choice::Quit { save: false } => self.done = true,
-            Choice::Nothing => {}
+            _ => {}
         }
     }
 
@@ -270,9 +279,8 @@ impl App {
                     minutes => Ok(minutes?),
                 }?;
                 let is_valid = (0.0..=1e6).contains(&minutes);
-                self.autosave_minutes =
-                    is_valid.then_some(minutes).ok_or(AnswerError::NoMinutes)?;
-                self.autosaved = std::time::Instant::now();
+                let minutes = is_valid.then_some(minutes).ok_or(AnswerError::NoMinutes)?;
+                self.autosave.set_interval(minutes);
             }
         }
         Ok(())

@@ -27,7 +27,8 @@ const MAX_LISTED_BYTES: u64 = 1 << 18;
 const MAX_BYTES: u64 = 1 << 20;
 
 impl App {
-    pub(super) fn ask_save_as(&mut self) {
+    /// Returns the question for a checkpoint's name.
+    pub(super) fn save_as_question(&self) -> Prompt {
         let stem = self
             .saving
             .path()
@@ -35,7 +36,7 @@ impl App {
             .map(|s| s.to_string_lossy().into_owned())
             .unwrap_or_default();
         let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
-        self.screen.open(Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem));
+        Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem)
     }
 
     pub(super) fn pick_checkpoint(&mut self) {

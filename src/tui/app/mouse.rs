@@ -3,7 +3,7 @@
 use crossterm::event::{MouseButton, MouseEvent, MouseEventKind};
 use ratatui::layout::Position;
 
-use super::App;
+use super::{App, time};
 use crate::tui::action::Action;
 use crate::tui::dialog::Dialog;
 use crate::tui::layout::Click;
@@ -39,7 +39,7 @@ impl App {
             .find_map(|chart| chart.value_at(at))
             .filter(|_| pressed && !drawing)
         {
-            return self.look_at_curves(at);
+            return self.in_scene(|_, screen, link| time::look_at_curves(at, screen, link));
         }
         if self.moves_tour_on(mouse.kind) {
             return;

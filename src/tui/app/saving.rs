@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use miette::Report;
 
-use super::{App, Autosaved};
+use super::App;
+use super::autosave::Content;
 use crate::host::logging;
 use crate::host::report::from_checkpoint_error;
 use crate::host::runs::{self, SAVES};
@@ -14,7 +15,7 @@ use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question};
 use crate::tui::interface::ClosedRun;
 use crate::tui::lists;
 use crate::tui::terminal;
-use gdg::engine::{Command, Phase, Snapshot};
+use gdg::engine::{Command, Engine, Phase, Snapshot};
 use gdg::files::{named, unused_path};
 use gdg::text::grouped;
 use gdg::train::{self, Notes, SaveTo, Trainer};
@@ -127,16 +128,15 @@ impl App {
 
     /// Saves automatically, to a file next to the user's own.
     pub(super) fn autosave(&mut self) {
-        self.autosaving_as = Some(self.what_is_autosaved());
+        self.autosave.begin(self.autosave_content());
         self.command(Command::Autosave(self.saving.to.path().to_owned(), self.notes()));
     }
 
     /// Returns whether anything has changed since the latest autosave. What has not needs no other
     /// copy, which would take the place of an older one.
     pub(in crate::tui) fn has_something_to_autosave(&self) -> bool {
-        let changed = self.screen.latest.unsaved_updates() > 0
-            && self.autosaved_as != Some(self.what_is_autosaved());
-        changed && self.autosaving_as.is_none()
+        let is_changed = self.screen.latest.unsaved_updates() > 0;
+        is_changed && self.autosave.wants(&self.autosave_content())
     }
 
     /// Returns what a checkpoint keeps of the screen.
@@ -144,10 +144,11 @@ impl App {
         Notes { log: self.screen.log.entries().to_vec(), goal: self.scene.goal() }
     }
 
-    /// Returns the run, updates and map that an autosave would save now.
-    pub(super) fn what_is_autosaved(&self) -> Autosaved {
+    /// Returns what an autosave would save now.
+    fn autosave_content(&self) -> Content {
+        let Snapshot { run, .. } = &*self.screen.latest;
         let map = self.scene.maze().map(|maze| maze.map.clone());
-        (self.screen.latest.run.clone(), self.screen.latest.updates(), map)
+        Content { run: run.clone(), updates: self.screen.latest.updates(), map }
     }
 
     /// Returns whether enough is unsaved to be worth asking about: training, or any edit of the
@@ -280,20 +281,27 @@ impl App {
 
     /// Ends training, and saves if that is requested and not yet done. The summary says how much is
     /// not saved if the run `is_kept` at all.
-    pub fn close(mut self, is_kept: bool) -> ClosedRun {
+    pub fn close(mut self, engine: Engine, is_kept: bool) -> ClosedRun {
+        self.exports.finish();
         // Decided before: what closing itself reports changes nothing.
         self.catch_up();
         self.screen.snapshot = self.screen.latest.clone();
-        let _waiting = Waiting::begin(self.engine.pulse(), TWICE, terminal::restore);
+        let pulse = engine.pulse().clone();
+        let _waiting = Waiting::begin(&pulse, TWICE, terminal::restore);
         let failed =
             !self.failures.is_empty() || matches!(self.screen.latest.phase, Phase::Failed(_));
-        let mut summary = self.screen.summary(self.scene.title(&self.screen.snapshot));
+        let mut ending = Ending {
+            summary: self.screen.summary(self.scene.title(&self.screen.snapshot)),
+            is_wanted: self.saving.named.is_some(),
+            is_worth_saving: self.is_worth_saving(),
+            is_kept,
+            has_unsaved_map: self.scene.has_unsaved_map(),
+        };
         let notes = self.notes();
-        let (worth_saving, unsaved_map) = (self.is_worth_saving(), self.scene.has_unsaved_map());
-        let Self { saving, engine, screen, link, .. } = self;
+        let Self { saving, screen, link, .. } = self;
+        let snapshots = engine.snapshots();
         // The trainer ends once nothing can send it commands any more.
         drop(link);
-        let snapshots = engine.snapshots();
         let trainer = engine.stop();
         let snapshot = snapshots.borrow().clone();
         let to = match (&snapshot.saved, &screen.snapshot.saved) {
@@ -302,51 +310,9 @@ impl App {
             (Some((_, path)), None) => SaveTo::Replace(path.to_path_buf()),
             _ => saving.to,
         };
-        let wanted = saving.named.is_some();
-        let (mut saved, mut saved_to) = (Ok(()), None);
-        match trainer {
-            Some(mut trainer) if wanted => {
-                let is_saved = |(at, _): &(u64, _)| *at == trainer.counters().updates;
-                let up_to_date = !unsaved_map && snapshot.saved.as_ref().is_some_and(is_saved);
-                let _ = trainer.ensure_finite();
-                trainer.set_notes(notes);
-                if !up_to_date {
-                    (saved_to, saved) = save_somewhere(&trainer, &to, &mut summary);
-                }
-            }
-            None if wanted || worth_saving => {
-                let lost = grouped(snapshot.unsaved_updates());
-                let problem = format!(
-                    "the trainer hung or crashed: {lost} updates since the last save are lost"
-                );
-                saved = Err(miette::miette!(help = logging::hint(), "{problem}"));
-            }
-            Some(_) if is_kept && (worth_saving || snapshot.saved.is_some()) => {
-                let saved = snapshot.saved.as_ref().map_or(0, |(updates, _)| *updates);
-                let unsaved = snapshot.counters.updates.saturating_sub(saved);
-                if unsaved > 0 {
-                    summary += &format!("\nnot saved: {} updates", grouped(unsaved));
-                }
-            }
-            _ => {}
-        }
-        if let Some((updates, path)) = &snapshot.saved {
-            summary += &format!(
-                "\nsaved {} at update {}",
-                path.display(),
-                grouped(snapshot.learned(*updates))
-            );
-        }
-        let kept_by_user =
-            saved.is_ok() && !failed && (wanted || (snapshot.saved.is_some() && !worth_saving));
-        for path in snapshot.autosaves.iter() {
-            if kept_by_user {
-                // What the user saved is newer.
-                train::remove_own(path);
-            } else {
-                summary += &format!("\nautosaved {}", path.display());
-            }
-        }
+        let (saved_to, saved) = ending.save(trainer, notes, &to, &snapshot);
+        ending.tell_files(saved.is_ok() && !failed, &snapshot);
+        let Ending { mut summary, .. } = ending;
         if let Some(file) = saved_to.or_else(|| newest_file(&to, &snapshot)) {
             summary += &format!("\nresume with: {}", runs::resume_command(&file));
         }
@@ -354,6 +320,75 @@ impl App {
             summary += &format!("\nthere were errors; {}", logging::hint());
         }
         ClosedRun { summary, saved, failed }
+    }
+}
+
+/// What is known and said of a run when the interface is closed.
+struct Ending {
+    /// The text left on the terminal.
+    summary: String,
+    /// Whether the run is to be saved.
+    is_wanted: bool,
+    is_worth_saving: bool,
+    /// Whether the run could have been saved at all.
+    is_kept: bool,
+    has_unsaved_map: bool,
+}
+
+impl Ending {
+    /// Saves the run if it is wanted and not yet saved; or says how much is not. Returns the file
+    /// written.
+    fn save(
+        &mut self,
+        trainer: Option<Trainer>,
+        notes: Notes,
+        to: &SaveTo,
+        snapshot: &Snapshot,
+    ) -> (Option<PathBuf>, Result<(), Report>) {
+        let saved_at = snapshot.saved.as_ref().map(|(updates, _)| *updates);
+        match trainer {
+            Some(mut trainer) if self.is_wanted => {
+                let up_to_date =
+                    !self.has_unsaved_map && saved_at == Some(trainer.counters().updates);
+                let _ = trainer.ensure_finite();
+                trainer.set_notes(notes);
+                if !up_to_date {
+                    return save_somewhere(&trainer, to, &mut self.summary);
+                }
+            }
+            None if self.is_wanted || self.is_worth_saving => {
+                let lost = grouped(snapshot.unsaved_updates());
+                let problem = format!(
+                    "the trainer hung or crashed: {lost} updates since the last save are lost"
+                );
+                return (None, Err(miette::miette!(help = logging::hint(), "{problem}")));
+            }
+            Some(_) if self.is_kept && (self.is_worth_saving || saved_at.is_some()) => {
+                let unsaved = snapshot.counters.updates.saturating_sub(saved_at.unwrap_or(0));
+                if unsaved > 0 {
+                    self.summary += &format!("\nnot saved: {} updates", grouped(unsaved));
+                }
+            }
+            _ => {}
+        }
+        (None, Ok(()))
+    }
+
+    /// Says which files there are. Autosaves go if what the user has saved, if all went `well`, is
+    /// newer.
+    fn tell_files(&mut self, well: bool, snapshot: &Snapshot) {
+        if let Some((updates, path)) = &snapshot.saved {
+            let at = grouped(snapshot.learned(*updates));
+            self.summary += &format!("\nsaved {} at update {at}", path.display());
+        }
+        let has_own = snapshot.saved.is_some() && !self.is_worth_saving;
+        for path in snapshot.autosaves.iter() {
+            if well && (self.is_wanted || has_own) {
+                train::remove_own(path);
+            } else {
+                self.summary += &format!("\nautosaved {}", path.display());
+            }
+        }
     }
 }
 

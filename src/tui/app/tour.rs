@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 use super::App;
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
-use crate::tui::lists;
 use crate::tui::raster::Viewport;
 use crate::tui::scene::maze::maze_on;
 use crate::tui::screen::Screen;
@@ -93,14 +92,6 @@ pub fn run() -> Run {
 }
 
 impl App {
-    /// Asks whether to leave this run for the tour's.
-    pub(super) fn ask_tour(&mut self) {
-        self.screen.open(lists::tour_choices(
-            self.screen.latest.unsaved_updates(),
-            self.is_worth_saving(),
-        ));
-    }
-
     /// Starts the tour's run, with which the tour begins.
     pub(super) fn start_tour_run(&mut self) {
         let Some(map) = builtin(MAP) else { return };

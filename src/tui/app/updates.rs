@@ -1,7 +1,6 @@
 //! Updates from trainer and viewer, and timed events.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use super::App;
 use crate::tui::action::Action;
@@ -19,14 +18,13 @@ impl App {
         self.update_quit_question();
         self.on_saving(&before);
         if !Arc::ptr_eq(&self.screen.latest.autosaves, &before.autosaves) {
-            self.autosaved_as = self.autosaving_as.take();
+            self.autosave.done();
         }
         self.screen.pausing &= self.screen.latest.phase.is_training();
         let notice = self.screen.latest.notice.clone();
         if notice.number > before.notice.number {
             if notice.is_error {
-                // Perhaps it was the autosave that failed; then it is tried again.
-                self.autosaving_as = None;
+                self.autosave.failed();
             }
             // A run that cannot be started is no tour.
             self.tour_requested &= !notice.is_error;
@@ -68,8 +66,8 @@ impl App {
 
     /// Takes over what the trainer has published last, which may not have been shown yet.
     pub(super) fn catch_up(&mut self) {
-        if self.feed.0.has_changed().unwrap_or(true) {
-            let snapshot = self.feed.0.borrow_and_update().clone();
+        if self.feed.snapshots.has_changed().unwrap_or(true) {
+            let snapshot = self.feed.snapshots.borrow_and_update().clone();
             self.on_snapshot(snapshot);
         }
     }
@@ -145,13 +143,8 @@ impl App {
     /// Handles the passing of time; returns whether the screen changes.
     pub fn on_tick(&mut self) -> bool {
         self.on_failures();
-        let due = self.autosave_minutes > 0.0
-            && self.autosaved.elapsed().as_secs_f64() > 60.0 * self.autosave_minutes;
-        if due {
-            self.autosaved = Instant::now();
-            if self.has_something_to_autosave() {
-                self.autosave();
-            }
+        if self.autosave.is_due() && self.has_something_to_autosave() {
+            self.autosave();
         }
         let offer_changed = self.on_offer_tick();
         let tour_changed = self.on_tour_tick();

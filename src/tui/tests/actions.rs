@@ -28,7 +28,7 @@ fn help(app: &mut App) -> String {
 
 #[test]
 fn the_help_lists_every_action_and_sign_at_80_by_24() {
-    let mut app = app();
+    let mut app = still();
     let help = help(&mut app);
     let kind = &app.scene;
     for binding in bindings().filter(|b| is_of_trainer(b) && kind.offers(b.action)) {
@@ -130,7 +130,8 @@ fn every_key_triggers_its_action() {
                 press(&mut app, KeyCode::Char('e'));
             }
             if binding.when == When::Offered {
-                app.offer(saved_run(folder.path(), &app));
+                let saved = saved_run(folder.path(), &app);
+                app.offer(saved);
             }
             if binding.when == When::Touring {
                 app.begin_tour();
@@ -154,7 +155,7 @@ fn every_key_triggers_its_action() {
 
 #[test]
 fn every_action_without_a_key_is_found_by_name() {
-    let mut app = app();
+    let mut app = still();
     draw(&mut app, 80, 24);
     for binding in bindings().filter(|b| b.keys.is_empty()) {
         press(&mut app, KeyCode::Char(':'));

@@ -22,8 +22,8 @@ fn still_app() -> App {
 }
 
 /// Returns an app with a made-up view, drawn once at the given size.
-fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> App {
-    let mut app = app_in(world, method, Limits { updates: Some(0), ..Limits::default() }, None);
+fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> Still {
+    let mut app = still_in(world, method);
     app.set_arm_goal([1.42, 0.83, 0.6]);
     draw(&mut app, width, height);
     let goal = app.arm().goal;
@@ -75,6 +75,7 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> Ap
     app.on_view(View::Arm(Arc::new(view)));
     let mut snapshot = (*app.screen.snapshot).clone();
     (snapshot.phase, snapshot.seconds, snapshot.rates) = (Phase::Running, 12.0, (80.0, 80.0));
+    snapshot.limits.updates = Some(1_000);
     (snapshot.counters.updates, snapshot.counters.env_steps, snapshot.counters.episodes) =
         (1_000, 1_200, 24);
     let score = |success: f64| {

@@ -10,7 +10,7 @@ use gdg::viewer::maze::CellInfo;
 
 #[test]
 fn a_theme_is_shown_while_it_is_selected_and_kept_only_if_it_is_picked() {
-    let mut app = app();
+    let mut app = still();
     press(&mut app, KeyCode::Char('T'));
     press(&mut app, KeyCode::Down);
     assert_eq!(app.screen.theme.name, ThemeName::Light, "shown at once");
@@ -38,7 +38,7 @@ fn questions_are_answered_by_their_keys_and_have_no_search_field() {
 
 #[test]
 fn errors_are_shown_in_full_and_in_their_own_colour() {
-    let mut app = app();
+    let mut app = still();
     let end = "the very end of it";
     app.report(&format!("/a/rather/long/path/{} cannot be written: {end}", "folder/".repeat(12)));
     for width in [60, 80, 120] {
@@ -52,7 +52,7 @@ fn errors_are_shown_in_full_and_in_their_own_colour() {
 
 #[test]
 fn the_footer_keeps_its_ends_where_room_is_short() {
-    let mut app = app();
+    let mut app = still();
     for (width, shown) in
         [(60, ["Space pause", "? help", "q quit"]), (40, ["Space pause", "? help", "q quit"])]
     {
@@ -64,7 +64,7 @@ fn the_footer_keeps_its_ends_where_room_is_short() {
 
 #[test]
 fn every_tool_says_what_the_mouse_does() {
-    let mut app = app();
+    let mut app = still();
     type_text(&mut app, "e7");
     let shown = text(&draw(&mut app, 140, 30));
     assert!(shown.contains("click: add or remove g") && !shown.contains("walls"), "{shown}");
@@ -76,7 +76,7 @@ fn every_tool_says_what_the_mouse_does() {
 
 #[test]
 fn the_help_wraps_scrolls_by_pages_and_can_be_searched() {
-    let mut app = app();
+    let mut app = still();
     press(&mut app, KeyCode::Char('?'));
     let shown = text(&draw(&mut app, 40, 12));
     assert!(shown.contains("the learned distance") && shown.contains("G:"), "{shown}");
@@ -109,7 +109,7 @@ fn the_help_wraps_scrolls_by_pages_and_can_be_searched() {
 
 #[test]
 fn panes_take_the_place_of_the_map_where_there_is_no_room_beside_it() {
-    let mut app = app();
+    let mut app = still();
     draw(&mut app, 60, 20);
     let mut seen = Vec::new();
     for _ in 0..=Pane::ALL.len() {
@@ -138,14 +138,15 @@ fn a_registered_learner_that_needs_rewards_is_listed_and_brings_the_tuned_preset
     let registry = Registry::builtin().with_learner(LearnerKind { name: "own", ..her });
     let world = PointMaze::new(Arc::new(rooms()), 0);
     let trainer = trainer_in(&world, Method::default(), &registry);
-    let mut app = app_of(trainer, Limits::default(), None);
+    let mut app = still_of(&trainer);
     app.act(Action::Method);
     let Some(Dialog::Pick(list)) = app.screen.dialogs.last_mut() else { panic!("a list") };
     list.paste("own+sorb");
     let method: Method = "own+sorb".parse().expect("a method");
     assert_eq!(list.choice(), Some(&Choice::Method(method.clone())));
     app.choose(Choice::MethodUnsaved(method.clone()));
-    wait_until(&mut app, |app| app.screen.run().method == method);
+    app.obey();
+    assert_eq!(app.screen.run().method, method);
     assert_eq!(app.screen.run().preset, Preset::Tuned);
 }
 
@@ -154,7 +155,7 @@ fn only_texts_that_are_maps_are_offered() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("rooms.txt"), ROOMS).expect("written");
     std::fs::write(folder.path().join("notes.txt"), "Buy milk, 2 bottles.\n").expect("written");
-    let mut app = app();
+    let mut app = still();
     app.pick_map(Some(folder.path()));
     let Some(Dialog::Pick(list)) = app.screen.dialogs.last() else { panic!("a list") };
     let names: Vec<&str> = list.items().map(|item| item.label.as_str()).collect();
@@ -255,7 +256,7 @@ fn a_run_that_has_not_changed_is_not_autosaved_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.safetensors");
     let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path));
-    app.autosave_minutes = 1e-5;
+    app.autosave.minutes = 1e-5;
     wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
     press(&mut app, KeyCode::Char(' '));
     wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
@@ -315,7 +316,7 @@ fn an_autosave_that_fails_is_tried_again_in_a_paused_run() {
     wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
     press(&mut app, KeyCode::Char(' '));
     wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
-    app.autosave_minutes = 1e-5;
+    app.autosave.minutes = 1e-5;
     std::thread::sleep(Duration::from_millis(20));
     app.on_tick();
     wait_until(&mut app, |app| app.screen.snapshot.notice.is_error);
@@ -328,7 +329,7 @@ fn an_autosave_that_fails_is_tried_again_in_a_paused_run() {
 
 #[test]
 fn overlays_of_bridges_say_that_a_method_has_none() {
-    let mut app = app_on(rooms(), gdg());
+    let mut app = still_on(rooms(), gdg());
     for key in ['b', 'd', 'B', 'p'] {
         let before = app.screen.overlays;
         press(&mut app, KeyCode::Char(key));
@@ -340,7 +341,7 @@ fn overlays_of_bridges_say_that_a_method_has_none() {
 
 #[test]
 fn an_old_error_goes_away_when_a_dialog_opens_and_a_new_one_stays() {
-    let mut app = app();
+    let mut app = still();
     app.report("the disk is full");
     press(&mut app, KeyCode::Char('n'));
     assert!(
@@ -358,7 +359,7 @@ fn a_map_is_recent_once_it_has_been_opened() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("hall.txt");
     std::fs::write(&file, ".....\n.....\n").expect("written");
-    let mut app = app();
+    let mut app = still();
     app.choose(Choice::OpenMap(file.clone()));
     let Some(Dialog::Pick(question)) = app.screen.dialogs.last() else { panic!("a question") };
     let starts =

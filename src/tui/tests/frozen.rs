@@ -15,7 +15,7 @@ fn train_frozen(app: &mut App, seconds: f64, change: impl FnOnce(&mut Snapshot))
 }
 
 /// Returns an app whose run has just been saved.
-fn saved_app() -> App {
+fn saved_app() -> Still {
     let mut app = staged_app(80, 24);
     let mut saved = (*app.screen.snapshot).clone();
     saved.saved = Some((saved.counters.updates, Arc::new(PathBuf::from("saves/kept.safetensors"))));
@@ -73,8 +73,7 @@ fn autosaves_go_on_behind_a_frozen_screen() {
 
 #[test]
 fn settings_changed_one_after_the_other_on_a_frozen_screen_are_all_kept() {
-    let mut app = app();
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
+    let mut app = still();
     press(&mut app, KeyCode::Char('F'));
     for (name, value) in [("expectile", "0.7"), ("tau", "0.01")] {
         app.choose(super::super::dialog::Choice::Setting(name.to_owned()));
@@ -85,7 +84,8 @@ fn settings_changed_one_after_the_other_on_a_frozen_screen_are_all_kept() {
             let settings = train::list_settings(&app.screen.run().settings);
             settings.iter().any(|(known, now)| known == name && now == value)
         };
-        wait_until(&mut app, is_set);
+        app.obey();
+        assert!(is_set(&app));
     }
     let settings = train::list_settings(&app.screen.run().settings);
     assert!(

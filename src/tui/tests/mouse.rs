@@ -39,7 +39,7 @@ fn every_key_in_the_footer_is_clickable() {
         ("? help", |app| matches!(app.screen.dialogs[..], [Dialog::Help(_)])),
         ("q quit", |app| app.is_done()),
     ] {
-        let mut app = app();
+        let mut app = still();
         click(&mut app, SMALL, short);
         assert!(done(&app), "{short} does nothing");
     }
@@ -52,7 +52,7 @@ fn the_header_shows_the_run_and_a_click_changes_it() {
         ("default", "continue with preset"),
         ("seed", "restart with seed"),
     ] {
-        let mut app = app();
+        let mut app = still();
         click(&mut app, SMALL, text);
         let shown = match app.screen.dialogs.last() {
             Some(Dialog::Pick(picker)) => picker.title.clone(),
@@ -65,7 +65,7 @@ fn the_header_shows_the_run_and_a_click_changes_it() {
 
 #[test]
 fn clicks_switch_panes_and_overlays() {
-    let mut app = app();
+    let mut app = still();
     click(&mut app, SMALL, "4map 5log");
     assert_eq!(app.screen.pane, Pane::Legend);
     click(&mut app, SMALL, "bridge edges");
@@ -79,7 +79,7 @@ fn clicks_switch_panes_and_overlays() {
 
 #[test]
 fn clicks_on_a_maximised_pane_do_not_reach_the_map() {
-    let mut app = app();
+    let mut app = still();
     draw(&mut app, 80, 24);
     let goal = app.maze().goal;
     press(&mut app, KeyCode::Char('z'));
@@ -93,7 +93,7 @@ fn clicks_on_a_maximised_pane_do_not_reach_the_map() {
 
 #[test]
 fn clicks_select_the_editor_tools() {
-    let mut app = app();
+    let mut app = still();
     click(&mut app, SMALL, "e edit");
     click(&mut app, SMALL, "box");
     assert_eq!(app.maze().editor.tool, crate::tui::tool::Tool::Rectangle);
@@ -120,7 +120,7 @@ fn clicks_answer_and_close_dialogs() {
     type_text(&mut app, "7");
     click(&mut app, SMALL, "Enter: accept");
     assert!(app.screen.dialogs.is_empty());
-    assert_eq!(app.autosave_minutes, 7.0);
+    assert_eq!(app.autosave.minutes, 7.0);
     app.act(Action::Theme);
     click(&mut app, SMALL, "light   ");
     assert_eq!(app.screen.theme.name, ThemeName::Light);

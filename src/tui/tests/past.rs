@@ -31,10 +31,10 @@ fn film(app: &App, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
 }
 
 /// Returns an app in the middle of a run with a film of these updates.
-fn filmed_app(updates: &[u64], width: u16, height: u16) -> App {
+fn filmed_app(updates: &[u64], width: u16, height: u16) -> Still {
     let mut app = staged_app(width, height);
     let film = film(&app, updates);
-    app.on_snapshot(Arc::new(Snapshot { film, ..(*app.screen.snapshot).clone() }));
+    app.change_snapshot(|snapshot| snapshot.film = film);
     app
 }
 
@@ -81,7 +81,7 @@ fn a_frame_that_has_been_dropped_meanwhile_is_left_in_both_directions() {
     press(&mut app, KeyCode::Char('['));
     assert_eq!(shown_update(&app), Some(5_000));
     let film = film(&app, &[1, 2_500, 7_500]);
-    app.on_snapshot(Arc::new(Snapshot { film, ..(*app.screen.snapshot).clone() }));
+    app.change_snapshot(|snapshot| snapshot.film = film);
     assert_eq!(shown_update(&app), Some(5_000), "it stays while it is looked at");
     press(&mut app, KeyCode::Char('['));
     assert_eq!(shown_update(&app), Some(2_500));
@@ -121,6 +121,7 @@ fn the_past_shows_its_agents_and_its_goal_and_nothing_of_the_present() {
         !app.screen
             .layout
             .map
+            .as_ref()
             .is_none_or(|frame| frame.area.positions().any(|at| buffer[at].symbol() == "@"))
     );
 }
@@ -255,7 +256,7 @@ fn the_past_of_an_arm_is_a_field_through_its_goal() {
     let points = film.points(&world).expect("points");
     film.add((1, 8), &world, &points, &vec![5.0; points.place_of.len()]);
     let film = film.frames().clone();
-    app.on_snapshot(Arc::new(Snapshot { film, ..(*app.screen.snapshot).clone() }));
+    app.change_snapshot(|snapshot| snapshot.film = film);
     app.act(Action::Back);
     let views = app.views();
     let began = Instant::now();

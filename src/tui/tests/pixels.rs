@@ -137,7 +137,7 @@ fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
 
 #[test]
 fn the_mouse_finds_the_same_cells_as_with_characters() {
-    let mut app = app();
+    let mut app = still();
     draw(&mut app, 80, 24);
     let before = app.screen.layout.map.clone();
     app.set_graphics(Some(GRAPHICS), Redraw::All);
@@ -175,7 +175,7 @@ fn text_over_the_map_wins() {
 #[test]
 fn pixels_are_for_terminals_with_pictures_and_colours() {
     let shows = |marker, graphics, theme| {
-        let mut app = app();
+        let mut app = still();
         app.screen.marker = marker;
         app.screen.theme = Theme::new(theme, ColourDepth::True);
         app.set_graphics(graphics, Redraw::All);
@@ -197,7 +197,7 @@ fn pixels_are_for_terminals_with_pictures_and_colours() {
 
 #[test]
 fn m_chooses_pixels_and_says_if_there_are_none() {
-    let mut app = app();
+    let mut app = still();
     press(&mut app, KeyCode::Char('m'));
     assert_eq!(app.screen.marker, Marker::Pixels);
     let shown = text(&draw(&mut app, 80, 24));
@@ -233,7 +233,7 @@ fn everything_on_the_map_can_be_drawn_as_pixels() {
 fn maps_with_more_cells_than_pixels_lose_no_wall() {
     let row: String = (0..600).map(|x| if x % 50 == 49 { '#' } else { '.' }).collect();
     let map = parse_map("wide", format!("{row}\n").repeat(300).as_bytes()).expect("a map");
-    let mut app = app_on(map, gdg());
+    let mut app = still_on(map, gdg());
     app.set_graphics(Some(Graphics { character: (3, 6), ..GRAPHICS }), Redraw::All);
     draw(&mut app, 100, 40);
     let own = &picture(&app).pixmap;
@@ -249,7 +249,7 @@ fn maps_with_more_cells_than_pixels_lose_no_wall() {
 fn the_line_below_counts_the_cells_of_a_pixel() {
     let map =
         parse_map("wide", format!("{}\n", ".".repeat(150)).repeat(150).as_bytes()).expect("a map");
-    let mut app = app_on(map, gdg());
+    let mut app = still_on(map, gdg());
     assert!(text(&draw(&mut app, 80, 24)).contains("1 dot = "));
     app.set_graphics(Some(GRAPHICS), Redraw::All);
     assert!(!text(&draw(&mut app, 80, 24)).contains("1 dot = "), "a cell has several pixels");

@@ -60,24 +60,11 @@ pub(super) fn evaluation(at: f64) -> Evaluation {
     }
 }
 
-/// Waits until the trainer, whose limit is 0 updates, has ended, and takes what it has published as
-/// seen: what follows is made up.
-fn ignore_trainer(app: &mut App) {
-    let began = Instant::now();
-    while app.snapshots().borrow().phase != Phase::Done {
-        assert!(began.elapsed() < Duration::from_mins(1), "timed out");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    app.ignore_published();
-}
-
 /// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the
 /// given size.
-pub fn staged_app(width: u16, height: u16) -> App {
-    let mut app =
-        app_with(rooms(), Method::default(), Limits { updates: Some(0), ..Limits::default() });
+pub fn staged_app(width: u16, height: u16) -> Still {
+    let mut app = still();
     draw(&mut app, width, height);
-    ignore_trainer(&mut app);
     let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
     let search = SearchOutcome {
         state: vec![1.5, 0.5],
@@ -131,10 +118,7 @@ pub fn staged_app(width: u16, height: u16) -> App {
         };
         app.on_snapshot(Arc::new(snapshot));
     }
-    app.on_snapshot(Arc::new(Snapshot {
-        evaluations: Arc::new(evaluations),
-        ..(*app.screen.snapshot).clone()
-    }));
+    app.change_snapshot(|snapshot| snapshot.evaluations = Arc::new(evaluations));
     let view = staged_view(&app);
     app.on_view(View::Maze(Arc::new(view)));
     app
@@ -317,7 +301,7 @@ fn what_is_unexplored_can_be_hidden_and_is_not_drawn_once_everything_is_explored
         assert_eq!(picture(&draw(&mut app, 80, 24)), shown);
         let map = app.maze().map.clone();
         let exploration = Arc::new(Exploration::new(&map, &vec![1; map.free().len()]));
-        app.on_view(View::Maze(Arc::new(MazeView { exploration, ..(*app.maze().view).clone() })));
+        app.change_view(|view| view.exploration = exploration);
         assert_eq!(picture(&draw(&mut app, 80, 24)), hidden);
     }
 }
@@ -473,7 +457,8 @@ fn lines_over_the_map_match_their_snapshots() {
     app.screen.first_run = true;
     check("first-run-80x24", &mut app, 80, 24);
     let folder = tempfile::tempdir().expect("a folder");
-    app.offer(saved_run(folder.path(), &app));
+    let saved = saved_run(folder.path(), &app);
+    app.offer(saved);
     check("offer-80x24", &mut app, 80, 24);
 }
 
@@ -482,10 +467,7 @@ fn cells_without_a_path_to_the_goal_match_their_snapshot() {
     let mut app = staged_app(80, 24);
     let map = app.maze().map.clone();
     let cut_off = (0..map.free().len()).map(|i| map.free()[i] && map.cell(i).x < 8).collect();
-    app.on_view(View::Maze(Arc::new(MazeView {
-        cut_off: Arc::new(cut_off),
-        ..(*app.maze().view).clone()
-    })));
+    app.change_view(|view| view.cut_off = Arc::new(cut_off));
     check("cut-off-80x24", &mut app, 80, 24);
 }
 
@@ -495,7 +477,7 @@ fn curves_of_several_methods_match_their_snapshot() {
     let mut methods = gdg::train::Methods::default();
     methods.change(4_000, ("gdg-bridge".to_owned(), true), ("random".to_owned(), false));
     methods.change(6_000, ("random".to_owned(), false), ("gdg-bridge".to_owned(), true));
-    app.on_snapshot(Arc::new(Snapshot { methods, ..(*app.screen.snapshot).clone() }));
+    app.change_snapshot(|snapshot| snapshot.methods = methods);
     app.screen.pane = Pane::Curves;
     check("curves-methods-120x40", &mut app, 120, 40);
 }
@@ -570,7 +552,7 @@ fn fields_match_their_snapshots() {
     {
         let mut app = staged_app(80, 24);
         app.screen.field = field;
-        app.on_view(View::Maze(Arc::new(MazeView { kind: field, ..(*app.maze().view).clone() })));
+        app.change_view(|view| view.kind = field);
         let name = field.name().replace(' ', "-").to_lowercase();
         check(&format!("field-{name}-80x24"), &mut app, 80, 24);
     }
@@ -670,15 +652,9 @@ fn of_many_edges_only_tried_ones_near_the_cursor_are_drawn() {
     let edges = |status| (0..11_000).map(|i| ([at(i), at(i + 40)], status)).collect::<Vec<_>>();
     let mut cells_changed = |edges, cursor| {
         app.maze_mut().inspecting = Some(cursor);
-        app.on_view(View::Maze(Arc::new(MazeView {
-            edges: Arc::default(),
-            ..(*app.maze().view).clone()
-        })));
+        app.change_view(|view| view.edges = Arc::default());
         let before = draw(&mut app, 120, 40).backend().buffer().clone();
-        app.on_view(View::Maze(Arc::new(MazeView {
-            edges: Arc::new(edges),
-            ..(*app.maze().view).clone()
-        })));
+        app.change_view(|view| view.edges = Arc::new(edges));
         let after = draw(&mut app, 120, 40).backend().buffer().clone();
         // Only the map: the legend counts the edges.
         let map = app.screen.layout.map.clone().expect("a map").area;

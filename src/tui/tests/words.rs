@@ -114,7 +114,7 @@ const WORDS: [(&str, Action); 101] = [
 
 #[test]
 fn users_words_find_what_they_mean() {
-    let app = app();
+    let app = still();
     let mut wrong = Vec::new();
     for (word, action) in WORDS {
         let mut list = lists::actions(&app.screen, &app.scene);
@@ -128,7 +128,7 @@ fn users_words_find_what_they_mean() {
 
 #[test]
 fn settings_are_found_beside_actions_and_after_them() {
-    let app = app();
+    let app = still();
     let found = |word: &str| {
         let mut list = lists::actions(&app.screen, &app.scene);
         list.paste(word);
@@ -163,7 +163,7 @@ fn settings_are_found_beside_actions_and_after_them() {
 
 #[test]
 fn settings_are_found_by_words_of_their_description() {
-    let app = app();
+    let app = still();
     for (word, name) in [
         ("Polyak", "tau"),
         ("width", "hidden"),
