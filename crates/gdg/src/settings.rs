@@ -1,6 +1,6 @@
 //! What a setting is: all that is known about it stands in one entry, beside its field.
 //!
-//! A module declares its settings by the macro [`settings`], which makes of the entries a struct
+//! A module declares its settings by the macro `settings!`, which makes of the entries a struct
 //! with a field each, its values in every [`Preset`], and a list of [`Setting`]s. Checks, errors,
 //! `--print-config`, the settings dialog, the page of settings and the ablation come from these.
 
