@@ -8,6 +8,7 @@ mod found;
 mod frozen;
 mod mouse;
 mod past;
+mod picture;
 mod pixels;
 mod screens;
 mod tour;
