@@ -30,8 +30,8 @@ const BYTES_PER_SECOND: f64 = 24_000.0;
 /// Bytes that a recording may be ahead of that: the first screen is drawn at once.
 const BYTES_AHEAD: f64 = 100_000.0;
 
-/// Bytes that it may be ahead by what the user has asked for: a dialog that is not recorded is
-/// missed more than a step of training.
+/// Bytes that it may be ahead by frames that answer the user: a missing dialog hurts more than a
+/// missing step of training.
 const ANSWER_BYTES_AHEAD: f64 = 400_000.0;
 
 /// Minimum time between two recorded frames.
@@ -114,7 +114,8 @@ impl Recorder {
         if self.is_due(now) { self.write_pending() } else { Ok(()) }
     }
 
-    /// Has the next frame recorded though the recording grows fast, as it answers the user.
+    /// Marks the next frame as an answer to the user, which is recorded even if the recording grows
+    /// fast.
     pub fn expect_answer(&mut self) {
         self.answers = true;
     }

@@ -54,7 +54,7 @@ pub struct Terminal {
     /// How long the latest pictures took to draw, and whether training ran, until they are written.
     pictures_sent: Option<(Duration, bool)>,
     output: Output,
-    /// Whether it is to be set up again as soon as it is this program's.
+    /// Whether to set it up again once this program is in the foreground.
     is_given_back: bool,
     /// Dismissed last, after everything has been restored.
     guard: Option<Guard>,
@@ -195,8 +195,7 @@ impl Terminal {
         events
     }
 
-    /// Has the next frame show the pictures as they are, and be recorded: the user has done
-    /// something.
+    /// Handles user input: the next frame updates all pictures and is recorded.
     pub fn expect_answer(&mut self) {
         self.patches.iter_mut().for_each(Patches::wake);
         self.recorder.iter_mut().for_each(Recorder::expect_answer);
@@ -303,7 +302,7 @@ impl Terminal {
         Ok(true)
     }
 
-    /// Has the next frame set the terminal up again and draw everything, whatever is on the screen.
+    /// Requests that the next frame sets the terminal up again and redraws everything.
     pub fn reopen(&mut self) {
         self.is_given_back = true;
     }
@@ -338,7 +337,7 @@ impl Drop for Terminal {
     }
 }
 
-/// Returns the screen, of which nothing is drawn yet.
+/// Returns an empty screen.
 fn screen(output: &Output) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
     let backend = CrosstermBackend::new(output.clone());
     // Its size is set before each frame.

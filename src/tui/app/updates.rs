@@ -64,7 +64,7 @@ impl App {
         }
     }
 
-    /// Takes over what the trainer has published last, which may not have been shown yet.
+    /// Handles the latest snapshot if it has not been handled yet.
     pub(super) fn catch_up(&mut self) {
         if self.feed.snapshots.has_changed().unwrap_or(true) {
             let snapshot = self.feed.snapshots.borrow_and_update().clone();
@@ -72,7 +72,7 @@ impl App {
         }
     }
 
-    /// Shows the new values in open lists of settings.
+    /// Refreshes open lists of settings.
     fn update_settings_list(&mut self) {
         let items = lists::setting_items(&self.screen);
         for dialog in &mut self.screen.dialogs {
@@ -84,7 +84,7 @@ impl App {
         }
     }
 
-    /// Shows what quitting would lose by now in an open question.
+    /// Refreshes the open quit prompt.
     fn update_quit_question(&mut self) {
         let asks = |picker: &Picker| {
             picker.items().any(|item| item.choice == Choice::Quit { save: false })

@@ -68,7 +68,7 @@ impl Encoder {
         }
     }
 
-    /// Deletes a patch of which nothing may be left. In other protocols than kitty's, text replaces
+    /// Deletes a patch that may be fully covered. In other protocols than kitty's, text replaces
     /// pictures.
     pub fn delete(&self, out: &mut Vec<u8>, at: Position) {
         if self.protocol == Protocol::Kitty {
@@ -96,7 +96,7 @@ fn kitty(out: &mut Vec<u8>, area: Rect, data: &str) -> std::io::Result<()> {
 /// Deletes all pictures of the screen shown, which is the program's own.
 pub const DELETE_ALL: &[u8] = b"\x1b_Ga=d,d=A,q=2\x1b\\";
 
-/// Returns a number of its own for the patch whose upper left character is at `at`.
+/// Returns the unique id of the patch whose upper left character is at `at`.
 fn kitty_id(at: Position) -> u32 {
     // Not the lowest ones, which other programs are likely to use.
     0x0100_0000 + (u32::from(at.y) << 12 | u32::from(at.x))

@@ -15,8 +15,8 @@ use super::{Graphics, Picture, Protocol, Redraw};
 /// Columns and rows of a whole patch: small, since little moves from frame to frame.
 const PATCH: (u16, u16) = (8, 4);
 
-/// Of sixels, xterm keeps 16 pictures of at most 1000 x 1000 pixels: a picture is cut into at most
-/// so many patches, at most so wide.
+/// The most sixel patches per picture, and their largest width in pixels: xterm keeps 16 pictures of
+/// at most 1000 x 1000 pixels.
 const SIXEL_PATCHES: u16 = 12;
 const SIXEL_PIXELS: u16 = 1000;
 
@@ -27,8 +27,7 @@ const REST_FACTOR: u32 = 1;
 const TRAINING_REST_FACTOR: u32 = 25;
 const LONGEST_REST: Duration = Duration::from_secs(1);
 
-/// For so long after the user has done something, what it changes is shown as if nothing were
-/// training.
+/// How long after user input pictures are drawn as if training were paused.
 const AWAKE: Duration = Duration::from_millis(300);
 
 /// A patch on the screen.
@@ -46,8 +45,7 @@ impl Patch {
         Self { area, pixels: Vec::new(), bands: Bands::default() }
     }
 
-    /// Takes over the pixels of a part of a picture of the patch's size; returns whether they have
-    /// changed.
+    /// Copies the pixels of a picture's part of the same size; returns whether any changed.
     fn show(&mut self, part: &Part) -> bool {
         let size = 4 * part.width * part.height;
         let mut has_changed = self.pixels.len() != size;
@@ -72,9 +70,9 @@ impl Patch {
 pub struct Patches {
     encoder: Encoder,
     shown: Vec<Patch>,
-    /// When the terminal may be sent pictures again that have merely changed.
+    /// Earliest time of the next update of changed pictures.
     resting_until: Option<Instant>,
-    /// When training comes first again.
+    /// When training gets priority again.
     awake_until: Option<Instant>,
     /// Whether what is shown is out of date.
     is_behind: bool,
@@ -100,8 +98,7 @@ impl Patches {
         self.is_behind
     }
 
-    /// Has pictures stay as they are for a while: the latest ones took some time to draw, and the
-    /// terminal to read until `end`.
+    /// Pauses updates in proportion to what the latest took to draw and, until `end`, to be read.
     pub fn rest(&mut self, end: Instant, took: Duration, is_training: bool) {
         let factor = if is_training && !is_ahead(self.awake_until) {
             TRAINING_REST_FACTOR
@@ -120,12 +117,12 @@ impl Patches {
         }
     }
 
-    /// Whether pictures stay as they are.
+    /// Whether updates are paused.
     fn is_resting(&self) -> bool {
         is_ahead(self.resting_until)
     }
 
-    /// Has pictures follow what they show again, for a moment at once.
+    /// Resumes updates, for a moment without pauses.
     pub fn wake(&mut self) {
         self.resting_until = None;
         self.awake_until = Some(Instant::now() + AWAKE);

@@ -26,6 +26,15 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> St
     let mut app = still_in(world, method);
     app.set_arm_goal([1.42, 0.83, 0.6]);
     draw(&mut app, width, height);
+    let view = staged_view(&app);
+    app.on_view(View::Arm(Arc::new(view)));
+    let snapshot = staged_snapshot(&app);
+    app.on_snapshot(Arc::new(snapshot));
+    app
+}
+
+/// Returns what is shown of the arm in [`staged_app`].
+fn staged_view(app: &App) -> ArmView {
     let goal = app.arm().goal;
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
     let planes: Vec<_> =
@@ -50,7 +59,7 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> St
     let mut arm = scene.world(1);
     arm.put(0, [1.3, 0.66, 0.5]);
     let candidate = |at| Candidate { at, degree: 0.5 };
-    let view = ArmView {
+    ArmView {
         goal: (Some(goal), 1),
         fields: Arc::new(planes.iter().map(field).collect()),
         planes: Arc::new(planes),
@@ -71,8 +80,11 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> St
             ..Reach::default()
         },
         ..ArmView::default()
-    };
-    app.on_view(View::Arm(Arc::new(view)));
+    }
+}
+
+/// Returns the training state in [`staged_app`].
+fn staged_snapshot(app: &App) -> Snapshot {
     let mut snapshot = (*app.screen.snapshot).clone();
     (snapshot.phase, snapshot.seconds, snapshot.rates) = (Phase::Running, 12.0, (80.0, 80.0));
     snapshot.limits.updates = Some(1_000);
@@ -97,8 +109,7 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> St
         marked: None,
     };
     snapshot.evaluations = Arc::new(vec![(500, evaluation(0.4)), (1_000, evaluation(0.9))]);
-    app.on_snapshot(Arc::new(snapshot));
-    app
+    snapshot
 }
 
 #[test]

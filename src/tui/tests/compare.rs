@@ -99,42 +99,47 @@ fn stage(comparison: &mut Comparison) {
         }
         let [a, b] = comparison.apps();
         let app = if side == 0 { a } else { b };
-        let frame = app.screen.layout.map.clone().expect("the map is drawn");
-        let map = app.maze().map.clone();
-        let (columns, rows) = frame.raster.pixels;
-        let [_, _, width, height] = frame.raster.window;
-        let field = |i: usize| {
-            let x = ((i % columns) as f32 + 0.5) / columns as f32 * width;
-            let y = ((i / columns) as f32 + 0.5) / rows as f32 * height;
-            if map.is_free_at(x, y) {
-                (1.5 + side as f32) * (x - 19.5).abs().max((y - 4.5).abs())
-            } else {
-                f32::NAN
-            }
-        };
-        let values: Vec<f32> = (0..columns * rows).map(field).collect();
-        let view = MazeView {
-            goal: (Some(app.maze().goal), app.goal_request()),
-            kind: Field::Learned,
-            farthest: 30.0,
-            field: Arc::new(values),
-            raster: Some(frame.raster),
-            exploration: Arc::new(gdg::viewer::maze::Exploration::new(
-                &map,
-                &vec![1; map.free().len()],
-            )),
-            path: if side == 0 { vec![[10.5, 2.5], [19.5, 4.5]] } else { vec![[19.5, 4.5]] },
-            trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
-            walk: gdg::viewer::maze::Walk {
-                start: [0.5, 2.5],
-                steps: 4,
-                shortest: Some(19),
-                arrived: side == 0,
-                ..gdg::viewer::maze::Walk::default()
-            },
-            ..MazeView::default()
-        };
+        let view = staged_view(app, side);
         comparison.on_view(side, &View::Maze(Arc::new(view)));
+    }
+}
+
+/// Returns what is shown on a side in the middle of its run.
+fn staged_view(app: &App, side: usize) -> MazeView {
+    let frame = app.screen.layout.map.clone().expect("the map is drawn");
+    let map = app.maze().map.clone();
+    let (columns, rows) = frame.raster.pixels;
+    let [_, _, width, height] = frame.raster.window;
+    let field = |i: usize| {
+        let x = ((i % columns) as f32 + 0.5) / columns as f32 * width;
+        let y = ((i / columns) as f32 + 0.5) / rows as f32 * height;
+        if map.is_free_at(x, y) {
+            (1.5 + side as f32) * (x - 19.5).abs().max((y - 4.5).abs())
+        } else {
+            f32::NAN
+        }
+    };
+    let values: Vec<f32> = (0..columns * rows).map(field).collect();
+    MazeView {
+        goal: (Some(app.maze().goal), app.goal_request()),
+        kind: Field::Learned,
+        farthest: 30.0,
+        field: Arc::new(values),
+        raster: Some(frame.raster),
+        exploration: Arc::new(gdg::viewer::maze::Exploration::new(
+            &map,
+            &vec![1; map.free().len()],
+        )),
+        path: if side == 0 { vec![[10.5, 2.5], [19.5, 4.5]] } else { vec![[19.5, 4.5]] },
+        trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
+        walk: gdg::viewer::maze::Walk {
+            start: [0.5, 2.5],
+            steps: 4,
+            shortest: Some(19),
+            arrived: side == 0,
+            ..gdg::viewer::maze::Walk::default()
+        },
+        ..MazeView::default()
     }
 }
 

@@ -44,12 +44,12 @@ impl Key {
         }
     }
 
-    /// Returns whether the screen still shows the same part of the same map.
+    /// Returns whether place and map match.
     pub fn same_place(&self, map_frame: &MapFrame, maze: &MazeState) -> bool {
         self.map_frame == *map_frame && Arc::ptr_eq(&self.map, &maze.map)
     }
 
-    /// Returns whether it does so in the same style.
+    /// Returns whether place and style match.
     pub fn same_style(&self, map_frame: &MapFrame, maze: &MazeState, screen: &Screen) -> bool {
         let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
         self.same_place(map_frame, maze) && same_style
@@ -66,7 +66,7 @@ impl Key {
             .then_some(&view.field)
     }
 
-    /// Returns whether what has been drawn from this is still up to date.
+    /// Returns whether a drawing from this is up to date.
     pub fn is_current(&self, map_frame: &MapFrame, maze: &MazeState, screen: &Screen) -> bool {
         let same_field = match (&self.field, Self::field_on(&map_frame.raster, maze, screen)) {
             (Some(own), Some(now)) => Arc::ptr_eq(own, now),

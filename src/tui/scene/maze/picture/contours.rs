@@ -29,7 +29,7 @@ const LEAST_STRAIGHTNESS: f32 = 0.97;
 const LABEL_SPACING: f32 = 2.5;
 const SAME_LEVEL_SPACING: f32 = 14.0;
 
-/// Places looked at for a label are so many pixels apart along the line.
+/// Sampling step along a line for label positions, in pixels.
 const STEP: f32 = 6.0;
 
 /// Values of ground beside a wall are continued into it if they differ by at most this many
