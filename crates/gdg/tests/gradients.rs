@@ -121,7 +121,7 @@ fn check_against(
         apart > 0.01 || settings.batch_size == 1,
         "targets at averages and at current weights differ by {apart} only"
     );
-    let critic = reference.critic_loss(0, (&states, &goals), &targets).unwrap();
+    let critic = reference.critic_loss(0, &states, &goals, &targets).unwrap();
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
     let model =
         reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();

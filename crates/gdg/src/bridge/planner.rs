@@ -219,38 +219,7 @@ impl Walker {
         scratch: &mut Scratch,
     ) -> &'a [f32] {
         let settings = graph.settings();
-        let mut target = self.target;
-        self.hop = None;
-        if let Some(current) = target {
-            let reached = graph.spec().reached(state, self.target_position(graph, current));
-            let late = settings.progress_check && self.clock >= self.deadline;
-            if let (Some(from), Some(to)) = (self.at, current.candidate())
-                && (reached || late)
-            {
-                self.hop = Some(Hop { from, to, distance: self.distance, arrived: reached });
-            }
-            match current {
-                Target::Candidate(i) if reached => {
-                    self.remaining = self.route.costs[i];
-                    self.strikes = 0;
-                    self.at = Some(i);
-                }
-                _ if late && !reached => {
-                    self.at = None;
-                    self.remaining = f32::INFINITY;
-                    self.strikes += 1;
-                    // The longer an agent is stuck, the more targets it tries before any of them
-                    // again.
-                    let ban =
-                        settings.ban_steps.saturating_mul((self.strikes / BAN_STRIKES).max(1));
-                    self.banned.push((current, self.clock.saturating_add(ban)));
-                }
-                _ => {}
-            }
-            if late || reached {
-                target = None;
-            }
-        }
+        let target = self.keep_target(state, graph);
         let clock = self.clock;
         self.banned.retain(|(_, until)| *until > clock);
         // An open loop continues its single plan from the waypoint reached.
@@ -271,6 +240,38 @@ impl Walker {
         self.target = Some(target);
         self.clock += 1;
         self.target_position(graph, target)
+    }
+
+    /// Records a hop that ends in `state`. Returns the current target, unless it has been reached
+    /// or given up.
+    fn keep_target(&mut self, state: &[f32], graph: &BridgeGraph) -> Option<Target> {
+        self.hop = None;
+        let (current, settings) = (self.target?, graph.settings());
+        let reached = graph.spec().reached(state, self.target_position(graph, current));
+        let late = settings.progress_check && self.clock >= self.deadline;
+        if let (Some(from), Some(to)) = (self.at, current.candidate())
+            && (reached || late)
+        {
+            self.hop = Some(Hop { from, to, distance: self.distance, arrived: reached });
+        }
+        match current {
+            Target::Candidate(i) if reached => {
+                self.remaining = self.route.costs[i];
+                self.strikes = 0;
+                self.at = Some(i);
+            }
+            _ if late && !reached => {
+                self.at = None;
+                self.remaining = f32::INFINITY;
+                self.strikes += 1;
+                // The longer an agent is stuck, the more targets it tries before any of them
+                // again.
+                let ban = settings.ban_steps.saturating_mul((self.strikes / BAN_STRIKES).max(1));
+                self.banned.push((current, self.clock.saturating_add(ban)));
+            }
+            _ => {}
+        }
+        (!late && !reached).then_some(current)
     }
 
     /// Returns the best next target and the steps to it by D.

@@ -133,8 +133,8 @@ impl Gdg {
         Reference::new(self.shapes(), self.training.networks(), layers)
     }
 
-    /// Returns the losses in candle operations at the weights that targets use: the running averages
-    /// of critics and actor, and the model, which has none.
+    /// Returns the losses in candle operations at the weights that targets use: the running
+    /// averages of critics and actor, and the model, which has none.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.

@@ -368,7 +368,7 @@ fn run_tasks_watched(
                 if let Some(graph) = actor.graph {
                     let ahead: Vec<bool> =
                         active.iter().map(|i| walkers[*i].looks_ahead(graph)).collect();
-                    look_ahead(actor.policy, &ahead, (&states, &aims), &mut chosen, &mut scratch);
+                    look_ahead(actor.policy, &ahead, &states, &aims, &mut chosen, &mut scratch);
                 }
             }
             Some(hold_steps) => {

@@ -464,8 +464,9 @@ impl Rollout {
                 };
                 let ahead: Vec<bool> =
                     self.plans.iter().zip(&self.agents).map(walks_ahead).collect();
-                let pairs = (self.env.states(), &self.goals[..]);
-                look_ahead(policy, &ahead, pairs, &mut self.actions, &mut self.scratch);
+                let states = self.env.states();
+                let (goals, actions) = (&self.goals, &mut self.actions);
+                look_ahead(policy, &ahead, states, goals, actions, &mut self.scratch);
             }
         }
         // With a mean hold of h steps, a fraction r of all steps is random if each free step begins

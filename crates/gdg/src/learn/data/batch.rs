@@ -314,10 +314,20 @@ mod tests {
         let bounded = BatchSampler::new(&spec, &bounded);
         bounded.sample(&replay, None, &mut rng, &mut batch);
         assert!(batch.bound.iter().all(|bound| *bound <= 20.0));
+        check_known(&sampler, &bounded, &mut rng, &mut batch);
+    }
+
+    /// Adds known distances to a batch of pairs on the line, with and without a limit.
+    fn check_known(
+        sampler: &BatchSampler,
+        bounded: &BatchSampler,
+        rng: &mut ChaCha8Rng,
+        batch: &mut Batch,
+    ) {
         // Places at both ends; from the first to the second it is much farther than D says.
         let pair = |from, to, steps| KnownPair { from, to, steps, waypoint: to };
         let (states, pairs) = ([10.0, 90.0], [pair(0, 1, 200.0), pair(1, 0, 80.0)]);
-        let mut places = GoalIndex::new(&spec);
+        let mut places = GoalIndex::new(&sampler.spec);
         states.iter().for_each(|state| places.push(&[*state]));
         let changed = ChangedDistances {
             goals: vec![1],
@@ -331,7 +341,7 @@ mod tests {
             by_goal: None,
             changed: None,
         };
-        sampler.add_known(&known, &mut rng, &mut batch);
+        sampler.add_known(&known, rng, batch);
         for i in 0..16 {
             let (upper, lower) =
                 if batch.states[i] == 10.0 { (200.0, 114.0) } else { (80.0, 42.0) };
@@ -347,17 +357,13 @@ mod tests {
             batch.lower[16..].iter().all(|steps| *steps == 0.0),
             "other pairs stay as they are"
         );
-        bounded.add_known(&known, &mut rng, &mut batch);
+        bounded.add_known(&known, rng, batch);
         assert!(
             batch.bound.iter().chain(&batch.lower).all(|steps| *steps <= 20.0),
             "the limit is for all pairs"
         );
-        sampler.add_known(&known, &mut rng, &mut batch);
-        sampler.add_known(
-            &KnownDistances { changed: Some(&changed), ..known },
-            &mut rng,
-            &mut batch,
-        );
+        sampler.add_known(&known, rng, batch);
+        sampler.add_known(&KnownDistances { changed: Some(&changed), ..known }, rng, batch);
         for i in 16..64 {
             let (state, goal) = (batch.states[i], batch.goals[i]);
             let off = if state < 50.0 { (state - 10.0).abs() } else { (state - 90.0).abs() }

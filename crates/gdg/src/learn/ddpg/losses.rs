@@ -79,15 +79,17 @@ impl Shapes {
     ) {
         self.rows(critic, pairs, actions, &mut ws.x);
         let x = &ws.x[..out.len() * self.critic.inputs];
-        self.critic.forward((critic.dense, critic.packed), x, out, &mut ws.acts);
+        self.critic.forward(critic.dense, critic.packed, x, out, &mut ws.acts);
     }
 
     /// Computes the minimum of Q(s, mu(s, g) + noise, g) over `critics`, `(rows)`; Fujimoto et al.
     /// 2018, sections 4.2 and 5.3. `noise` is `(rows, action_dim)`, or empty for none.
     pub fn values_of_actor(
         &self,
-        (actor, critics): (Weights, &[Weights]),
-        (pairs, noise): (Pairs, &[f32]),
+        actor: Weights,
+        critics: &[Weights],
+        pairs: Pairs,
+        noise: &[f32],
         out: &mut [f32],
         [actor_ws, critic_ws]: [&mut Workspace; 2],
     ) {
@@ -115,7 +117,8 @@ impl Shapes {
     fn critic_gradient(
         &self,
         critic: Weights,
-        (pairs, rows): (Pairs, &Rows),
+        pairs: Pairs,
+        rows: &Rows,
         targets: &[f32],
         gradient: &mut Gradient,
         ws: &mut Workspace,
@@ -136,7 +139,7 @@ impl Shapes {
         let dx = has_grid.then(|| (from, resized(&mut ws.dx, targets.len() * columns)));
         let x = &ws.x[..targets.len() * self.critic.inputs];
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
-        self.critic.backward((critic.dense, critic.packed), x, values, &mut ws.acts, wanted);
+        self.critic.backward(critic.dense, critic.packed, x, values, &mut ws.acts, wanted);
         gradient.add_pair_corners(&self.encoder, pairs, &ws.dx, self.actor.outputs);
         ws.y = q;
         loss
@@ -148,7 +151,8 @@ impl Shapes {
     /// excess over a bound. Returns the part's share of mean -Q.
     fn actor_gradient(
         &self,
-        (actor, critic): (Weights, Weights),
+        actor: Weights,
+        critic: Weights,
         pairs: Pairs,
         share: f32,
         gradient: &mut Gradient,
@@ -170,7 +174,7 @@ impl Shapes {
             inputs: Some((self.critic.inputs - a, &mut *d_action)),
         };
         let x = &critic_ws.x[..rows * self.critic.inputs];
-        self.critic.backward((critic.dense, critic.packed), x, values, &mut critic_ws.acts, wanted);
+        self.critic.backward(critic.dense, critic.packed, x, values, &mut critic_ws.acts, wanted);
         let l2 = self.actor_l2 / a as f32;
         for ((action, d), z) in actions_of_rows.iter_mut().zip(&*d_action).zip(&actor_ws.outputs) {
             let excess = z - z.clamp(-self.actor_bound, self.actor_bound);
@@ -183,7 +187,8 @@ impl Shapes {
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         let x = &actor_ws.x[..rows * self.actor.inputs];
         self.actor.backward(
-            (actor.dense, actor.packed),
+            actor.dense,
+            actor.packed,
             x,
             actions_of_rows,
             &mut actor_ws.acts,
@@ -214,12 +219,8 @@ impl Buffers {
         targets.resize(rows.rewards.len(), 0.0);
         let ahead = Pairs { plain: plain_ahead, states: rows.next, goals: rows.goals };
         let (critics, actor) = (&networks[..shapes.critics], networks[shapes.critics]);
-        shapes.values_of_actor(
-            (actor, critics),
-            (ahead, rows.noise),
-            targets,
-            [actor_ws, critic_ws],
-        );
+        let buffers = [actor_ws, critic_ws];
+        shapes.values_of_actor(actor, critics, ahead, rows.noise, targets, buffers);
         for (i, target) in targets.iter_mut().enumerate() {
             *target = shapes.returns.target(rows.rewards[i], rows.at_goal[i], *target);
         }
@@ -234,7 +235,7 @@ impl Buffers {
         gradient: &mut Gradient,
     ) -> f32 {
         let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
-        shapes.critic_gradient(critic, (pairs, rows), &self.targets, gradient, &mut self.critic)
+        shapes.critic_gradient(critic, pairs, rows, &self.targets, gradient, &mut self.critic)
     }
 
     /// Computes the actor's gradient by the frozen `critic` into `gradient`; the critics' come
@@ -249,7 +250,7 @@ impl Buffers {
     ) -> f32 {
         let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
         let buffers = [&mut self.actor, &mut self.critic];
-        shapes.actor_gradient((actor, critic), pairs, rows.share, gradient, buffers)
+        shapes.actor_gradient(actor, critic, pairs, rows.share, gradient, buffers)
     }
 }
 

@@ -16,28 +16,20 @@ impl Policy for Nets<'_> {
     /// Computes D as the steps that Q(s, mu(s, g), g) means, by the most pessimistic critic (see
     /// [`super::returns::Returns::steps`]).
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        scratch.for_pairs(
-            &self.shapes.encoder,
-            (states, goals),
-            (out, 1),
-            |pairs, out, buffers| {
-                self.shapes.values_of_actor(
-                    (self.actor, &self.critics),
-                    (pairs, &[]),
-                    out,
-                    buffers,
-                );
-                out.iter_mut().for_each(|q| *q = self.shapes.returns.steps(*q));
-            },
-        );
+        scratch.for_pairs(&self.shapes.encoder, states, goals, out, 1, |pairs, out, buffers| {
+            self.shapes.values_of_actor(self.actor, &self.critics, pairs, &[], out, buffers);
+            out.iter_mut().for_each(|q| *q = self.shapes.returns.steps(*q));
+        });
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let width = self.shapes.actor.outputs;
         scratch.for_pairs(
             &self.shapes.encoder,
-            (states, goals),
-            (out, width),
+            states,
+            goals,
+            out,
+            width,
             |pairs, out, [ws, _]| {
                 ws.actions(&self.shapes.encoder, &self.shapes.actor, self.actor, pairs, out);
             },

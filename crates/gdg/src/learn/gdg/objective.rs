@@ -120,7 +120,7 @@ impl Buffers {
             &self.passes.networks.model,
         ));
         let s = shapes.encoder.spec().state_dim();
-        self.left_out.extend(mispredicted(&self.model_errors, (rows.from, rows.states), s));
+        self.left_out.extend(mispredicted(&self.model_errors, rows.from, rows.states, s));
     }
 
     /// Computes the targets of the part's rows: d if the goal was reached, otherwise d + D'(s', g),

@@ -11,7 +11,7 @@ use crate::learn::networks::shapes::{MAX_STATE_DIM, Shapes, Workspaces};
 use crate::learn::networks::touched::TouchedCorners;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::gradient::Gradient;
-use crate::learn::update::losses::SpecialRows;
+use crate::learn::update::losses::ModelLoss;
 use crate::learn::update::objective::{NetworkPlan, NetworkWeights, Objective, Part};
 use crate::learn::update::rows::{PAIRS, Rows, TRANSITIONS, find_corners_of};
 use crate::learn::update::straight::StraightLine;
@@ -68,14 +68,8 @@ impl GivenDistance {
                 *next = share * scale * d;
             }
         }
-        let special = SpecialRows::default();
-        self.shapes.actor_gradient_through_model(
-            (actor, model),
-            pairs,
-            (d_change, share, special),
-            gradient,
-            buffers,
-        );
+        let after = ModelLoss { d_change, share, ..ModelLoss::default() };
+        self.shapes.actor_gradient_through_model(actor, model, pairs, after, gradient, buffers);
         buffers.model.y = next;
         loss
     }
@@ -163,8 +157,10 @@ impl Policy for Nets<'_> {
         let shapes = &self.objective.shapes;
         scratch.for_pairs(
             &shapes.encoder,
-            (states, goals),
-            (out, shapes.actor.outputs),
+            states,
+            goals,
+            out,
+            shapes.actor.outputs,
             |pairs, out, [ws, _]| {
                 shapes.actions(self.actor, pairs, out, ws);
             },

@@ -98,7 +98,8 @@ impl Workspace {
         let rows = out.len() / mlp.outputs;
         let outputs = resized(&mut self.outputs, out.len());
         mlp.forward(
-            (actor.dense, actor.packed),
+            actor.dense,
+            actor.packed,
             &self.x[..rows * mlp.inputs],
             outputs,
             &mut self.acts,

@@ -42,6 +42,17 @@ pub struct WaysOut {
     pub actions: Vec<f32>,
 }
 
+/// Steps of the actor as the model predicts them.
+#[derive(Clone, Copy)]
+pub struct Steps<'a> {
+    /// `(rows, state_dim)`.
+    pub states: &'a [f32],
+    /// `(rows, action_dim)`.
+    pub actions: &'a [f32],
+    /// `(rows, state_dim)`.
+    pub next: &'a [f32],
+}
+
 impl Shapes {
     /// Replaces `actions` `(rows, action_dim)`, the actor's in `states` towards `goals`, by those
     /// of [`Shapes::tried_actions`] with a smaller D(f(s, a), g) by all `critics`, where there is
@@ -51,8 +62,10 @@ impl Shapes {
     /// where a wall stops all actions that differ little from its own.
     pub fn improve_actions(
         &self,
-        (model, critics): (Weights, &[Weights]),
-        (states, goals): (&[f32], &[f32]),
+        model: Weights,
+        critics: &[Weights],
+        states: &[f32],
+        goals: &[f32],
         actions: &mut [f32],
         buffers: &mut LookaheadBuffers,
     ) {
@@ -86,7 +99,7 @@ impl Shapes {
             }
             let rows = tried.len() / a;
             next.resize(rows * s, 0.0);
-            self.next_states(model, (from, tried), next, &mut buffers.model);
+            self.next_states(model, from, tried, next, &mut buffers.model);
             self.encoder.plain_pairs(next, to, plain);
             distances.resize(rows, 0.0);
             self.joint_distances(
@@ -109,14 +122,15 @@ impl Shapes {
         }
     }
 
-    /// Finds what lookahead does better in the rows whose `actions` are blocked according to their
-    /// predicted `next` states: no action that differs little from a blocked one changes anything,
+    /// Finds what lookahead towards `goals` does better in the rows whose actions are blocked, as
+    /// the model predicts: no action that differs little from a blocked one changes anything,
     /// so that the gradient of Algorithm 1 vanishes.
     pub fn find_ways_out(
         &self,
-        (model, critic): (Weights, Weights),
-        (states, goals): (&[f32], &[f32]),
-        (actions, next): (&[f32], &[f32]),
+        model: Weights,
+        critic: Weights,
+        Steps { states, actions, next }: Steps,
+        goals: &[f32],
         ways: &mut WaysOut,
     ) {
         let spec = self.encoder.spec();
@@ -135,7 +149,7 @@ impl Shapes {
             rows.iter().for_each(|row| chosen.extend(&all[row * width..(row + 1) * width]));
         }
         best.clone_from(own);
-        self.improve_actions((model, &[critic]), (from, to), best, lookahead);
+        self.improve_actions(model, &[critic], from, to, best, lookahead);
         found.clear();
         found.resize(actions.len(), f32::NAN);
         for ((row, own), best) in rows.iter().zip(own.chunks_exact(a)).zip(best.chunks_exact(a)) {

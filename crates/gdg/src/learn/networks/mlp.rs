@@ -122,7 +122,8 @@ impl Mlp {
     /// parameters flat and packed.
     pub fn forward(
         &self,
-        (parameters, packed): (&[f32], &Packed),
+        parameters: &[f32],
+        packed: &Packed,
         x: &[f32],
         y: &mut [f32],
         acts: &mut Activations,
@@ -150,7 +151,8 @@ impl Mlp {
     /// Computes the gradients of the forward pass held in `acts`, from `dy` `(rows, outputs)`.
     pub fn backward(
         &self,
-        (parameters, packed): (&[f32], &Packed),
+        parameters: &[f32],
+        packed: &Packed,
         x: &[f32],
         dy: &[f32],
         acts: &mut Activations,
@@ -176,16 +178,11 @@ impl Mlp {
         );
         for layer in (0..self.layers).rev() {
             kernel::relu_backward(&mut d[..size], &acts.hidden[layer][..size]);
-            let width = self.layer_inputs(layer);
             if let Some(gradient) = gradient.as_deref_mut() {
                 let input = if layer == 0 { x } else { &acts.hidden[layer - 1][..size] };
                 acts.packed.pack(&d[..size], rows, self.hidden);
-                acts.packed.product(
-                    Lhs::Columns(input),
-                    width,
-                    0,
-                    &mut gradient[self.weights(layer)],
-                );
+                let weights = &mut gradient[self.weights(layer)];
+                acts.packed.product(Lhs::Columns(input), self.layer_inputs(layer), 0, weights);
                 kernel::column_sums(&d[..size], &mut gradient[self.bias(layer)]);
             }
             if layer > 0 {
@@ -199,25 +196,29 @@ impl Mlp {
             }
         }
         if let Some((from, dx)) = inputs {
-            let columns = self.inputs - from;
-            if columns <= 4 {
-                let weights = &parameters[self.weights(0)][from * self.hidden..];
-                kernel::thin_forward(
-                    &d[..size],
-                    weights,
-                    &[0.0; 4][..columns],
-                    &mut dx[..rows * columns],
-                );
-            } else {
-                packed.backward[0].product(
-                    Lhs::Rows(&d[..size]),
-                    rows,
-                    from,
-                    &mut dx[..rows * columns],
-                );
-            }
+            let dx = &mut dx[..rows * (self.inputs - from)];
+            self.input_gradient(parameters, packed, &d[..size], from, dx);
         }
         acts.d_hidden = [d, d_below];
+    }
+
+    /// Computes the gradients `dx` `(rows, inputs - from)` of the last inputs, from those of the
+    /// first hidden layer, `d` `(rows, hidden)`.
+    fn input_gradient(
+        &self,
+        parameters: &[f32],
+        packed: &Packed,
+        d: &[f32],
+        from: usize,
+        dx: &mut [f32],
+    ) {
+        let columns = self.inputs - from;
+        if columns <= 4 {
+            let weights = &parameters[self.weights(0)][from * self.hidden..];
+            kernel::thin_forward(d, weights, &[0.0; 4][..columns], dx);
+        } else {
+            packed.backward[0].product(Lhs::Rows(d), d.len() / self.hidden, from, dx);
+        }
     }
 }
 
@@ -325,10 +326,10 @@ mod tests {
             (vec![f32::NAN; rows * mlp.outputs], vec![f32::NAN; mlp.parameters()]);
         let mut dx = vec![f32::NAN; rows * (mlp.inputs - from)];
         mlp.pack(&parameters, true, packed);
-        mlp.forward((&parameters, packed), &x, &mut y, acts);
+        mlp.forward(&parameters, packed, &x, &mut y, acts);
         let wanted =
             GradientRequest { parameters: Some(&mut gradient), inputs: Some((from, &mut dx)) };
-        mlp.backward((&parameters, packed), &x, &dy, acts, wanted);
+        mlp.backward(&parameters, packed, &x, &dy, acts, wanted);
 
         let plain = ReferenceMlp { mlp, parameters: &parameters };
         let (mut y_expected, mut gradient_expected, mut dx_expected) =

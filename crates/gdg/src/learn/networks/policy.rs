@@ -25,8 +25,10 @@ impl Scratch {
     pub(in crate::learn) fn for_pairs(
         &mut self,
         encoder: &Encoder,
-        (states, goals): (&[f32], &[f32]),
-        (out, width): (&mut [f32], usize),
+        states: &[f32],
+        goals: &[f32],
+        out: &mut [f32],
+        width: usize,
         compute: impl Fn(Pairs, &mut [f32], [&mut Workspace; 2]),
     ) {
         let (s, g) = (encoder.spec().state_dim(), encoder.spec().goal_dim());
@@ -77,7 +79,8 @@ pub trait Policy: Send + Sync {
 pub fn look_ahead(
     policy: &dyn Policy,
     ahead: &[bool],
-    (states, goals): (&[f32], &[f32]),
+    states: &[f32],
+    goals: &[f32],
     actions: &mut [f32],
     scratch: &mut Scratch,
 ) {
@@ -109,22 +112,19 @@ pub struct Nets<'a> {
 impl Policy for Nets<'_> {
     /// Computes D by all critics.
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        scratch.for_pairs(
-            &self.shapes.encoder,
-            (states, goals),
-            (out, 1),
-            |pairs, out, [ws, _]| {
-                self.shapes.joint_distances(&self.critics, pairs, out, ws);
-            },
-        );
+        scratch.for_pairs(&self.shapes.encoder, states, goals, out, 1, |pairs, out, [ws, _]| {
+            self.shapes.joint_distances(&self.critics, pairs, out, ws);
+        });
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let width = self.shapes.actor.outputs;
         scratch.for_pairs(
             &self.shapes.encoder,
-            (states, goals),
-            (out, width),
+            states,
+            goals,
+            out,
+            width,
             |pairs, out, [ws, _]| {
                 self.shapes.actions(self.actor, pairs, out, ws);
             },
@@ -138,7 +138,7 @@ impl Policy for Nets<'_> {
         actions: &mut [f32],
         scratch: &mut Scratch,
     ) {
-        let networks = (self.model, &self.critics[..]);
-        self.shapes.improve_actions(networks, (states, goals), actions, &mut scratch.lookahead);
+        let lookahead = &mut scratch.lookahead;
+        self.shapes.improve_actions(self.model, &self.critics, states, goals, actions, lookahead);
     }
 }

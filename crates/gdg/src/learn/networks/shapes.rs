@@ -36,6 +36,16 @@ pub struct Shapes {
     pub tried_actions: Vec<f32>,
 }
 
+/// The states' inputs that depend on no network's parameters.
+#[derive(Clone, Copy)]
+struct PlainRows<'a> {
+    /// Rows of length `stride` that begin with those of the states.
+    rows: &'a [f32],
+    stride: usize,
+    /// Grid reads of the states.
+    positions: &'a GridReads,
+}
+
 /// Dimensions of actions up to which every combination of axes is tried; beyond, single axes.
 const MAX_COMBINED_DIM: usize = 4;
 
@@ -93,7 +103,7 @@ impl Shapes {
     pub fn distances(&self, critic: Weights, pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
         self.encoder.pair_rows(pairs, critic.table, self.critic.inputs, &mut ws.x);
         let x = &ws.x[..out.len() * self.critic.inputs];
-        self.critic.forward((critic.dense, critic.packed), x, out, &mut ws.acts);
+        self.critic.forward(critic.dense, critic.packed, x, out, &mut ws.acts);
         for z in out {
             *z = self.distance_scale * softplus(*z);
         }
@@ -105,13 +115,13 @@ impl Shapes {
     }
 
     /// Predicts the next states f(s, a) = s + scale * network, component by component, `(rows,
-    /// state_dim)`; keeps the activations for the backward pass. `plain` holds rows of length
-    /// `stride` that begin with the states' plain rows.
+    /// state_dim)`; keeps the activations for the backward pass.
     fn predict(
         &self,
         model: Weights,
-        (states, actions): (&[f32], &[f32]),
-        (plain, stride, places): (&[f32], usize, &GridReads),
+        states: &[f32],
+        actions: &[f32],
+        plain: PlainRows,
         next: &mut [f32],
         ws: &mut Workspace,
     ) {
@@ -120,16 +130,16 @@ impl Shapes {
         let x = resized(&mut ws.x, states.len() / spec.state_dim() * width);
         let rows = x
             .chunks_exact_mut(width)
-            .zip(plain.chunks_exact(stride))
+            .zip(plain.rows.chunks_exact(plain.stride))
             .zip(actions.chunks_exact(spec.action_dim));
-        for (i, ((row, plain), action)) in rows.enumerate() {
+        for (i, ((row, own), action)) in rows.enumerate() {
             let (copy, rest) = row.split_at_mut(plain_width);
-            copy.copy_from_slice(&plain[..plain_width]);
+            copy.copy_from_slice(&own[..plain_width]);
             let (encoded, last) = rest.split_at_mut(self.encoder.grid_width());
-            self.encoder.encode(model.table, &[places], i, encoded);
+            self.encoder.encode(model.table, &[plain.positions], i, encoded);
             last.copy_from_slice(action);
         }
-        self.model.forward((model.dense, model.packed), x, next, &mut ws.acts);
+        self.model.forward(model.dense, model.packed, x, next, &mut ws.acts);
         let dim = spec.state_dim();
         for (next, state) in next.chunks_exact_mut(dim).zip(states.chunks_exact(dim)) {
             for ((next, state), scale) in next.iter_mut().zip(state).zip(&spec.change_scale) {
@@ -205,15 +215,11 @@ impl Shapes {
             resized(&mut action, rows * self.actor.outputs),
             &mut buffers.actor,
         );
-        let shared = (&plain.rows[..], self.encoder.plain_pair_width(), &plain.states);
+        let stride = self.encoder.plain_pair_width();
+        let plain = PlainRows { rows: &plain.rows, stride, positions: &plain.states };
         let next = resized(next, states.len());
-        self.predict(
-            model,
-            (states, &action[..rows * self.actor.outputs]),
-            shared,
-            next,
-            &mut buffers.model,
-        );
+        let actions = &action[..rows * self.actor.outputs];
+        self.predict(model, states, actions, plain, next, &mut buffers.model);
         buffers.actor.y = action;
         next
     }
@@ -223,7 +229,8 @@ impl Shapes {
     pub fn next_states(
         &self,
         model: Weights,
-        (states, actions): (&[f32], &[f32]),
+        states: &[f32],
+        actions: &[f32],
         next: &mut [f32],
         ws: &mut Workspace,
     ) {
@@ -235,8 +242,8 @@ impl Shapes {
             self.encoder.plain_state(state, row);
             self.encoder.locate_state(state, &mut plain.states);
         }
-        let shared = (&plain.rows[..], width, &plain.states);
-        self.predict(model, (states, actions), shared, next, ws);
+        let own = PlainRows { rows: &plain.rows, stride: width, positions: &plain.states };
+        self.predict(model, states, actions, own, next, ws);
         ws.plain = plain;
     }
 }

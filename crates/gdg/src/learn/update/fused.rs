@@ -50,7 +50,7 @@ impl CustomOp2 for FusedMlp {
         let mut y = vec![0.0; rows * self.mlp.outputs];
         let (activations, packed) = &mut *self.saved.lock();
         self.mlp.pack(parameters, true, packed);
-        self.mlp.forward((parameters, packed), x, &mut y, activations);
+        self.mlp.forward(parameters, packed, x, &mut y, activations);
         Ok((CpuStorage::F32(y), Shape::from((rows, self.mlp.outputs))))
     }
 
@@ -69,7 +69,7 @@ impl CustomOp2 for FusedMlp {
             let parameters = &slice(&w)?[layout.start_offset()..];
             let (activations, packed) = &mut *self.saved.lock();
             let wanted = GradientRequest { parameters: Some(&mut dw), inputs: Some((0, &mut dx)) };
-            self.mlp.backward((parameters, packed), &x, &dy, activations, wanted);
+            self.mlp.backward(parameters, packed, &x, &dy, activations, wanted);
         }
         Ok((
             Some(Tensor::from_vec(dx, x.shape(), x.device())?),

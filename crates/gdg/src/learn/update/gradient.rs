@@ -1,5 +1,7 @@
 //! The gradient of one network.
 
+use std::ops::Range;
+
 use parking_lot::Mutex;
 
 use crate::learn::kernels::kernel;
@@ -25,14 +27,11 @@ impl Gradient {
         self.encoded.clear();
     }
 
-    /// Appends the gradients of encodings: columns `from..from + width` of `d` `(positions,
-    /// stride)`.
-    pub fn add_encoded(&mut self, d: &[f32], (from, width, stride): (usize, usize, usize)) {
-        self.encoded.extend(d.chunks_exact(stride).flat_map(|row| &row[from..from + width]));
+    /// Appends the gradients of encodings: some `columns` of `d` `(positions, stride)`.
+    pub fn add_encoded(&mut self, d: &[f32], stride: usize, columns: Range<usize>) {
+        self.encoded.extend(d.chunks_exact(stride).flat_map(|row| &row[columns.clone()]));
     }
-}
 
-impl Gradient {
     /// Adds the gradients of the pairs' grid encodings: the first columns of `dx`
     /// `(rows, 2 * grid_width + further columns)`.
     pub fn add_pair_corners(
@@ -46,8 +45,8 @@ impl Gradient {
         if width > 0 {
             let stride = 2 * width + further;
             let dx = &dx[..pairs.states.len() / encoder.spec().state_dim() * stride];
-            self.add_encoded(dx, (0, width, stride));
-            self.add_encoded(dx, (width, width, stride));
+            self.add_encoded(dx, stride, 0..width);
+            self.add_encoded(dx, stride, width..2 * width);
         }
     }
 }

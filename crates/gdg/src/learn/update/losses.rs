@@ -5,7 +5,7 @@ use std::iter::Sum;
 
 use crate::learn::data::batch::{STUCK_BOUND, STUCK_PROGRESS_STEPS};
 use crate::learn::networks::features::{Pairs, Workspace, resized};
-use crate::learn::networks::lookahead::WaysOut;
+use crate::learn::networks::lookahead::{Steps, WaysOut};
 use crate::learn::networks::mlp::GradientRequest;
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::shapes::{MAX_STATE_DIM, Path, Shapes, Workspaces, sigmoid, softplus};
@@ -72,9 +72,13 @@ pub struct ActorBuffers {
     ways_out: WaysOut,
 }
 
-/// What is special in some rows of the actor's gradient.
+/// A loss of what the model predicts for the actor's actions.
 #[derive(Clone, Copy, Default)]
-pub struct SpecialRows<'a> {
+pub struct ModelLoss<'a> {
+    /// Its gradient with respect to the model's outputs, `(rows, state_dim)`.
+    pub d_change: &'a [f32],
+    /// 1 / batch size.
+    pub share: f32,
     /// The bound of the outputs, `(rows)`; the actor's for all if empty.
     pub bounds: &'a [f32],
     /// Actions that the actor is pulled towards instead of following the gradient, `(rows,
@@ -99,7 +103,7 @@ impl Shapes {
         self.encoder.pair_rows(pairs, critic.table, self.critic.inputs, &mut ws.x);
         let x = &ws.x[..rows * self.critic.inputs];
         let z = resized(&mut ws.y, rows);
-        self.critic.forward((critic.dense, critic.packed), x, z, &mut ws.acts);
+        self.critic.forward(critic.dense, critic.packed, x, z, &mut ws.acts);
         let mut loss = 0.0;
         for (z, target) in z.iter_mut().zip(targets) {
             let distance = self.distance_scale * softplus(*z);
@@ -112,7 +116,7 @@ impl Shapes {
         let dx = (from < self.critic.inputs)
             .then(|| (from, resized(&mut ws.dx, rows * (self.critic.inputs - from))));
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
-        self.critic.backward((critic.dense, critic.packed), x, z, &mut ws.acts, wanted);
+        self.critic.backward(critic.dense, critic.packed, x, z, &mut ws.acts, wanted);
         gradient.add_pair_corners(&self.encoder, pairs, &ws.dx, 0);
         loss
     }
@@ -132,7 +136,7 @@ impl Shapes {
         let s = spec.state_dim();
         let rows = states.len() / s;
         let mut predicted = std::mem::take(&mut ws.y);
-        self.next_states(model, (states, actions), resized(&mut predicted, rows * s), ws);
+        self.next_states(model, states, actions, resized(&mut predicted, rows * s), ws);
         let mut loss = 0.0;
         for (predicted, next) in predicted[..rows * s].chunks_exact_mut(s).zip(next.chunks_exact(s))
         {
@@ -148,7 +152,8 @@ impl Shapes {
         let x = &ws.x[..rows * self.model.inputs];
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         self.model.backward(
-            (model.dense, model.packed),
+            model.dense,
+            model.packed,
             x,
             &predicted[..rows * s],
             &mut ws.acts,
@@ -156,7 +161,7 @@ impl Shapes {
         );
         ws.y = predicted;
         if grid_width > 0 {
-            gradient.add_encoded(&ws.dx[..rows * columns], (0, grid_width, columns));
+            gradient.add_encoded(&ws.dx[..rows * columns], columns, 0..grid_width);
         }
         loss
     }
@@ -177,9 +182,9 @@ impl Shapes {
 
     /// Computes the actor's goal-distance gradient (Algorithm 1) into `gradient`: that of mean
     /// D(f(s, mu(s, g)), w), with w either g or a waypoint on the way there, which flows through
-    /// the frozen first critic and the frozen model into the actor, plus that of the excess of the actor's outputs
-    /// over their bound. A blocked actor is pulled towards what lookahead finds instead. Returns
-    /// the part's contribution to mean D.
+    /// the frozen first critic and the frozen model into the actor, plus that of the excess of the
+    /// actor's outputs over their bound. A blocked actor is pulled towards what lookahead finds
+    /// instead. Returns the part's contribution to mean D.
     pub fn actor_gradient(
         &self,
         Path { actor, model, critics }: Path,
@@ -192,15 +197,14 @@ impl Shapes {
         let ActorBuffers { networks: buffers, before, ways_out } = buffers;
         let critic = critics[0];
         let states = pairs.states;
-        let spec = self.encoder.spec();
-        let s = spec.state_dim();
-        let rows = states.len() / s;
-        // Forward: a = mu(s, g), s' = f(s, a), z with D = scale softplus(z).
+        let rows = states.len() / self.encoder.spec().state_dim();
+        // Forward: a = mu(s, g), s' = f(s, a).
         let mut next = std::mem::take(&mut buffers.model.y);
         self.step_with_actor(actor, model, pairs, &mut next, buffers);
         if self.unblock_actor {
-            let own = (&buffers.actor.y[..rows * spec.action_dim], &next[..rows * s]);
-            self.find_ways_out((model, critic), (states, towards), own, ways_out);
+            let actions = &buffers.actor.y[..rows * self.actor.outputs];
+            let steps = Steps { states, actions, next: &next[..states.len()] };
+            self.find_ways_out(model, critic, steps, towards, ways_out);
         }
         if frees_stuck {
             let mut plain = std::mem::take(&mut buffers.critic.plain);
@@ -209,49 +213,63 @@ impl Shapes {
             self.distances(critic, now, resized(before, rows), &mut buffers.critic);
             buffers.critic.plain = plain;
         }
-        let mut next_plain = std::mem::take(&mut buffers.critic.plain);
-        self.encoder.plain_pairs(&next[..rows * s], towards, &mut next_plain);
+        // Forward to D and backward to the model's outputs.
+        let before = if frees_stuck { &mut before[..] } else { &mut [] };
+        let d_change = &mut next[..states.len()];
+        let loss = self.critic_slope(critic, d_change, towards, share, before, &mut buffers.critic);
+        let loss_after = ModelLoss { d_change, share, bounds: before, ways_out: &ways_out.actions };
+        self.actor_gradient_through_model(actor, model, pairs, loss_after, gradient, buffers);
+        buffers.model.y = next;
+        loss
+    }
+
+    /// Replaces the next states in `next` by the gradient of mean D(s', w) with respect to the
+    /// model's outputs, through the frozen critic; `share` is 1 / batch size. If `before` holds
+    /// D(s, w) `(rows)`, replaces it by the bounds of the actor's outputs, which are narrower where
+    /// the step makes no progress. Returns the part's contribution to mean D.
+    fn critic_slope(
+        &self,
+        critic: Weights,
+        next: &mut [f32],
+        towards: &[f32],
+        share: f32,
+        before: &mut [f32],
+        ws: &mut Workspace,
+    ) -> f32 {
+        let spec = self.encoder.spec();
+        let s = spec.state_dim();
+        let rows = next.len() / s;
+        let mut next_plain = std::mem::take(&mut ws.plain);
+        self.encoder.plain_pairs(next, towards, &mut next_plain);
         let width = self.critic.inputs;
-        let ahead = Pairs { plain: &next_plain, states: &next[..rows * s], goals: towards };
-        self.encoder.pair_rows(ahead, critic.table, width, &mut buffers.critic.x);
-        buffers.critic.plain = next_plain;
-        let x = &buffers.critic.x[..rows * width];
-        let z = resized(&mut buffers.critic.y, rows);
-        self.critic.forward((critic.dense, critic.packed), x, z, &mut buffers.critic.acts);
-        // Backward, in reverse order.
+        let ahead = Pairs { plain: &next_plain, states: next, goals: towards };
+        self.encoder.pair_rows(ahead, critic.table, width, &mut ws.x);
+        ws.plain = next_plain;
+        let x = &ws.x[..rows * width];
+        let z = resized(&mut ws.y, rows);
+        self.critic.forward(critic.dense, critic.packed, x, z, &mut ws.acts);
         let mut loss = 0.0;
         for (i, z) in z.iter_mut().enumerate() {
             let distance = self.distance_scale * softplus(*z);
             loss += share * distance;
-            if frees_stuck {
-                let stuck = before[i] - distance < STUCK_PROGRESS_STEPS;
-                before[i] =
-                    if stuck { self.actor_bound.min(STUCK_BOUND) } else { self.actor_bound };
+            if let Some(before) = before.get_mut(i) {
+                let stuck = *before - distance < STUCK_PROGRESS_STEPS;
+                *before = if stuck { self.actor_bound.min(STUCK_BOUND) } else { self.actor_bound };
             }
             *z = share * self.distance_scale * sigmoid(*z);
         }
-        let dx = resized(&mut buffers.critic.dx, rows * width);
+        let dx = resized(&mut ws.dx, rows * width);
         let wanted = GradientRequest { parameters: None, inputs: Some((0, &mut *dx)) };
-        self.critic.backward((critic.dense, critic.packed), x, z, &mut buffers.critic.acts, wanted);
+        self.critic.backward(critic.dense, critic.packed, x, z, &mut ws.acts, wanted);
         let mut d_state = [0.0; MAX_STATE_DIM];
         let d_state = &mut d_state[..s];
-        for (i, next) in next[..rows * s].chunks_exact_mut(s).enumerate() {
+        for (i, next) in next.chunks_exact_mut(s).enumerate() {
             let at = i * width..(i + 1) * width;
             self.encoder.pair_state_gradient(next, &x[at.clone()], &dx[at], critic.table, d_state);
             for ((next, d), scale) in next.iter_mut().zip(&*d_state).zip(&spec.change_scale) {
                 *next = scale * d;
             }
         }
-        let bounds = if frees_stuck { &before[..] } else { &[] };
-        let special = SpecialRows { bounds, ways_out: &ways_out.actions };
-        self.actor_gradient_through_model(
-            (actor, model),
-            pairs,
-            (&next[..rows * s], share, special),
-            gradient,
-            buffers,
-        );
-        buffers.model.y = next;
         loss
     }
 
@@ -261,14 +279,14 @@ impl Shapes {
     }
 
     /// Computes the actor's gradient into `gradient`, after [`Self::step_with_actor`]: that of a
-    /// loss whose gradient with respect to the model's outputs is `d_change` `(rows, state_dim)`,
-    /// through the frozen model, plus that of the excess of the actor's outputs over their bound,
-    /// but for what is `special`; `share` is 1 / batch size.
+    /// loss through the frozen model, plus that of the excess of the actor's outputs over their
+    /// bound, except in rows with a way out.
     pub fn actor_gradient_through_model(
         &self,
-        (actor, model): (Weights, Weights),
+        actor: Weights,
+        model: Weights,
         pairs: Pairs,
-        (d_change, share, special): (&[f32], f32, SpecialRows),
+        ModelLoss { d_change, share, bounds, ways_out }: ModelLoss,
         gradient: &mut Gradient,
         buffers: &mut Workspaces,
     ) {
@@ -282,7 +300,8 @@ impl Shapes {
         };
         let x = &buffers.model.x[..rows * self.model.inputs];
         self.model.backward(
-            (model.dense, model.packed),
+            model.dense,
+            model.packed,
             x,
             d_change,
             &mut buffers.model.acts,
@@ -291,9 +310,9 @@ impl Shapes {
         for (i, ((action, d), z)) in
             action[..rows * a].iter_mut().zip(&*d_action).zip(&buffers.actor.outputs).enumerate()
         {
-            let bound = special.bounds.get(i / a).copied().unwrap_or(self.actor_bound);
+            let bound = bounds.get(i / a).copied().unwrap_or(self.actor_bound);
             let excess = z - z.clamp(-bound, bound);
-            *action = match special.ways_out.get(i) {
+            *action = match ways_out.get(i) {
                 Some(way) if !way.is_nan() => {
                     2.0 * WAY_OUT_WEIGHT * share * (z - self.way_out_output(*way))
                 }
@@ -306,7 +325,8 @@ impl Shapes {
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         let x = &buffers.actor.x[..rows * self.actor.inputs];
         self.actor.backward(
-            (actor.dense, actor.packed),
+            actor.dense,
+            actor.packed,
             x,
             &action[..rows * a],
             &mut buffers.actor.acts,

@@ -191,8 +191,7 @@ impl<'a> Reference<'a> {
         let of_part = |part| {
             let rows = rows_of_part(batch.len(), part);
             let at = rows.start * s..rows.end * s;
-            mispredicted(&errors[rows], (&batch.from[at.clone()], &batch.states[at]), s)
-                .map(u8::from)
+            mispredicted(&errors[rows], &batch.from[at.clone()], &batch.states[at], s).map(u8::from)
         };
         let found: Vec<u8> = (0..parts_of(batch.len())).flat_map(of_part).collect();
         Tensor::from_vec(found, batch.len(), device)
@@ -215,7 +214,8 @@ impl<'a> Reference<'a> {
     pub fn critic_loss(
         &self,
         k: usize,
-        (states, goals): (&Tensor, &Tensor),
+        states: &Tensor,
+        goals: &Tensor,
         targets: &Tensor,
     ) -> Result<Tensor> {
         let distance = self.distances(k, states, goals)?;
@@ -281,7 +281,7 @@ impl<'a> Reference<'a> {
         if !self.shapes().unblock_actor {
             return Ok((after.mean_all()?, excess.mean_all()?));
         }
-        let (found, ways) = self.ways_out(states, towards, (&next, &after))?;
+        let (found, ways) = self.ways_out(states, towards, &next, &after)?;
         let off = (own_outputs - ways)?.sqr()?.sum(D::Minus1)?;
         let excess = found.where_cond(&(off * f64::from(WAY_OUT_WEIGHT))?, &excess)?;
         Ok((found.where_cond(&after.detach(), &after)?.mean_all()?, excess.mean_all()?))
@@ -294,7 +294,8 @@ impl<'a> Reference<'a> {
         &self,
         states: &Tensor,
         towards: &Tensor,
-        (next, after): (&Tensor, &Tensor),
+        next: &Tensor,
+        after: &Tensor,
     ) -> Result<(Tensor, Tensor)> {
         let (shapes, device) = (self.shapes(), states.device());
         let spec = shapes.encoder.spec();

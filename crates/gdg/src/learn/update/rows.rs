@@ -103,7 +103,8 @@ pub const MISPREDICTED_FACTOR: f32 = 3.0;
 /// in `states` `(rows, state_dim)`.
 pub fn mispredicted(
     errors: &[f32],
-    (from, states): (&[f32], &[f32]),
+    from: &[f32],
+    states: &[f32],
     state_dim: usize,
 ) -> impl Iterator<Item = bool> {
     let mean = errors.iter().sum::<f32>() / errors.len() as f32;

@@ -22,8 +22,8 @@ impl Half {
     }
 }
 
-/// Steps one half of a network with the sum of its gradients in all `parts`. Moves these out of the parts
-/// meanwhile, so that other threads can lock the parts for their own steps.
+/// Steps one half of a network with the sum of its gradients in all `parts`. Moves these out of the
+/// parts meanwhile, so that other threads can lock the parts for their own steps.
 ///
 /// # Errors
 /// Returns candle's error if a tensor operation fails.

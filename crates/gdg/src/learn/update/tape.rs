@@ -92,7 +92,7 @@ impl Tape {
         let now = self.reference(shapes, false)?;
         let mut critic_losses = Vec::new();
         for k in critics.clone() {
-            critic_losses.push(now.critic_loss(k, (&states, &goals), &targets)?);
+            critic_losses.push(now.critic_loss(k, &states, &goals, &targets)?);
         }
         let critic_loss = Tensor::stack(&critic_losses, 0)?.sum_all()?;
         let model_loss = now.model_loss(&from, &actions, &next)?;
