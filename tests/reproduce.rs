@@ -10,25 +10,9 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use ran::{Ran, has_parts, ran};
+use ran::{Ran, SMALL, has_parts, isolated, program_in, ran};
 use serde_json::Value;
 use tempfile::TempDir;
-
-/// Arguments that keep every job small.
-const SMALL: [&str; 12] = [
-    "--set",
-    "hidden=16",
-    "--set",
-    "buffer_size=20000",
-    "--set",
-    "candidates=50",
-    "--set",
-    "learning_starts=200",
-    "--eval-tasks",
-    "1",
-    "--seeds",
-    "1",
-];
 
 /// Figures of the paper, on maps and of the arm.
 const FIGURES: [&str; 5] = ["fig2", "fig3", "fig4", "fig5", "fig6"];
@@ -47,16 +31,9 @@ impl Place {
     }
 
     fn command(&self, args: &[&str]) -> Command {
-        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+        let mut command = program_in(self.0.path());
         command.arg("reproduce").args(args).args(SMALL);
-        self.isolated(command)
-    }
-
-    fn isolated(&self, mut command: Command) -> Command {
-        command
-            .current_dir(self.0.path())
-            .env("NO_COLOR", "1")
-            .env("XDG_STATE_HOME", self.0.path());
+        command.args(["--eval-tasks", "1", "--seeds", "1"]);
         command
     }
 
@@ -347,7 +324,7 @@ fn jobs_in_processes_of_their_own_give_the_same_bytes_as_one_process() {
     let start = |line: &&str| {
         let mut command = Command::new("sh");
         command.args(["-c", line]);
-        let mut command = place.isolated(command);
+        let mut command = isolated(command, place.0.path());
         command.current_dir("/").stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
     };
     let children: Vec<_> = commands[1..].iter().map(start).collect();

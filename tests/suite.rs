@@ -9,26 +9,12 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use ran::{Ran, has_parts, ran};
+use ran::{Ran, SMALL, has_parts, program_in, ran};
 use serde_json::Value;
 use tempfile::TempDir;
 
 /// Two parts, the right one larger, and no start.
 const TWO_PARTS: &str = "type octile\nheight 3\nwidth 9\nmap\n..@......\n..@......\n..@......\n";
-
-/// Arguments that keep a job small.
-const SMALL: [&str; 10] = [
-    "--set",
-    "hidden=16",
-    "--set",
-    "buffer_size=20000",
-    "--set",
-    "candidates=50",
-    "--set",
-    "learning_starts=200",
-    "--eval-tasks",
-    "2",
-];
 
 /// A folder with a folder of maps in which suites run.
 struct Place(TempDir);
@@ -55,12 +41,8 @@ impl Place {
     }
 
     fn command(&self, args: &[&str]) -> Command {
-        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
-        command
-            .current_dir(self.0.path())
-            .env("NO_COLOR", "1")
-            .env("XDG_STATE_HOME", self.0.path());
-        command.arg("suite").args(args).args(SMALL);
+        let mut command = program_in(self.0.path());
+        command.arg("suite").args(args).args(SMALL).args(["--eval-tasks", "2"]);
         command
     }
 
@@ -273,11 +255,11 @@ fn jobs_are_listed_and_run_by_name() {
     assert_eq!(states, [false, true], "{listed}");
 
     let checkpoint = place.path("out/jobs").join(parts).with_extension("safetensors");
-    let mut resume = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+    let mut resume = program_in(place.0.path());
     resume
         .args(["--no-ui", "--max-updates", "40", "--eval-tasks", "1", "--resume"])
         .arg(checkpoint);
-    assert!(resume.env("XDG_STATE_HOME", place.0.path()).output().unwrap().status.success());
+    assert!(resume.output().unwrap().status.success());
 }
 
 #[test]

@@ -8,7 +8,6 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::picture::far_task;
 use super::plan::Plan;
 use gdg::bridge::{self, Candidates};
 use gdg::env::{PointMaze, Task};
@@ -180,7 +179,7 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
     let world = PointMaze::new(map.clone(), 0);
     let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
     let far = (FAR_SHARE * f64::from(world.diameter().steps)).round() as u32;
-    let tasks: Vec<Task> = std::iter::once(far_task(map))
+    let tasks: Vec<Task> = std::iter::once(world.longest_task())
         .chain(world.tasks_at(&[far], MORE_TASKS, &mut rng).tasks)
         .collect();
     let (budget, policy) = (trainer.run().settings.bridge.search_budget, job.policy());

@@ -4,11 +4,10 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report};
 
-use gdg::draw::{Picture, Raster, Rgb, contour, contour_interval, contour_lines, distance_colour};
-use gdg::env::maze::full_state_at;
-use gdg::env::{Episodes, PointMaze, Task};
+use gdg::draw::{Picture, Raster, Rgb, contour_interval, distance_colour};
+use gdg::env::{PointMaze, Task};
 use gdg::learn::{Policy, Scratch};
-use gdg::map::{Cell, Grid, StepSearch, UNREACHABLE};
+use gdg::map::Grid;
 use gdg::train::{EvaluationJob, TaskWalk, Trainer};
 
 /// Pixels along the longer side, at most.
@@ -35,53 +34,11 @@ const GOAL: Rgb = (230, 159, 0);
 /// The learner fails, or the picture cannot be encoded.
 pub fn draw(trainer: &Trainer, map: &Arc<Grid>) -> Result<Vec<u8>, Report> {
     let job = trainer.evaluation().into_diagnostic()?;
-    let task = far_task(map);
-    let raster = raster(map);
+    let task = PointMaze::new(map.clone(), 0).longest_task();
+    let raster = Raster::of_map(map, MAX_PIXELS, MAX_PIXELS_PER_CELL);
     let mut picture = field(map, raster, &task.goal, job.policy());
     paths(&mut picture, raster, &task, &job);
     picture.to_png().into_diagnostic()
-}
-
-/// Returns the map's own task, or else one from its first start to the farthest cell.
-pub fn far_task(map: &Arc<Grid>) -> Task {
-    if let Some(task) = PointMaze::new(map.clone(), 0).default_task() {
-        return task;
-    }
-    let start = map
-        .starts()
-        .first()
-        .copied()
-        .or_else(|| map.free_cells().next())
-        .unwrap_or(Cell::new(0, 0));
-    let mut search = StepSearch::new(map);
-    let steps = search
-        .steps_from(start)
-        .iter()
-        .copied()
-        .enumerate()
-        .filter(|(_, steps)| *steps != UNREACHABLE);
-    let (goal, steps) = steps.max_by_key(|(_, steps)| *steps).unwrap_or_default();
-    Task {
-        start: full_state_at(start.centre()).to_vec(),
-        goal: map.cell(goal).centre().to_vec(),
-        shortest: Some(steps),
-        group: 0,
-    }
-}
-
-/// Returns the pixels for a map: whole pixels per cell, or the map scaled down where it is larger
-/// than the picture.
-fn raster(map: &Grid) -> Raster {
-    let (width, height) = (map.width(), map.height());
-    let longer = width.max(height);
-    let pixels = match MAX_PIXELS / longer {
-        0 => {
-            let scaled = |side: usize| (side * MAX_PIXELS).div_ceil(longer);
-            (scaled(width), scaled(height))
-        }
-        scale => (width * scale.min(MAX_PIXELS_PER_CELL), height * scale.min(MAX_PIXELS_PER_CELL)),
-    };
-    Raster { window: [0.0, 0.0, width as f32, height as f32], pixels }
 }
 
 /// Colours the free ground by D to `goal`, light near and dark far, with contour lines.
@@ -95,19 +52,14 @@ fn field(map: &Grid, raster: Raster, goal: &[f32], policy: &dyn Policy) -> Pictu
         &mut Scratch::default(),
     );
     let mut picture = Picture::new(raster.pixels, WALL);
-    let mut field = vec![f32::NAN; raster.pixels.0 * raster.pixels.1];
+    let mut field = vec![f32::NAN; raster.len()];
     free.iter().zip(&distances).for_each(|(i, distance)| field[*i] = *distance);
     let farthest =
         distances.iter().copied().filter(|distance| distance.is_finite()).fold(1.0, f32::max);
     for i in free {
         picture.pixels_mut()[i] = distance_colour(colorous::VIRIDIS, field[i] / farthest);
     }
-    let interval = contour_interval(&field, raster.pixels.0, LINE_SPACING);
-    for i in
-        contour_lines(&field, raster.pixels.0, interval).into_iter().flat_map(|line| line.pixels)
-    {
-        picture.pixels_mut()[i] = contour(picture.pixels_mut()[i]);
-    }
+    picture.contours(&field, contour_interval(&field, raster.pixels.0, LINE_SPACING));
     picture
 }
 
@@ -135,35 +87,5 @@ fn paths(picture: &mut Picture, raster: Raster, task: &Task, job: &EvaluationJob
             picture.disc(position, radius + 1.0, EDGE);
             picture.disc(position, radius, colour);
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use gdg::map::parse_map;
-
-    #[test]
-    fn pictures_are_small_and_have_whole_pixels_per_cell_where_possible() {
-        let pixels = |width, height| raster(&Grid::empty("map", width, height)).pixels;
-        assert_eq!(pixels(16, 10), (128, 80));
-        assert_eq!(pixels(65, 81), (260, 324));
-        assert_eq!(pixels(256, 200), (256, 200));
-        assert_eq!(pixels(1500, 750), (340, 170));
-    }
-
-    #[test]
-    fn the_task_is_the_maps_own_or_leads_to_the_farthest_cell() {
-        let task = |text: &str| {
-            let task = far_task(&Arc::new(parse_map("map", text.as_bytes()).expect("a map")));
-            (task.start, task.goal, task.shortest)
-        };
-        assert_eq!(task(".S.G.....\n"), (vec![1.5, 0.5], vec![3.5, 0.5], Some(2)));
-        assert_eq!(task(".S...#...\n"), (vec![1.5, 0.5], vec![4.5, 0.5], Some(3)));
-        assert_eq!(
-            task("#S#G\n"),
-            (vec![1.5, 0.5], vec![1.5, 0.5], Some(0)),
-            "no path leads to the goal"
-        );
     }
 }

@@ -1,5 +1,6 @@
 //! Pixels, and their rendering as characters.
 
+use gdg::draw::positions_along;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Position;
 use ratatui::style::{Color, Style};
@@ -157,9 +158,7 @@ impl Canvas {
             * map_frame.marker.pixels().0.max(map_frame.marker.pixels().1 / 2) as f32;
         let cells = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
         let samples = (cells * pixels_a_cell).ceil().max(1.0) as usize;
-        for n in 0..=samples {
-            let t = n as f32 / samples as f32;
-            let at = [from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1])];
+        for at in positions_along([from, to], samples) {
             if let Some(i) = self.at(map_frame, at) {
                 covered[i] = true;
             }

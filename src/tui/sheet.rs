@@ -1,15 +1,12 @@
 //! Smooth drawing on pixels: lines, discs, letters.
 
-use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+use gdg::draw::{TextPixel, paint_text, text_size};
 use tiny_skia::{
     Color, FillRule, FilterQuality, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap,
     PixmapPaint, PremultipliedColorU8, Stroke, Transform,
 };
 
 use super::theme::Rgb;
-
-/// The font's size, in pixels; others are made from it.
-const FONT_HEIGHT: RasterHeight = RasterHeight::Size16;
 
 /// The part of a letter's height that capitals and digits fill.
 const CAPITAL_SHARE: f32 = 0.62;
@@ -121,29 +118,19 @@ impl Sheet {
         is_bold: bool,
         ink: Ink,
     ) {
-        let weight = if is_bold { FontWeight::Bold } else { FontWeight::Regular };
-        let (advance, rows) = (get_raster_width(weight, FONT_HEIGHT), FONT_HEIGHT.val());
-        let Some(mut written) = Pixmap::new((advance * text.chars().count()) as u32, rows as u32)
-        else {
-            return;
-        };
-        let columns = written.width() as usize;
+        let [columns, rows] = text_size(text, is_bold);
+        let Some(mut written) = Pixmap::new(columns as u32, rows as u32) else { return };
         let Ink((r, g, b), opacity) = ink;
-        for (i, letter) in text.chars().enumerate() {
-            let Some(raster) = get_raster(letter, weight, FONT_HEIGHT) else { continue };
-            for (row, shares) in raster.rows().enumerate() {
-                for (column, share) in shares.iter().enumerate() {
-                    let alpha = (opacity * f32::from(*share)) as u8;
-                    let of = |channel: u8| (u16::from(channel) * u16::from(alpha) / 255) as u8;
-                    let pixel = PremultipliedColorU8::from_rgba(of(r), of(g), of(b), alpha);
-                    if let (Some(to), Some(pixel)) =
-                        (written.pixels_mut().get_mut(row * columns + i * advance + column), pixel)
-                    {
-                        *to = pixel;
-                    }
-                }
+        paint_text(text, is_bold, |TextPixel { column, row, coverage }| {
+            let alpha = (opacity * f32::from(coverage)) as u8;
+            let of = |channel: u8| (u16::from(channel) * u16::from(alpha) / 255) as u8;
+            let pixel = PremultipliedColorU8::from_rgba(of(r), of(g), of(b), alpha);
+            if let (Some(to), Some(pixel)) =
+                (written.pixels_mut().get_mut(row * columns + column), pixel)
+            {
+                *to = pixel;
             }
-        }
+        });
         let scale = height / rows as f32;
         let transform = Transform::from_translate(-(columns as f32) / 2.0, -(rows as f32) / 2.0)
             .post_scale(scale, scale)
@@ -186,8 +173,8 @@ impl Sheet {
 
 /// Returns the length of `text` in pixels if it is `height` pixels high.
 pub fn text_width(text: &str, height: f32) -> f32 {
-    let (advance, rows) = (get_raster_width(FontWeight::Regular, FONT_HEIGHT), FONT_HEIGHT.val());
-    height / rows as f32 * (advance * text.chars().count()) as f32
+    let [columns, rows] = text_size(text, false);
+    height / rows as f32 * columns as f32
 }
 
 /// Returns the path through `points`; a curved one passes through the middles between them instead.

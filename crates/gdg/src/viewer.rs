@@ -5,6 +5,7 @@
 mod animation;
 pub mod arm;
 mod field;
+mod film;
 pub mod maze;
 mod pilot;
 
@@ -32,8 +33,8 @@ const REFRESH_INTERVAL: Duration = Duration::from_millis(250);
 const TRAINING_PAUSE_FACTOR: u32 = 80;
 const IDLE_PAUSE_FACTOR: u32 = 3;
 
-/// A request from the screen. Requests about another kind of scene than the run's are ignored: they
-/// are from the time before another run was loaded.
+/// A request from the screen. Requests about another kind of scene than the run's date from before
+/// another run was loaded, and are ignored.
 #[derive(Clone, Debug)]
 pub enum Request {
     /// What the walking agent does at the goal.
@@ -86,8 +87,26 @@ trait SceneWorker: Send {
     /// Changes to the world of the latest snapshot, to which requests refer.
     fn enter(&mut self, _snapshot: &Snapshot) {}
 
+    /// Returns the state that all kinds of scene share.
+    fn shown(&mut self) -> &mut Shown;
+
+    /// Handles a request about this kind of scene; ignores those about others.
+    fn handle_own(&mut self, request: Request);
+
     /// Handles a request.
-    fn handle(&mut self, request: Request);
+    fn handle(&mut self, request: Request) {
+        let shown = self.shown();
+        shown.changed = true;
+        match request {
+            Request::OnArrival(on_arrival) => shown.on_arrival = on_arrival,
+            Request::Field(kind) => {
+                shown.kind = kind;
+                shown.timer.make_due();
+            }
+            Request::Past(past) => shown.look_at(past),
+            Request::Maze(_) | Request::Arm(_) => self.handle_own(request),
+        }
+    }
 
     /// Moves the walking agent by one step.
     fn walk(&mut self);
@@ -99,11 +118,12 @@ trait SceneWorker: Send {
     fn changed_view(&mut self) -> Option<View>;
 }
 
-/// Returns the worker for the world of `snapshot`.
-fn worker_for(snapshot: &Snapshot) -> Box<dyn SceneWorker> {
+/// Returns the worker for the world of `snapshot`, if it is drawn.
+fn worker_for(snapshot: &Snapshot) -> Option<Box<dyn SceneWorker>> {
     match &snapshot.scene {
-        Scene::Maze(_) | Scene::Nothing => Box::new(MazeWorker::new(snapshot)),
-        Scene::Arm(scene) => Box::new(ArmWorker::new(*scene, snapshot)),
+        Scene::Nothing => None,
+        Scene::Maze(scene) => Some(Box::new(MazeWorker::new(scene, snapshot))),
+        Scene::Arm(scene) => Some(Box::new(ArmWorker::new(*scene, snapshot))),
     }
 }
 
@@ -148,7 +168,7 @@ struct Worker {
     snapshots: watch::Receiver<Arc<Snapshot>>,
     inbox: Receiver<Request>,
     publish: watch::Sender<View>,
-    scene: Box<dyn SceneWorker>,
+    scene: Option<Box<dyn SceneWorker>>,
 }
 
 impl Worker {
@@ -156,26 +176,32 @@ impl Worker {
         let mut stepped = Instant::now();
         loop {
             crate::faults::point("viewer");
-            let wait = self.scene.step_interval().saturating_sub(stepped.elapsed());
+            let interval = self.scene.as_ref().map_or(REFRESH_INTERVAL, |s| s.step_interval());
+            let wait = interval.saturating_sub(stepped.elapsed());
             match self.inbox.recv_timeout(wait) {
                 Ok(request) => {
                     // Handles all queued requests before computing anything for them.
                     let mut next = Some(request);
                     while let Some(request) = next {
                         self.enter_scene();
-                        self.scene.handle(request);
+                        if let Some(scene) = &mut self.scene {
+                            scene.handle(request);
+                        }
                         next = self.inbox.try_recv().ok();
                     }
                 }
                 Err(RecvTimeoutError::Timeout) => {
                     stepped = Instant::now();
-                    self.scene.walk();
+                    if let Some(scene) = &mut self.scene {
+                        scene.walk();
+                    }
                 }
                 Err(RecvTimeoutError::Disconnected) => return,
             }
             let snapshot = self.enter_scene();
-            self.scene.refresh(&snapshot);
-            if let Some(view) = self.scene.changed_view() {
+            let Some(scene) = &mut self.scene else { continue };
+            scene.refresh(&snapshot);
+            if let Some(view) = scene.changed_view() {
                 self.publish.send_replace(view);
             }
         }
@@ -185,10 +211,12 @@ impl Worker {
     /// world that is shown.
     fn enter_scene(&mut self) -> Arc<Snapshot> {
         let snapshot = self.snapshots.borrow().clone();
-        if !self.scene.draws(&snapshot.scene) {
+        if !self.scene.as_ref().is_some_and(|scene| scene.draws(&snapshot.scene)) {
             self.scene = worker_for(&snapshot);
         }
-        self.scene.enter(&snapshot);
+        if let Some(scene) = &mut self.scene {
+            scene.enter(&snapshot);
+        }
         snapshot
     }
 }
@@ -224,21 +252,34 @@ impl RefreshTimer {
     }
 }
 
-/// The networks that a field shows, and when it was last computed.
-struct ShownNetworks {
+/// What is shown of any scene: the choices of the user, and the networks behind a field.
+struct Shown {
+    /// The quantity that the field shows.
+    kind: Field,
+    /// The networks that the field is computed from.
     networks: Arc<Networks>,
+    /// When the field was last computed.
     timer: RefreshTimer,
     /// The frame of the film that is shown instead.
     past: Option<Arc<FilmFrame>>,
+    on_arrival: OnArrival,
+    /// Whether the view has changed since it was published.
+    changed: bool,
 }
 
-impl ShownNetworks {
+impl Shown {
     fn new(snapshot: &Snapshot) -> Self {
-        Self { networks: snapshot.networks.clone(), timer: RefreshTimer::default(), past: None }
+        Self {
+            kind: Field::default(),
+            networks: snapshot.networks.clone(),
+            timer: RefreshTimer::default(),
+            past: None,
+            on_arrival: OnArrival::default(),
+            changed: true,
+        }
     }
 
-    /// Changes to the networks of `snapshot` if the field has to be computed now; returns whether
-    /// it has to.
+    /// Takes the networks of `snapshot` if the field is due; returns whether it is.
     fn follow(&mut self, snapshot: &Snapshot) -> bool {
         let changed = !Arc::ptr_eq(&snapshot.networks, &self.networks);
         // The past does not change.

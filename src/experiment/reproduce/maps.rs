@@ -7,7 +7,7 @@ use super::grip;
 use super::panel::{Dot, FLOOR, GOAL, MapPanel, PANEL_PIXELS, PATH, PLAN, PolyLine, START, WALL};
 use crate::experiment::measure::{Bridge, Walked};
 use crate::experiment::picture::LINE_SPACING;
-use gdg::draw::{Picture, Rgb, contour, contour_interval, contour_lines, distance_colour};
+use gdg::draw::{Picture, Rgb, contour_interval, distance_colour};
 use gdg::map::{Grid, builtin};
 use gdg::text::counted;
 
@@ -135,10 +135,7 @@ fn field(map: &Grid, values: &[Option<f32>]) -> Picture {
         values[(i / columns / scale) * map.width() + i % columns / scale].unwrap_or(f32::NAN)
     };
     let pixels: Vec<f32> = (0..columns * map.height() * scale).map(of_pixel).collect();
-    let interval = contour_interval(&pixels, columns, LINE_SPACING);
-    for i in contour_lines(&pixels, columns, interval).into_iter().flat_map(|line| line.pixels) {
-        picture.pixels_mut()[i] = contour(picture.pixels_mut()[i]);
-    }
+    picture.contours(&pixels, contour_interval(&pixels, columns, LINE_SPACING));
     picture
 }
 

@@ -42,8 +42,7 @@ impl<'a> Animation<'a> {
         let writer = &mut self.writer;
         // The first frame covers the whole picture, and has its place already.
         if self.drawn.is_some() {
-            // From the corner, every size is possible: the position still is that of the frame
-            // before.
+            // Any size is valid at the corner; the position is still that of the previous frame.
             writer.set_frame_position(0, 0)?;
             writer.set_frame_dimension(area[2], area[3])?;
             writer.set_frame_position(area[0], area[1])?;

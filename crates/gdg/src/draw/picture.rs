@@ -1,11 +1,9 @@
 //! Pictures as PNG files.
 
-use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
-
-use super::colour::{Rgb, blend};
-
-/// The size of letters, in pixels.
-const TEXT_HEIGHT: RasterHeight = RasterHeight::Size16;
+use super::colour::{Rgb, blend, contour};
+use super::contour::contour_lines;
+use super::letters::{TextPixel, paint_text};
+use super::segment::positions_along;
 
 /// A picture in memory.
 #[derive(Clone, Debug)]
@@ -60,37 +58,34 @@ impl Picture {
     /// Draws lines from stop to stop as wide as a disc of `radius`, and at least one pixel.
     pub fn lines(&mut self, stops: &[[f32; 2]], radius: f32, colour: Rgb) {
         for ends in stops.windows(2) {
-            let along = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
+            let (from, to) = (ends[0], ends[1]);
             // Two samples per pixel leave no gaps.
-            let samples = (2.0 * along[0].abs().max(along[1].abs())).ceil().max(1.0) as usize;
-            for n in 0..=samples {
-                let t = n as f32 / samples as f32;
-                let at = [ends[0][0] + t * along[0], ends[0][1] + t * along[1]];
+            let longer = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
+            for at in positions_along([from, to], (2.0 * longer).ceil().max(1.0) as usize) {
                 self.set(at[0].floor() as isize, at[1].floor() as isize, colour);
                 self.disc(at, radius, colour);
             }
         }
     }
 
+    /// Draws the contour lines at all multiples of `interval` of a field of one value a pixel.
+    pub fn contours(&mut self, field: &[f32], interval: f32) {
+        let lines = contour_lines(field, self.columns, interval);
+        for i in lines.into_iter().flat_map(|line| line.pixels) {
+            self.pixels[i] = contour(self.pixels[i]);
+        }
+    }
+
     /// Writes text from an upper left corner to the right; characters that the font lacks are left
     /// out.
     pub fn text(&mut self, text: &str, [left, top]: [usize; 2], colour: Rgb) {
-        let (columns, _) = self.size();
-        for (i, letter) in text.chars().enumerate() {
-            let Some(letter) = get_raster(letter, FontWeight::Regular, TEXT_HEIGHT) else {
-                continue;
-            };
-            for (row, shares) in letter.rows().enumerate() {
-                for (column, share) in shares.iter().enumerate().filter(|(_, share)| **share > 0) {
-                    let x = left + i * text_size("i")[0] + column;
-                    if let Some(pixel) =
-                        self.pixels.get_mut((top + row) * columns + x).filter(|_| x < columns)
-                    {
-                        *pixel = blend(*pixel, colour, f32::from(*share) / 255.0);
-                    }
-                }
+        let columns = self.columns;
+        paint_text(text, false, |TextPixel { column, row, coverage }| {
+            let (x, y) = (left + column, top + row);
+            if let Some(pixel) = self.pixels.get_mut(y * columns + x).filter(|_| x < columns) {
+                *pixel = blend(*pixel, colour, f32::from(coverage) / 255.0);
             }
-        }
+        });
     }
 
     /// Copies a picture to an upper left corner, as far as it fits.
@@ -118,9 +113,4 @@ impl Picture {
         writer.finish()?;
         Ok(file)
     }
-}
-
-/// Returns the width and height of a line of text, in pixels.
-pub fn text_size(line: &str) -> [usize; 2] {
-    [line.chars().count() * get_raster_width(FontWeight::Regular, TEXT_HEIGHT), TEXT_HEIGHT.val()]
 }

@@ -26,6 +26,29 @@ pub enum Ground {
 }
 
 impl Raster {
+    /// Returns the pixels for a whole map: as many for each cell as possible, at most
+    /// `per_cell` along its side, or the map scaled down where it is longer than `longest` pixels.
+    pub fn of_map(map: &Grid, longest: usize, per_cell: usize) -> Self {
+        let (width, height) = (map.width(), map.height());
+        let longer = width.max(height);
+        let along = |side: usize| match longest / longer {
+            0 => (side * longest).div_ceil(longer),
+            scale => side * scale.min(per_cell),
+        };
+        let window = [0.0, 0.0, width as f32, height as f32];
+        Self { window, pixels: (along(width), along(height)) }
+    }
+
+    /// Returns the number of pixels.
+    pub fn len(&self) -> usize {
+        self.pixels.0 * self.pixels.1
+    }
+
+    /// Returns whether there are no pixels.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
     /// Returns what the pixel at `column` and `row` shows.
     pub fn ground(&self, map: &Grid, column: usize, row: usize) -> Ground {
         let [left, top, width, height] = self.window;
@@ -117,7 +140,7 @@ fn is_crossed(free: &[bool], (columns, rows): (usize, usize)) -> bool {
             {
                 *side |= at;
             }
-            // Walls that touch at their corners let nobody through.
+            // Walls that touch diagonally block the way.
             let beside = x.saturating_sub(1)..(x + 2).min(columns);
             reached.extend(
                 (y.saturating_sub(1)..(y + 2).min(rows))
@@ -148,6 +171,16 @@ mod tests {
             Ground::Free(_) => '.',
         };
         (0..pixels.0 * pixels.1).map(sign).collect()
+    }
+
+    #[test]
+    fn maps_have_whole_pixels_per_cell_where_possible() {
+        let pixels =
+            |width, height| Raster::of_map(&Grid::empty("map", width, height), 340, 8).pixels;
+        assert_eq!(pixels(16, 10), (128, 80));
+        assert_eq!(pixels(65, 81), (260, 324));
+        assert_eq!(pixels(256, 200), (256, 200));
+        assert_eq!(pixels(1500, 750), (340, 170));
     }
 
     #[test]

@@ -163,6 +163,12 @@ impl PointMaze {
         tasks::at(distances, &self.map, cells, self.diameter(), per_distance, rng)
     }
 
+    /// Returns the map's own task (see [`Episodes::default_task`]), or else one from its first start,
+    /// or first free cell, to the cell farthest from it.
+    pub fn longest_task(&self) -> Task {
+        self.default_task().unwrap_or_else(|| tasks::longest(&self.map))
+    }
+
     fn load(store: &Store) -> Result<Self, StoreError> {
         // The name comes from a file and becomes part of other file names, so it must not contain a
         // path.
@@ -207,7 +213,7 @@ fn slide(map: &Grid, [mut x, mut y]: [f32; 2], [ax, ay]: [f32; 2]) -> [f32; 2] {
 }
 
 /// Converts a position to a full state.
-pub fn full_state_at([x, y]: [f32; 2]) -> [f64; 2] {
+fn full_state_at([x, y]: [f32; 2]) -> [f64; 2] {
     [f64::from(x), f64::from(y)]
 }
 

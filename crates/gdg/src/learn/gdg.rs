@@ -3,6 +3,8 @@
 
 pub mod graph_paths;
 mod objective;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 use std::time::Instant;

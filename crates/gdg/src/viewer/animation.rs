@@ -3,8 +3,7 @@
 use super::arm::{Plane, film_field, film_goal as arm_goal};
 use super::maze::{FilmedMap, FilmedPixels, film_goal};
 use crate::draw::{
-    Animation, Ground, Picture, Raster, Rgb, blend, contour, contour_interval, contour_lines,
-    distance_colour, text_size,
+    Animation, Ground, Picture, Raster, Rgb, blend, contour_interval, distance_colour, text_size,
 };
 use crate::engine::Snapshot;
 use crate::env::{ArmScene, MazeScene, Scene};
@@ -74,13 +73,13 @@ pub fn animate(run: &Snapshot) -> Result<Vec<u8>, FilmError> {
         frames.windows(2).map(|pair| pair[1].updates - pair[0].updates).min().unwrap_or(1).max(1);
     let mut file = Vec::new();
     let (columns, rows) = stage.draw(last, scale).size();
-    let size = (columns, rows + text_size("")[1] + 2 * MARGIN);
+    let size = (columns, rows + text_size("", false)[1] + 2 * MARGIN);
     let mut animation = Animation::begin(&mut file, size, frames.len())?;
     for (i, frame) in frames.iter().enumerate() {
         let mut picture = Picture::new(size, PAGE);
         picture.put(&stage.draw(frame, scale), [0, 0]);
         let captions = captions(run, frame);
-        let fits = |caption: &&String| text_size(caption)[0] + 2 * MARGIN <= columns;
+        let fits = |caption: &&String| text_size(caption, false)[0] + 2 * MARGIN <= columns;
         if let Some(caption) = captions.iter().find(fits) {
             picture.text(caption, [MARGIN, rows + MARGIN], INK);
         }
@@ -132,20 +131,12 @@ struct MazeStage {
 
 impl MazeStage {
     fn new(MazeScene { map, .. }: &MazeScene) -> Self {
-        let (width, height) = (map.width(), map.height());
-        let longer = width.max(height);
-        let pixels = match MAX_MAP_PIXELS / longer {
-            0 => [width, height].map(|side| (side * MAX_MAP_PIXELS).div_ceil(longer)),
-            scale => [width, height].map(|side| side * scale.min(MAX_CELL_PIXELS)),
-        };
-        let raster = Raster {
-            window: [0.0, 0.0, width as f32, height as f32],
-            pixels: (pixels[0], pixels[1]),
-        };
-        let ground = |i: usize| raster.ground(map, i % pixels[0], i / pixels[0]);
+        let raster = Raster::of_map(map, MAX_MAP_PIXELS, MAX_CELL_PIXELS);
+        let columns = raster.pixels.0;
+        let ground = |i: usize| raster.ground(map, i % columns, i / columns);
         let filmed = FilmedMap::new(map.clone());
         Self {
-            grounds: (0..pixels[0] * pixels[1]).map(ground).collect(),
+            grounds: (0..raster.len()).map(ground).collect(),
             pixels: FilmedPixels::new(&filmed, raster),
             filmed,
             raster,
@@ -173,7 +164,7 @@ impl Stage for MazeStage {
                 Ground::Crossed(_) => *pixel = blend(*pixel, WALL, CROSSED_WALL_SHARE),
             }
         }
-        draw_contours(&mut picture, &self.open(frame), scale.interval);
+        picture.contours(&self.open(frame), scale.interval);
         let size = self.raster.pixels.0 as f32 / self.raster.window[2];
         let (positions, _) = frame.agents.as_chunks::<2>();
         draw_signs(
@@ -215,7 +206,7 @@ impl ArmStage {
         let mut picture = Picture::new(plane.raster.pixels, UNKNOWN);
         let field = film_field(&self.0, frame, plane);
         colour(&mut picture, &field, scale.farthest);
-        draw_contours(&mut picture, &field, scale.interval);
+        picture.contours(&field, scale.interval);
         let [left, top, width, _] = plane.raster.window;
         let size = plane.raster.pixels.0 as f32 / width;
         let flat = |at: [f32; 3]| {
@@ -262,14 +253,6 @@ fn colour(picture: &mut Picture, field: &[f32], farthest: f32) {
     {
         // Few colours make files small.
         *pixel = distance_colour(colorous::VIRIDIS, (COLOURS * value / farthest).round() / COLOURS);
-    }
-}
-
-fn draw_contours(picture: &mut Picture, field: &[f32], interval: f32) {
-    for i in
-        contour_lines(field, picture.size().0, interval).into_iter().flat_map(|line| line.pixels)
-    {
-        picture.pixels_mut()[i] = contour(picture.pixels()[i]);
     }
 }
 

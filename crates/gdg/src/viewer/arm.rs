@@ -11,7 +11,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::pilot::{Candidate, OnArrival, Pilot, ShownEdge};
-use super::{Field, SceneWorker, ShownNetworks, View};
+use super::{Field, SceneWorker, Shown, View};
 use crate::engine::Snapshot;
 use crate::env::fetch_reach::Pose;
 use crate::env::{ArmScene, Environment, FetchReach, Scene};
@@ -21,8 +21,8 @@ pub use past::{film_field, film_goal};
 pub use plane::Plane;
 pub use reach::Reach;
 
-/// Time between two steps of the arm: two and a half times slower than life, as most reaches take
-/// but a few steps.
+/// Time between two steps of the arm: two and a half times slower than real time, since most
+/// reaches take only a few steps.
 const STEP_INTERVAL: Duration = Duration::from_millis(100);
 
 /// A request about an arm.
@@ -30,7 +30,7 @@ const STEP_INTERVAL: Duration = Duration::from_millis(100);
 pub enum Request {
     /// Goal of the displayed distances and of the arm in metres, and the number of this request.
     Goal([f32; 3], u64),
-    /// Where the arm starts next; `None` for a start of the world's own.
+    /// Where the arm starts next; `None` for one of the world's own starts.
     Start(Option<[f32; 3]>),
     /// The planes to show D on.
     Planes(Arc<Vec<Plane>>),
@@ -55,7 +55,7 @@ pub struct ArmView {
     pub candidates: Arc<Vec<Candidate<3>>>,
     /// Edges of the bridge graph.
     pub edges: Arc<Vec<ShownEdge<3>>>,
-    /// Where the arm's parts are.
+    /// The positions of the arm's parts.
     pub pose: Pose,
     /// Waypoints ahead of the grip, ending at the goal.
     pub path: Vec<[f32; 3]>,
@@ -71,14 +71,10 @@ pub(super) struct ArmWorker {
     world: FetchReach,
     rng: ChaCha8Rng,
     pilot: Pilot,
-    /// Networks that the fields are computed from.
-    shown: ShownNetworks,
+    shown: Shown,
     planes: Arc<Vec<Plane>>,
-    on_arrival: OnArrival,
     resting: u32,
     view: ArmView,
-    /// Whether the view has changed since it was published.
-    changed: bool,
     scratch: Scratch,
 }
 
@@ -93,12 +89,10 @@ impl ArmWorker {
             world: scene.world(1),
             rng,
             pilot: Pilot::new(snapshot),
-            shown: ShownNetworks::new(snapshot),
+            shown: Shown::new(snapshot),
             planes: Arc::default(),
-            on_arrival: OnArrival::default(),
             resting: 0,
             view: ArmView::default(),
-            changed: true,
             scratch: Scratch::default(),
         };
         worker.restart(None);
@@ -129,7 +123,7 @@ impl ArmWorker {
             (self.view.planes, self.view.fields) = (planes, Arc::new(fields));
         }
         self.shown.timer.done(began);
-        self.changed = true;
+        self.shown.changed = true;
     }
 }
 
@@ -142,31 +136,28 @@ impl SceneWorker for ArmWorker {
         STEP_INTERVAL
     }
 
-    fn handle(&mut self, request: super::Request) {
-        self.changed = true;
+    fn shown(&mut self) -> &mut Shown {
+        &mut self.shown
+    }
+
+    fn handle_own(&mut self, request: super::Request) {
+        let super::Request::Arm(request) = request else { return };
         match request {
-            super::Request::OnArrival(on_arrival) => self.on_arrival = on_arrival,
-            super::Request::Field(kind) => {
-                self.view.kind = kind;
-                self.shown.timer.make_due();
-            }
-            super::Request::Past(past) => self.shown.look_at(past),
-            super::Request::Arm(Request::Goal(goal, number)) => {
+            Request::Goal(goal, number) => {
                 self.view.goal = (Some(goal), number);
                 self.start_reach();
                 self.shown.timer.make_due();
             }
-            super::Request::Arm(Request::Start(at)) => {
+            Request::Start(at) => {
                 self.restart(at);
-                if self.view.kind == Field::FromStart {
+                if self.shown.kind == Field::FromStart {
                     self.shown.timer.make_due();
                 }
             }
-            super::Request::Arm(Request::Planes(planes)) => {
+            Request::Planes(planes) => {
                 self.planes = planes;
                 self.shown.timer.make_due();
             }
-            super::Request::Maze(_) => {}
         }
     }
 
@@ -178,7 +169,7 @@ impl SceneWorker for ArmWorker {
         if self.pilot.refresh(snapshot, self.world.spec()) {
             let (candidates, edges) = self.pilot.shown_graph();
             (self.view.candidates, self.view.edges) = (Arc::new(candidates), Arc::new(edges));
-            self.changed = true;
+            self.shown.changed = true;
         }
         if self.shown.follow(snapshot) {
             self.refresh_fields();
@@ -186,6 +177,7 @@ impl SceneWorker for ArmWorker {
     }
 
     fn changed_view(&mut self) -> Option<View> {
-        std::mem::take(&mut self.changed).then(|| View::Arm(Arc::new(self.view.clone())))
+        self.view.kind = self.shown.kind;
+        std::mem::take(&mut self.shown.changed).then(|| View::Arm(Arc::new(self.view.clone())))
     }
 }

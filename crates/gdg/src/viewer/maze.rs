@@ -13,7 +13,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::pilot::{Candidate, OnArrival, Pilot, ShownEdge};
-use super::{Field, RefreshTimer, SceneWorker, ShownNetworks, View, pause_factor};
+use super::{Field, RefreshTimer, SceneWorker, Shown, View, pause_factor};
 use crate::draw::Raster;
 use crate::engine::Snapshot;
 use crate::env::{Environment, MazeScene, PointMaze, Scene};
@@ -101,8 +101,7 @@ pub(super) struct MazeWorker {
     point_search: Option<PointSearch>,
     rng: ChaCha8Rng,
     pilot: Pilot,
-    /// Networks that the field is computed from.
-    shown: ShownNetworks,
+    shown: Shown,
     /// Visits that the exploration was derived from.
     visits: Arc<Vec<u32>>,
     /// Visits of the latest snapshot.
@@ -113,10 +112,7 @@ pub(super) struct MazeWorker {
     filmed: Option<FilmedMap>,
     inspect: Option<Cell>,
     inspection_due: bool,
-    on_arrival: OnArrival,
     view: MazeView,
-    /// Whether the view has changed since it was published.
-    changed: bool,
     resting: u32,
     scratch: Scratch,
     exploration_timer: RefreshTimer,
@@ -124,24 +120,20 @@ pub(super) struct MazeWorker {
 
 impl SceneWorker for MazeWorker {
     fn draws(&self, scene: &Scene) -> bool {
-        matches!(scene, Scene::Maze(_) | Scene::Nothing)
+        matches!(scene, Scene::Maze(_))
     }
 
     fn step_interval(&self) -> Duration {
         STEP_INTERVAL
     }
 
-    fn handle(&mut self, request: super::Request) {
-        self.changed = true;
-        match request {
-            super::Request::OnArrival(on_arrival) => self.on_arrival = on_arrival,
-            super::Request::Field(kind) => {
-                self.view.kind = kind;
-                self.shown.timer.make_due();
-            }
-            super::Request::Past(past) => self.shown.look_at(past),
-            super::Request::Maze(request) => self.handle_own(request),
-            super::Request::Arm(_) => {}
+    fn shown(&mut self) -> &mut Shown {
+        &mut self.shown
+    }
+
+    fn handle_own(&mut self, request: super::Request) {
+        if let super::Request::Maze(request) = request {
+            self.handle_request(request);
         }
     }
 
@@ -150,11 +142,11 @@ impl SceneWorker for MazeWorker {
     }
 
     fn enter(&mut self, snapshot: &Snapshot) {
-        let MazeScene { map, visits } = snapshot.scene.maze();
-        if !Arc::ptr_eq(&map, self.world.map()) {
-            self.change_map(map);
+        let Scene::Maze(MazeScene { map, visits }) = &snapshot.scene else { return };
+        if !Arc::ptr_eq(map, self.world.map()) {
+            self.change_map(map.clone());
         }
-        self.latest_visits = visits;
+        self.latest_visits = visits.clone();
     }
 
     /// Recomputes graph and field from the latest networks if they are due.
@@ -162,13 +154,13 @@ impl SceneWorker for MazeWorker {
         if let Some(followed) = &snapshot.followed {
             let at = |numbers: &[f32]| cell_of([numbers[0], numbers[1]]);
             self.view.followed_steps = self.true_steps(at(&followed.state), at(&followed.goal));
-            self.changed = true;
+            self.shown.changed = true;
         }
         self.refresh_exploration(pause_factor(snapshot));
         if self.pilot.refresh(snapshot, self.world.spec()) {
             let (candidates, edges) = self.pilot.shown_graph();
             (self.view.candidates, self.view.edges) = (Arc::new(candidates), Arc::new(edges));
-            self.changed = true;
+            self.shown.changed = true;
         }
         if self.shown.follow(snapshot) {
             self.refresh_field();
@@ -181,20 +173,21 @@ impl SceneWorker for MazeWorker {
     }
 
     fn changed_view(&mut self) -> Option<View> {
-        std::mem::take(&mut self.changed).then(|| View::Maze(Arc::new(self.view.clone())))
+        self.view.kind = self.shown.kind;
+        std::mem::take(&mut self.shown.changed).then(|| View::Maze(Arc::new(self.view.clone())))
     }
 }
 
 impl MazeWorker {
-    /// Creates the worker for the maze of `snapshot`.
-    pub(super) fn new(snapshot: &Snapshot) -> Self {
-        let world = PointMaze::new(snapshot.scene.maze().map, 1);
+    /// Creates the worker for a maze of `snapshot`.
+    pub(super) fn new(scene: &MazeScene, snapshot: &Snapshot) -> Self {
+        let world = PointMaze::new(scene.map.clone(), 1);
         let mut worker = Self {
             search: StepSearch::new(world.map()),
             point_search: None,
             rng: ChaCha8Rng::seed_from_u64(snapshot.run.seed),
             pilot: Pilot::new(snapshot),
-            shown: ShownNetworks::new(snapshot),
+            shown: Shown::new(snapshot),
             visits: Arc::default(),
             latest_visits: Arc::default(),
             frame: None,
@@ -202,9 +195,7 @@ impl MazeWorker {
             filmed: None,
             inspect: None,
             inspection_due: false,
-            on_arrival: OnArrival::default(),
             view: MazeView::default(),
-            changed: true,
             resting: 0,
             scratch: Scratch::default(),
             exploration_timer: RefreshTimer::default(),
@@ -214,7 +205,7 @@ impl MazeWorker {
         worker
     }
 
-    fn handle_own(&mut self, request: Request) {
+    fn handle_request(&mut self, request: Request) {
         // A map may have become smaller since the request was sent.
         let map = self.world.map().clone();
         let is_outside = |cell| !map.contains(cell);
@@ -229,7 +220,7 @@ impl MazeWorker {
             }
             Request::Start(cell) => {
                 self.restart(cell);
-                if self.view.kind == Field::FromStart {
+                if self.shown.kind == Field::FromStart {
                     self.shown.timer.make_due();
                 }
             }
@@ -306,7 +297,7 @@ impl MazeWorker {
 
     /// Updates the information about the inspected cell.
     fn inspect_cell(&mut self) {
-        self.changed = true;
+        self.shown.changed = true;
         self.view.inspected = None;
         let (Some(cell), Some(goal)) = (self.inspect, self.view.goal.0) else { return };
         if !self.world.map().is_free(cell) {
@@ -346,7 +337,7 @@ fn cell_of(at: [f32; 2]) -> Cell {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Request as ViewRequest, SceneWorker, worker_for};
+    use super::super::{Request as ViewRequest, worker_for};
     use super::*;
     use crate::train::{Method, Preset, Registry, Run, Settings, Trainer};
 
@@ -366,7 +357,7 @@ mod tests {
     #[test]
     fn requests_refer_to_the_map_that_is_shown() {
         let [small, large] = [4, 40].map(snapshot);
-        let mut worker: Box<dyn SceneWorker> = worker_for(&small);
+        let mut worker = worker_for(&small).expect("a maze");
         let mut goal_after = |snapshot: &Snapshot, cell: Cell| {
             worker.enter(snapshot);
             worker.handle(ViewRequest::Maze(Request::Goal(cell, 1)));

@@ -3,7 +3,6 @@
 
 use std::convert::Infallible;
 
-use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use plotters::style::FontStyle;
 use plotters::style::text_anchor::{HPos, VPos};
 use plotters_backend::{
@@ -13,10 +12,7 @@ use tiny_skia::{
     Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform,
 };
 
-use gdg::draw::{Picture, Rgb};
-
-/// The font's only size, in pixels.
-const HEIGHT: RasterHeight = RasterHeight::Size16;
+use gdg::draw::{Picture, Rgb, TextPixel, has_letter, paint_text, text_size};
 
 type Drawn = Result<(), DrawingErrorKind<Infallible>>;
 
@@ -109,8 +105,8 @@ fn path(stops: impl IntoIterator<Item = BackendCoord>, closed: bool) -> Option<P
     path.finish()
 }
 
-fn weight(style: &impl BackendTextStyle) -> FontWeight {
-    if matches!(style.style(), FontStyle::Bold) { FontWeight::Bold } else { FontWeight::Regular }
+fn is_bold(style: &impl BackendTextStyle) -> bool {
+    matches!(style.style(), FontStyle::Bold)
 }
 
 impl DrawingBackend for Canvas<'_> {
@@ -200,9 +196,11 @@ impl DrawingBackend for Canvas<'_> {
         style: &S,
         (x, y): BackendCoord,
     ) -> Drawn {
-        let (weight, colour, transform) = (weight(style), style.color(), style.transform());
-        let advance = get_raster_width(weight, HEIGHT) as i32;
-        let (width, height) = (advance * text.chars().count() as i32, HEIGHT.val() as i32);
+        // The font has the letters of English; nothing else is drawn.
+        let known = |letter| if has_letter(letter) { letter } else { '?' };
+        let text: String = text.chars().map(known).collect();
+        let (colour, transform) = (style.color(), style.transform());
+        let [width, height] = text_size(&text, is_bold(style)).map(|size| size as i32);
         let left = match style.anchor().h_pos {
             HPos::Left => 0,
             HPos::Center => -width / 2,
@@ -213,26 +211,11 @@ impl DrawingBackend for Canvas<'_> {
             VPos::Center => -height / 2,
             VPos::Bottom => -height,
         };
-        for (i, letter) in text.chars().enumerate() {
-            // The font has the letters of English; nothing else is drawn.
-            let Some(raster) =
-                get_raster(letter, weight, HEIGHT).or_else(|| get_raster('?', weight, HEIGHT))
-            else {
-                continue;
-            };
-            for (row, pixels) in raster.rows().enumerate() {
-                for (column, share) in pixels.iter().enumerate().filter(|(_, share)| **share > 0) {
-                    let within = (left + i as i32 * advance + column as i32, top + row as i32);
-                    let (dx, dy) = transform.transform(within.0, within.1);
-                    self.blend(
-                        x + dx,
-                        y + dy,
-                        colour.rgb,
-                        colour.alpha * f64::from(*share) / 255.0,
-                    );
-                }
-            }
-        }
+        paint_text(&text, is_bold(style), |TextPixel { column, row, coverage }| {
+            let (dx, dy) = transform.transform(left + column as i32, top + row as i32);
+            let share = colour.alpha * f64::from(coverage) / 255.0;
+            self.blend(x + dx, y + dy, colour.rgb, share);
+        });
         Ok(())
     }
 
@@ -241,7 +224,7 @@ impl DrawingBackend for Canvas<'_> {
         text: &str,
         style: &S,
     ) -> Result<(u32, u32), DrawingErrorKind<Infallible>> {
-        let advance = get_raster_width(weight(style), HEIGHT) as u32;
-        Ok((advance * text.chars().count() as u32, HEIGHT.val() as u32))
+        let [width, height] = text_size(text, is_bold(style)).map(|size| size as u32);
+        Ok((width, height))
     }
 }

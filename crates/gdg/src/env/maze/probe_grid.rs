@@ -1,8 +1,9 @@
-//! The cells whose distances the film of a run shows: all of a small map's, every few of a large
-//! one's.
+//! The cells whose distances the film of a run shows: every cell of a small map, a sample of a
+//! large one.
 
+use super::tasks::longest;
 use crate::env::{MAX_PROBES, Probes};
-use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
+use crate::map::{Cell, Grid};
 
 /// Square blocks of cells, row by row; one cell of each is filmed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,7 +17,7 @@ pub struct ProbeGrid {
 }
 
 impl ProbeGrid {
-    /// Returns the smallest blocks of which there are no more than [`MAX_PROBES`] on `map`.
+    /// Returns the smallest blocks that divide `map` into at most [`MAX_PROBES`].
     pub fn new(map: &Grid) -> Self {
         let of_side = |side: usize| Self {
             side,
@@ -35,8 +36,8 @@ impl ProbeGrid {
         self.columns * self.rows
     }
 
-    /// Returns the cell that is filmed of block `place`: the free cell nearest to its middle, if it
-    /// has any.
+    /// Returns the filmed cell of block `place`: the free cell nearest to its centre; `None` if the
+    /// block has no free cell.
     pub fn cell(&self, map: &Grid, place: usize) -> Option<Cell> {
         let first = Cell::new(place % self.columns * self.side, place / self.columns * self.side);
         let middle = Cell::new(first.x + self.side / 2, first.y + self.side / 2);
@@ -51,15 +52,15 @@ impl ProbeGrid {
     }
 }
 
-/// Returns what a film shows of `map`: D to its own goal; else to the one of the film so far, if it
-/// is still free; else to the cell farthest from the map's start.
+/// Returns the probes of `map`. Their goal is the map's own; else that of the film so far, if it is
+/// still free; else the cell farthest from the map's start.
 pub fn points(map: &Grid, goal_before: Option<&[f32]>) -> Probes {
     let grid = ProbeGrid::new(map);
     let mut points = Probes {
         places: grid.places(),
         place_of: Vec::new(),
         states: Vec::new(),
-        goal: goal(map, goal_before).centre().to_vec(),
+        goal: goal(map, goal_before),
     };
     for place in 0..grid.places() {
         if let Some(cell) = grid.cell(map, place) {
@@ -70,35 +71,12 @@ pub fn points(map: &Grid, goal_before: Option<&[f32]>) -> Probes {
     points
 }
 
-fn goal(map: &Grid, before: Option<&[f32]>) -> Cell {
-    let is_free = |cell: &Cell| map.is_free(*cell);
+/// Returns the position of the film's goal.
+fn goal(map: &Grid, before: Option<&[f32]>) -> Vec<f32> {
     let before = before.map(|at| Cell::new(at[0] as usize, at[1] as usize));
-    map.goals()
-        .first()
-        .copied()
-        .into_iter()
-        .chain(before)
-        .find(is_free)
-        .unwrap_or_else(|| farthest(map))
-}
-
-/// Returns the cell with the longest way from the map's first start, or else from its first free
-/// cell.
-fn farthest(map: &Grid) -> Cell {
-    let start = map
-        .starts()
-        .first()
-        .copied()
-        .or_else(|| map.free_cells().next())
-        .unwrap_or(Cell::new(0, 0));
-    let mut search = StepSearch::new(map);
-    let steps = search
-        .steps_from(start)
-        .iter()
-        .copied()
-        .enumerate()
-        .filter(|(_, steps)| *steps != UNREACHABLE);
-    steps.max_by_key(|(_, steps)| *steps).map_or(start, |(cell, _)| map.cell(cell))
+    let own = map.goals().first().copied();
+    let free = own.into_iter().chain(before).find(|cell| map.is_free(*cell));
+    free.map_or_else(|| longest(map).goal, |cell| cell.centre().to_vec())
 }
 
 #[cfg(test)]

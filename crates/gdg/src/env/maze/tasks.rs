@@ -13,7 +13,7 @@ const DISTANCE_GROUPS: usize = 6;
 /// The farthest of these distances, as a share of the map's diameter ...
 const MAX_DISTANCE_SHARE: f64 = 0.9;
 
-/// ... and at most this, in steps: farther tasks would have no budget to match.
+/// ... and at most this, in steps: the budget of farther tasks would be too small.
 const MAX_DISTANCE_STEPS: u32 = MAX_BUDGET_STEPS / BUDGET_FACTOR;
 
 /// Starts tried per task before giving up on its distance.
@@ -106,12 +106,24 @@ pub fn marked(map: &Grid) -> Option<Task> {
     (steps != UNREACHABLE).then(|| task(start, goal, steps, 0))
 }
 
+/// Returns the task from the map's first start, or else its first free cell, to the cell farthest
+/// from it.
+pub fn longest(map: &Grid) -> Task {
+    let first = map.starts().first().copied().or_else(|| map.free_cells().next());
+    let start = first.unwrap_or(Cell::new(0, 0));
+    let mut search = StepSearch::new(map);
+    let steps = search.steps_from(start).iter().copied().enumerate();
+    let farthest = steps.filter(|(_, steps)| *steps != UNREACHABLE).max_by_key(|(_, steps)| *steps);
+    let (goal, steps) = farthest.map_or((start, 0), |(cell, steps)| (map.cell(cell), steps));
+    task(start, goal, steps, 0)
+}
+
 /// Draws starts, and goals at a given distance from them.
 struct Starts<'a> {
     map: &'a Grid,
     cells: &'a [Cell],
     flood: Flood,
-    /// Steps from the map's middle, row-major, and the most of them.
+    /// Steps from the map's middle, row-major, and their maximum.
     from_middle: Vec<u32>,
     radius: u32,
 }
@@ -215,6 +227,16 @@ mod tests {
         assert!(set.tasks.iter().all(|task| task.budget() <= MAX_BUDGET_STEPS));
         let far = task(cells[0], cells[30_000], 30_000, 0);
         assert_eq!(far.budget(), MAX_BUDGET_STEPS, "as in scenarios, and from S to G");
+    }
+
+    #[test]
+    fn the_longest_task_leads_to_the_farthest_cell_within_reach() {
+        let of = |text: &str| {
+            let task = longest(&crate::map::parse_map("map", text.as_bytes()).expect("a map"));
+            (task.start, task.goal, task.shortest)
+        };
+        assert_eq!(of(".S...#...\n"), (vec![1.5, 0.5], vec![4.5, 0.5], Some(3)));
+        assert_eq!(of("#S#G\n"), (vec![1.5, 0.5], vec![1.5, 0.5], Some(0)));
     }
 
     #[test]

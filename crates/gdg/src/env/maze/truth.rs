@@ -1,5 +1,5 @@
-//! The maze's true distances, by breadth-first search: those that D is measured by are a point's,
-//! which cuts corners.
+//! The maze's true distances, by breadth-first search. D is compared with those of a point, which
+//! cuts corners.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;

@@ -4,6 +4,7 @@ use super::Plane;
 use crate::env::ArmScene;
 use crate::env::fetch_reach::ProbeLattice;
 use crate::train::FilmFrame;
+use crate::viewer::film::mean_distance;
 
 /// Returns the goal of a frame.
 pub fn film_goal(frame: &FilmFrame) -> [f32; 3] {
@@ -16,17 +17,9 @@ pub fn film_field(scene: &ArmScene, frame: &FilmFrame, plane: &Plane) -> Vec<f32
     let (lattice, goal) = (ProbeLattice::new(scene), film_goal(frame));
     let value = |i: usize| {
         let at = plane.pixel(i, goal);
-        let around = lattice.around(at).filter(|_| scene.has_room(at))?;
         // Beside the table and the wall, only some of the points have a value.
-        let known = around.into_iter().map(|(place, weight)| (frame.distance(place), weight));
-        let (sum, weights) = known
-            .filter(|(distance, _)| distance.is_finite())
-            .fold((0.0, 0.0), |(sum, weights), (distance, weight)| {
-                (sum + weight * distance, weights + weight)
-            });
-        (weights > 0.0).then(|| sum / weights)
+        let around = lattice.around(at).filter(|_| scene.has_room(at));
+        around.map_or(f32::NAN, |around| mean_distance(frame, around))
     };
-    (0..plane.raster.pixels.0 * plane.raster.pixels.1)
-        .map(|i| value(i).unwrap_or(f32::NAN))
-        .collect()
+    (0..plane.raster.len()).map(value).collect()
 }

@@ -44,13 +44,13 @@ impl ArmWorker {
     /// Computes the value at every pixel of a plane through `goal` that shows where a grip may be;
     /// the others are NaN.
     pub(super) fn field(&mut self, plane: &Plane, goal: [f32; 3]) -> Vec<f32> {
-        let count = plane.raster.pixels.0 * plane.raster.pixels.1;
+        let count = plane.raster.len();
         let mut field = vec![f32::NAN; count];
         let shown: Vec<(usize, [f32; 3])> = (0..count)
             .map(|i| (i, plane.pixel(i, goal)))
             .filter(|(_, at)| self.scene.has_room(*at))
             .collect();
-        if self.view.kind == Field::Plain || shown.is_empty() {
+        if self.shown.kind == Field::Plain || shown.is_empty() {
             return field;
         }
         let spec = self.world.spec();
@@ -74,7 +74,7 @@ impl ArmWorker {
     ) -> Vec<f32> {
         let policy = &*self.shown.networks.policy;
         let mut distances = vec![0.0; shown.len()];
-        match (self.view.kind, self.pilot.graph()) {
+        match (self.shown.kind, self.pilot.graph()) {
             (Field::Composed, Some(graph)) => {
                 let route = graph.route(&goal, policy, &mut self.scratch);
                 return graph.composed_distances(

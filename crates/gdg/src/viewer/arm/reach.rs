@@ -32,7 +32,7 @@ pub struct Reach {
 }
 
 impl ArmWorker {
-    /// Restarts the arm with its grip near a position, or at a start of the world's own.
+    /// Restarts the arm with its grip near a position, or at one of the world's own starts.
     pub(super) fn restart(&mut self, at: Option<[f32; 3]>) {
         match at {
             Some(at) => self.world.put(0, at),
@@ -59,7 +59,7 @@ impl ArmWorker {
         self.view.reach.metres = self.metres_to_goal();
         self.pilot.forget_plan();
         self.resting = 0;
-        self.changed = true;
+        self.shown.changed = true;
     }
 
     /// Returns the straight-line distance from the grip to the goal; NaN without a goal.
@@ -74,7 +74,7 @@ impl ArmWorker {
     /// `on_arrival` says.
     pub(super) fn reach_on(&mut self) {
         let Some(goal) = self.view.goal.0 else { return };
-        self.changed = true;
+        self.shown.changed = true;
         let (reach, spec) = (&mut self.view.reach, self.world.spec());
         if !reach.arrived && spec.reached(self.world.states(), &goal) {
             reach.arrived = true;
@@ -83,7 +83,7 @@ impl ArmWorker {
         if reach.arrived {
             self.resting += 1;
             if self.resting > REST_STEPS
-                && matches!(self.on_arrival, OnArrival::Again | OnArrival::Visit)
+                && matches!(self.shown.on_arrival, OnArrival::Again | OnArrival::Visit)
             {
                 return self.continue_after_arrival();
             }
@@ -109,7 +109,7 @@ impl ArmWorker {
     }
 
     fn continue_after_arrival(&mut self) {
-        if self.on_arrival == OnArrival::Again {
+        if self.shown.on_arrival == OnArrival::Again {
             return self.restart(None);
         }
         self.view.goal.0 = Some(self.scene.random_goal(&mut self.rng));

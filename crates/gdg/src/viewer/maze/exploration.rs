@@ -7,7 +7,7 @@ use super::MazeWorker;
 use crate::map::{Cell, Grid};
 
 /// Steps from any visited cell up to which unvisited cells do not count as beyond the known world:
-/// agents leave many cells out on their way, and outlines of all these would hide the edge.
+/// agents skip many cells on their way, and outlining them all would hide the edge.
 const POCKET_STEPS: usize = 2;
 
 /// What the agents know of a cell.
@@ -122,7 +122,7 @@ impl MazeWorker {
         // While nothing changes, the screen reuses what it has drawn.
         if exploration != *self.view.exploration {
             self.view.exploration = Arc::new(exploration);
-            self.changed = true;
+            self.shown.changed = true;
         }
         self.exploration_timer.done(began);
     }

@@ -43,7 +43,7 @@ impl MazeWorker {
             }
         }
         self.shown.timer.done(began);
-        self.changed = true;
+        self.shown.changed = true;
     }
 
     /// Returns the map as it is filmed.
@@ -59,7 +59,7 @@ impl MazeWorker {
         let map = self.world.map();
         let (free, positions) = raster.free_ground(map);
         let states = positions.as_flattened();
-        let values = match (self.view.kind, self.pilot.graph()) {
+        let values = match (self.shown.kind, self.pilot.graph()) {
             (Field::Plain, _) => return vec![f32::NAN; columns * rows],
             (Field::Visits, _) => {
                 let of = |at: &[f32; 2]| {

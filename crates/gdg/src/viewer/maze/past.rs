@@ -3,16 +3,16 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::draw::Raster;
+use crate::draw::{Raster, positions_along};
 use crate::env::maze::ProbeGrid;
 use crate::map::{Cell, Grid};
 use crate::train::FilmFrame;
+use crate::viewer::film::mean_distance;
 
 /// Samples per cell along a line of sight.
 const SAMPLES_PER_CELL: f32 = 4.0;
 
-/// Least share of the filmed cells around a position that has to be in sight, to interpolate
-/// between these.
+/// Minimum total weight of the filmed cells in sight to interpolate between them.
 const MIN_SHARE: f32 = 1e-3;
 
 /// Places with their weights.
@@ -25,7 +25,7 @@ pub struct FilmedMap {
     grid: ProbeGrid,
     /// The middle of the filmed cell of each place.
     places: Vec<Option<[f32; 2]>>,
-    /// The place that is nearest to each cell on foot; none if no path leads to any.
+    /// The place with the shortest path from each cell; `None` if no path leads to any.
     nearest: Vec<Option<u32>>,
 }
 
@@ -50,10 +50,10 @@ impl FilmedMap {
     }
 
     /// Returns the places between which a free position lies, with weights that sum up to 1: those
-    /// in sight, or else the nearest one on foot, as D jumps at walls.
+    /// in sight, or else the one with the shortest path, since D jumps at walls.
     fn around(&self, at: [f32; 2]) -> Around {
         let ProbeGrid { side, columns, rows } = self.grid;
-        // The middle of the cell that is filmed of most blocks.
+        // The centre of the filmed cell in most blocks.
         let middle = (side / 2) as f32 + 0.5;
         let along = |at: f32, count: usize| {
             let along = ((at - middle) / side as f32).clamp(0.0, (count - 1) as f32);
@@ -98,26 +98,15 @@ impl FilmedMap {
 
     /// Whether no wall is between two positions.
     fn is_in_sight(&self, from: [f32; 2], to: [f32; 2]) -> bool {
-        let way = [to[0] - from[0], to[1] - from[1]];
-        let samples = (SAMPLES_PER_CELL * way[0].abs().max(way[1].abs())).ceil().max(1.0);
-        let at = |n: usize| {
-            let share = n as f32 / samples;
-            self.map.is_free_at(from[0] + share * way[0], from[1] + share * way[1])
-        };
-        (0..=samples as usize).all(at)
+        let longer = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
+        let samples = (SAMPLES_PER_CELL * longer).ceil().max(1.0) as usize;
+        positions_along([from, to], samples).all(|at| self.map.is_free_at(at[0], at[1]))
     }
 }
 
 /// Returns the weighted mean of D at places; NaN if it is not known at any.
 fn value(frame: &FilmFrame, around: &Around) -> f32 {
-    let known = around.iter().filter(|(_, weight)| *weight > 0.0);
-    let known = known.map(|(place, weight)| (frame.distance(*place as usize), weight));
-    let (sum, weights) = known
-        .filter(|(distance, _)| distance.is_finite())
-        .fold((0.0, 0.0), |(sum, weights), (distance, weight)| {
-            (sum + weight * distance, weights + weight)
-        });
-    if weights > 0.0 { sum / weights } else { f32::NAN }
+    mean_distance(frame, around.map(|(place, weight)| (place as usize, weight)))
 }
 
 /// The pixels of a filmed map: which places each shows is the same in all frames.
@@ -132,7 +121,7 @@ impl FilmedPixels {
         let (free, positions) = raster.free_ground(&filmed.map);
         let free =
             free.into_iter().zip(positions.into_iter().map(|at| filmed.around(at))).collect();
-        Self { count: raster.pixels.0 * raster.pixels.1, free }
+        Self { count: raster.len(), free }
     }
 
     /// Returns the value of each pixel; NaN where there is none.
@@ -143,7 +132,7 @@ impl FilmedPixels {
     }
 }
 
-/// Returns the place whose filmed cell is nearest to each cell on foot.
+/// Returns, for each cell, the place whose filmed cell has the shortest path to it.
 fn nearest_places(map: &Grid, cells: &[Option<Cell>]) -> Vec<Option<u32>> {
     let mut nearest = vec![None; map.free().len()];
     let mut reached = VecDeque::new();

@@ -67,7 +67,7 @@ impl MazeWorker {
         self.view.path.clear();
         self.view.walk.shortest =
             self.view.goal.0.and_then(|goal| self.true_steps(cell_of(at), goal));
-        self.changed = true;
+        self.shown.changed = true;
     }
 
     /// Rests at the goal, then continues as `on_arrival` says.
@@ -76,7 +76,7 @@ impl MazeWorker {
         if self.resting <= REST_STEPS {
             return;
         }
-        match self.on_arrival {
+        match self.shown.on_arrival {
             OnArrival::Again => self.restart(None),
             OnArrival::Visit => {
                 let mut goal = [0.0; 2];
@@ -99,7 +99,7 @@ impl MazeWorker {
         if self.view.walk.gave_up {
             return;
         }
-        self.changed = true;
+        self.shown.changed = true;
         let (goal, at) = (goal.centre(), self.position());
         self.view.walk.distances.0 = self.pilot.distance(&at, &goal);
         if self.world.spec().reached(&at, &goal) {
@@ -115,7 +115,7 @@ impl MazeWorker {
             >= self.view.walk.shortest.map_or(MIN_STEP_BUDGET, |s| (3 * s).max(MIN_STEP_BUDGET))
         {
             self.view.walk.finished_walks.1 += 1;
-            if self.on_arrival == OnArrival::Wait {
+            if self.shown.on_arrival == OnArrival::Wait {
                 self.view.walk.gave_up = true;
             } else {
                 self.restart(None);

@@ -3,37 +3,21 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
-use candle_core::backprop::GradStore;
-use candle_core::{Device, Tensor};
-use gdg::env::Spec;
-use gdg::learn::{
+use crate::env::Spec;
+use crate::learn::update::autograd::{random_state, spec};
+use crate::learn::{
     Backend, Batch, Gdg, Layers, LearnSettings, Learner, LossScale, Network, Policy, Profile,
     Scratch,
 };
-use gdg::settings::Preset;
-use gdg::store::Store;
+use crate::settings::Preset;
+use crate::store::Store;
+use candle_core::backprop::GradStore;
+use candle_core::{Device, Tensor};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Returns a spec whose state has a position among other numbers, as for an arm; `axes` of its
-/// numbers are the achieved goal.
-fn spec(state: usize, axes: usize, positions: bool) -> Spec {
-    Spec {
-        state_centre: (0..state).map(|i| i as f32 * 0.5).collect(),
-        state_half_range: (0..state).map(|i| 3.0 + i as f32).collect(),
-        change_scale: (0..state).map(|i| 0.4 + 0.2 * i as f32).collect(),
-        achieved: (0..axes).map(|i| (i + 1) % state).collect(),
-        action_dim: axes,
-        goal_radius: 0.8,
-        goals_are_positions: positions,
-    }
-}
-
 fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
-    let state = |rng: &mut ChaCha8Rng| -> Vec<f32> {
-        let numbers = spec.state_centre.iter().zip(&spec.state_half_range);
-        numbers.map(|(c, h)| c + h * rng.random_range(-0.95..0.95)).collect()
-    };
+    let state = |rng: &mut ChaCha8Rng| random_state(spec, rng);
     let mut batch = Batch::default();
     for i in 0..rows {
         batch.states.extend(state(rng));
