@@ -45,8 +45,7 @@ pub struct WorldKind {
     /// Loads the world from what [`Recorded::save`] wrote, without agents.
     pub load: fn(&Store) -> Result<Box<dyn Environment>, StoreError>,
     /// Settings of a run in this world that differ from the preset's, as `--set` takes them
-    /// (`name=value`). They apply to presets that are not published ones; whatever the user gives
-    /// wins.
+    /// (`name=value`). They do not apply to published presets; what the user gives wins.
     pub defaults: &'static [&'static str],
 }
 
@@ -54,14 +53,14 @@ pub struct WorldKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Restart {
-    /// Where the episode before ended, the first one at the world's own start; at a random place if
-    /// it has none.
+    /// Where the previous episode ended, the first one at the world's own start; at a random place
+    /// in a world without a start.
     Auto,
     /// At a random place.
     Anywhere,
     /// At the world's own start: a map's `S`, or a random one if there are several.
     StartCell,
-    /// Where the episode before ended, the first one at the world's own start or a random place.
+    /// Where the previous episode ended, the first one at the world's own start or a random place.
     Never,
 }
 
@@ -166,8 +165,8 @@ pub trait Environment: Any + Send + Sync {
     /// to [-1, 1]: the trainer has done so during exploration, but not in evaluation and display.
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng);
 
-    /// Returns a copy of the world with the same settings and `agents` new agents. In which state
-    /// the agents are is up to the world: callers restart them or set their full states.
+    /// Returns a copy of the world with the same settings and `agents` new agents. The agents'
+    /// states are unspecified: callers restart them or set their full states.
     fn fork(&self, agents: usize) -> Box<dyn Environment>;
 
     /// Switches to new settings. A world must honour both, or document that it ignores them; the

@@ -1,11 +1,10 @@
-//! Standard output and standard error, each written by a thread of its own: whoever prints does not
-//! wait for the reader.
+//! Standard output and standard error, each written by its own thread, so that printing does not
+//! block on the reader.
 //!
 //! A reader may stop reading: a terminal after Ctrl-S or behind a connection that hangs, a pager, a
 //! pipe that nobody empties. Writing then blocks for as long as that lasts, and a program that
-//! waits for it neither saves nor obeys signals. What is printed is therefore queued, complete and
-//! in order, and its writer waits only for a moment (`PATIENCE`), so that a reader who keeps
-//! up is never behind.
+//! waits for it neither saves nor obeys signals. Output is therefore queued, complete and in order,
+//! and printing waits only briefly (`PATIENCE`), so that a reader who keeps up is never behind.
 
 #[cfg(not(unix))]
 use std::io::Write;
@@ -19,23 +18,23 @@ use parking_lot::{Condvar, Mutex, MutexGuard};
 /// they occur.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// Most bytes that are queued: days of records. Beyond that, whoever prints waits for the reader,
-/// or for a signal.
+/// Maximum size of the queue in bytes: days of records. When it is full, printing waits for the
+/// reader or a signal.
 const MAX_QUEUED: usize = 16 << 20;
 
-/// Most bytes queued for frames of a progress bar: later ones are left out.
+/// Queue size in bytes above which frames of a progress bar are dropped.
 const MAX_QUEUED_FRAMES: usize = 1 << 16;
 
-/// Bytes written at a time, so that a slow reader is seen to read.
+/// Bytes per write: few, so that a slow reader's progress is noticed.
 const CHUNK: usize = 4096;
 
 /// Polling interval while waiting for a reader.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
-/// After a signal, the program waits for a reader that reads nothing for so long, ...
+/// Timeout after a signal for a reader that reads nothing, ...
 const IDLE_AT_END: Duration = Duration::from_millis(300);
 
-/// ... and for one that does for so long.
+/// ... and for one that still reads.
 const LONGEST_AT_END: Duration = Duration::from_secs(5);
 
 /// Whether a signal ends the program: nothing waits for readers any more.
@@ -57,15 +56,15 @@ pub struct Stream {
 }
 
 struct Queue {
-    /// What the thread has not taken yet.
+    /// Bytes that the thread has not taken yet.
     bytes: Vec<u8>,
     /// Whether the thread is writing what it took.
     is_writing: bool,
-    /// The latest error that nobody has been told of.
+    /// The latest unreported error.
     error: Option<io::Error>,
     /// Whether the thread runs; `None` before the first byte.
     has_thread: Option<bool>,
-    /// When the thread was last done, and how long it took.
+    /// When the thread last finished writing, and how long that took.
     latest: Option<(Instant, Duration)>,
 }
 
@@ -75,7 +74,7 @@ impl Queue {
         self.is_writing || !self.bytes.is_empty()
     }
 
-    /// Returns the latest error, once; none after a signal, as a terminal that is closed sends one.
+    /// Takes the latest error; none after a signal, which a closing terminal sends.
     fn outcome(&mut self) -> io::Result<()> {
         self.error.take().filter(|_| !hurries()).map_or(Ok(()), Err)
     }
@@ -176,8 +175,8 @@ impl Stream {
         !queue.is_behind() && queue.error.is_none()
     }
 
-    /// Waits until everything is written, or `gives_up` after the time since anything was and the
-    /// time in all.
+    /// Waits until everything is written, or until `gives_up`, given the time since the last write
+    /// and in total.
     fn wait(
         &'static self,
         gives_up: impl Fn(Duration, Duration) -> bool,
@@ -257,8 +256,7 @@ pub fn stderr() -> &'static Stream {
 
 /// Prints a text to standard output and waits until it is written.
 ///
-/// # Errors
-/// It cannot be written. That its reader has seen enough (`| head`) is not an error.
+/// # Errors It cannot be written. A reader that closes the pipe early (`| head`) is not an error.
 pub fn print_text(text: &str) -> io::Result<()> {
     match STDOUT.print(text.as_bytes()).and_then(|()| STDOUT.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error),

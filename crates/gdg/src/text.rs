@@ -10,7 +10,7 @@ mod nearest;
 mod number;
 
 pub use columns::{aligned, display_width, fitted, padded};
-pub use excerpt::{Excerpt, line_and_column};
+pub use excerpt::{Excerpt, SourceLine, line_and_column};
 pub use nearest::nearest;
 pub use number::{NumberError, parse_count, parse_real};
 
@@ -66,8 +66,8 @@ pub fn grouped(n: u64) -> String {
     groups.join(",")
 }
 
-/// Returns whether a terminal obeys escape sequences, by its kind: the variable `TERM`, which names
-/// none on Windows.
+/// Returns whether a terminal supports escape sequences, given the variable `TERM`, which Windows
+/// does not set.
 pub fn obeys_escapes(term: Option<&str>) -> bool {
     match term {
         None | Some("") => cfg!(windows),
@@ -75,7 +75,7 @@ pub fn obeys_escapes(term: Option<&str>) -> bool {
     }
 }
 
-/// Returns whether the terminal of this program obeys escape sequences.
+/// Returns whether the program's terminal supports escape sequences.
 pub fn terminal_obeys_escapes() -> bool {
     obeys_escapes(std::env::var("TERM").ok().as_deref())
 }
@@ -105,14 +105,14 @@ pub fn escape_json_line(json: &str) -> String {
     out
 }
 
-/// Returns the beginning of `text` in at most `max_bytes` bytes; no character is cut apart.
+/// Returns the beginning of `text` in at most `max_bytes` bytes, without splitting a character.
 pub fn beginning(text: &str, max_bytes: usize) -> &str {
     &text[..text.floor_char_boundary(max_bytes)]
 }
 
 /// Turns `name` into a file name for a folder of our choice: its last component, without characters
-/// that act on a terminal, never empty, and short enough for all that is added to it. An external
-/// name cannot escape from that folder.
+/// that act on a terminal, never empty, and short enough for any suffix. An external name cannot
+/// escape from that folder.
 pub fn safe_file_name(name: &str) -> String {
     const MAX_BYTES: usize = 80;
     let last = name.rsplit(['/', '\\']).next().unwrap_or_default();

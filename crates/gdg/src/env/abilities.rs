@@ -83,7 +83,7 @@ pub trait Evaluated: Sync {
 
     /// Writes the action that heads straight for `goal` from `state`, as if nothing were in the
     /// way, to `action` (`action_dim`); returns whether the world knows such an action. Evaluations
-    /// report how far it gets: the floor for everything learned.
+    /// report how far it gets, as a baseline.
     fn straight_action(&self, _state: &[f32], _goal: &[f32], _action: &mut [f32]) -> bool {
         false
     }

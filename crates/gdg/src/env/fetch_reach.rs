@@ -89,7 +89,7 @@ const STATE: usize = 10;
 /// Size of an action: pulls along x, y and z, and the gripper's opening, which has no effect.
 const ACTION: usize = 4;
 
-/// Groups of start-goal distance that evaluations report.
+/// Number of distance groups that evaluations report.
 const DISTANCE_GROUPS: usize = 5;
 
 /// Arms that reach for points.
@@ -120,8 +120,8 @@ impl FetchReach {
             achieved: vec![0, 1, 2],
             action_dim: ACTION,
             goal_radius: GOAL_RADIUS,
-            // They are, but ten goal radii across: grids only slow learning down (see
-            // docs/experiments.md).
+            // They are, but the space is only ten goal radii across: grids just slow learning down
+            // (see docs/experiments.md).
             goals_are_positions: false,
         };
         let mut world = Self {
@@ -151,12 +151,13 @@ impl FetchReach {
         write_state(&self.arms[agent], &mut self.states[agent * STATE..(agent + 1) * STATE]);
     }
 
-    /// Returns the side of the wall that a position is on; there is but one side without a wall.
+    /// Returns whether a position is to the left of the wall; false without a wall.
     fn is_left(&self, y: f64) -> bool {
         self.wall.is_some_and(|wall| y > wall.middle())
     }
 
-    /// Draws a task: any goal from the start; with the wall, one on its other side.
+    /// Draws a task, and returns it with its straight-line distance in metres. With the wall, start
+    /// and goal are on different sides.
     fn random_task(&self, rng: &mut ChaCha8Rng) -> (f64, Task) {
         let start = &self.starts[rng.random_range(0..self.starts.len())];
         let from = start.frames().grip();

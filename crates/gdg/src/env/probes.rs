@@ -3,11 +3,10 @@
 /// Maximum number of places of a film. A frame then takes less time than two updates.
 pub const MAX_PROBES: usize = 1_350;
 
-/// The states at which a film shows D, and the goal that it is to.
+/// The states at which a film shows D, and the goal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Probes {
-    /// The number of places, which stays the same as long as the run does. Not every place need
-    /// have a state.
+    /// The number of places, constant during a run. A place may have no state.
     pub places: usize,
     /// The place of each state, below `places`.
     pub place_of: Vec<u32>,

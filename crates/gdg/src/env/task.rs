@@ -102,6 +102,6 @@ pub struct TruePairs {
     pub states: Vec<f32>,
     /// Fewest steps from each state to the goal, at least 1.
     pub steps: Vec<u32>,
-    /// Which pairs were drawn from near ones only, for the error on short distances.
+    /// Which pairs were drawn from the near ones, for the error at short distances.
     pub near: Vec<bool>,
 }

@@ -11,7 +11,7 @@ pub(super) const MAX_NAME_BYTES: usize = 255;
 /// Prefix and suffix of temporary files.
 pub(super) const TEMP_AFFIXES: (&str, &str) = (".gdg-", ".tmp");
 
-/// Longest extension that is kept when a name is numbered, in bytes: what is longer is none.
+/// Maximum length of an extension, in bytes: anything longer is part of the stem.
 const MAX_EXTENSION_BYTES: usize = 32;
 
 /// Returns the file in `folder` called `stem` and `end`; a stem that is too long is cut.
@@ -32,8 +32,8 @@ pub(super) fn numbered(path: &Path, number: u64) -> PathBuf {
     }
 }
 
-/// Returns the file beside `path` whose name is that of `path` between `prefix` and `suffix`. Where
-/// that is too long, the name is cut, and a checksum tells it from others that begin alike.
+/// Returns the file beside `path` whose name is that of `path` between `prefix` and `suffix`. If
+/// that is too long, the name is cut and a checksum keeps it distinct from others that begin alike.
 pub(super) fn beside(path: &Path, prefix: &str, suffix: &str) -> PathBuf {
     let own = path.file_name().unwrap_or_default();
     let room = MAX_NAME_BYTES - prefix.len() - suffix.len();
@@ -49,8 +49,8 @@ pub(super) fn beside(path: &Path, prefix: &str, suffix: &str) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Returns where the previous version of `path` is kept until the new one has been read back: at a
-/// name that nobody else gives to a copy, as it is removed in the end.
+/// Returns where the previous version of `path` is kept until the new one has been read back: under
+/// a name that no user would give to a copy, since it is removed afterwards.
 pub fn backup_path(path: &Path) -> PathBuf {
     beside(path, "", ".gdg-previous")
 }

@@ -1,6 +1,6 @@
-//! What a file is, by its first bytes, for those who give the wrong one.
+//! Identifies a file by its first bytes, to explain errors about wrong files.
 //!
-//! A reader asks only once it has failed, so a guess can never refuse a good file.
+//! Readers ask only after they have failed, so a wrong guess never rejects a valid file.
 
 use std::io::Read;
 use std::path::Path;
@@ -39,11 +39,11 @@ pub struct Wanted {
     pub name: &'static str,
     /// What to give instead.
     pub help: &'static str,
-    /// The formats whose faults the reader explains itself.
+    /// The formats whose errors the reader explains itself.
     pub own: &'static [Format],
 }
 
-/// A file that is something else than wanted.
+/// A file of another kind than expected.
 #[derive(Debug)]
 pub struct Mismatch {
     /// What it is: `is an image (PNG), not a map`.
@@ -81,11 +81,11 @@ struct Kind {
     advice: Advice,
 }
 
-/// What to do about a kind of file, whatever was wanted.
+/// Advice for a kind of file, whatever was wanted.
 enum Advice {
-    /// This alone: the wanted file is within.
+    /// Only this: the wanted file is inside.
     Instead(&'static str),
-    /// This, or what the reader says.
+    /// This first, then the reader's own advice.
     First(&'static str),
     None,
 }
@@ -146,7 +146,7 @@ fn wide_text(start: &[u8]) -> Option<Kind> {
     }
 }
 
-/// Recognises binary formats of the field, which general lists lack.
+/// Recognises the field's binary formats, which general libraries lack.
 fn binary(start: &[u8]) -> Option<Kind> {
     const NUMPY: Advice = Advice::First("its arrays have to be written in another format");
     const AS_TEXT: Advice = Advice::First("save what it holds as plain text");

@@ -11,12 +11,12 @@ use super::derived::{TEMP_AFFIXES, beside};
 use super::names::resolve_links;
 use super::read::open_or_create;
 
-/// How long to wait for a program that replaces the same file, and time between two tries.
+/// Timeout and polling interval while another program replaces the same file.
 const MAX_WAIT: Duration = Duration::from_secs(2);
 const RETRY_AFTER: Duration = Duration::from_millis(5);
 
-/// Most tries to lock a file that others remove meanwhile. File systems without lasting inodes
-/// never seem to have it.
+/// Maximum number of attempts to lock a file that others keep removing. On file systems without
+/// stable inodes, it always looks removed.
 const MAX_TRIES: usize = 100;
 
 /// A lock file; dropping it removes the file and ends the lock.
@@ -38,8 +38,8 @@ impl LockFile {
             let file = open_or_create(path)?;
             match file.try_lock() {
                 Err(TryLockError::WouldBlock) => return Ok(None),
-                // Its holder has removed the file since it was opened: the next one to come would
-                // lock another.
+                // The holder has removed the file since it was opened: the next program would lock
+                // a new one.
                 Ok(()) if !is_at(&file, path) && tries.next().is_some() => {}
                 Ok(()) | Err(TryLockError::Error(_)) => {
                     return Ok(Some(Self { path: path.to_owned(), _file: file }));
@@ -55,8 +55,8 @@ impl Drop for LockFile {
     }
 }
 
-/// Runs `replace` while no other program can replace the file at `path`; returns `None` if one does
-/// so for long. Where no lock file can be created, nobody is kept from it.
+/// Runs `replace` while no other program can replace the file at `path`; returns `None` if another
+/// one does so for too long. Where no lock file can be created, nothing is excluded.
 pub fn while_locked<T>(path: &Path, replace: impl FnOnce() -> T) -> Option<T> {
     let file = resolve_links(path).unwrap_or_else(|_| path.to_owned());
     // Named like a temporary file: one that a killed program leaves is removed by the next that
@@ -86,7 +86,7 @@ pub fn is_in_use(path: &Path) -> bool {
     file.is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
 }
 
-/// Whether `file` is at `path`, and not another one by now.
+/// Whether `file` is still the file at `path`.
 pub(super) fn is_at(file: &File, path: &Path) -> bool {
     let own = file.try_clone().and_then(Handle::from_file);
     own.is_ok_and(|own| Handle::from_path(path).is_ok_and(|found| found == own))

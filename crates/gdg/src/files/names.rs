@@ -1,4 +1,4 @@
-//! What the names of files say, and where they lead.
+//! File names: extensions, hidden files, symbolic links.
 
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 /// Maximum length of a chain of symbolic links, as on Linux.
 const MAX_LINKS: usize = 40;
 
-/// Returns whether a file has this extension, in capitals or not.
+/// Returns whether a file has this extension, ignoring case.
 pub fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension))
 }
 
-/// Returns whether a file is hidden: macOS puts a `._NAME` beside every `NAME` on file systems of
-/// others.
+/// Returns whether a file is hidden: macOS puts a `._NAME` beside every `NAME` on foreign file
+/// systems.
 pub fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }

@@ -23,7 +23,7 @@ pub fn open(path: &Path) -> Result<File> {
         _ => error,
     })?;
     ensure_regular_file(found.file_type()).map_err(|error| match error.kind() {
-        // It may wait for ever, or have no end.
+        // It may block forever or never end.
         ErrorKind::InvalidInput => Error::new(error.kind(), format!("{error}: {WRITE_FIRST}")),
         _ => error,
     })?;
@@ -31,7 +31,7 @@ pub fn open(path: &Path) -> Result<File> {
 }
 
 /// Opens a regular file for writing without changing it, or creates an empty one. Follows no
-/// symbolic link: what it leads to may be anywhere.
+/// symbolic link: its target may be anywhere.
 ///
 /// # Errors
 /// Returns the system's error, or an error if something else than a regular file is at the path.

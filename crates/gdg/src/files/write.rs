@@ -1,6 +1,6 @@
-//! Writes files atomically, and replaces nothing but regular files that are not write-protected.
+//! Writes files atomically; only regular files that are not write-protected are replaced.
 //!
-//! What a file system lacks (hard links, permissions, syncing, locks) is done without; what it
+//! Features that a file system lacks (hard links, permissions, syncing, locks) are skipped; what it
 //! refuses is an error.
 
 use std::ffi::{OsStr, OsString};
@@ -17,8 +17,8 @@ use super::lock::is_at;
 use super::names::resolve_links;
 use super::read::ensure_regular_file;
 
-/// Part of a name that a temporary file takes over, in bytes: with its affixes and random
-/// characters, it is as long as names may be.
+/// Maximum length of the target's name within that of its temporary file, in bytes: affixes and
+/// random characters fill the rest.
 const MAX_TEMP_STEM_BYTES: usize = 240;
 
 /// An unlocked temporary file older than this was left by a killed program.
@@ -33,7 +33,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     Target::resolve(path)?.write(bytes, replace)
 }
 
-/// Like [`write_atomically`], but writes to nothing that a symbolic link leads to.
+/// Like [`write_atomically`], but follows no symbolic link.
 ///
 /// # Errors
 /// See [`write_atomically`]; or there is a symbolic link.
@@ -68,8 +68,8 @@ pub fn unused_path(path: &Path) -> PathBuf {
 }
 
 /// Checks that a file can be written at `path` right now, in a folder that may have to be created.
-/// Tries all that writing does, under a name with the same characters that is as long as any which
-/// is made from this one; changes nothing.
+/// Tries every step of writing, under a name with the same characters, as long as the longest
+/// derived from this one; changes nothing.
 ///
 /// # Errors
 /// Returns the reason why it cannot.
@@ -81,7 +81,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
     if missing.as_os_str().is_empty() {
         return target.rehearse();
     }
-    // The run may be refused yet, and leaves no folders behind: those that are missing are made
+    // The run may still be rejected and must leave no folders behind: missing ones are created
     // elsewhere.
     let existing = if existing.as_os_str().is_empty() { Path::new(".") } else { existing };
     let scratch = tempfile::Builder::new()
@@ -93,7 +93,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
     target.rehearse()
 }
 
-/// Checks without trying that a file may be written at `path`: its name, and what is there.
+/// Checks, without writing, that a file may be written at `path`: its name, and what exists there.
 ///
 /// # Errors
 /// Returns the reason why it may not.
@@ -205,12 +205,12 @@ impl Target {
         let missing: Vec<&Path> =
             self.folder.ancestors().take_while(|folder| !folder.exists()).collect();
         self.write_in_folder(bytes, persist).inspect_err(|_| {
-            // No folder is left that was made for nothing.
+            // Folders created for a failed write are removed.
             missing.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));
         })
     }
 
-    /// Does what [`Self::write`] does, and leaves the folders that it has made.
+    /// Like [`Self::write`], but leaves the folders that it has created.
     fn write_in_folder(
         &self,
         bytes: &[u8],
@@ -227,7 +227,7 @@ impl Target {
     fn rehearse(&self) -> Result<()> {
         let mut prefix = OsString::from(TEMP_AFFIXES.0);
         prefix.push(fitting(self.path.file_name().unwrap_or_default(), MAX_TEMP_STEM_BYTES));
-        // Removed when dropped, and with it what replaces it.
+        // Dropping it also removes a file that has replaced it.
         let place = self.create_temporary(&prefix)?.into_temp_path();
         self.called(place.to_path_buf()).write(b"gdg-tui", replace)
     }
@@ -239,8 +239,8 @@ impl Target {
         remove_stale(&self.folder);
         let mut builder = tempfile::Builder::new();
         builder.prefix(prefix).suffix(TEMP_AFFIXES.1);
-        // Temporary files are private by default; give a new file the user's usual permissions, and
-        // none that the existing one lacks, as they might not be taken back.
+        // Temporary files are private by default; give a new file the user's default permissions,
+        // but none that the existing one lacks: they might not be revocable.
         #[cfg(unix)]
         {
             use std::os::unix::fs::{MetadataExt, PermissionsExt};
@@ -290,7 +290,7 @@ fn sync(file: &File) -> Result<()> {
 pub(super) fn sync_folder(folder: &Path) -> Result<()> {
     #[cfg(unix)]
     match File::open(folder) {
-        // Files can be written to a folder whose entries nobody may list.
+        // A folder can be writable but not readable.
         Err(error) if error.kind() == ErrorKind::PermissionDenied => {}
         folder => return sync(&folder?),
     }

@@ -5,7 +5,7 @@ use super::grid::{Cell, Grid, is_size, size_limits};
 use super::text::Text;
 use crate::text::{counted, grouped};
 
-/// The most characters that an error names beside the first.
+/// Maximum number of further characters that an error names.
 const MAX_NAMED_CHARACTERS: usize = 3;
 
 /// The meaning of a map character.
@@ -66,14 +66,14 @@ pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
             }
             free.push(!matches!(mark, Mark::Wall));
         }
-        check_row_length(text, (y, line), width, "the first row has", ROW_LENGTHS)?;
+        check_row_length(text, y, line, width, "the first row has", ROW_LENGTHS)?;
     }
     check_some_free(text, &free)?;
     Ok(Grid::new(name, width, free, starts, goals))
 }
 
-/// Returns the rows of a ragged map without the blanks at their ends, if that makes them equally
-/// long and there are no other blanks: free cells are written in another way then.
+/// Returns the rows of a ragged map without trailing blanks, if they are then equally long and
+/// contain no other blanks: blanks are not its free cells.
 fn without_stray_blanks<'a>(rows: &[&'a str]) -> Option<Vec<&'a str>> {
     let lengths = |rows: &[&str]| {
         let mut lengths = rows.iter().map(|row| row.chars().count());
@@ -102,13 +102,13 @@ pub fn print_ascii(grid: &Grid) -> String {
     rows.into_iter().map(|row| String::from_utf8_lossy(&row).into_owned() + "\n").collect()
 }
 
-/// Creates the error for a map of a size that none can have.
+/// Creates the error for a map that is too large.
 pub fn too_large(text: &Text, width: usize, height: usize) -> Box<super::MapError> {
     text.line_error(0, format!("a map of {width} x {height} cells is too large"), size_limits())
 }
 
-/// Creates the error for the first character from `line` on that is not a map character; it names
-/// others too. `help` says which `is_known` accepts.
+/// Creates the error for the first character from `line` on that is not a map character; it also
+/// names later ones. `help` lists those that `is_known` accepts.
 pub fn unknown_character(
     text: &Text,
     line: usize,
@@ -135,11 +135,12 @@ pub fn unknown_character(
     text.error(line, column..column + 1, problem, help)
 }
 
-/// Checks that `row`, from line `line`, has `width` characters; `because` says where that width
+/// Checks that `row`, on line number `line`, has `width` characters; `because` says where that width
 /// comes from.
 pub fn check_row_length(
     text: &Text,
-    (line, row): (usize, &str),
+    line: usize,
+    row: &str,
     width: usize,
     because: &str,
     help: &str,
@@ -171,7 +172,7 @@ pub fn check_some_free(text: &Text, free: &[bool]) -> MapResult<()> {
     Err(super::MapError::whole_file(text.file, "the map has no free cell", help))
 }
 
-/// Returns what other programs read differently in a plain map.
+/// Returns a warning if other programs read a plain map differently.
 pub fn doubtful_letters(lines: &[&str]) -> Option<&'static str> {
     let has = |letter: char| lines.iter().any(|line| line.contains(letter));
     (has('#') && has('O'))

@@ -1,6 +1,6 @@
 //! Errors in map and scenario files: what is wrong, where, and what is expected instead.
 
-use crate::text::{Excerpt, sanitized};
+use crate::text::{Excerpt, SourceLine, sanitized};
 
 /// Result of reading a map or scenario.
 pub type MapResult<T> = Result<T, Box<MapError>>;
@@ -37,19 +37,18 @@ impl MapError {
         })
     }
 
-    /// Creates an error at `columns` (from 0, in characters) of line number `line` (from 0), whose
-    /// text is `text`.
+    /// Creates an error at `columns` (from 0, in characters) of a line.
     pub fn at(
         file: &str,
-        (line, text): (usize, &str),
+        line: SourceLine,
         columns: std::ops::Range<usize>,
         problem: impl Into<String>,
         help: impl Into<String>,
     ) -> Box<Self> {
-        let excerpt = Excerpt::new(file, (line, text), columns.clone());
+        let excerpt = Excerpt::new(file, line, columns.clone());
         Box::new(Self {
             file: file.to_owned(),
-            at: Some((line + 1, columns.start + 1)),
+            at: Some((line.number + 1, columns.start + 1)),
             problem: problem.into(),
             help: help.into(),
             excerpt: Some(excerpt),

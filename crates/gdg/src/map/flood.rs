@@ -87,8 +87,7 @@ impl Flood {
             .collect();
         left.iter().for_each(|i| self.cells[places[*i].0].wanted |= places[*i].1);
         self.flood(cell, |at, ring, cells| {
-            // A way may have millions of rings: the targets are looked at only in those that reach
-            // one.
+            // There may be millions of rings: targets are checked only in those that reach one.
             if ring.iter().any(|(word, bits)| cells[*word].wanted & bits != 0) {
                 left.retain(|i| {
                     let (word, bit) = places[*i];

@@ -5,8 +5,8 @@ use crate::text::grouped;
 /// The maximum number of cells in a map (4096 x 4096).
 pub const MAX_CELLS: usize = 1 << 24;
 
-/// The maximum number of cells along a side: positions in single precision tell places within a
-/// cell apart this far.
+/// The maximum number of cells along a side: beyond it, single precision no longer resolves
+/// positions within a cell.
 pub const MAX_SIDE: usize = 1 << 15;
 
 /// Returns whether a map can have this size.
@@ -52,11 +52,11 @@ pub struct Grid {
     free: Vec<bool>,
     starts: Vec<Cell>,
     goals: Vec<Cell>,
-    /// What other programs read differently in its file.
+    /// Warning that other programs read its file differently.
     doubt: Option<&'static str>,
 }
 
-/// What its file looked like is no part of a map.
+/// Maps are equal whatever the warning about their file.
 impl PartialEq for Grid {
     fn eq(&self, other: &Self) -> bool {
         let Self { name, width, height, free, starts, goals, doubt: _ } = self;
@@ -103,14 +103,13 @@ impl Grid {
         self
     }
 
-    /// Returns the map with what other programs read differently in its file.
+    /// Returns the map with a warning that other programs read its file differently.
     #[must_use]
     pub(super) fn with_doubt(self, doubt: Option<&'static str>) -> Self {
         Self { doubt, ..self }
     }
 
-    /// Returns what other programs read differently in the file that the map was read from, if
-    /// there is anything.
+    /// Returns the warning that other programs read the map's file differently, if there is one.
     pub fn doubt(&self) -> Option<&'static str> {
         self.doubt
     }

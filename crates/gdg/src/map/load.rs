@@ -37,7 +37,7 @@ pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
 const MAP: Wanted = Wanted {
     name: "a map",
     help: "a map is plain text: one character per cell ('#' is a wall, '.' is free), or Moving AI's format",
-    // A scenario is refused with its place.
+    // A scenario gets an error of its own, with its location.
     own: &[Format::Map, Format::Scenario, Format::Text],
 };
 
@@ -58,7 +58,7 @@ pub fn load_map(path: &Path) -> MapResult<Grid> {
     parsed.map_err(|error| explained(path, error, &MAP))
 }
 
-/// Reads a scenario, whatever map it is for.
+/// Reads a scenario, for any map.
 ///
 /// # Errors
 /// The file cannot be read, or is not a scenario.
@@ -84,7 +84,8 @@ pub fn parse_scenario_bytes(file: &str, bytes: &[u8], grid: &Grid) -> MapResult<
     Scenario::parse(file, bytes)?.tasks(grid)
 }
 
-/// Returns what the file at `path` is if it is not what was `wanted`, else `error`.
+/// Returns an error that names the kind of the file at `path` if that is not `wanted`, else
+/// `error`.
 fn explained(path: &Path, error: Box<MapError>, wanted: &Wanted) -> Box<MapError> {
     let instead =
         |Mismatch { problem, help }| MapError::whole_file(&path.to_string_lossy(), problem, help);

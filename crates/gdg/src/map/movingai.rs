@@ -38,8 +38,8 @@ fn is_free(c: char) -> Option<bool> {
     }
 }
 
-/// Parses a Moving AI map: `.`, `G` and `S` passable; `@`, `O`, `T` and `W` blocked. Blanks at the
-/// ends of lines do not count.
+/// Parses a Moving AI map: `.`, `G` and `S` passable; `@`, `O`, `T` and `W` blocked. Trailing
+/// blanks are ignored.
 ///
 /// # Errors
 /// Fails if the header is incomplete or contradicts the body, and on everything that makes a plain
@@ -57,7 +57,7 @@ pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
     let help = check_sizes(text, &header, &rows)?;
     let mut free = Vec::with_capacity(width * height);
     for (y, row) in rows.iter().enumerate().take(height) {
-        check_row_length(text, (first_row + y, row), width, "the header says width", &help)?;
+        check_row_length(text, first_row + y, row, width, "the header says width", &help)?;
         for c in row.chars() {
             let Some(is_free) = is_free(c) else {
                 let is_known = |c: char| is_free(c).is_some() || c.is_whitespace();
@@ -80,7 +80,7 @@ pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
     Ok(Grid::new(name, width, free, Vec::new(), Vec::new()))
 }
 
-/// Checks that height and width are not swapped, and returns what to do about rows of another
+/// Checks that height and width are not swapped, and returns the help text for rows of the wrong
 /// width.
 fn check_sizes(text: &Text, header: &Header, rows: &[&str]) -> MapResult<String> {
     let (width, height) = (header.width.0, header.height.0);
@@ -100,7 +100,7 @@ fn check_sizes(text: &Text, header: &Header, rows: &[&str]) -> MapResult<String>
     Ok(format!("all rows have this length: write 'width {length}' in line {}", header.width.1 + 1))
 }
 
-/// Reads the header, in capitals or not.
+/// Reads the header, ignoring case.
 fn parse_header(text: &Text) -> MapResult<Header> {
     let (mut width, mut height) = (None, None);
     for (i, line) in text.lines.iter().enumerate() {

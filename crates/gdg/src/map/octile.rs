@@ -82,7 +82,7 @@ fn straight_length(a: Cell, b: Cell) -> u32 {
     x.min(y).saturating_mul(DIAGONAL).saturating_add(x.abs_diff(y).saturating_mul(STRAIGHT))
 }
 
-/// Returns the least length, in cells, of a path between two cells, whatever is between them.
+/// Returns a lower bound on the length, in cells, of a path between two cells.
 pub fn least_length((ax, ay): (usize, usize), (bx, by): (usize, usize)) -> f64 {
     let (x, y) = (ax.abs_diff(bx) as f64, ay.abs_diff(by) as f64);
     x.min(y) * std::f64::consts::SQRT_2 + (x - y).abs()

@@ -73,7 +73,7 @@ impl RandomMapKind {
 }
 
 /// Generates the map of `kind` for `seed`, `size` cells wide and high (by default 44, 101 or 33);
-/// what is left of that after the last whole place is wall. All of its free cells are connected.
+/// what remains beyond the last whole place is wall. All of its free cells are connected.
 pub fn random(kind: RandomMapKind, size: Option<usize>, seed: u64) -> Grid {
     let Lattice { side, border, place, gap, extra } = kind.lattice();
     let side = size.unwrap_or(side);

@@ -7,6 +7,7 @@ use super::error::{MapError, MapResult};
 use super::grid::{Cell, Grid};
 use super::octile::{OctileSearch, least_length};
 use super::text::Text;
+use crate::text::SourceLine;
 
 /// One task of a scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,18 +26,18 @@ const EXPECTED_FIELDS: &str = "a task has 9 fields separated by tabs: bucket, ma
 /// Fields of a task.
 const FIELDS: usize = 9;
 
-/// By how much a stated length may be below the true one, in cells: files round.
+/// Tolerance for stated lengths below the true ones, in cells: files round.
 const LENGTH_TOLERANCE: f64 = 0.01;
 
-/// Cells that all checks of stated lengths visit at most: less than a second, and no path that is
-/// found overflows.
+/// Maximum number of cells that all length checks visit together: less than a second, and no path
+/// length overflows.
 const MOST_VISITS: usize = 3_000_000;
 
-/// Tasks are checked in this many rounds, so that those on large maps, which there is no time for,
-/// are spread evenly.
+/// Tasks are checked in this many passes, so that on large maps, where time runs out, the checked
+/// ones are spread evenly.
 const ROUNDS: usize = 64;
 
-/// A scenario as in its file, whatever map it is for.
+/// A scenario as read from its file, for any map.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     file: String,
@@ -108,8 +109,8 @@ impl Scenario {
         Some(format!("line {} is a task on {name}, but the map is {}", line + 1, grid.name()))
     }
 
-    /// Returns the tasks on `grid`; scales coordinates if the stated map size is a multiple of the
-    /// grid's, or a part.
+    /// Returns the tasks on `grid`; scales coordinates if the stated map size has the grid's
+    /// proportions.
     ///
     /// # Errors
     /// A stated size has other proportions than the grid, or a start or goal is in a wall or off
@@ -118,9 +119,9 @@ impl Scenario {
         self.entries.iter().map(|entry| entry.task(&self.file, grid)).collect()
     }
 
-    /// Checks that no length stated of `tasks`, which are this scenario's on `grid`, is below that
-    /// of the shortest path, and that there is one. On large maps, the paths of evenly spread tasks
-    /// only.
+    /// Checks that each of `tasks` (this scenario's, on `grid`) has a path, and that its stated
+    /// length is not below that of the shortest one. On large maps, only evenly spread tasks are
+    /// checked.
     ///
     /// # Errors
     /// Names the task that cannot be on this map.
@@ -191,8 +192,8 @@ impl Entry {
             return Err(self.error(file, 2..=3, problem, help));
         }
         Ok(ScenarioTask {
-            start: self.cell(file, grid, (4, "start"), self.start)?,
-            goal: self.cell(file, grid, (6, "goal"), self.goal)?,
+            start: self.cell(file, grid, 4, "start", self.start)?,
+            goal: self.cell(file, grid, 6, "goal", self.goal)?,
             optimal_octile: self.length,
         })
     }
@@ -202,7 +203,8 @@ impl Entry {
         &self,
         file: &str,
         grid: &Grid,
-        (field, which): (usize, &str),
+        field: usize,
+        which: &str,
         stated: (usize, usize),
     ) -> MapResult<Cell> {
         let scale = |value: usize, from: usize, to: usize| {
@@ -239,7 +241,8 @@ impl Entry {
         problem: String,
         help: &str,
     ) -> Box<MapError> {
-        MapError::at(file, (self.line, &self.text), columns(&self.text, fields), problem, help)
+        let line = SourceLine { number: self.line, text: &self.text };
+        MapError::at(file, line, columns(&self.text, fields), problem, help)
     }
 }
 
@@ -267,8 +270,7 @@ fn parse_entry(text: &Text, line: usize) -> MapResult<Entry> {
     })
 }
 
-/// Splits a task at tabs; if that does not give its fields, at blanks, where the name of the map
-/// may contain some.
+/// Splits a task at tabs; or else at blanks, which the map's name may contain.
 fn fields(line: &str) -> Vec<Field<'_>> {
     let at = |part: &str| part.as_ptr() as usize - line.as_ptr() as usize;
     let tabbed: Vec<Field> =
@@ -293,7 +295,7 @@ fn columns(line: &str, which: RangeInclusive<usize>) -> std::ops::Range<usize> {
     column(first.0)..column(last.0 + last.1.len())
 }
 
-/// Returns the file name in a task's path of its map, which may come from Windows.
+/// Returns the file name in a task's map path, which may be a Windows path.
 fn map_name(line: &str) -> &str {
     let path = fields(line).get(1).map_or("", |field| field.1);
     path.rsplit(['/', '\\']).next().unwrap_or_default()

@@ -1,6 +1,7 @@
 //! Splits bytes into lines, with the checks that all formats share.
 
 use super::error::{MapError, MapResult};
+use crate::text::SourceLine;
 
 /// A text file split into lines, without their LF or CRLF.
 pub struct Text<'a> {
@@ -49,7 +50,8 @@ impl<'a> Text<'a> {
         problem: impl Into<String>,
         help: impl Into<String>,
     ) -> Box<MapError> {
-        MapError::at(self.file, (line, self.lines.get(line).unwrap_or(&"")), columns, problem, help)
+        let text = self.lines.get(line).copied().unwrap_or_default();
+        MapError::at(self.file, SourceLine { number: line, text }, columns, problem, help)
     }
 
     /// Creates an error about the whole of line `line`.
@@ -72,7 +74,7 @@ fn not_text(file: &str, bytes: &[u8], at: usize, found: &str) -> Box<MapError> {
     let text = String::from_utf8_lossy(&bytes[from..to]);
     MapError::at(
         file,
-        (line, &text),
+        SourceLine { number: line, text: &text },
         before..before + 1,
         format!("this is not a text file: {found}"),
         "maps and scenarios are plain text: one character per cell, or the Moving AI formats",

@@ -13,7 +13,7 @@ pub fn padded(text: &str, columns: usize) -> String {
     format!("{text}{}", " ".repeat(columns.saturating_sub(display_width(text))))
 }
 
-/// Returns as much of the beginning of `text` as fits, with dots if something is missing.
+/// Truncates `text` to fit, with dots if something is missing.
 pub fn fitted(text: &str, columns: usize) -> String {
     const DOTS: &str = "...";
     if display_width(text) <= columns {
@@ -24,8 +24,7 @@ pub fn fitted(text: &str, columns: usize) -> String {
     format!("{}{dots}", text.unicode_truncate(room).0)
 }
 
-/// Returns the lines of a table whose columns begin below each other; the last one of a row may be
-/// of any width.
+/// Returns the lines of a table with aligned columns; the last one may have any width.
 pub fn aligned(rows: &[Vec<String>]) -> String {
     const GAP: usize = 2;
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);

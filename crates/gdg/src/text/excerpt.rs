@@ -7,6 +7,15 @@ use super::sanitized;
 /// Characters shown on each side of the error.
 const CONTEXT_CHARS: usize = 36;
 
+/// A line of a file.
+#[derive(Clone, Copy, Debug)]
+pub struct SourceLine<'a> {
+    /// Its number, from 0.
+    pub number: usize,
+    /// Its text, without its line ending.
+    pub text: &'a str,
+}
+
 /// The offending part of a line and its surroundings.
 #[derive(Debug, Clone)]
 pub struct Excerpt {
@@ -23,11 +32,10 @@ pub struct Excerpt {
 }
 
 impl Excerpt {
-    /// Creates an excerpt around `columns` (from 0, in characters) of line number `line` (from 0),
-    /// whose text is `text`.
-    pub fn new(file: &str, (line, text): (usize, &str), columns: Range<usize>) -> Self {
+    /// Creates an excerpt around `columns` (from 0, in characters) of a line.
+    pub fn new(file: &str, line: SourceLine, columns: Range<usize>) -> Self {
         let first_column = columns.start.saturating_sub(CONTEXT_CHARS);
-        let shown: String = text.chars().skip(first_column).take(2 * CONTEXT_CHARS).collect();
+        let shown: String = line.text.chars().skip(first_column).take(2 * CONTEXT_CHARS).collect();
         let bytes = |until: usize| -> usize { shown.chars().take(until).map(char::len_utf8).sum() };
         let (from, to) = (
             bytes(columns.start - first_column),
@@ -37,7 +45,7 @@ impl Excerpt {
         let shown = shown.replace('\t', " ");
         Self {
             file: sanitized(file),
-            line,
+            line: line.number,
             first_column,
             text: sanitized(&shown),
             span: (from, to - from),
@@ -55,7 +63,8 @@ impl Excerpt {
         let end = text.floor_char_boundary(span.end.max(at)).min(from + own.len()).max(at);
         let length = text[at..end].chars().take(2 * CONTEXT_CHARS).count();
         let own = own.strip_suffix('\r').unwrap_or(own);
-        (Self::new(file, (line - 1, own), column - 1..column - 1 + length), (line, column))
+        let own = SourceLine { number: line - 1, text: own };
+        (Self::new(file, own, column - 1..column - 1 + length), (line, column))
     }
 }
 
@@ -81,7 +90,7 @@ mod tests {
 
     #[test]
     fn a_tab_is_shown_as_a_space() {
-        let excerpt = Excerpt::new("f", (0, "a\tb\x1b"), 2..3);
+        let excerpt = Excerpt::new("f", SourceLine { number: 0, text: "a\tb\x1b" }, 2..3);
         assert_eq!((excerpt.text.as_str(), excerpt.span), ("a b?", (2, 1)));
     }
 

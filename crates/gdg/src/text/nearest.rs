@@ -1,9 +1,9 @@
-//! What a mistyped name may mean.
+//! Suggestions for mistyped names.
 
-/// Likeness (1 for the same) from which a known name is suggested.
+/// Minimum similarity of a suggestion; 1 for equal names.
 const LEAST_LIKENESS: f64 = 0.75;
 
-/// Returns the known name that `typed` is most like, in capitals or not, if it is like any.
+/// Returns the known name most similar to `typed`, ignoring case, if any is similar enough.
 pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let typed = typed.to_lowercase();
     let likeness = |name: &str| strsim::jaro_winkler(&name.to_lowercase(), &typed);

@@ -1,9 +1,9 @@
 //! Numbers as people write them: `60000`, `60_000`, `60,000`, `6e4`.
 
-/// Characters that separate groups of three digits in some language or other.
+/// Characters that separate groups of three digits in some language.
 const GROUP_SEPARATORS: [char; 6] = [',', '\'', '\u{2019}', ' ', '\u{a0}', '\u{202f}'];
 
-/// The most digits of a number in 64 bits.
+/// Maximum number of digits of a 64-bit number.
 const MAX_DIGITS: usize = 20;
 
 /// Why a text is not the number that is expected.
@@ -49,7 +49,7 @@ pub fn parse_real(text: &str) -> Result<f64, NumberError> {
     plain.parse().ok().filter(|number: &f64| number.is_finite()).ok_or(NumberError::TooLarge)
 }
 
-/// The parts of a number, without what separates digits.
+/// The parts of a number, without digit separators.
 struct Written {
     is_negative: bool,
     whole: String,
@@ -58,7 +58,7 @@ struct Written {
 }
 
 impl Written {
-    /// Splits a number into its parts; `None` if it is none.
+    /// Splits a number into its parts; `None` if it is not a number.
     fn parse(text: &str) -> Option<Self> {
         let text = text.trim();
         let (is_negative, unsigned) = match text.strip_prefix('-') {
@@ -99,20 +99,19 @@ impl Written {
     }
 }
 
-/// Parses an exponent; one beyond all numbers is as good as any other.
+/// Parses an exponent; one too large for an `i64` is clamped.
 fn parse_exponent(text: &str) -> Option<i64> {
     let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
     let size = is_digits(digits).then(|| digits.parse().unwrap_or(i64::MAX))?;
     Some(if text.starts_with('-') { -size } else { size })
 }
 
-/// Whether `text` consists of digits, and has some.
+/// Whether `text` is not empty and consists of digits.
 fn is_digits(text: &str) -> bool {
     !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit())
 }
 
-/// Returns the digits of a whole number without what separates them; `None` if they are separated
-/// in another way.
+/// Returns the digits of a whole number without separators; `None` if these are misplaced.
 fn without_separators(whole: &str) -> Option<String> {
     if whole.contains('_') {
         return whole.split('_').all(is_digits).then(|| whole.replace('_', ""));

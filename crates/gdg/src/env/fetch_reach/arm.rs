@@ -39,7 +39,7 @@ pub struct Arm {
     pub angles: Joints,
     /// Joint velocities in rad/s.
     pub velocities: Joints,
-    /// The latest acceleration in rad/s², where the solver begins.
+    /// The latest acceleration in rad/s², the solver's initial guess.
     warm_start: Joints,
 }
 
@@ -83,7 +83,7 @@ impl Arm {
     }
 
     /// Moves it by one step: a weld pulls the gripper, pointing down, to where `action` (x, y, z in
-    /// [-1, 1]) wants it. `rows` is a buffer.
+    /// [-1, 1]) points. `rows` is a buffer.
     pub fn step(&mut self, action: DVec3, wall: Option<&Wall>, rows: &mut Rows) {
         let mut frames = self.frames();
         let q = frames.orientation;

@@ -12,12 +12,12 @@ const ALONG: usize = 11;
 pub struct ProbeLattice {
     low: [f32; 3],
     high: [f32; 3],
-    /// From a point to the next one.
+    /// Distance between neighbouring points along each axis, in metres.
     apart: [f32; 3],
 }
 
 impl ProbeLattice {
-    /// Returns the lattice between the corners of where the grip of an arm gets.
+    /// Returns the lattice over the grip positions of `scene`.
     pub fn new(scene: &ArmScene) -> Self {
         let [low, high] = scene.positions();
         Self { low, high, apart: std::array::from_fn(|i| (high[i] - low[i]) / (ALONG - 1) as f32) }
@@ -55,7 +55,8 @@ impl ProbeLattice {
     }
 }
 
-/// Returns what a film shows: D to the middle of where goals lie; with the wall, of its left side.
+/// Returns the probes of a film, with the centre of the goal region as the goal; with the wall,
+/// that of its left half.
 pub fn points(scene: &ArmScene) -> Probes {
     let lattice = ProbeLattice::new(scene);
     let [low, high] = scene.goals();

@@ -1,4 +1,5 @@
-//! What a front end draws of an arm, and where it may put goals and arms.
+//! The geometry of an arm and its surroundings, for display, and where front ends may place goals
+//! and arms.
 
 use glam::DVec3;
 use rand::RngExt;
@@ -23,14 +24,14 @@ pub(super) const GAIN: f64 = 15.0;
 const FINGER_OFFSET: f64 = 0.0159;
 const FINGER_LENGTH: f64 = 0.0385;
 
-/// The places around an arm, in metres.
+/// The geometry around an arm, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArmScene {
-    /// Whether the wall stands there.
+    /// The wall, if there is one.
     wall: Option<Wall>,
 }
 
-/// Where an arm's parts are, in metres.
+/// The positions of an arm's parts, in metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pose {
     /// Where the torso carries the arm.
@@ -85,7 +86,7 @@ impl ArmScene {
         self.wall.map(|wall| [wall.low, wall.high].map(|corner| corner.as_vec3().to_array()))
     }
 
-    /// Returns where goals lie.
+    /// Returns the goal region.
     pub fn goals(&self) -> Corners {
         around_centre(GOAL_RANGE)
     }
@@ -102,7 +103,7 @@ impl ArmScene {
         [corner(TABLE_X.0, TABLE_Y.0), corner(TABLE_X.1, TABLE_Y.1)]
     }
 
-    /// Returns whether the grip may be at a position: among [`Self::positions`], above the table,
+    /// Returns whether the grip may be at a position: within [`Self::positions`], above the table,
     /// outside the wall.
     pub fn has_room(&self, at: [f32; 3]) -> bool {
         let within = |[low, high]: Corners| (0..3).all(|i| (low[i]..=high[i]).contains(&at[i]));
@@ -124,7 +125,7 @@ impl ArmScene {
         random_goal(self.wall.as_ref(), rng).as_vec3().to_array()
     }
 
-    /// Returns the place for a goal nearest to `at`.
+    /// Returns the allowed goal nearest to `at`.
     pub fn nearest_goal(&self, at: [f32; 3]) -> [f32; 3] {
         let [low, high] = self.goals();
         let mut goal: [f32; 3] = std::array::from_fn(|i| at[i].clamp(low[i], high[i]));
@@ -169,8 +170,8 @@ impl FetchReach {
         Pose::new(&self.arms[agent].frames())
     }
 
-    /// Puts an arm where its grip is as near to `at` (in metres) as straight control leads it, on
-    /// that side of the wall.
+    /// Moves an arm's grip as close to `at` (in metres) as proportional control leads it from the
+    /// start on that side of the wall.
     pub fn put(&mut self, agent: usize, at: [f32; 3]) {
         let to = glam::Vec3::from_array(at).as_dvec3();
         let of_side = |arm: &&Arm| self.is_left(arm.frames().grip().y) == self.is_left(to.y);

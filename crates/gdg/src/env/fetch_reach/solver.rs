@@ -53,8 +53,10 @@ pub fn accelerations(dynamics: &Dynamics, rows: &Rows, start: &Joints) -> Joints
         }
         // The smooth part's slope and curvature along the direction.
         let curved = product(&symmetric(&hessian), &direction);
-        let smooth = (dot(&curved, &a) - dot(&rhs, &direction), dot(&curved, &direction));
-        add_scaled(&mut a, line_minimum(smooth, sided, &residuals, &slopes), &direction);
+        let slope = dot(&curved, &a) - dot(&rhs, &direction);
+        let curvature = dot(&curved, &direction);
+        let length = line_minimum(slope, curvature, sided, &residuals, &slopes);
+        add_scaled(&mut a, length, &direction);
     }
     a
 }
@@ -65,10 +67,15 @@ fn symmetric(lower: &Matrix) -> Matrix {
 }
 
 /// Returns t > 0 at the minimum of the convex, piecewise quadratic cost along a line, by walking
-/// its breakpoints. `smooth` is slope and curvature at 0 of what always counts; row i counts where
+/// its breakpoints. At 0, what always counts has this `slope` and `curvature`; row i counts where
 /// `residuals[i] + t slopes[i] < 0`.
-fn line_minimum(smooth: (f64, f64), rows: &[Row], residuals: &[f64], slopes: &[f64]) -> f64 {
-    let (mut slope, mut curvature) = smooth;
+fn line_minimum(
+    mut slope: f64,
+    mut curvature: f64,
+    rows: &[Row],
+    residuals: &[f64],
+    slopes: &[f64],
+) -> f64 {
     for ((row, residual), along) in rows.iter().zip(residuals).zip(slopes) {
         if *residual < 0.0 {
             slope += row.weight * residual * along;
