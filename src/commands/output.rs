@@ -1,8 +1,11 @@
 //! How commands print and fail.
 
-use miette::Report;
+use std::path::{Path, PathBuf};
+
+use miette::{Report, miette};
 
 use crate::host::status::{EXIT_BAD_INPUT, EXIT_FAILURE};
+use gdg::files;
 use gdg::printing::print_text;
 use gdg::text::sanitized_lines;
 
@@ -40,6 +43,27 @@ impl<T> OrFail<T> for Result<T, Report> {
     fn or_failure(self) -> Result<T, Failure> {
         self.map_err(|error| Failure { error, status: EXIT_FAILURE })
     }
+}
+
+/// Returns the file beside `checkpoint` called like it, with `end` instead of its extension.
+pub fn beside(checkpoint: &Path, end: &str) -> PathBuf {
+    let folder = checkpoint.parent().unwrap_or(Path::new(""));
+    files::named(folder, checkpoint.file_stem().unwrap_or_default(), end)
+}
+
+/// Writes a file and returns a line that says where.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<String, Report> {
+    files::write_atomically(path, bytes).map_err(|error| {
+        miette!(
+            help = "give --out a file in a writable folder",
+            "{}: cannot be written: {error}",
+            path.display()
+        )
+    })?;
+    Ok(format!("{}\n", path.display()))
 }
 
 /// Prints a text that may contain what users wrote, to standard output.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report};
 
-use gdg::draw::{Picture, Raster, Rgb, contour_interval, distance_colour};
+use gdg::draw::{Picture, Raster, Rgb, WALL, contour_interval, distance_colour};
 use gdg::env::{PointMaze, Task};
 use gdg::learn::{Policy, Scratch};
 use gdg::map::Grid;
@@ -19,7 +19,6 @@ const MAX_PIXELS_PER_CELL: usize = 8;
 /// Pixels between two contour lines, on average, at least.
 pub const LINE_SPACING: f32 = 30.0;
 
-const WALL: Rgb = (58, 58, 66);
 /// The plan: red; the path walked: white; on dark edges, to stand out from every ground.
 const PLAN: Rgb = (255, 70, 50);
 const WALKED: Rgb = (255, 255, 255);

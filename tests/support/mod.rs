@@ -17,6 +17,10 @@ use std::collections::BTreeMap;
 use portable_pty::{Child, CommandBuilder, MasterPty, PtySize, native_pty_system};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
+/// Settings that keep a run small.
+const SMALL: [&str; 6] =
+    ["--set", "hidden=16", "--set", "candidates=50", "--set", "buffer_size=20000"];
+
 /// The program in its own terminal.
 pub struct Session {
     pub child: Box<dyn Child + Send + Sync>,
@@ -81,14 +85,7 @@ impl Session {
         command.args(args);
         // A checkpoint carries its own settings, and the tour has always the same.
         if !args.contains(&"--resume") && args.first() != Some(&"tour") {
-            command.args([
-                "--set",
-                "hidden=16",
-                "--set",
-                "candidates=50",
-                "--set",
-                "buffer_size=20000",
-            ]);
+            command.args(SMALL);
         }
         Self::start_command(command, folder, variables)
     }
@@ -256,14 +253,7 @@ pub fn headless(folder: &Path, args: &[&str]) -> Command {
     let mut command = isolated_command(folder);
     command.arg("--no-ui").args(args);
     if !args.contains(&"--resume") {
-        command.args([
-            "--set",
-            "hidden=16",
-            "--set",
-            "candidates=50",
-            "--set",
-            "buffer_size=20000",
-        ]);
+        command.args(SMALL);
         command.args(["--set", "learning_starts=500", "--set", "graph_every_updates=100"]);
     }
     command

@@ -587,8 +587,8 @@ mod tests {
     use crate::env::{Environment, PointMaze};
     use crate::train::{Method, Preset, Registry, Run, Settings};
 
-    #[test]
-    fn of_edits_in_a_row_only_the_last_is_applied_and_stopping_does_not_wait_for_the_others() {
+    /// Starts a run in the trap.
+    fn engine() -> Engine {
         let run = Run {
             method: Method::default(),
             preset: Preset::Default,
@@ -598,7 +598,12 @@ mod tests {
         let world =
             PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
         let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
-        let engine = Engine::start(trainer, Limits::default()).expect("a thread");
+        Engine::start(trainer, Limits::default()).expect("a thread")
+    }
+
+    #[test]
+    fn of_edits_in_a_row_only_the_last_is_applied_and_stopping_does_not_wait_for_the_others() {
+        let engine = engine();
         let made = Arc::new(AtomicUsize::new(0));
         let edit = |wait: Option<Receiver<()>>| {
             let made = made.clone();
@@ -632,16 +637,7 @@ mod tests {
     fn stopping_waits_for_what_moves_and_gives_up_what_does_not() {
         for (moves, limit) in [(true, Duration::from_secs(2)), (false, Duration::from_millis(100))]
         {
-            let run = Run {
-                method: Method::default(),
-                preset: Preset::Default,
-                seed: 1,
-                settings: Settings::default(),
-            };
-            let world =
-                PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
-            let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
-            let engine = Engine::start(trainer, Limits::default()).expect("a thread");
+            let engine = engine();
             let ((begun, begins), (release, wait)) = (channel(), channel::<()>());
             let pulse = engine.pulse().clone();
             // An edit that moves for longer than the limit, or hangs.

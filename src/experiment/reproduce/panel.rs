@@ -1,11 +1,11 @@
 //! A panel of a figure: ground with lines and dots on it.
 
+pub use gdg::draw::WALL;
 use gdg::draw::{Picture, Rgb};
 
 /// Pixels along a panel's longer side, about.
 pub const PANEL_PIXELS: usize = 330;
 
-pub const WALL: Rgb = (58, 58, 66);
 pub const FLOOR: Rgb = (244, 244, 240);
 pub const PLAN: Rgb = (255, 70, 50);
 pub const PATH: Rgb = (0, 114, 178);

@@ -5,6 +5,9 @@ use colorous::Gradient;
 /// Red, green, blue.
 pub type Rgb = (u8, u8, u8);
 
+/// The colour of walls in pictures.
+pub const WALL: Rgb = (58, 58, 66);
+
 /// Returns the colour of a distance, given as a share of the farthest shown: near is light, far is
 /// dark.
 pub fn distance_colour(gradient: Gradient, share: f32) -> Rgb {

@@ -163,8 +163,8 @@ impl PointMaze {
         tasks::at(distances, &self.map, cells, self.diameter(), per_distance, rng)
     }
 
-    /// Returns the map's own task (see [`Episodes::default_task`]), or else one from its first start,
-    /// or first free cell, to the cell farthest from it.
+    /// Returns the map's own task (see [`Episodes::default_task`]), or else one from its first
+    /// start, or first free cell, to the cell farthest from it.
     pub fn longest_task(&self) -> Task {
         self.default_task().unwrap_or_else(|| tasks::longest(&self.map))
     }
@@ -341,13 +341,7 @@ impl Evaluated for PointMaze {
     /// diameter.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
         if self.scenario.is_empty() {
-            tasks::at_distances(
-                &self.map,
-                &self.components[self.largest as usize],
-                self.diameter(),
-                per_group,
-                rng,
-            )
+            self.tasks_at(&tasks::distances(self.diameter()), per_group, rng)
         } else {
             tasks::from_scenario(&self.map, &self.scenario, per_group)
         }

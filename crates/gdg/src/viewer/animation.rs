@@ -3,7 +3,8 @@
 use super::arm::{Plane, film_field, film_goal as arm_goal};
 use super::maze::{FilmedMap, FilmedPixels, film_goal};
 use crate::draw::{
-    Animation, Ground, Picture, Raster, Rgb, blend, contour_interval, distance_colour, text_size,
+    Animation, Ground, Picture, Raster, Rgb, WALL, blend, contour_interval, distance_colour,
+    text_size,
 };
 use crate::engine::Snapshot;
 use crate::env::{ArmScene, MazeScene, Scene};
@@ -30,7 +31,6 @@ const MARGIN: usize = 4;
 const FRAME_SECONDS: f64 = 0.12;
 const LAST_FRAME_SECONDS: f64 = 3.0;
 
-const WALL: Rgb = (58, 58, 66);
 const UNKNOWN: Rgb = (24, 24, 28);
 const PAGE: Rgb = (16, 16, 20);
 const INK: Rgb = (222, 222, 226);

@@ -29,21 +29,13 @@ fn task(start: Cell, goal: Cell, shortest: u32, group: usize) -> Task {
     }
 }
 
-/// Draws `per_distance` random tasks between `cells`, which are connected, at each of six
-/// distances, each to within one step, the farthest at 0.9 of the diameter or 20,000 steps. Skips
-/// distances that do not occur.
-pub fn at_distances(
-    map: &Grid,
-    cells: &[Cell],
-    diameter: Diameter,
-    per_distance: usize,
-    rng: &mut ChaCha8Rng,
-) -> TaskSet {
+/// Returns the distances at which a map is evaluated, in steps: six, the farthest at 0.9 of the
+/// diameter or 20,000 steps.
+pub fn distances(diameter: Diameter) -> Vec<u32> {
     let farthest =
         (MAX_DISTANCE_SHARE * f64::from(diameter.steps)).min(f64::from(MAX_DISTANCE_STEPS));
     let distance = |i: usize| (farthest * i as f64 / DISTANCE_GROUPS as f64).round() as u32;
-    let distances: Vec<u32> = (1..=DISTANCE_GROUPS).map(distance).collect();
-    at(&distances, map, cells, diameter, per_distance, rng)
+    (1..=DISTANCE_GROUPS).map(distance).collect()
 }
 
 /// Draws random tasks between `cells`, which are connected, at each of `distances` in steps, each
@@ -215,13 +207,8 @@ mod tests {
     fn tasks_are_no_farther_than_their_budgets_allow() {
         let map = Grid::empty("line", 1 << 15, 1);
         let cells: Vec<Cell> = map.free_cells().collect();
-        let set = at_distances(
-            &map,
-            &cells,
-            Diameter::compute(&map),
-            2,
-            &mut ChaCha8Rng::seed_from_u64(1),
-        );
+        let (diameter, mut rng) = (Diameter::compute(&map), ChaCha8Rng::seed_from_u64(1));
+        let set = at(&distances(diameter), &map, &cells, diameter, 2, &mut rng);
         assert_eq!(set.distances.last(), Some(&Some(f64::from(MAX_DISTANCE_STEPS))));
         assert_eq!(set.tasks.len(), 2 * DISTANCE_GROUPS);
         assert!(set.tasks.iter().all(|task| task.budget() <= MAX_BUDGET_STEPS));

@@ -207,9 +207,13 @@ mod tests {
 
     #[test]
     fn cells_out_of_sight_have_the_value_of_the_nearest_filmed_one_on_foot() {
-        let corridors: String = (0..100)
-            .map(|y| if y % 2 == 0 { ".".repeat(100) } else { format!("{}.{}", "#".repeat(y % 4 / 2 * 99), "#".repeat(99 - y % 4 / 2 * 99)) } + "\n")
-            .collect();
+        // Corridors, joined at their right and left ends in turn.
+        let row = |y: usize| match y % 4 {
+            1 => format!(".{}\n", "#".repeat(99)),
+            3 => format!("{}.\n", "#".repeat(99)),
+            _ => ".".repeat(100) + "\n",
+        };
+        let corridors: String = (0..100).map(row).collect();
         let (filmed, frame) = filmed(map(&corridors), |[_, y]| y);
         for cell in filmed.map().clone().free_cells() {
             let found = filmed.distance(&frame, cell.centre());
