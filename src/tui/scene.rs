@@ -38,9 +38,9 @@ impl Scene {
     pub fn of(snapshot: &Snapshot) -> Self {
         match &snapshot.scene {
             World::Arm(_) => Self::Arm(ArmState::default()),
-            World::Maze(_) | World::Nothing => {
-                Self::Maze(Box::new(MazeState::new(snapshot.scene.maze().map)))
-            }
+            World::Maze(scene) => Self::Maze(Box::new(MazeState::new(scene.map.clone()))),
+            // The command line and the list of checkpoints refuse such worlds.
+            World::Nothing => unreachable!("a world that is not drawn has no interface"),
         }
     }
 

@@ -89,6 +89,11 @@ fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {
 }
 
 impl App {
+    /// Returns the map of the latest snapshot.
+    fn drawn_map(&self) -> &Grid {
+        &self.screen.snapshot.scene.maze().expect("a maze").map
+    }
+
     /// Returns the maze that is shown.
     fn maze(&self) -> &MazeState {
         self.scene.maze().expect("a maze")
@@ -530,7 +535,7 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     );
     mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
     assert!(!app.maze().map.is_free(door), "the door is closed");
-    wait_until(&mut app, |app| !app.screen.snapshot.scene.maze().map.is_free(door));
+    wait_until(&mut app, |app| !app.drawn_map().is_free(door));
     // The trainer's answer and its snapshot arrive separately.
     wait_until(&mut app, |app| {
         let notice = app.screen.log.notice();
@@ -541,21 +546,19 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     let updates = app.screen.snapshot.counters.updates;
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
     press(&mut app, KeyCode::Char('u'));
-    wait_until(&mut app, |app| app.screen.snapshot.scene.maze().map.is_free(door));
+    wait_until(&mut app, |app| app.drawn_map().is_free(door));
     press_with(&mut app, KeyCode::Char('r'), KeyModifiers::CONTROL);
-    wait_until(&mut app, |app| !app.screen.snapshot.scene.maze().map.is_free(door));
+    wait_until(&mut app, |app| !app.drawn_map().is_free(door));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Right), below);
     mouse(&mut app, MouseEventKind::Up(MouseButton::Right), below);
-    wait_until(&mut app, |app| app.screen.snapshot.scene.maze().map.is_free(door));
+    wait_until(&mut app, |app| app.drawn_map().is_free(door));
     // By keyboard alone, from the goal, where the cursor starts.
     assert_eq!(app.maze().editor.cursor, Some(Cell::new(19, 4)));
     (0..9).for_each(|_| press(&mut app, KeyCode::Left));
     let wall = app.maze().map.is_free(Cell::new(10, 4));
     press(&mut app, KeyCode::Char('x'));
-    wait_until(&mut app, |app| {
-        app.screen.snapshot.scene.maze().map.is_free(Cell::new(10, 4)) != wall
-    });
+    wait_until(&mut app, |app| app.drawn_map().is_free(Cell::new(10, 4)) != wall);
     press(&mut app, KeyCode::Esc);
     assert!(!app.maze().editor.is_open());
     assert_eq!(app.maze().goal, Cell::new(19, 4), "the goal stayed where it was");

@@ -232,11 +232,11 @@ pub enum Scene {
 }
 
 impl Scene {
-    /// Returns the maze scene; for other worlds, one of a single cell.
-    pub fn maze(&self) -> MazeScene {
+    /// Returns the maze, if it is one.
+    pub fn maze(&self) -> Option<&MazeScene> {
         match self {
-            Self::Maze(maze) => maze.clone(),
-            Self::Nothing | Self::Arm(_) => MazeScene::default(),
+            Self::Maze(maze) => Some(maze),
+            Self::Nothing | Self::Arm(_) => None,
         }
     }
 }
@@ -248,13 +248,6 @@ pub struct MazeScene {
     pub map: Arc<Grid>,
     /// Visit count of each cell, row-major.
     pub visits: Arc<Vec<u32>>,
-}
-
-impl Default for MazeScene {
-    /// Returns a map of one cell.
-    fn default() -> Self {
-        Self { map: Arc::new(Grid::empty("no map", 1, 1)), visits: Arc::new(vec![0]) }
-    }
 }
 
 #[cfg(test)]

@@ -105,7 +105,7 @@ fn the_tour_runs_through_and_leaves_everything_as_it_was() {
     assert_eq!(step(&app), None, "the last step ends too");
     assert_eq!((app.maze().map.free(), app.screen.overlays), (map.free(), overlays));
     assert_eq!(app.screen.on_arrival, OnArrival::Again);
-    let trained = |app: &App| app.screen.snapshot.scene.maze().map.free() == map.free();
+    let trained = |app: &App| app.drawn_map().free() == map.free();
     wait_until(&mut app, trained);
     assert!(app.screen.snapshot.phase.is_training());
 }

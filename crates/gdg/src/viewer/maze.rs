@@ -142,7 +142,7 @@ impl SceneWorker for MazeWorker {
     }
 
     fn enter(&mut self, snapshot: &Snapshot) {
-        let Scene::Maze(MazeScene { map, visits }) = &snapshot.scene else { return };
+        let Some(MazeScene { map, visits }) = snapshot.scene.maze() else { return };
         if !Arc::ptr_eq(map, self.world.map()) {
             self.change_map(map.clone());
         }

@@ -37,7 +37,8 @@ impl MazeState {
     /// Shows the maze of another run, with the goal that it was saved with, the map's own or a
     /// random one.
     pub fn start(&mut self, screen: &mut Screen, link: &mut Link) {
-        let map = screen.snapshot.scene.maze().map;
+        let Some(scene) = screen.snapshot.scene.maze() else { return };
+        let map = scene.map.clone();
         self.map = map.clone();
         self.kept_map = map.clone();
         self.editor.clear_history();
