@@ -256,7 +256,8 @@ pub fn stderr() -> &'static Stream {
 
 /// Prints a text to standard output and waits until it is written.
 ///
-/// # Errors It cannot be written. A reader that closes the pipe early (`| head`) is not an error.
+/// # Errors
+/// It cannot be written. A reader that closes the pipe early (`| head`) is not an error.
 pub fn print_text(text: &str) -> io::Result<()> {
     match STDOUT.print(text.as_bytes()).and_then(|()| STDOUT.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error),
