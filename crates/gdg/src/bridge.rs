@@ -2,13 +2,14 @@
 //!
 //! [`Candidates`] spreads candidates over the visited states and records the fewest steps observed
 //! between them; [`BridgeGraph`] connects them with edges that the critics propose and observed
-//! trajectories verify; [`Walker`] follows the graph to a goal, one waypoint at a time;
-//! [`search()`] is the published search for a single bridge point. [`Excursions`] lead agents
-//! beyond the frontier of what has been visited.
+//! trajectories verify; [`Walker`] follows the graph to a goal, one waypoint at a time; [`Guide`]
+//! chooses actions by policy and walk; [`search()`] is the published search for a single bridge
+//! point. [`Excursions`] lead agents beyond the frontier of what has been visited.
 
 mod candidates;
 mod excursion;
 mod graph;
+mod guide;
 mod hops;
 mod planner;
 mod search;
@@ -19,6 +20,7 @@ pub use excursion::Excursions;
 pub use graph::{
     BridgeGraph, DistilledDistances, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route,
 };
+pub use guide::Guide;
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, search};
 pub use settings::{BridgeSettings, Planner};

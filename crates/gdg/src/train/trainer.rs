@@ -22,7 +22,7 @@ use super::rollout::{Rollout, StepContext};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
 use super::settings::{Settings, UpdateWhen};
 use super::visits::Visits;
-use crate::bridge::{Candidates, SearchOutcome};
+use crate::bridge::{Candidates, Guide, SearchOutcome};
 use crate::env::{Environment, Episodes, Scene, Spec, TaskSet};
 use crate::learn::{
     Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, Scratch, Stage,
@@ -341,8 +341,7 @@ impl Trainer {
                 acting,
                 episode_steps,
                 settings,
-                policy,
-                graph,
+                guide: Guide { policy, graph },
                 replay,
                 candidates,
             };

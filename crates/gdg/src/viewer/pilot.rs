@@ -4,10 +4,12 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use rand_chacha::ChaCha8Rng;
+
 use super::{RefreshTimer, pause_factor};
-use crate::bridge::{BridgeGraph, BridgeSettings, EdgeStatus, Target, Walker};
+use crate::bridge::{BridgeGraph, BridgeSettings, EdgeStatus, Guide, Walker};
 use crate::engine::{Networks, Snapshot};
-use crate::env::Spec;
+use crate::env::{Environment, Spec};
 use crate::learn::Scratch;
 use crate::train::Run;
 
@@ -143,32 +145,32 @@ impl Pilot {
         self.networks.policy.distance(state, goal, &mut self.scratch)
     }
 
-    /// Returns the waypoints ahead, the next one first and the goal last.
-    pub fn waypoints<const N: usize>(&mut self, state: &[f32], goal: &[f32; N]) -> Vec<[f32; N]> {
-        let Some(graph) = &self.graph else { return vec![*goal] };
-        let (policy, scratch) = (&*self.networks.policy, &mut self.scratch);
-        let walker =
-            self.walker.get_or_insert_with(|| Walker::new(graph.route(goal, policy, scratch)));
-        walker.step(state, graph, policy, scratch);
-        let mut ahead = match walker.target() {
-            Some(Target::Candidate(_)) => {
+    /// Moves the agent of `world` by one step towards `goal`; returns the waypoints that were ahead
+    /// of it, the next one first and the goal last.
+    pub fn step<const N: usize>(
+        &mut self,
+        world: &mut dyn Environment,
+        goal: &[f32; N],
+        rng: &mut ChaCha8Rng,
+    ) -> Vec<[f32; N]> {
+        let guide = Guide { policy: &*self.networks.policy, graph: self.graph.as_ref() };
+        let (walker, scratch) = (&mut self.walker, &mut self.scratch);
+        if walker.is_none() {
+            *walker = guide.plan(goal, scratch);
+        }
+        let aim = guide.aim(walker.as_mut(), world.states(), goal, scratch).to_vec();
+        let mut action = vec![0.0; world.spec().action_dim];
+        let walkers = std::iter::once(walker.as_ref());
+        guide.act(walkers, world.states(), &aim, &mut action, scratch);
+        world.step(&action, rng);
+        let mut waypoints = match (walker, guide.graph) {
+            (Some(walker), Some(graph)) => {
                 walker.waypoints_ahead().into_iter().map(|i| position(graph.point(i))).collect()
             }
             _ => Vec::new(),
         };
-        ahead.push(*goal);
-        ahead
-    }
-
-    /// Writes the action from `state` to `target`.
-    pub fn act(&mut self, state: &[f32], target: &[f32], action: &mut [f32]) {
-        let policy = &*self.networks.policy;
-        policy.actions(state, target, action, &mut self.scratch);
-        if let (Some(walker), Some(graph)) = (&self.walker, &self.graph)
-            && walker.looks_ahead(graph)
-        {
-            policy.improve_actions(state, target, action, &mut self.scratch);
-        }
+        waypoints.push(*goal);
+        waypoints
     }
 }
 

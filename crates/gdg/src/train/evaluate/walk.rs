@@ -1,7 +1,8 @@
 //! One task's walk, for display: the plan and the path taken.
 
-use super::{EvaluationJob, run_tasks_watched};
-use crate::bridge::{BridgeGraph, Walker};
+use super::EvaluationJob;
+use super::tasks::run_tasks_watched;
+use crate::bridge::Guide;
 use crate::env::Task;
 use crate::learn::{Policy, Scratch};
 
@@ -31,19 +32,18 @@ impl EvaluationJob {
         let actor = self.actor(graph.as_ref());
         let runs =
             run_tasks_watched(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch);
-        let plan = match (&graph, states.first()) {
-            (Some(graph), Some(start)) => plan(graph, start, &task.goal, &*self.policy),
-            _ => Vec::new(),
-        };
+        let plan = states.first().map_or(Vec::new(), |start| plan(actor.guide, start, &task.goal));
         TaskWalk { plan, states, reached: runs.taken[0].is_some() }
     }
 }
 
-/// Returns the waypoints from `start` to `goal`, the goal last.
-fn plan(graph: &BridgeGraph, start: &[f32], goal: &[f32], policy: &dyn Policy) -> Vec<Vec<f32>> {
+/// Returns the waypoints from `start` to `goal`, the goal last; none without a graph.
+fn plan(guide: Guide, start: &[f32], goal: &[f32]) -> Vec<Vec<f32>> {
     let mut scratch = Scratch::default();
-    let mut walker = Walker::new(graph.route(goal, policy, &mut scratch));
-    walker.step(start, graph, policy, &mut scratch);
+    let (Some(graph), Some(mut walker)) = (guide.graph, guide.plan(goal, &mut scratch)) else {
+        return Vec::new();
+    };
+    guide.aim(Some(&mut walker), start, goal, &mut scratch);
     let waypoints = walker.waypoints_ahead().into_iter().map(|i| graph.point(i).to_vec());
     waypoints.chain([goal.to_vec()]).collect()
 }

@@ -91,12 +91,8 @@ impl ArmWorker {
             reach.finished.1 += 1;
             return self.restart(None);
         }
-        let state = self.state();
-        self.view.path = self.pilot.waypoints(&state, &goal);
+        self.view.path = self.pilot.step(&mut self.world, &goal, &mut self.rng);
         let target = self.view.path[0];
-        let mut action = vec![0.0; self.world.spec().action_dim];
-        self.pilot.act(&state, &target, &mut action);
-        self.world.step(&action, &mut self.rng);
         let state = self.state();
         self.view.pose = self.world.pose(0);
         push_to_trail(&mut self.view.trail, self.view.pose.grip, TRAIL_STEPS);

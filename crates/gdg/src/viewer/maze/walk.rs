@@ -122,15 +122,12 @@ impl MazeWorker {
             }
             return;
         }
-        let waypoints = self.pilot.waypoints(&at, &goal);
+        let waypoints = self.pilot.step(&mut self.world, &goal, &mut self.rng);
         let target = waypoints[0];
         // The straight line to a goal that no path leads to is no plan.
         self.view.path = if self.view.walk.shortest.is_some() { waypoints } else { Vec::new() };
         self.view.walk.distances.1 = self.pilot.distance(&at, &target);
         self.view.walk.waypoint = (target != goal).then_some(target);
-        let mut action = [0.0; 2];
-        self.pilot.act(&at, &target, &mut action);
-        self.world.step(&action, &mut self.rng);
         self.view.walk.steps += 1;
         push_to_trail(&mut self.view.trail, at, TRAIL_STEPS);
     }

@@ -1,0 +1,152 @@
+//! Tasks run in lockstep, one agent per task.
+
+use std::ops::Range;
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use crate::bridge::{Guide, Walker};
+use crate::env::{Environment, Episodes, Task};
+use crate::learn::Scratch;
+
+/// How the evaluated agents act.
+#[derive(Clone, Copy)]
+pub struct Actor<'a> {
+    /// The policy, and the graph used for planning.
+    pub guide: Guide<'a>,
+    /// Mean number of steps a random direction is held, if agents act at random.
+    pub hold_steps: Option<f32>,
+    /// Steps within which every goal has to be reached, instead of the task's own budget.
+    pub max_steps: Option<u32>,
+}
+
+impl Actor<'_> {
+    /// Returns the number of steps within which the goal of `task` has to be reached.
+    pub fn budget(&self, world: &dyn Environment, task: &Task) -> u32 {
+        let own = || world.abilities().episodes.and_then(Episodes::episode_steps);
+        self.max_steps.or_else(own).unwrap_or_else(|| task.budget())
+    }
+}
+
+/// Outcomes of several tasks.
+pub struct TaskRuns {
+    /// Steps per task; `None` if the goal was not reached in time.
+    pub taken: Vec<Option<u32>>,
+    /// The environment with the agents in their final states.
+    pub env: Box<dyn Environment>,
+}
+
+/// An agent that has neither reached its goal nor used up its steps.
+struct ActiveAgent<'a> {
+    index: usize,
+    goal: &'a [f32],
+    budget: u32,
+    walker: Option<Walker>,
+}
+
+impl ActiveAgent<'_> {
+    /// Returns where the agent's numbers lie among those of all agents, `width` for each.
+    fn row(&self, width: usize) -> Range<usize> {
+        width * self.index..width * (self.index + 1)
+    }
+}
+
+/// Buffers with a row for each active agent.
+#[derive(Default)]
+struct Buffers {
+    states: Vec<f32>,
+    aims: Vec<f32>,
+    chosen: Vec<f32>,
+    scratch: Scratch,
+}
+
+/// Runs all tasks, each until its goal is reached or its steps are used up.
+pub fn run_tasks(
+    world: &dyn Environment,
+    tasks: &[Task],
+    actor: &Actor,
+    rng: &mut ChaCha8Rng,
+) -> TaskRuns {
+    run_tasks_watched(world, tasks, actor, rng, &mut |_| {})
+}
+
+/// Like [`run_tasks`]; calls `watch` with all agents' states at the start and after every step.
+pub fn run_tasks_watched(
+    world: &dyn Environment,
+    tasks: &[Task],
+    actor: &Actor,
+    rng: &mut ChaCha8Rng,
+    watch: &mut dyn FnMut(&[f32]),
+) -> TaskRuns {
+    let mut env = world.fork(tasks.len());
+    let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
+    let mut buffers = Buffers::default();
+    for (i, task) in tasks.iter().enumerate() {
+        if !env.set_full_state(i, &task.start) {
+            env.restart(i, rng);
+        }
+    }
+    let begin = |(index, task): (usize, &Task)| ActiveAgent {
+        index,
+        goal: &task.goal,
+        budget: actor.budget(world, task),
+        walker: actor.guide.plan(&task.goal, &mut buffers.scratch),
+    };
+    let mut active: Vec<ActiveAgent> = tasks.iter().enumerate().map(begin).collect();
+    let mut taken: Vec<Option<u32>> = vec![None; tasks.len()];
+    let mut actions = vec![0.0; a * tasks.len()];
+    for clock in 0.. {
+        watch(env.states());
+        active.retain(|agent| {
+            if env.spec().reached(&env.states()[agent.row(s)], agent.goal) {
+                taken[agent.index] = Some(clock);
+            }
+            let goes_on = taken[agent.index].is_none() && clock < agent.budget;
+            if !goes_on {
+                actions[agent.row(a)].fill(0.0);
+            }
+            goes_on
+        });
+        if active.is_empty() {
+            break;
+        }
+        match actor.hold_steps {
+            None => choose_actions(&*env, actor.guide, &mut active, &mut actions, &mut buffers),
+            Some(hold_steps) => {
+                for agent in &active {
+                    if clock == 0 || rng.random::<f32>() < 1.0 / hold_steps {
+                        actions[agent.row(a)].fill_with(|| rng.random_range(-1.0..=1.0));
+                    }
+                }
+            }
+        }
+        env.step(&actions, rng);
+    }
+    TaskRuns { taken, env }
+}
+
+/// Chooses the actions of the active agents by the policy and their plans. `actions` has rows
+/// for all agents, `(agents, action_dim)`.
+fn choose_actions(
+    env: &dyn Environment,
+    guide: Guide,
+    active: &mut [ActiveAgent],
+    actions: &mut [f32],
+    buffers: &mut Buffers,
+) {
+    let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
+    let Buffers { states, aims, chosen, scratch } = buffers;
+    states.clear();
+    aims.clear();
+    for agent in active.iter_mut() {
+        let state = &env.states()[agent.row(s)];
+        states.extend(state);
+        aims.extend(guide.aim(agent.walker.as_mut(), state, agent.goal, scratch));
+    }
+    chosen.resize(active.len() * a, 0.0);
+    let walkers = active.iter().map(|agent| agent.walker.as_ref());
+    guide.act(walkers, states, aims, chosen, scratch);
+    for (agent, action) in active.iter().zip(chosen.chunks_exact(a)) {
+        actions[agent.row(a)].copy_from_slice(action);
+    }
+}

@@ -1,0 +1,141 @@
+//! Episodes and goals: where agents begin, what they are asked to reach, and when they give up.
+
+use std::sync::Arc;
+
+use rand::RngExt;
+
+use super::{Plan, Rollout, StepContext};
+use crate::bridge::search;
+use crate::env::{EnvSettings, Restart};
+
+/// An agent gives up on a goal after this multiple of D to it ...
+pub(crate) const GIVE_UP_FACTOR: f32 = 3.0;
+
+/// ... plus this many steps.
+pub(crate) const GIVE_UP_SLACK_STEPS: f32 = 50.0;
+
+impl Rollout {
+    /// Whether agent `i` begins its next episode where it is.
+    pub(super) fn stays(&self, i: usize, context: &StepContext) -> bool {
+        match context.settings.train.restart {
+            Restart::Never => true,
+            Restart::Auto => {
+                self.env.abilities().episodes.is_some_and(|episodes| episodes.stays(i))
+            }
+            Restart::Anywhere | Restart::StartCell => false,
+        }
+    }
+
+    /// Starts an episode with a new start and goal. With probability `bridge_epsilon`, a bridge
+    /// point is the first goal (Algorithm 1).
+    pub(super) fn start_episode(&mut self, i: usize, context: &StepContext) {
+        if !self.stays(i, context) {
+            self.env.restart(i, &mut self.rng);
+        }
+        self.begin_episode(i);
+        self.choose_goal(i, context);
+        if context.bridges
+            && self.chance(context.settings.bridge.bridge_epsilon)
+            && !self.excursions.is_on(i)
+            && let Some(point) = self.search_bridge(i, context)
+        {
+            let agent = &mut self.agents[i];
+            agent.after_bridge = Some(std::mem::replace(&mut agent.goal, point));
+            if self.plans[i].is_some() {
+                self.plan(i, context);
+            }
+            self.set_deadline(i, context);
+        }
+    }
+
+    /// Gives agent `i` a random goal. With given probabilities, it first goes on an excursion
+    /// beyond the frontier, or follows a plan through the bridge graph.
+    pub(super) fn choose_goal(&mut self, i: usize, context: &StepContext) {
+        let agent = &mut self.agents[i];
+        agent.after_bridge = None;
+        self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
+        self.plans[i] = None;
+        if self.chance(context.settings.train.near_goals) {
+            self.choose_near_goal(i, context.settings.train.near_goal_steps);
+        }
+        if context.bridges {
+            let bridge = &context.settings.bridge;
+            if self.excursions.are_due(bridge.frontier_share(self.excursions.has_frontier())) {
+                self.excursions.begin(i);
+            } else if self.chance(bridge.planned_episodes) {
+                self.plan(i, context);
+            }
+        }
+        self.set_deadline(i, context);
+    }
+
+    /// Makes the goal of agent `i` the place where a straight walk of at most `longest` steps from
+    /// its own place ends, if the world can put another agent there.
+    fn choose_near_goal(&mut self, i: usize, longest: u32) {
+        let aside = self.aside.get_or_insert_with(|| {
+            let mut world = self.env.fork(1);
+            // The walk is straight even where actions are noisy.
+            world.configure(&EnvSettings::default());
+            world
+        });
+        let action: Vec<f32> =
+            (0..self.env.spec().action_dim).map(|_| self.rng.random_range(-1.0..=1.0)).collect();
+        if !aside.set_full_state(0, &self.env.full_state(i)) {
+            return;
+        }
+        for _ in 0..self.rng.random_range(1..=longest) {
+            aside.step(&action, &mut self.rng);
+        }
+        self.agents[i].goal = self.env.spec().achieved(aside.states()).collect();
+    }
+
+    /// Returns `true` with a probability.
+    fn chance(&mut self, probability: f32) -> bool {
+        probability > 0.0 && self.rng.random::<f32>() < probability
+    }
+
+    /// Sets the step at which agent `i` gives up on its goal: most goals in unexplored parts cannot
+    /// be reached yet.
+    pub(super) fn set_deadline(&mut self, i: usize, context: &StepContext) {
+        let s = self.env.spec().state_dim();
+        let agent = &mut self.agents[i];
+        let state = &self.env.states()[i * s..(i + 1) * s];
+        let distance = context.guide.policy.distance(state, &agent.goal, &mut self.scratch);
+        let steps = GIVE_UP_FACTOR * distance + GIVE_UP_SLACK_STEPS;
+        agent.give_up_at = agent.steps.saturating_add(steps as u32);
+    }
+
+    /// Runs the published search for a bridge point between agent `i` and its goal.
+    fn search_bridge(&mut self, i: usize, context: &StepContext) -> Option<Vec<f32>> {
+        let s = self.env.spec().state_dim();
+        let (candidates, goal) = (&*context.candidates, &self.agents[i].goal);
+        let outcome = search(
+            (&self.env.states()[i * s..(i + 1) * s], goal),
+            (candidates.states(), candidates.points()),
+            context.settings.bridge.search_budget,
+            context.guide.policy,
+            &mut self.rng,
+            &mut self.scratch,
+        );
+        let found = outcome.found.as_ref().map(|bridge| bridge.point.clone());
+        self.last_search = Some(Arc::new(outcome));
+        found
+    }
+
+    /// Plans agent `i`'s path to its goal through the graph, if there is one.
+    pub(super) fn plan(&mut self, i: usize, context: &StepContext) {
+        let goal = &self.agents[i].goal;
+        if let Some(walker) = context.guide.plan(goal, &mut self.scratch) {
+            self.plans[i] = Some(Plan { walker, goal: goal.clone(), disturbed: false });
+        }
+    }
+
+    /// Starts an episode from agent `i`'s current state to a random goal.
+    pub(super) fn begin_episode(&mut self, i: usize) {
+        let agent = &mut self.agents[i];
+        (agent.steps, agent.held, agent.after_bridge, agent.give_up_at) = (0, None, None, 0);
+        self.plans[i] = None;
+        self.excursions.end(i);
+        self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
+    }
+}
