@@ -82,7 +82,8 @@ fn operations(rows: usize, hidden: usize) -> f64 {
 pub fn updates(
     rows: usize,
     width: usize,
-    (threads, runs): (usize, usize),
+    threads: usize,
+    runs: usize,
     peak_gflops: f64,
 ) -> Result<UpdateTimes, TrainError> {
     let settings =
@@ -134,7 +135,7 @@ pub fn updates(
 
 /// Measures one whole update of the default preset on a map of 32 x 32 cells: on candle's tape, by
 /// the kernels on one thread and on all, in turns.
-pub fn default_update((threads, runs): (usize, usize)) -> Result<DefaultUpdateTimes, TrainError> {
+pub fn default_update(threads: usize, runs: usize) -> Result<DefaultUpdateTimes, TrainError> {
     const SIDE: usize = 32;
     let map = Grid::new("open", SIDE, vec![true; SIDE * SIDE], Vec::new(), Vec::new());
     let world = PointMaze::new(Arc::new(map), 1);
@@ -176,7 +177,8 @@ pub fn default_update((threads, runs): (usize, usize)) -> Result<DefaultUpdateTi
 /// Measures training on a built-in map with the default preset.
 pub fn default_preset(
     map: &'static str,
-    (threads, runs): (usize, usize),
+    threads: usize,
+    runs: usize,
 ) -> Result<DefaultTimes, TrainError> {
     const UPDATES_PER_TURN: u64 = 500;
     let Some(grid) = builtin(map).map(Arc::new) else { unreachable!("{map} is built in") };

@@ -16,7 +16,7 @@ const SCREEN_SIZE: (u16, u16) = (200, 60);
 
 /// Measures training on a large map with and without the interface, in turns: with each kind of
 /// screen.
-pub fn measure((threads, runs): (usize, usize)) -> Result<Vec<InterfaceTimes>, TrainError> {
+pub fn measure(threads: usize, runs: usize) -> Result<Vec<InterfaceTimes>, TrainError> {
     // Long enough for grounds of pictures that are drawn again and rest for up to two seconds.
     const TURN_DURATION: Duration = Duration::from_secs(3);
     let map = rooms();

@@ -199,22 +199,22 @@ fn measure(only: &[Part], threads: usize, runs: usize) -> Result<Measurements, R
     let wanted = |part| only.is_empty() || only.contains(&part);
     let shapes = SHAPES.iter().filter(|_| wanted(Part::Updates));
     let updates =
-        shapes.map(|(batch, width)| cases::updates(*batch, *width, (threads, runs), peak_gflops));
+        shapes.map(|(batch, width)| cases::updates(*batch, *width, threads, runs, peak_gflops));
     let updates = updates.collect::<Result<_, _>>().into_diagnostic()?;
-    let default_update = wanted(Part::Default).then(|| cases::default_update((threads, runs)));
+    let default_update = wanted(Part::Default).then(|| cases::default_update(threads, runs));
     Ok(Measurements {
         threads,
         peak_gflops,
         updates,
         default_update: default_update.transpose().into_diagnostic()?,
         default_preset: of_maps(wanted(Part::Training), &|map| {
-            cases::default_preset(map, (threads, runs))
+            cases::default_preset(map, threads, runs)
         })?,
         time_to_success: of_maps(wanted(Part::TimeTo), &|map| {
-            time_to::measure(map, (threads, runs))
+            time_to::measure(map, threads, runs)
         })?,
         interface: if wanted(Part::Interface) {
-            interface::measure((threads, runs)).into_diagnostic()?
+            interface::measure(threads, runs).into_diagnostic()?
         } else {
             Vec::new()
         },
@@ -241,86 +241,86 @@ impl Measurements {
 
     fn table(&self) -> String {
         let mut out = format!("multiply-add peak of one core: {:.0} GFLOP/s\n\n", self.peak_gflops);
-        if !self.updates.is_empty() {
-            out += &format!("{:<12}{:>10}{:>10}{:>8}", "update", "plain", "fused", "ratio");
-            out += &format!("{:>8}{:>12}{:>8}{:>7}\n", "peak", self.on_threads(), "ratio", "runs");
-        }
-        for u in &self.updates {
-            out += &format!("{:<12}", format!("{} x {}", u.batch, u.width));
-            out += &format!("{:>7.0} us{:>7.0} us{:>8.2}", u.plain_us, u.fused_us, u.speed_up);
-            let share = format!("{:.0} %", 100.0 * u.peak_share);
-            out += &format!(
-                "{share:>8}{:>9.0} us{:>8.2}{:>7}\n",
-                u.fused_threads_us, u.threads_speed_up, u.runs
-            );
-        }
-        if let Some(u) = &self.default_update {
-            let (tape, kernels, both) = (u.tape_us, u.kernels_us, u.kernels_threads_us);
-            out += &format!(
-                "\ndefault preset, one update: {tape:.0} us on candle's tape, {kernels:.0} us "
-            );
-            out += &format!(
-                "({:.1} times as fast), on {} {both:.0} us ",
-                u.speed_up,
-                self.on_threads()
-            );
-            out +=
-                &format!("({:.2} times as fast as on one; {} runs)\n", u.threads_speed_up, u.runs);
-        }
-        for d in &self.default_preset {
-            out += &format!(
-                "\n{}, default preset: {:.0} updates/s on one thread, ",
-                d.map, d.one_thread
-            );
-            out += &format!("{:.0} on {} ({} runs)\n", d.all_threads, self.on_threads(), d.runs);
-            for p in &d.phases {
-                out += &format!(
-                    "  {:<36}{:>8.1} us{:>8.1} us\n",
-                    p.phase, p.one_thread_us, p.all_threads_us
-                );
-            }
-        }
+        self.add_updates(&mut out);
+        self.add_default_preset(&mut out);
         out += "\n";
-        for t in &self.time_to_success {
-            let what = format!(
-                "{}: time to {} planned success on {}",
-                t.map,
-                t.success,
-                self.on_threads()
-            );
-            let (s, n) = (told(t.median_seconds.as_ref(), 1), told(t.median_updates.as_ref(), 0));
-            out += &format!("{what:<58}{s:>6} s, {n:>6} updates (");
-            let seeds = t
-                .seconds
-                .iter()
-                .zip(&t.updates)
-                .map(|(s, n)| told(s.as_ref(), 1) + " s, " + &told(n.as_ref(), 0));
-            out += &(seeds.collect::<Vec<_>>().join("; ") + ")\n");
-        }
+        self.add_times_to_success(&mut out);
         out += "\n";
-        if let Some(i) = self.interface.first() {
-            out += &format!(
-                "256 x 256 cells: {:.0} updates/s on {} ({} runs); ",
-                i.alone,
-                self.on_threads(),
-                i.runs
-            );
-            out += "with the interface at 200 x 60:\n";
-        }
-        for i in &self.interface {
-            out += &format!(
-                "  {:<16}{:.2} of that; a frame {:.1} ms",
-                i.screen,
-                i.ratio,
-                i.frame_us / 1e3
-            );
-            out += &format!(", 95th percentile {:.1} ms\n", i.slow_frame_us / 1e3);
-        }
+        self.add_interface(&mut out);
         out += "\n";
         for t in &self.other {
             out += &format!("{:<56}{:>10.1} us{:>7} runs\n", t.what, t.us, t.runs);
         }
         out
+    }
+
+    fn add_updates(&self, out: &mut String) {
+        if !self.updates.is_empty() {
+            *out += &format!("{:<12}{:>10}{:>10}{:>8}", "update", "plain", "fused", "ratio");
+            *out += &format!("{:>8}{:>12}{:>8}{:>7}\n", "peak", self.on_threads(), "ratio", "runs");
+        }
+        for u in &self.updates {
+            *out += &format!("{:<12}", format!("{} x {}", u.batch, u.width));
+            *out += &format!("{:>7.0} us{:>7.0} us{:>8.2}", u.plain_us, u.fused_us, u.speed_up);
+            let share = format!("{:.0} %", 100.0 * u.peak_share);
+            *out += &format!(
+                "{share:>8}{:>9.0} us{:>8.2}{:>7}\n",
+                u.fused_threads_us, u.threads_speed_up, u.runs
+            );
+        }
+    }
+
+    fn add_default_preset(&self, out: &mut String) {
+        let on_threads = self.on_threads();
+        if let Some(u) = &self.default_update {
+            let (tape, kernels, both) = (u.tape_us, u.kernels_us, u.kernels_threads_us);
+            *out += &format!(
+                "\ndefault preset, one update: {tape:.0} us on candle's tape, {kernels:.0} us "
+            );
+            *out += &format!("({:.1} times as fast), on {on_threads} {both:.0} us ", u.speed_up);
+            *out +=
+                &format!("({:.2} times as fast as on one; {} runs)\n", u.threads_speed_up, u.runs);
+        }
+        for d in &self.default_preset {
+            let (map, one, all) = (d.map, d.one_thread, d.all_threads);
+            *out += &format!("\n{map}, default preset: {one:.0} updates/s on one thread, ");
+            *out += &format!("{all:.0} on {on_threads} ({} runs)\n", d.runs);
+            for p in &d.phases {
+                let (one, all) = (p.one_thread_us, p.all_threads_us);
+                *out += &format!("  {:<36}{one:>8.1} us{all:>8.1} us\n", p.phase);
+            }
+        }
+    }
+
+    fn add_times_to_success(&self, out: &mut String) {
+        for t in &self.time_to_success {
+            let on_threads = self.on_threads();
+            let what = format!("{}: time to {} planned success on {on_threads}", t.map, t.success);
+            let (s, n) = (told(t.median_seconds.as_ref(), 1), told(t.median_updates.as_ref(), 0));
+            *out += &format!("{what:<58}{s:>6} s, {n:>6} updates (");
+            let seeds = t
+                .seconds
+                .iter()
+                .zip(&t.updates)
+                .map(|(s, n)| told(s.as_ref(), 1) + " s, " + &told(n.as_ref(), 0));
+            *out += &(seeds.collect::<Vec<_>>().join("; ") + ")\n");
+        }
+    }
+
+    fn add_interface(&self, out: &mut String) {
+        if let Some(i) = self.interface.first() {
+            let (alone, on_threads) = (i.alone, self.on_threads());
+            *out += &format!(
+                "256 x 256 cells: {alone:.0} updates/s on {on_threads} ({} runs); ",
+                i.runs
+            );
+            *out += "with the interface at 200 x 60:\n";
+        }
+        for i in &self.interface {
+            let (ratio, frame, slow) = (i.ratio, i.frame_us / 1e3, i.slow_frame_us / 1e3);
+            *out += &format!("  {:<16}{ratio:.2} of that; a frame {frame:.1} ms", i.screen);
+            *out += &format!(", 95th percentile {slow:.1} ms\n");
+        }
     }
 }
 

@@ -22,11 +22,12 @@ const MAX_UPDATES: u64 = 40_000;
 /// Maximum number of seeds; one can take a minute.
 const MAX_SEEDS: usize = 3;
 
-/// Measures the time from scratch to the success rate on a built-in map, without that of
-/// evaluations, for seeds 1, 2, ...
+/// Measures the time from scratch to the success rate on a built-in map, excluding
+/// evaluation time, for seeds 1, 2, ...
 pub fn measure(
     map: &'static str,
-    (threads, runs): (usize, usize),
+    threads: usize,
+    runs: usize,
 ) -> Result<TimeToSuccess, TrainError> {
     let Some(grid) = builtin(map).map(Arc::new) else { unreachable!("{map} is built in") };
     let world = PointMaze::new(grid, 0);

@@ -175,7 +175,7 @@ pub fn run(options: &Options, registry: &Arc<Registry>) -> Result<u8, Report> {
     let folder = Folder::new(&options.out);
     folder.check_writable(&["jobs/NAME.json"])?;
     let jobs = runs.iter().map(|(_, job)| job);
-    let outcome = Runner::run_open((&folder, registry), jobs, threads(options.jobs), false)?;
+    let outcome = Runner::run_open(&folder, registry, jobs, threads(options.jobs), false)?;
     // It says which.
     any_failed(&outcome);
     let result = |(case, job): &(&Case, Job)| {
@@ -209,7 +209,7 @@ fn slug(name: &str) -> String {
 /// Checks that the results can be written, to fail before hours of training instead of after.
 fn check_json(path: &Path, options: &Options) -> Result<(), Report> {
     refuse_existing(path, options.overwrite)?;
-    refuse_input(("--json", path), std::iter::once(options.map.as_path()))?;
+    refuse_input("--json", path, std::iter::once(options.map.as_path()))?;
     let folder =
         path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {

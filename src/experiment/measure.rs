@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
-use gdg::bridge::{self, Candidates};
+use gdg::bridge::{self, BridgePoint, Candidates};
 use gdg::env::{PointMaze, Task};
 use gdg::learn::{Policy, Scratch};
 use gdg::map::{Cell, Grid};
@@ -168,48 +168,19 @@ fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Walked {
     }
 }
 
-/// Searches as published for a bridge point, on one task after another until there is one: from the
-/// map's start to the cell farthest from it, then far tasks drawn at random. If there is none at
-/// all, the first task is shown. Candidates close to either end are left out: they would show the
-/// noise of D rather than a way.
+/// Searches as published for a bridge point and shows it with the distances to both ends.
 ///
 /// # Errors
 /// D is not finite.
 fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bridge, Report> {
-    let world = PointMaze::new(map.clone(), 0);
-    let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
-    let far = (FAR_SHARE * f64::from(world.diameter().steps)).round() as u32;
-    let tasks: Vec<Task> = std::iter::once(world.longest_task())
-        .chain(world.tasks_at(&[far], MORE_TASKS, &mut rng).tasks)
-        .collect();
-    let (budget, policy) = (trainer.run().settings.bridge.search_budget, job.policy());
-    let (mut scratch, mut tried, mut searches, mut outcome) = (Scratch::default(), 0, 0, None);
-    for task in &tasks {
-        searches += 1;
-        let start: Vec<f32> = task.start.iter().map(|v| *v as f32).collect();
-        let (states, points) =
-            middle(trainer.candidates(), (&start, &task.goal), policy, &mut scratch);
-        let found = bridge::search(
-            (&start, &task.goal),
-            (&states, &points),
-            budget,
-            policy,
-            &mut rng,
-            &mut scratch,
-        );
-        tried += found.tried();
-        if found.found.is_some() {
-            outcome = Some((task, found));
-            break;
-        }
-    }
-    let (task, found) = outcome.map_or((&tasks[0], None), |(task, outcome)| (task, outcome.found));
-    let start: Vec<f32> = task.start.iter().map(|v| *v as f32).collect();
+    let policy = job.policy();
+    let Searched { task, start, bridge, searches, tried } = search_tasks(trainer, policy, map);
+    let mut scratch = Scratch::default();
     let mut distance = |from: &[f32], to: &[f32]| {
         let distance = hundredths(policy.distance(from, to, &mut scratch));
         distance.ok_or_else(|| miette!(help = "try another seed", "the distances are not finite"))
     };
-    let found = match found {
+    let found = match bridge {
         Some(bridge) => Some(Found {
             point: position(&bridge.point),
             from_start: distance(&start, &bridge.point)?,
@@ -237,15 +208,62 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
         tried,
         from_start: of_cells(&start.repeat(cells.len()), places.as_flattened()),
         to_goal: of_cells(places.as_flattened(), &task.goal.repeat(cells.len())),
-        walk: walk(job, task, task.shortest.unwrap_or(0)),
+        walk: walk(job, &task, task.shortest.unwrap_or(0)),
     })
+}
+
+/// Result of searches for a bridge point.
+struct Searched {
+    /// The task with the bridge point; without one, the first task.
+    task: Task,
+    /// Its start, as a state.
+    start: Vec<f32>,
+    bridge: Option<BridgePoint>,
+    searches: usize,
+    /// Candidates tried in all searches.
+    tried: usize,
+}
+
+/// Searches for a bridge point on one task after another until there is one: from the map's start
+/// to the cell farthest from it, then on far tasks drawn at random. Candidates close to either end
+/// are left out: they would show the noise of D rather than a way.
+fn search_tasks(trainer: &Trainer, policy: &dyn Policy, map: &Arc<Grid>) -> Searched {
+    let world = PointMaze::new(map.clone(), 0);
+    let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
+    let far = (FAR_SHARE * f64::from(world.diameter().steps)).round() as u32;
+    let mut tasks = vec![world.longest_task()];
+    tasks.extend(world.tasks_at(&[far], MORE_TASKS, &mut rng).tasks);
+    let budget = trainer.run().settings.bridge.search_budget;
+    let start_of = |task: &Task| task.start.iter().map(|v| *v as f32).collect::<Vec<f32>>();
+    let (mut scratch, mut tried, mut searches) = (Scratch::default(), 0, 0);
+    for task in &tasks {
+        searches += 1;
+        let start = start_of(task);
+        let (states, points) =
+            middle(trainer.candidates(), &start, &task.goal, policy, &mut scratch);
+        let outcome = bridge::search(
+            (&start, &task.goal),
+            (&states, &points),
+            budget,
+            policy,
+            &mut rng,
+            &mut scratch,
+        );
+        tried += outcome.tried();
+        if outcome.found.is_some() {
+            return Searched { task: task.clone(), start, bridge: outcome.found, searches, tried };
+        }
+    }
+    let task = tasks.swap_remove(0);
+    Searched { start: start_of(&task), task, bridge: None, searches, tried }
 }
 
 /// Returns the candidates, as states and as goals, that are at least [`MIDDLE_SHARE`] of D(s,g)
 /// from either end.
 fn middle(
     candidates: &Candidates,
-    (start, goal): (&[f32], &[f32]),
+    start: &[f32],
+    goal: &[f32],
     policy: &dyn Policy,
     scratch: &mut Scratch,
 ) -> (Vec<f32>, Vec<f32>) {

@@ -214,9 +214,9 @@ impl Reproduction<'_> {
         if self.options.collect {
             return self.draw();
         }
-        let place = (&self.folder, &self.registry);
         let jobs = self.chosen()?.into_iter();
-        let outcome = Runner::run_open(place, jobs, threads(self.options.jobs), self.options.keep)?;
+        let (parallel, keep) = (threads(self.options.jobs), self.options.keep);
+        let outcome = Runner::run_open(&self.folder, &self.registry, jobs, parallel, keep)?;
         let failed = any_failed(&outcome);
         if let Some(status) = outcome.interrupted {
             return Ok(status);

@@ -64,7 +64,8 @@ impl Runner {
     /// # Errors
     /// A result could not be written, or signals cannot be listened for.
     pub fn run_open<'a>(
-        (folder, registry): (&Folder, &Arc<Registry>),
+        folder: &Folder,
+        registry: &Arc<Registry>,
         jobs: impl Iterator<Item = &'a Job>,
         parallel: usize,
         keep: bool,

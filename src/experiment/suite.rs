@@ -168,8 +168,8 @@ impl Suite<'_> {
         let chosen =
             |job: &&Job| self.options.job.is_empty() || self.options.job.contains(&job.name);
         let jobs = self.jobs().filter(chosen);
-        let place = (&self.folder, &self.registry);
-        let outcome = Runner::run_open(place, jobs, threads(self.options.jobs), self.options.keep)?;
+        let (parallel, keep) = (threads(self.options.jobs), self.options.keep);
+        let outcome = Runner::run_open(&self.folder, &self.registry, jobs, parallel, keep)?;
         let rows = self.rows();
         let text = report(&self.groups, &rows, &self.folder);
         self.folder.write("report.md", text.as_bytes())?;

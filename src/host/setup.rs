@@ -184,14 +184,14 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
     if let Some(path) = &request.table {
         // A resumed run goes on in its own table.
         refuse_existing(path, request.overwrite || resumed.is_some())?;
-        refuse_input(("--csv", path), inputs(request, resumed.as_deref()))?;
+        refuse_input("--csv", path, inputs(request, resumed.as_deref()))?;
         files::check_writable(path).map_err(|error| {
             let help = "give --csv a file in a writable folder";
             miette!(help = help, "{}: a table cannot be written here: {error}", path.display())
         })?;
     }
     if let Some(path) = &request.recording {
-        refuse_input(("--record", path), inputs(request, resumed.as_deref()))?;
+        refuse_input("--record", path, inputs(request, resumed.as_deref()))?;
     }
     let Loaded { mut trainer, warning } = if let Some(path) = &resumed {
         train::load(path, registry, threads).map_err(from_checkpoint_error)?
@@ -369,7 +369,8 @@ fn inputs<'a>(request: &'a Request, resumed: Option<&'a Path>) -> impl Iterator<
 /// # Errors
 /// It is.
 pub fn refuse_input<'a>(
-    (option, path): (&str, &Path),
+    option: &str,
+    path: &Path,
     mut inputs: impl Iterator<Item = &'a Path>,
 ) -> Result<(), Report> {
     if inputs.any(|input| is_same_file(input, path)) {

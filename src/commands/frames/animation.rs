@@ -35,7 +35,7 @@ pub fn write(args: &FramesArgs, out: &Path) -> Result<String, Report> {
         ));
     }
     refuse_existing(out, args.overwrite)?;
-    refuse_input(("--animate", out), std::iter::once(args.cast.as_path()))?;
+    refuse_input("--animate", out, std::iter::once(args.cast.as_path()))?;
     let step = args.speed / f64::from(args.fps);
     let count = ((to - args.from) / step).ceil() as usize;
     if count > MAX_FRAMES {

@@ -59,7 +59,7 @@ pub fn prepare(
         }
     }
     if let Some(path) = &options.recording {
-        setup::refuse_input(("--record", path), std::iter::once(options.map.as_path()))?;
+        setup::refuse_input("--record", path, std::iter::once(options.map.as_path()))?;
     }
     let [left, right] = &options.methods;
     let [a, b] = [(left, &sides[0]), (right, &sides[1])]

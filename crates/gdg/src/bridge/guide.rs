@@ -54,7 +54,7 @@ impl<'a> Guide<'a> {
             let looks_ahead =
                 |walker: Option<&Walker>| walker.is_some_and(|w| w.looks_ahead(graph));
             let ahead: Vec<bool> = walkers.map(looks_ahead).collect();
-            look_ahead(self.policy, &ahead, (states, aims), actions, scratch);
+            look_ahead(self.policy, &ahead, states, aims, actions, scratch);
         }
     }
 }

@@ -114,7 +114,8 @@ impl Film {
     /// the agents of `world`.
     pub fn add(
         &mut self,
-        at: (u64, u64),
+        updates: u64,
+        env_steps: u64,
         world: &dyn Environment,
         points: &Probes,
         distances: &[f32],
@@ -122,7 +123,7 @@ impl Film {
         let spec = world.spec();
         let states = world.states().chunks_exact(spec.state_dim()).take(MAX_FILM_AGENTS);
         let agents = states.flat_map(|state| spec.achieved(state)).collect();
-        self.push(frame(at, points, distances, agents));
+        self.push(frame(updates, env_steps, points, distances, agents));
     }
 
     fn push(&mut self, frame: FilmFrame) {
@@ -209,7 +210,8 @@ impl Film {
 
 /// Returns the frame of `distances` at `points`.
 fn frame(
-    (updates, env_steps): (u64, u64),
+    updates: u64,
+    env_steps: u64,
     points: &Probes,
     distances: &[f32],
     agents: Vec<f32>,
@@ -284,7 +286,7 @@ mod tests {
         {
             if film.is_due(updates) {
                 let distances = [0.0, 1.0, updates as f32];
-                film.push(frame((updates, 7 * updates), &points(), &distances, vec![0.5, 1.5]));
+                film.push(frame(updates, 7 * updates, &points(), &distances, vec![0.5, 1.5]));
             }
         }
         film
@@ -342,7 +344,7 @@ mod tests {
             }
             if resumed.is_due(updates) {
                 let distances = [0.0, 1.0, updates as f32];
-                resumed.push(frame((updates, 7 * updates), &points(), &distances, vec![0.5, 1.5]));
+                resumed.push(frame(updates, 7 * updates, &points(), &distances, vec![0.5, 1.5]));
             }
         }
         assert_eq!(resumed, film_after(200 * SPACING));
@@ -350,16 +352,16 @@ mod tests {
 
     #[test]
     fn distances_are_kept_to_a_fraction_of_the_farthest() {
-        let frame = frame((1, 2), &points(), &[0.0, 33.3, 120.0], Vec::new());
+        let frame = frame(1, 2, &points(), &[0.0, 33.3, 120.0], Vec::new());
         let found: Vec<f32> = (0..5).map(|place| frame.distance(place)).collect();
         assert!(found[1].is_nan() && found[4].is_nan(), "{found:?}");
         for (found, expected) in [(found[0], 0.0), (found[2], 33.3), (found[3], 120.0)] {
             assert!((found - expected).abs() < 0.002, "{found} instead of {expected}");
         }
         assert!((frame.farthest() - 120.0).abs() < 0.002);
-        let unknown = super::frame((1, 2), &points(), &[f32::NAN, f32::INFINITY, -1.0], Vec::new());
+        let unknown = super::frame(1, 2, &points(), &[f32::NAN, f32::INFINITY, -1.0], Vec::new());
         assert!((0..4).all(|place| unknown.distance(place).is_nan()) && unknown.farthest() == 1.0);
-        let zero = super::frame((1, 2), &points(), &[0.0; 3], Vec::new());
+        let zero = super::frame(1, 2, &points(), &[0.0; 3], Vec::new());
         assert_eq!((zero.distance(0), zero.farthest()), (0.0, 1.0));
     }
 
@@ -367,7 +369,7 @@ mod tests {
     fn another_world_begins_another_film() {
         let mut film = film_after(3 * SPACING);
         let elsewhere = Probes { places: 9, ..points() };
-        film.push(frame((4 * SPACING, 0), &elsewhere, &[0.0; 3], Vec::new()));
+        film.push(frame(4 * SPACING, 0, &elsewhere, &[0.0; 3], Vec::new()));
         assert_eq!(updates(&film), [4 * SPACING]);
     }
 

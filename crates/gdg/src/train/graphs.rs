@@ -170,7 +170,8 @@ impl BuiltGraph {
     /// # Errors
     /// `stored` was not saved from a matching run.
     fn restore(
-        (spec, settings): (&Spec, &BridgeSettings),
+        spec: &Spec,
+        settings: &BridgeSettings,
         stored: &StoredGraph,
         mut rng: ChaCha8Rng,
     ) -> Result<Self, StoreError> {
@@ -257,7 +258,7 @@ impl Graphs {
         rng: impl Fn(u64) -> ChaCha8Rng,
     ) -> Result<(), StoreError> {
         let built =
-            |stored: &StoredGraph| BuiltGraph::restore((spec, settings), stored, rng(stored.at));
+            |stored: &StoredGraph| BuiltGraph::restore(spec, settings, stored, rng(stored.at));
         let [current, next] = state;
         self.current = current.as_ref().map(built).transpose()?;
         self.next = match next {

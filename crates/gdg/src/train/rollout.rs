@@ -13,7 +13,6 @@ use super::settings::Settings;
 use crate::bridge::{Candidates, Excursions, Guide, Hop, SearchOutcome, Walker};
 use crate::env::Environment;
 use crate::learn::{Acting, Replay, Scratch};
-pub(crate) use goals::{GIVE_UP_FACTOR, GIVE_UP_SLACK_STEPS};
 pub use state::RolloutState;
 
 /// One agent's episode.

@@ -2,6 +2,7 @@
 //! settings.
 
 mod change;
+mod graph;
 mod persistence;
 mod recovery;
 mod undo;
@@ -15,12 +16,12 @@ use rand_chacha::ChaCha8Rng;
 use super::error::TrainError;
 use super::evaluate::{Evaluation, EvaluationJob};
 use super::film::Film;
-use super::graphs::{ACTIVATION_DIVISOR, BuiltGraph, EDIT_ACTIVATION_DIVISOR, GraphJob, Graphs};
+use super::graphs::{BuiltGraph, Graphs};
 use super::history::{History, Notes};
 use super::registry::Registry;
 use super::rollout::{Rollout, StepContext};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
-use super::settings::{Settings, UpdateWhen};
+use super::settings::UpdateWhen;
 use super::visits::Visits;
 use crate::bridge::{Candidates, Guide, SearchOutcome};
 use crate::env::{Environment, Episodes, Scene, Spec, TaskSet};
@@ -416,79 +417,8 @@ impl Trainer {
             let goals = points.goal.repeat(distances.len());
             policy.distances(&points.states, &goals, &mut distances, &mut Scratch::default());
         })?;
-        film.add((updates, counters.env_steps), rollout.env(), &points, &distances);
+        film.add(updates, counters.env_steps, rollout.env(), &points, &distances);
         Ok(())
-    }
-
-    /// Whether distances that may have changed are being relearned.
-    fn relearns(&self) -> bool {
-        self.counters.updates <= self.counters.relearns_until
-    }
-
-    /// Whether training uses bridge graphs.
-    fn needs_graph(&self) -> bool {
-        let Settings { learn, bridge, .. } = &self.run.settings;
-        let wanted = learn.distillation > 0.0 || bridge.planned_episodes > 0.0;
-        wanted && self.run.method.bridges()
-    }
-
-    /// Returns whether update `now` takes up a bridge graph or starts to build one.
-    fn changes_graph_at(&self, now: u64) -> bool {
-        let builds = now.is_multiple_of(self.run.settings.bridge.graph_every_updates);
-        self.needs_graph() && (builds || self.graphs.is_due(now))
-    }
-
-    /// Swaps in the next bridge graph if it is due, and starts another build if that is due.
-    fn refresh_graph(&mut self) -> Result<()> {
-        if !self.needs_graph() {
-            return Ok(());
-        }
-        let now = self.counters.updates;
-        if self.graphs.activate_due(now) {
-            self.with_step_context(|rollout, context| rollout.replan(context))?;
-        }
-        if now.is_multiple_of(self.run.settings.bridge.graph_every_updates) {
-            self.candidates.adapt_spacing();
-            self.start_graph(ACTIVATION_DIVISOR)?;
-        }
-        Ok(())
-    }
-
-    /// Drops the bridge graph, and starts to build another one that soon takes its place, if there
-    /// is to be one.
-    fn replace_graph(&mut self) -> Result<()> {
-        self.graphs = Graphs::default();
-        if self.needs_graph() {
-            self.start_graph(EDIT_ACTIVATION_DIVISOR)?;
-        }
-        Ok(())
-    }
-
-    /// Starts building a bridge graph, which takes effect after the interval between builds divided
-    /// by `activation_divisor`.
-    fn start_graph(&mut self, activation_divisor: u64) -> Result<()> {
-        let now = self.counters.updates;
-        let job = GraphJob {
-            spec: self.spec().clone(),
-            settings: self.run.bridge(),
-            policy: self.policy()?,
-            candidates: self.candidates.frozen(),
-            finds_changed: self.relearns(),
-            rng: self.graph_rng(now),
-        };
-        self.graphs.start_build(
-            now,
-            self.run.settings.bridge.graph_every_updates / activation_divisor,
-            job,
-        );
-        Ok(())
-    }
-
-    /// Returns the RNG for the distilled distances of a graph whose build began at update `at`.
-    fn graph_rng(&self, at: u64) -> ChaCha8Rng {
-        let mut rng = stream(self.run.seed, Stream::Graph);
-        rng.set_word_pos(u128::from(at) << 34);
-        rng
     }
 
     /// Returns a frozen copy of the networks for planning and evaluation.

@@ -298,7 +298,7 @@ mod tests {
         for updates in updates {
             let distances: Vec<f32> =
                 (0..points.place_of.len()).map(|i| (i as u64 * updates) as f32 / 1e3).collect();
-            film.add((*updates, 0), world, &points, &distances);
+            film.add(*updates, 0, world, &points, &distances);
         }
         Snapshot { film: film.frames().clone(), ..Snapshot::capture(&trainer).expect("a snapshot") }
     }

@@ -86,13 +86,13 @@ pub fn run_tasks_watched(
             env.restart(i, rng);
         }
     }
-    let begin = |(index, task): (usize, &Task)| ActiveAgent {
+    let active = tasks.iter().enumerate().map(|(index, task)| ActiveAgent {
         index,
         goal: &task.goal,
         budget: actor.budget(world, task),
         walker: actor.guide.plan(&task.goal, &mut buffers.scratch),
-    };
-    let mut active: Vec<ActiveAgent> = tasks.iter().enumerate().map(begin).collect();
+    });
+    let mut active: Vec<ActiveAgent> = active.collect();
     let mut taken: Vec<Option<u32>> = vec![None; tasks.len()];
     let mut actions = vec![0.0; a * tasks.len()];
     for clock in 0.. {

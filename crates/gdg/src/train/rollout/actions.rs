@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::{Agent, Plan, Rollout, StepContext};
+use super::{Rollout, StepContext};
 use crate::learn::Acting;
 
 impl Rollout {
@@ -11,13 +11,12 @@ impl Rollout {
     pub(super) fn choose_actions(&mut self, context: &StepContext) {
         self.actions.resize(self.agents.len() * self.env.spec().action_dim, 0.0);
         if context.acting == Acting::Policy {
-            self.goals.clear();
-            self.goals.extend(self.agents.iter().flat_map(|agent| agent.goal.iter().copied()));
-            let followed = |(plan, agent): (&'_ Option<Plan>, &Agent)| {
+            let Self { env, agents, plans, goals, actions, scratch, .. } = self;
+            goals.clear();
+            goals.extend(agents.iter().flat_map(|agent| agent.goal.iter().copied()));
+            let walkers = plans.iter().zip(&*agents).map(|(plan, agent)| {
                 plan.as_ref().filter(|_| agent.held.is_none()).map(|plan| &plan.walker)
-            };
-            let walkers = self.plans.iter().zip(&self.agents).map(followed);
-            let Self { env, goals, actions, scratch, .. } = self;
+            });
             context.guide.act(walkers, env.states(), goals, actions, scratch);
         }
         self.explore(context);

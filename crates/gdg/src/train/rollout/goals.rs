@@ -9,10 +9,10 @@ use crate::bridge::search;
 use crate::env::{EnvSettings, Restart};
 
 /// An agent gives up on a goal after this multiple of D to it ...
-pub(crate) const GIVE_UP_FACTOR: f32 = 3.0;
+const GIVE_UP_FACTOR: f32 = 3.0;
 
 /// ... plus this many steps.
-pub(crate) const GIVE_UP_SLACK_STEPS: f32 = 50.0;
+const GIVE_UP_SLACK_STEPS: f32 = 50.0;
 
 impl Rollout {
     /// Whether agent `i` begins its next episode where it is.
