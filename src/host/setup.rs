@@ -447,8 +447,8 @@ fn load_edits(request: &Request, trainer: &Trainer) -> Result<Vec<Edit>, Report>
     Ok(edits)
 }
 
-/// Rejects the path of an existing file unless it may be replaced. What is not a checkpoint never
-/// replaces one, and nothing replaces what is not a file.
+/// Rejects the path of an existing file unless it may be replaced: only regular files are, and
+/// checkpoints only by checkpoints.
 ///
 /// # Errors
 /// The file exists.

@@ -99,9 +99,8 @@ pub enum Redraw {
     Nothing,
 }
 
-/// What stands in the place of a picture's characters: blanks in a colour that nothing else gives
-/// to blanks, so that the library writes whatever takes their place, and nothing while the picture
-/// stays.
+/// Sentinel style of the characters reserved for a picture. Nothing else gives blanks this colour, so
+/// ratatui writes whatever replaces them, and nothing while the picture stays.
 const BLANK: Style = Style::new().fg(Color::Indexed(16));
 
 impl Picture {

@@ -2,6 +2,8 @@
 //! depend on any front end.
 
 mod command;
+mod evaluation;
+mod publish;
 mod snapshot;
 
 use std::fs::File;
@@ -15,41 +17,24 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
-use crate::learn::{Policy, Scratch};
+use crate::learn::Scratch;
 use crate::pulse::Pulse;
 use crate::text::grouped;
 use crate::train::{
-    Counters, Due, EndReason, EvaluateAt, Evaluation, Limits, Recovery, Schedule, Session, Tick,
-    TrainError, Trainer,
+    Due, EndReason, EvaluateAt, Limits, Recovery, Schedule, Session, Tick, TrainError, Trainer,
 };
 pub use command::{Command, MakeWorld};
-use snapshot::next_multiple;
+use evaluation::{EVALUATION_PAUSE_FACTOR, RunningEvaluation};
+use publish::PublishTimer;
 pub use snapshot::{FollowedAgent, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
 
-/// Interval between snapshots while training.
-const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
-
-/// Minimum interval between copies of networks and candidates for a snapshot. Copying blocks
-/// training, so it is limited to one part in [`NETWORKS_PAUSE_FACTOR`] of the time.
-const MIN_NETWORKS_INTERVAL: Duration = Duration::from_millis(300);
-
-/// Minimum updates between evaluations, tasks at each distance, and the pause after an evaluation
-/// as a multiple of its duration: evaluations run concurrently with training, but on the same
-/// cores. While most walks fail, an evaluation takes long, and so would the pause; beyond
-/// [`LONG_EVALUATION_PAUSE`], it is as short as [`LEAST_PAUSE_FACTOR`] allows.
+/// Minimum updates between evaluations.
 const EVALUATE_EVERY_UPDATES: u64 = 1_000;
-const EVALUATION_TASKS: usize = 10;
-const EVALUATION_PAUSE_FACTOR: u32 = 15;
-const LONG_EVALUATION_PAUSE: Duration = Duration::from_secs(20);
-const LEAST_PAUSE_FACTOR: u32 = 3;
 
 /// Maximum pace of a learner that does not learn, in updates counted per second, unless the user
 /// chooses another: at full speed, random steps would fill the replay buffer and be too fast to
 /// watch.
 const IDLE_UPDATES_PER_SECOND: f64 = 200.0;
-
-/// See [`MIN_NETWORKS_INTERVAL`].
-const NETWORKS_PAUSE_FACTOR: u32 = 60;
 
 /// Polling interval for a running evaluation while training is paused.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -58,13 +43,10 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// largest networks, edits of the largest maps and slow disks take minutes.
 const HUNG_AFTER: Duration = Duration::from_mins(10);
 
-/// Priority of the training threads: by how much lower than that of the front end. A thread of this
-/// niceness gets a tenth of a core that another one wants.
+/// Niceness of the training threads relative to the front end: a thread of this niceness gets a tenth
+/// of a core that another one wants.
 #[cfg(target_os = "linux")]
 const NICENESS: i32 = 10;
-
-/// Number of recent states per agent in a snapshot.
-const TRAIL_STATES: usize = 8;
 
 /// What a front end needs of a running trainer: where its commands go, and where snapshots come
 /// from.
@@ -210,21 +192,6 @@ struct Worker {
     scratch: Scratch,
 }
 
-/// An evaluation running on its own thread.
-struct RunningEvaluation {
-    updates: u64,
-    began: Instant,
-    result: JoinHandle<Evaluation>,
-}
-
-/// Timing of the updates for the front end.
-struct PublishTimer {
-    published: Instant,
-    refresh_networks_at: Instant,
-    /// Training time and counters when rates were last computed.
-    rates_from: (f64, Counters),
-}
-
 /// Creates a session in which evaluations come regularly; everything else is a command.
 fn session() -> Session {
     let evaluate = EvaluateAt::EveryUpdates(EVALUATE_EVERY_UPDATES);
@@ -292,15 +259,13 @@ impl Worker {
 
     /// Trains and runs commands until the front end disconnects.
     fn train(&mut self) -> Result<(), TrainError> {
-        let now = Instant::now();
-        let rates_from = (self.trainer.seconds(), self.trainer.counters());
-        let mut timer = PublishTimer { published: now, refresh_networks_at: now, rates_from };
+        let mut timer = PublishTimer::new(&self.trainer);
         while self.process_commands() {
             let episodes = self.trainer.counters().episodes;
             let tick = match self.session.tick(&mut self.trainer, &self.current.limits)? {
                 ControlFlow::Continue(tick) => tick,
-                // The front end is about to disconnect.
-                ControlFlow::Break(EndReason::Interrupted) => continue,
+                // The engine is being stopped.
+                ControlFlow::Break(EndReason::Interrupted) => return Ok(()),
                 ControlFlow::Break(_) => {
                     self.current.phase = Phase::Done;
                     self.refresh_snapshot(true)?;
@@ -322,7 +287,7 @@ impl Worker {
                 self.report_step();
                 self.current.phase = Phase::Paused;
                 self.refresh_snapshot(true)?;
-            } else if timer.published.elapsed() >= SNAPSHOT_INTERVAL {
+            } else if timer.is_due() {
                 self.report_progress(&mut timer)?;
             }
         }
@@ -410,148 +375,6 @@ impl Worker {
         self.notify(text);
     }
 
-    fn report_progress(&mut self, timer: &mut PublishTimer) -> Result<(), TrainError> {
-        timer.published = Instant::now();
-        let networks = timer.published >= timer.refresh_networks_at;
-        let (seconds, counters) = (self.trainer.seconds(), self.trainer.counters());
-        let (since, before) = timer.rates_from;
-        if seconds < since || counters.updates < before.updates {
-            timer.rates_from = (seconds, counters);
-        } else if seconds - since > 1.0 {
-            let per_second = |now: u64, then: u64| (now - then) as f64 / (seconds - since);
-            self.current.rates = (
-                per_second(counters.updates, before.updates),
-                per_second(counters.env_steps, before.env_steps),
-            );
-            timer.rates_from = (seconds, counters);
-        }
-        self.refresh_snapshot(networks)?;
-        if networks {
-            timer.refresh_networks_at = Instant::now()
-                + MIN_NETWORKS_INTERVAL.max(NETWORKS_PAUSE_FACTOR * timer.published.elapsed());
-        }
-        Ok(())
-    }
-
-    /// Starts an evaluation of the current networks unless one is running; returns whether it did.
-    fn start_evaluation(&mut self) -> Result<bool, TrainError> {
-        if self.evaluation.is_some() {
-            return Ok(false);
-        }
-        let job = self.trainer.evaluation()?;
-        let began = Instant::now();
-        let result =
-            std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || {
-                let tasks = job.tasks(EVALUATION_TASKS);
-                job.run(&tasks)
-            })?;
-        self.evaluation =
-            Some(RunningEvaluation { updates: self.trainer.counters().updates, began, result });
-        self.current.next_evaluation = NextEvaluation::Running;
-        Ok(true)
-    }
-
-    /// Returns when the next evaluation comes.
-    fn next_evaluation(&self) -> NextEvaluation {
-        if self.evaluation.is_some() {
-            return NextEvaluation::Running;
-        }
-        let rest = self
-            .next_evaluation_at
-            .map_or(Duration::ZERO, |at| at.saturating_duration_since(Instant::now()));
-        if rest.is_zero() {
-            NextEvaluation::AtUpdate(next_multiple(
-                self.trainer.counters().updates,
-                EVALUATE_EVERY_UPDATES,
-            ))
-        } else {
-            NextEvaluation::InSeconds(rest.as_secs_f64().ceil() as u64)
-        }
-    }
-
-    /// Collects the evaluation if it has finished.
-    fn collect_evaluation(&mut self) {
-        let Some(RunningEvaluation { updates, began, result }) =
-            self.evaluation.take_if(|e| e.result.is_finished())
-        else {
-            return;
-        };
-        let now = Instant::now();
-        self.next_evaluation_at = Some(now + pause_after(now - began, self.evaluation_pause));
-        match result.join() {
-            Ok(evaluation) if evaluation.is_finite() => {
-                self.trainer.record_evaluation(updates, evaluation);
-                self.current.evaluations = self.trainer.history().evaluations().clone();
-            }
-            Ok(_) => self
-                .report(format!("the evaluation at update {updates} returned non-finite values")),
-            Err(_) => self.report("an evaluation failed with an internal error".to_owned()),
-        }
-        self.current.next_evaluation = self.next_evaluation();
-        self.publish();
-    }
-
-    /// Updates and publishes the snapshot. `networks` says whether to include the networks, which
-    /// are slow to copy.
-    fn refresh_snapshot(&mut self, networks: bool) -> Result<(), TrainError> {
-        self.current.next_evaluation = self.next_evaluation();
-        let trainer = &self.trainer;
-        let current = &mut self.current;
-        current.counters = trainer.counters();
-        current.seconds = trainer.seconds();
-        current.profile = *trainer.profile();
-        current.losses = trainer.losses();
-        current.curve = trainer.history().points().clone();
-        current.film = trainer.film().frames().clone();
-        current.replay.0 = trainer.replay().len();
-        if !current.phase.is_training() {
-            // Nothing moves.
-            current.rates = (0.0, 0.0);
-        }
-        current.agents = Arc::new(trainer.rollout().env().states().to_vec());
-        let trail = |agent| {
-            trainer.replay().latest_states(agent, TRAIL_STATES).flatten().copied().collect()
-        };
-        current.trails = Arc::new((0..trainer.rollout().agents().len()).map(trail).collect());
-        current.frontier_goals = snapshot::frontier_goals(trainer.rollout());
-        current.search = trainer.last_search().cloned();
-        if networks {
-            current.networks = Networks::capture(trainer)?;
-            current.scene = trainer.scene();
-        }
-        self.current.followed = self.followed()?.map(Arc::new);
-        self.publish();
-        Ok(())
-    }
-
-    /// Returns the state of the followed agent.
-    fn followed(&mut self) -> Result<Option<FollowedAgent>, TrainError> {
-        let (trainer, scratch) = (&self.trainer, &mut self.scratch);
-        let rollout = trainer.rollout();
-        let Some(agent) = self.follow.filter(|agent| *agent < rollout.agents().len()) else {
-            return Ok(None);
-        };
-        let s = trainer.spec().state_dim();
-        let state = rollout.env().states()[agent * s..(agent + 1) * s].to_vec();
-        let own = &rollout.agents()[agent];
-        let (goal, waypoints) = rollout.goal_and_waypoints(agent);
-        let frontier = rollout.excursions().destination(agent);
-        let (aim, goal) =
-            frontier.as_deref().map_or((&own.goal[..], goal), |frontier| (frontier, frontier));
-        let mut distances = (0.0, 0.0);
-        let mut measure = |policy: &dyn Policy| {
-            distances =
-                (policy.distance(&state, aim, scratch), policy.distance(&state, goal, scratch));
-        };
-        trainer.learner().with_policy(false, &mut measure)?;
-        // Before the first step of an episode, the replay buffer holds none of its states.
-        let start =
-            trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
-        let (aim, goal, planned) = (aim.to_vec(), goal.to_vec(), !waypoints.is_empty());
-        let steps = (own.steps, trainer.episode_steps());
-        Ok(Some(FollowedAgent { agent, start, state, steps, aim, goal, distances, planned }))
-    }
-
     fn notify(&mut self, text: String) {
         self.current.notice =
             Notice { number: self.current.notice.number + 1, text, is_error: false };
@@ -562,12 +385,6 @@ impl Worker {
         self.notify(text);
         self.current.notice.is_error = true;
     }
-}
-
-/// Returns the pause after an evaluation that took `duration`, `factor` times as long unless that
-/// is very long.
-fn pause_after(duration: Duration, factor: u32) -> Duration {
-    (factor * duration).min(LONG_EVALUATION_PAUSE.max(factor.min(LEAST_PAUSE_FACTOR) * duration))
 }
 
 /// Converts the result of a receive with a timeout to that of a non-blocking one.
@@ -634,6 +451,13 @@ mod tests {
     }
 
     #[test]
+    fn training_stops_even_if_a_link_is_still_held() {
+        let engine = engine();
+        let _held = engine.link();
+        assert!(engine.stop_unless_hung(Duration::from_secs(60)).is_some());
+    }
+
+    #[test]
     fn stopping_waits_for_what_moves_and_gives_up_what_does_not() {
         for (moves, limit) in [(true, Duration::from_secs(2)), (false, Duration::from_millis(100))]
         {
@@ -656,12 +480,5 @@ mod tests {
             assert_eq!(engine.stop_unless_hung(limit).is_some(), moves);
             drop(release);
         }
-    }
-
-    #[test]
-    fn long_evaluations_are_followed_by_shorter_pauses() {
-        let pause = |seconds, factor| pause_after(Duration::from_secs(seconds), factor).as_secs();
-        assert_eq!([1, 4, 10].map(|seconds| pause(seconds, 15)), [15, 20, 30]);
-        assert_eq!([1, 10, 60].map(|seconds| pause(seconds, 2)), [2, 20, 120]);
     }
 }

@@ -53,6 +53,23 @@ pub struct Steps<'a> {
     pub next: &'a [f32],
 }
 
+/// Replaces each of `actions` `(rows, a)` by the one of those `tried` in its place,
+/// `(rows * count, a)`, whose D in `distances` `(rows * count)` is clearly the smallest; the first
+/// one tried is the action itself.
+fn keep_shortest(actions: &mut [f32], tried: &[f32], distances: &[f32], a: usize) {
+    let count = distances.len() / (actions.len() / a);
+    let tried = tried.chunks_exact(count * a).zip(distances.chunks_exact(count));
+    for (action, (tried, distances)) in actions.chunks_exact_mut(a).zip(tried) {
+        let mut shortest = distances[0] - MIN_GAIN_STEPS;
+        for (other, distance) in tried.chunks_exact(a).zip(distances).skip(1) {
+            if *distance < shortest {
+                shortest = *distance;
+                action.copy_from_slice(other);
+            }
+        }
+    }
+}
+
 impl Shapes {
     /// Replaces `actions` `(rows, action_dim)`, the actor's in `states` towards `goals`, by those
     /// of [`Shapes::tried_actions`] with a smaller D(f(s, a), g) by all `critics`, where there is
@@ -108,17 +125,7 @@ impl Shapes {
                 distances,
                 &mut buffers.critic,
             );
-            let count = rows / (actions.len() / a);
-            let tried = tried.chunks_exact(count * a).zip(distances.chunks_exact(count));
-            for (action, (tried, distances)) in actions.chunks_exact_mut(a).zip(tried) {
-                let mut shortest = distances[0] - MIN_GAIN_STEPS;
-                for (other, distance) in tried.chunks_exact(a).zip(distances).skip(1) {
-                    if *distance < shortest {
-                        shortest = *distance;
-                        action.copy_from_slice(other);
-                    }
-                }
-            }
+            keep_shortest(actions, tried, distances, a);
         }
     }
 
