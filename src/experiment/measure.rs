@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
-use gdg::bridge::{self, BridgePoint, Candidates};
+use gdg::bridge::{self, BridgePoint, Candidates, SearchSpace};
 use gdg::env::{PointMaze, Task};
 use gdg::learn::{Policy, Scratch};
 use gdg::map::{Cell, Grid};
@@ -239,11 +239,12 @@ fn search_tasks(trainer: &Trainer, policy: &dyn Policy, map: &Arc<Grid>) -> Sear
     for task in &tasks {
         searches += 1;
         let start = start_of(task);
-        let (states, points) =
+        let (states, goals) =
             middle(trainer.candidates(), &start, &task.goal, policy, &mut scratch);
         let outcome = bridge::search(
-            (&start, &task.goal),
-            (&states, &points),
+            &start,
+            &task.goal,
+            SearchSpace { states: &states, goals: &goals },
             budget,
             policy,
             &mut rng,
@@ -273,12 +274,12 @@ fn middle(
     policy.distances(&start.repeat(all), candidates.points(), &mut there, scratch);
     policy.distances(candidates.states(), &goal.repeat(all), &mut on, scratch);
     let kept = (0..all).filter(|i| there[*i] >= least && on[*i] >= least);
-    let (mut states, mut points) = (Vec::new(), Vec::new());
+    let (mut states, mut goals) = (Vec::new(), Vec::new());
     for i in kept {
         states.extend_from_slice(&candidates.states()[s * i..s * (i + 1)]);
-        points.extend_from_slice(&candidates.points()[g * i..g * (i + 1)]);
+        goals.extend_from_slice(&candidates.points()[g * i..g * (i + 1)]);
     }
-    (states, points)
+    (states, goals)
 }
 
 /// Returns the position in a state or goal of a maze.

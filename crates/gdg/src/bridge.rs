@@ -22,5 +22,5 @@ pub use graph::{
 };
 pub use guide::Guide;
 pub use planner::{Hop, Target, Walker, WalkerState};
-pub use search::{BridgePoint, SearchOutcome, search};
+pub use search::{BridgePoint, SearchOutcome, SearchSpace, search};
 pub use settings::{BridgeSettings, Planner};

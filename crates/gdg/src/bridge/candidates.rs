@@ -238,7 +238,7 @@ impl Candidates {
 
     /// Records the outcome of a walk between two candidates, given by their ids, that was
     /// `distance` steps long by D.
-    pub fn record_walk(&mut self, (from, to): (u32, u32), distance: f32, arrived: bool) {
+    pub fn record_walk(&mut self, from: u32, to: u32, distance: f32, arrived: bool) {
         self.hops.record(distance, arrived);
         let (Some(row), Some(_)) = (self.index_of(from), self.index_of(to).filter(|_| from != to))
         else {
@@ -275,7 +275,9 @@ impl Candidates {
         let mut near = (distance < self.near_radius()).then_some(nearest);
         let spacing = self.spacing_of_newcomers();
         if distance > spacing
-            || (distance > self.min_spacing && self.is_behind_a_wall(state, spacing, latest))
+            || (distance > self.min_spacing
+                && latest
+                    .is_some_and(|(from, steps)| self.is_behind_a_wall(state, spacing, from, steps)))
         {
             near = self.add(state, distance <= spacing);
         }
@@ -315,10 +317,8 @@ impl Candidates {
     }
 
     /// Whether trajectories show that `state` is far from all candidates within `spacing`:
-    /// `latest`, the candidate that its agent visited last and the steps since, is not joined to
-    /// any of them by a short path.
-    fn is_behind_a_wall(&self, state: &[f32], spacing: f32, latest: Option<(usize, u32)>) -> bool {
-        let Some((latest, steps)) = latest else { return false };
+    /// candidate `latest`, which its agent visited `steps` ago, has no short path to any of them.
+    fn is_behind_a_wall(&self, state: &[f32], spacing: f32, latest: usize, steps: u32) -> bool {
         if self.paths[latest].observed.len() < WELL_KNOWN_PATHS {
             return false;
         }
@@ -367,6 +367,8 @@ impl Candidates {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use std::ops::Range;
+
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -391,9 +393,9 @@ pub(super) mod tests {
     }
 
     /// Walks an agent back and forth along a corridor at `y`, several times.
-    pub fn walk_corridor(candidates: &mut Candidates, y: f32, (from, to): (i32, i32)) {
+    pub fn walk_corridor(candidates: &mut Candidates, y: f32, xs: Range<i32>) {
         for _ in 0..30 {
-            (from..=to).chain((from..to).rev()).for_each(|x| candidates.visit(0, &[x as f32, y]));
+            xs.clone().chain(xs.clone().rev().skip(1)).for_each(|x| candidates.visit(0, &[x as f32, y]));
         }
         candidates.end_episode(0);
     }
@@ -406,8 +408,8 @@ pub(super) mod tests {
         let mut candidates = Candidates::new(&spec, 1, &settings);
         // Two corridors two units apart; the second begins where there is no wall between it and
         // the first.
-        walk_corridor(&mut candidates, 0.5, (40, 80));
-        walk_corridor(&mut candidates, 2.5, (0, 80));
+        walk_corridor(&mut candidates, 0.5, 40..81);
+        walk_corridor(&mut candidates, 2.5, 0..81);
         let behind = |at: &&[f32]| at[1] == 2.5 && at[0] > 45.0;
         assert!(
             candidates.points().chunks_exact(2).filter(behind).count() > 8,
@@ -471,19 +473,19 @@ pub(super) mod tests {
         let (spec, settings) = line(10);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         walk(&mut candidates, 12.0);
-        let hop = (candidates.id(0), candidates.id(1));
-        candidates.record_walk(hop, 2.0, false);
-        candidates.record_walk(hop, 2.0, false);
+        let [from, to] = [0, 1].map(|i| candidates.id(i));
+        candidates.record_walk(from, to, 2.0, false);
+        candidates.record_walk(from, to, 2.0, false);
         assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 0, failed: 2 });
         assert_eq!(
             candidates.walk_record(1, 0),
             WalkRecord::default(),
             "the other direction is another edge"
         );
-        candidates.record_walk(hop, 2.0, true);
+        candidates.record_walk(from, to, 2.0, true);
         assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 1, failed: 0 });
-        candidates.record_walk((hop.0, 12_345), 2.0, true);
-        candidates.record_walk((hop.0, hop.0), 2.0, true);
+        candidates.record_walk(from, 12_345, 2.0, true);
+        candidates.record_walk(from, from, 2.0, true);
         assert_eq!(
             candidates.state().practice.len(),
             4,
@@ -500,7 +502,7 @@ pub(super) mod tests {
         let before: Vec<(u32, f32)> =
             (0..candidates.len()).map(|i| (candidates.id(i), candidates.points()[2 * i])).collect();
         for (a, _) in &before {
-            before.iter().for_each(|(b, _)| candidates.record_walk((*a, *b), 2.0, true));
+            before.iter().for_each(|(b, _)| candidates.record_walk(*a, *b, 2.0, true));
         }
         // Far enough for more candidates than the target, so that some have to retire.
         walk(&mut candidates, 60.0);

@@ -155,7 +155,7 @@ impl BridgeGraph {
             policy.distances(&states, &goals, &mut distances, scratch);
             let found = to.iter().zip(&distances).filter_map(|(to, distance)| {
                 let Link { length, cost } =
-                    Link::new(settings, candidates, (from, *to), *distance)?;
+                    Link::new(settings, candidates, from, *to, *distance)?;
                 let status = EdgeStatus::from(candidates.walk_record(from, *to));
                 let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
                 let (length, cost) = (length + settings.hop_steps, cost + settings.hop_steps);
@@ -225,7 +225,7 @@ impl BridgeGraph {
         let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
             let (from, to) = (*from as usize, *to as usize);
             let status = EdgeStatus::from(candidates.walk_record(from, to));
-            let link = Link::new(settings, &candidates, (from, to), *distance);
+            let link = Link::new(settings, &candidates, from, to, *distance);
             let length = link.map_or(*distance, |link| link.length) + settings.hop_steps;
             Edge { from, to, distance: *distance, length, cost: *cost, status }
         });
@@ -271,7 +271,7 @@ impl BridgeGraph {
         to: Option<usize>,
         distance: f32,
     ) -> Option<Link> {
-        Link::new(&self.settings, &self.candidates, (from?, to?), distance)
+        Link::new(&self.settings, &self.candidates, from?, to?, distance)
     }
 }
 
@@ -307,7 +307,8 @@ impl Link {
     fn new(
         settings: &BridgeSettings,
         candidates: &Candidates,
-        (from, to): (usize, usize),
+        from: usize,
+        to: usize,
         distance: f32,
     ) -> Option<Self> {
         let observed = candidates.observed(from, to);
@@ -373,31 +374,31 @@ mod tests {
     #[test]
     fn ways_that_only_trajectories_support_cost_more_and_the_way_back_most() {
         let (candidates, settings) = one_way();
-        let link = |ends, distance| Link::new(&settings, &candidates, ends, distance);
+        let link = |from, to, distance| Link::new(&settings, &candidates, from, to, distance);
         let known = |length, cost| Some(Link { length, cost });
-        assert_eq!(link((0, 1), 2.0), known(2.0, 2.0), "D and a trajectory agree");
-        assert_eq!(link((0, 1), 0.5), known(3.0, 3.0 + OBSERVED_PENALTY_STEPS), "D is too short");
-        assert_eq!(link((0, 1), 50.0), known(10.0, 10.0 + OBSERVED_PENALTY_STEPS), "D is too long");
+        assert_eq!(link(0, 1, 2.0), known(2.0, 2.0), "D and a trajectory agree");
+        assert_eq!(link(0, 1, 0.5), known(3.0, 3.0 + OBSERVED_PENALTY_STEPS), "D is too short");
+        assert_eq!(link(0, 1, 50.0), known(10.0, 10.0 + OBSERVED_PENALTY_STEPS), "D is too long");
         assert_eq!(
-            link((1, 0), 2.0),
+            link(1, 0, 2.0),
             known(3.0, 3.0 + REVERSED_PENALTY_STEPS),
             "seen the other way alone"
         );
         let strict = BridgeSettings { keep_observed_edges: false, ..settings.clone() };
-        assert_eq!([0.5, 50.0].map(|d| Link::new(&strict, &candidates, (0, 1), d)), [None; 2]);
-        assert_eq!(Link::new(&strict, &candidates, (1, 0), 2.0), None);
+        assert_eq!([0.5, 50.0].map(|d| Link::new(&strict, &candidates, 0, 1, d)), [None; 2]);
+        assert_eq!(Link::new(&strict, &candidates, 1, 0, 2.0), None);
         let unverified = BridgeSettings { verify_edges: false, ..strict };
-        assert_eq!(Link::new(&unverified, &candidates, (1, 0), 2.0), known(2.0, 2.0));
+        assert_eq!(Link::new(&unverified, &candidates, 1, 0, 2.0), known(2.0, 2.0));
     }
 
     #[test]
     fn hops_of_lengths_that_often_fail_cost_the_delay_to_be_expected() {
         let (mut candidates, settings) = one_way();
-        let hop = (candidates.id(0), candidates.id(1));
+        let [from, to] = [0, 1].map(|i| candidates.id(i));
         for arrived in [true, false, false, false] {
-            candidates.record_walk(hop, 4.5, arrived);
+            candidates.record_walk(from, to, 4.5, arrived);
         }
-        let link = |distance| Link::new(&settings, &candidates, (0, 1), distance).expect("a link");
+        let link = |distance| Link::new(&settings, &candidates, 0, 1, distance).expect("a link");
         let failures = candidates.hops().failures(4.5);
         assert!(failures > 1.0, "{failures}");
         assert_eq!(link(4.5).cost, 4.5 + failures * settings.late_after(4.5));

@@ -36,13 +36,20 @@ impl SearchOutcome {
     }
 }
 
-/// Draws candidates b at random until D(s,g) > D(s,b) + D(b,g) or `budget` have been tried.
-///
-/// `states` are the candidates `(candidates, state_dim)`, `points` the same as goals `(candidates,
-/// goal_dim)`.
+/// The points that a search draws from.
+#[derive(Clone, Copy, Debug)]
+pub struct SearchSpace<'a> {
+    /// The points as states, `(points, state_dim)`.
+    pub states: &'a [f32],
+    /// The same points as goals, `(points, goal_dim)`.
+    pub goals: &'a [f32],
+}
+
+/// Draws points b from `space` until D(s,g) > D(s,b) + D(b,g) or `budget` have been tried.
 pub fn search(
-    (state, goal): (&[f32], &[f32]),
-    (states, points): (&[f32], &[f32]),
+    state: &[f32],
+    goal: &[f32],
+    space: SearchSpace,
     budget: usize,
     policy: &dyn Policy,
     rng: &mut ChaCha8Rng,
@@ -55,17 +62,17 @@ pub fn search(
         budget,
         ..SearchOutcome::default()
     };
-    let candidates = states.len() / s;
+    let candidates = space.states.len() / s;
     if candidates == 0 {
         return outcome;
     }
     let drawn: Vec<usize> = (0..budget).map(|_| rng.random_range(0..candidates)).collect();
-    // Evaluate all candidates in one batch, then judge them in the order drawn: the result is the
-    // same as one by one.
+    // One batch for all candidates, judged in the order drawn: the same result as one by one, but
+    // faster.
     let mut from: Vec<f32> = state.repeat(budget);
-    from.extend(drawn.iter().flat_map(|i| &states[i * s..(i + 1) * s]));
+    from.extend(drawn.iter().flat_map(|i| &space.states[i * s..(i + 1) * s]));
     let mut to: Vec<f32> =
-        drawn.iter().flat_map(|i| &points[i * g..(i + 1) * g]).copied().collect();
+        drawn.iter().flat_map(|i| &space.goals[i * g..(i + 1) * g]).copied().collect();
     let tried = to.clone();
     to.extend(goal.repeat(budget));
     let mut distances = vec![0.0; 2 * budget];

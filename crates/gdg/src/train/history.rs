@@ -11,7 +11,7 @@ use super::evaluate::Evaluation;
 use super::score::Success;
 use crate::env::Spec;
 use crate::store::StoreError;
-pub use methods::{Methods, Stretch};
+pub use methods::{Methods, Stretch, UsedMethod};
 
 /// Initial number of updates between two points of the curves.
 const POINT_EVERY_UPDATES: u64 = 50;

@@ -269,7 +269,7 @@ impl Rollout {
                 && (arrived || !plan.disturbed)
             {
                 let id = |candidate| graph.candidates().id(candidate);
-                context.candidates.record_walk((id(from), id(to)), distance, arrived);
+                context.candidates.record_walk(id(from), id(to), distance, arrived);
             }
             if plan.walker.finished_hop().is_some() || plan.walker.target() != before {
                 plan.disturbed = false;

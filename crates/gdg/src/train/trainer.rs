@@ -102,8 +102,12 @@ fn fork_world(run: &Run, world: &dyn Environment) -> Box<dyn Environment> {
 }
 
 fn new_replay(run: &Run, spec: &Spec) -> Replay {
-    let sizes = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
-    Replay::new(sizes.into(), run.settings.train.agents, run.settings.learn.buffer_size)
+    let sizes = ReplaySizes {
+        state: spec.state_dim(),
+        goal: spec.goal_dim(),
+        action: spec.action_dim,
+    };
+    Replay::new(sizes, run.settings.train.agents, run.settings.learn.buffer_size)
 }
 
 /// Creates an empty set of candidates as the method's planner wants them.

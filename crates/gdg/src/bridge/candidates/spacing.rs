@@ -227,13 +227,13 @@ mod tests {
     fn space_does_not_count_as_open_where_many_walks_fail() {
         let (_, _, mut candidates) = crowded_square();
         let before = (candidates.len(), candidates.spacing());
-        (0..100).for_each(|_| candidates.record_walk((0, 1), 4.0, false));
+        (0..100).for_each(|_| candidates.record_walk(0, 1, 4.0, false));
         candidates.adapt_spacing();
         assert!(
             candidates.len() == before.0 && candidates.spacing() <= before.1,
             "they do not move apart"
         );
-        (0..1000).for_each(|_| candidates.record_walk((0, 1), 4.0, true));
+        (0..1000).for_each(|_| candidates.record_walk(0, 1, 4.0, true));
         candidates.adapt_spacing();
         assert!(candidates.len() < before.0, "they do");
     }
@@ -244,7 +244,7 @@ mod tests {
         // So long paths that there are many along a line.
         let settings = BridgeSettings { edge_cutoff_steps: 40.0, ..settings };
         let mut candidates = Candidates::new(&spec, 1, &settings);
-        let line = |candidates: &mut Candidates| walk_corridor(candidates, 0.5, (0, 99));
+        let line = |candidates: &mut Candidates| walk_corridor(candidates, 0.5, 0..100);
         line(&mut candidates);
         candidates.adapt_spacing();
         let (open, spacing) = (candidates.len(), candidates.spacing());
@@ -252,7 +252,7 @@ mod tests {
         (0..10).for_each(|_| candidates.adapt_spacing());
         assert_eq!(candidates.spacing(), spacing, "no walk has failed");
         for _ in 0..100 {
-            candidates.record_walk((0, 1), 4.0, false);
+            candidates.record_walk(0, 1, 4.0, false);
             candidates.adapt_spacing();
         }
         assert_eq!(candidates.spacing(), settings.candidate_spacing * spec.goal_radius);

@@ -289,7 +289,7 @@ mod tests {
     /// Positions on a line, and a replay of one walk along it.
     fn line() -> (Spec, Replay) {
         let spec = positions(&[(50.0, 50.0)]);
-        let mut replay = Replay::new((1, 1, 1).into(), 1, 200);
+        let mut replay = Replay::new(ReplaySizes::all(1), 1, 200);
         (0..100).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[99.0]));
         replay.end_episode(0, &[100.0]);
         (spec, replay)

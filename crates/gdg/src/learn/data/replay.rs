@@ -40,9 +40,11 @@ pub struct ReplaySizes {
     pub action: usize,
 }
 
-impl From<(usize, usize, usize)> for ReplaySizes {
-    fn from((state, goal, action): (usize, usize, usize)) -> Self {
-        Self { state, goal, action }
+#[cfg(test)]
+impl ReplaySizes {
+    /// Returns the same size for all three.
+    pub fn all(size: usize) -> Self {
+        Self { state: size, goal: size, action: size }
     }
 }
 
@@ -409,7 +411,7 @@ mod tests {
 
     #[test]
     fn episodes_can_be_copied_to_a_replay_of_another_shape() {
-        let mut replay = Replay::new((1, 1, 1).into(), 3, 300);
+        let mut replay = Replay::new(ReplaySizes::all(1), 3, 300);
         for episode in 0..6 {
             let state = |step: usize| [(10 * episode + step) as f32];
             (0..4).for_each(|step| replay.push(episode % 3, &state(step), &[0.5], &[7.0]));
@@ -420,7 +422,7 @@ mod tests {
             replay.visit_episodes(|_, state| all.extend(state.map(|s| s[0] as usize)));
             all
         };
-        let mut other = Replay::new((1, 1, 1).into(), 2, 100);
+        let mut other = Replay::new(ReplaySizes::all(1), 2, 100);
         replay.copy_episodes_into(&mut other);
         let mut poured = states(&other);
         assert_eq!(other.written, [15, 15], "spread evenly");
@@ -433,7 +435,7 @@ mod tests {
 
     #[test]
     fn the_latest_states_are_those_of_the_current_episode() {
-        let mut replay = Replay::new((1, 1, 1).into(), 1, 100);
+        let mut replay = Replay::new(ReplaySizes::all(1), 1, 100);
         replay.push(0, &[1.0], &[0.0], &[0.0]);
         replay.end_episode(0, &[2.0]);
         (3..9).for_each(|i| replay.push(0, &[i as f32], &[0.0], &[0.0]));
@@ -443,7 +445,7 @@ mod tests {
 
     #[test]
     fn a_million_transitions_of_the_point_maze_take_less_than_48_mib() {
-        let replay = Replay::new((2, 2, 2).into(), 16, 1_000_000);
+        let replay = Replay::new(ReplaySizes::all(2), 16, 1_000_000);
         let floats = replay.states.capacity() + replay.actions.capacity() + replay.goals.capacity();
         let bytes = 4 * floats + 2 * replay.left.capacity();
         assert!(replay.capacity() >= 1_000_000 && bytes <= 48 << 20, "{bytes} bytes");
@@ -451,14 +453,14 @@ mod tests {
 
     #[test]
     fn impossible_numbers_are_not_restored() {
-        let mut replay = Replay::new((1, 1, 1).into(), 1, 100);
+        let mut replay = Replay::new(ReplaySizes::all(1), 1, 100);
         (0..5).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[9.0]));
         replay.end_episode(0, &[5.0]);
         let state = replay.snapshot();
         let restored = |change: &dyn Fn(&mut ReplayState)| {
             let mut state = state.clone();
             change(&mut state);
-            Replay::new((1, 1, 1).into(), 1, 100).restore(&state).is_ok()
+            Replay::new(ReplaySizes::all(1), 1, 100).restore(&state).is_ok()
         };
         assert!(restored(&|_| {}));
         for wrong in [f32::NAN, f32::INFINITY, -3.4e38] {
@@ -472,7 +474,7 @@ mod tests {
 
     #[test]
     fn transitions_that_become_possible_again_are_restored() {
-        let mut replay = Replay::new((1, 1, 1).into(), 1, 100);
+        let mut replay = Replay::new(ReplaySizes::all(1), 1, 100);
         (0..5).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[9.0]));
         replay.end_episode(0, &[5.0]);
         (6..8).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[9.0]));
@@ -491,7 +493,7 @@ mod tests {
 
     #[test]
     fn recent_moments_are_among_the_latest_slots_and_have_a_next_step() {
-        let mut replay = Replay::new((1, 1, 1).into(), 2, 100);
+        let mut replay = Replay::new(ReplaySizes::all(1), 2, 100);
         let mut rng = <ChaCha8Rng as rand::SeedableRng>::seed_from_u64(1);
         assert_eq!(replay.sample_recent(10, &mut rng), None, "it is empty");
         for agent in 0..2 {

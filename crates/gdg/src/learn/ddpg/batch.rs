@@ -113,7 +113,7 @@ mod tests {
     /// ends.
     fn line() -> (Spec, Replay) {
         let spec = Spec { goal_radius: 1.5, ..positions(&[(50.0, 50.0)]) };
-        let mut replay = Replay::new((1, 1, 1).into(), 1, 200);
+        let mut replay = Replay::new(ReplaySizes::all(1), 1, 200);
         for start in [0.0, 20.0] {
             (0..10).for_each(|i| replay.push(0, &[start + i as f32], &[1.0], &[30.0]));
             replay.end_episode(0, &[start + 10.0]);

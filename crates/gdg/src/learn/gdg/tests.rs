@@ -6,7 +6,7 @@
 use crate::env::Spec;
 use crate::learn::update::autograd::{random_state, spec};
 use crate::learn::{
-    Backend, Batch, Gdg, Layers, LearnSettings, Learner, LossScale, Network, Policy, Profile,
+    Backend, Batch, FullGradient, Gdg, Layers, LearnSettings, Learner, LossScale, Network, Policy, Profile,
     Scratch,
 };
 use crate::settings::Preset;
@@ -51,26 +51,28 @@ fn compare(fused: &[f32], autograd: &Tensor) -> (f32, f32) {
 }
 
 fn check(spec: &Spec, settings: &LearnSettings) {
-    check_on((batch, 20), spec, settings);
+    check_on(batch, 20, spec, settings);
 }
 
 /// Makes a batch of a number of rows.
 type MakeBatch = fn(&Spec, usize, &mut ChaCha8Rng) -> Batch;
 
 /// Compares gradients on a batch after a number of updates on such batches.
-fn check_on(batches: (MakeBatch, usize), spec: &Spec, settings: &LearnSettings) {
+fn check_on(make_batch: MakeBatch, updates_before: usize, spec: &Spec, settings: &LearnSettings) {
     for layers in [Layers::Linear, Layers::Fused] {
         for frees_stuck_actor in [false, true] {
-            check_against(batches, spec, settings, (layers, frees_stuck_actor));
+            check_against(make_batch, updates_before, spec, settings, layers, frees_stuck_actor);
         }
     }
 }
 
 fn check_against(
-    (make_batch, updates_before): (MakeBatch, usize),
+    make_batch: MakeBatch,
+    updates_before: usize,
     spec: &Spec,
     settings: &LearnSettings,
-    (layers, frees_stuck_actor): (Layers, bool),
+    layers: Layers,
+    frees_stuck_actor: bool,
 ) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut learner = Gdg::new(spec, settings, 2, &mut rng).unwrap();
@@ -138,7 +140,7 @@ fn check_against(
                 "{name}: {losses:?}"
             );
         }
-        let (dense, table) = &found[i];
+        let FullGradient { dense, table } = &found[i];
         let (difference, largest) = compare(dense, &expected[i].0);
         assert!(
             largest > 0.0 && difference < 2e-4 * largest + 1e-6,
@@ -188,7 +190,7 @@ fn gradients_of_a_blocked_actor_and_of_a_mispredicting_model_match_autograd() {
     let spec = spec(2, 2, true);
     let default = LearnSettings { actor_bound: 0.1, ..LearnSettings::default() };
     let updates_before = 100;
-    check_on((blocked, updates_before), &spec, &default);
+    check_on(blocked, updates_before, &spec, &default);
     // Both make a difference to such a batch.
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     let mut trained = Gdg::new(&spec, &default, 1, &mut rng).unwrap();

@@ -173,7 +173,7 @@ impl WithSimd for Product<'_> {
                                     store(simd, &tile, &to, bias, out);
                                 }
                                 Lhs::Columns(a) => {
-                                    let tile = columns_tile::<S, $n>(simd, &a[..depth * rows], (r, rows), b);
+                                    let tile = columns_tile::<S, $n>(simd, &a[..depth * rows], rows, r, b);
                                     store(simd, &tile, &to, bias, out);
                                 }
                             },)*
@@ -224,7 +224,8 @@ fn rows_tile<S: Simd, const R: usize>(simd: S, a: &[f32], b: &[S::f32s]) -> Tile
 fn columns_tile<S: Simd, const R: usize>(
     simd: S,
     a: &[f32],
-    (r, rows): (usize, usize),
+    rows: usize,
+    r: usize,
     b: &[S::f32s],
 ) -> Tile<S, R> {
     let mut sums = [[simd.splat_f32s(0.0); VECTORS]; R];

@@ -315,7 +315,7 @@ mod tests {
 
     /// Checks an MLP on `rows` rows, forward and backward, with the inputs' gradient from column
     /// `from` on.
-    fn check(mlp: &Mlp, rows: usize, from: usize, (acts, packed): (&mut Activations, &mut Packed)) {
+    fn check(mlp: &Mlp, rows: usize, from: usize, acts: &mut Activations, packed: &mut Packed) {
         let label = |part: &str| format!("{part} of {mlp:?}, {rows} rows");
         let (parameters, x, dy) = (
             numbers(mlp.parameters(), 1),
@@ -347,14 +347,14 @@ mod tests {
     #[test]
     fn an_mlp_and_its_gradients_match_plain_loops_at_odd_sizes() {
         // Buffers kept between passes grow, and smaller passes reuse them.
-        let mut kept = (Activations::default(), Packed::default());
+        let (mut acts, mut packed) = (Activations::default(), Packed::default());
         for (hidden, layers) in
             [1, 2, 7, 8, 15, 16, 17, 31, 33, 64, 70].into_iter().zip([1, 2, 3].into_iter().cycle())
         {
             for (inputs, outputs) in [(1, 1), (3, 2), (4, 4), (9, 3), (33, 1)] {
                 for (rows, from) in [(1, 0), (5, inputs / 2), (16, inputs - 1), (37, inputs / 3)] {
                     let mlp = Mlp { inputs, hidden, layers, outputs };
-                    check(&mlp, rows, from, (&mut kept.0, &mut kept.1));
+                    check(&mlp, rows, from, &mut acts, &mut packed);
                 }
             }
         }

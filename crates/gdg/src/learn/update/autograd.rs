@@ -42,7 +42,8 @@ pub fn variables_of(network: &Network, encoder: &Encoder) -> (Parameters, Vec<Va
 }
 
 /// Compares a network's gradient with that of `loss` with respect to its variables.
-pub fn assert_close(name: &str, (dense, table): FullGradient, loss: &Tensor, vars: &[Var]) {
+pub fn assert_close(name: &str, gradient: FullGradient, loss: &Tensor, vars: &[Var]) {
+    let FullGradient { dense, table } = gradient;
     let gradients = loss.backward().unwrap();
     let found: Vec<Vec<f32>> =
         std::iter::once(dense).chain((!table.is_empty()).then_some(table)).collect();

@@ -51,8 +51,14 @@ impl Gradient {
     }
 }
 
-/// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
-pub type FullGradient = (Vec<f32>, Vec<f32>);
+/// A network's gradient.
+#[derive(Clone, Debug)]
+pub struct FullGradient {
+    /// Of the flat parameters.
+    pub dense: Vec<f32>,
+    /// Of the grid table, `(corners, channels)`; empty if the network has none.
+    pub table: Vec<f32>,
+}
 
 /// Sums a network's gradients from all parts of a batch, which touched these corners of its table.
 /// For checks against other implementations: steps sum the parts themselves.
@@ -71,5 +77,5 @@ pub fn full_gradient<P>(
         encoded.push(own.encoded.clone());
     }
     let table = network.halves().1.map(|table| touched.table_gradient(&encoded, table.channels()));
-    (dense, table.unwrap_or_default())
+    FullGradient { dense, table: table.unwrap_or_default() }
 }

@@ -22,28 +22,37 @@ pub struct Stretch {
     pub learns: bool,
 }
 
+/// A method as a run uses it.
+#[derive(Clone, Debug)]
+pub struct UsedMethod {
+    /// Its name.
+    pub name: String,
+    /// Whether its learner learns.
+    pub learns: bool,
+}
+
+impl UsedMethod {
+    fn stretch(self, from: u64, learned: u64) -> Stretch {
+        Stretch { from, learned, method: self.name, learns: self.learns }
+    }
+}
+
 /// The methods of a run, in order. Empty if the method never changed.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Methods(Vec<Stretch>);
 
 impl Methods {
-    /// Records a change of the method after `updates`, given the names before and after and whether
-    /// they learn.
-    pub fn change(
-        &mut self,
-        updates: u64,
-        (before, learned_before): (String, bool),
-        (now, learns): (String, bool),
-    ) {
+    /// Records a change of the method after `updates`.
+    pub fn change(&mut self, updates: u64, before: UsedMethod, now: UsedMethod) {
+        let learned = self.learned(updates, before.learns);
         if self.0.is_empty() {
-            self.0.push(Stretch { from: 0, learned: 0, method: before, learns: learned_before });
+            self.0.push(before.stretch(0, 0));
         }
-        let learned = self.learned(updates, learned_before);
         // A method that ran for no update leaves nothing to tell apart.
         self.0.pop_if(|last| last.from == updates);
-        if self.0.last().is_none_or(|last| last.method != now) {
-            self.0.push(Stretch { from: updates, learned, method: now, learns });
+        if self.0.last().is_none_or(|last| last.method != now.name) {
+            self.0.push(now.stretch(updates, learned));
         }
         if self.0.len() > MAX_STRETCHES {
             self.0.remove(0);
@@ -95,8 +104,8 @@ impl Methods {
 mod tests {
     use super::*;
 
-    fn method(name: &str) -> (String, bool) {
-        (name.to_owned(), name != "random")
+    fn method(name: &str) -> UsedMethod {
+        UsedMethod { name: name.to_owned(), learns: name != "random" }
     }
 
     #[test]

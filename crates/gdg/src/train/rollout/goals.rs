@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rand::RngExt;
 
 use super::{Plan, Rollout, StepContext};
-use crate::bridge::search;
+use crate::bridge::{SearchSpace, search};
 use crate::env::{EnvSettings, Restart};
 
 /// An agent gives up on a goal after this multiple of D to it ...
@@ -110,8 +110,9 @@ impl Rollout {
         let s = self.env.spec().state_dim();
         let (candidates, goal) = (&*context.candidates, &self.agents[i].goal);
         let outcome = search(
-            (&self.env.states()[i * s..(i + 1) * s], goal),
-            (candidates.states(), candidates.points()),
+            &self.env.states()[i * s..(i + 1) * s],
+            goal,
+            SearchSpace { states: candidates.states(), goals: candidates.points() },
             context.settings.bridge.search_budget,
             context.guide.policy,
             &mut self.rng,

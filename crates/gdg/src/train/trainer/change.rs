@@ -88,15 +88,12 @@ impl Trainer {
             }
         }
         let last_good = LastGood::capture(self.counters.updates, self.counters.losses, &*learner)?;
-        let (before, learned) = (std::mem::replace(&mut self.run, run), self.learns());
+        let used_before = self.used_method();
+        let before = std::mem::replace(&mut self.run, run);
         (self.learner, self.last_good) = (learner, last_good);
         if self.run.method != before.method {
-            let now = (self.run.method.name(), self.learns());
-            self.history.methods.change(
-                self.counters.updates,
-                (before.method.name(), learned),
-                now,
-            );
+            let now = self.used_method();
+            self.history.methods.change(self.counters.updates, used_before, now);
         }
         // The change may have fixed the cause of earlier divergence.
         self.counters.recoveries = 0;
