@@ -39,17 +39,16 @@ const IDLE_UPDATES_PER_SECOND: f64 = 200.0;
 /// Polling interval for a running evaluation while training is paused.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Time without any movement after which a trainer that is to stop counts as hung. Updates of the
-/// largest networks, edits of the largest maps and slow disks take minutes.
+/// Time without progress after which a stopping trainer counts as hung. Updates of the largest
+/// networks, edits of the largest maps and slow disks take minutes.
 const HUNG_AFTER: Duration = Duration::from_mins(10);
 
-/// Niceness of the training threads relative to the front end: a thread of this niceness gets a tenth
-/// of a core that another one wants.
+/// Niceness of the training threads relative to the front end: with this value, a thread gets about
+/// a tenth of a contended core.
 #[cfg(target_os = "linux")]
 const NICENESS: i32 = 10;
 
-/// What a front end needs of a running trainer: where its commands go, and where snapshots come
-/// from.
+/// A front end's connection to a running trainer: sends commands, receives snapshots.
 #[derive(Clone)]
 pub struct EngineLink {
     commands: SyncSender<Command>,
@@ -57,7 +56,7 @@ pub struct EngineLink {
 }
 
 impl EngineLink {
-    /// Connects a front end with what takes `commands` and publishes `snapshots`.
+    /// Creates a link to whatever receives `commands` and publishes `snapshots`.
     pub fn new(commands: SyncSender<Command>, snapshots: watch::Receiver<Arc<Snapshot>>) -> Self {
         Self { commands, snapshots }
     }
@@ -146,8 +145,8 @@ impl Engine {
         &self.pulse
     }
 
-    /// Stops training and returns the trainer, for as long as it takes while anything moves; `None`
-    /// if its thread hangs or has panicked.
+    /// Stops training and returns the trainer; waits as long as there is progress. `None` if its
+    /// thread hangs or has panicked.
     pub fn stop(self) -> Option<Trainer> {
         self.stop_unless_hung(HUNG_AFTER)
     }
@@ -198,8 +197,8 @@ fn session() -> Session {
     Session::new(Schedule { evaluate, ..Schedule::default() })
 }
 
-/// Lowers the priority of this thread, and of those that it starts, so that a front end beside it
-/// draws without waiting. Only Linux has priorities of threads.
+/// Lowers the priority of this thread, and of those that it starts, so that the front end draws
+/// without delay. Only Linux has a priority per thread.
 fn lower_priority() {
     #[cfg(target_os = "linux")]
     if let Err(error) = rustix::process::nice(NICENESS) {
@@ -344,8 +343,8 @@ impl Worker {
         }
     }
 
-    /// Runs a command, or only the last of several changes of the world in a row: each replaces all
-    /// of it, and on the largest maps takes seconds.
+    /// Runs a command. Of several changes of the world in a row, runs only the last: each replaces
+    /// the whole world, which takes seconds on the largest maps.
     fn execute_latest(&mut self, mut command: Command) {
         while matches!(command, Command::ChangeWorld(..)) {
             let Ok(next) = self.inbox.try_recv() else { break };

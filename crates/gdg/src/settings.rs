@@ -1,4 +1,4 @@
-//! What a setting is: all that is known about it stands in one entry, beside its field.
+//! Definition of settings: everything about one is in a single entry, next to its field.
 //!
 //! A module declares its settings by the macro `settings!`, which makes of the entries a struct
 //! with a field each, its values in every [`Preset`], and a list of [`Setting`]s. Checks, errors,
@@ -82,7 +82,7 @@ impl Effect {
     }
 }
 
-/// A setting, but for its type and its values in the presets.
+/// Everything about a setting except its type and its values in the presets.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting {
     /// Its name on the command line and in files.
@@ -119,7 +119,7 @@ pub(crate) const fn without(name: &'static str, value: &'static str) -> Option<A
 }
 
 impl Setting {
-    /// What an entry leaves out.
+    /// Defaults for what an entry leaves out.
     pub(crate) const PLAIN: Self = Self {
         name: "",
         former: &[],

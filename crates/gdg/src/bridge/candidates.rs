@@ -64,7 +64,7 @@ pub struct Candidates {
     edge_cutoff_steps: f32,
     window: usize,
     spacing: f32,
-    /// The spacing at first.
+    /// Initial spacing.
     least_spacing: f32,
     /// Distance that candidates keep from each other even where walls separate them.
     min_spacing: f32,
@@ -158,8 +158,8 @@ impl Candidates {
     }
 
     /// Replaces the candidates with `fresh` but continues the ids, so that outcomes of earlier
-    /// walks are never attributed to new candidates; what is known of hops of each length stays,
-    /// and so does the spacing unless it begins at another one.
+    /// walks are never attributed to new candidates; keeps the outcomes of hops, and the spacing if
+    /// the initial one is the same.
     pub fn reset_to(&mut self, fresh: Self) {
         let spacing =
             if self.least_spacing == fresh.least_spacing { self.spacing } else { fresh.spacing };

@@ -24,8 +24,8 @@ pub(crate) const HELD_STEPS: u32 = 3;
 /// still crosses a place.
 pub(crate) const MIN_STRIDE: f32 = 0.5;
 
-/// Rounds of steps over which the share of steps on excursions is averaged: long enough for the
-/// longest, short enough to set out at once when a door opens.
+/// Averaging window for the share of steps on excursions, in rounds of steps: longer than any
+/// excursion, short enough to set out at once when a door opens.
 pub(crate) const SHARE_ROUNDS: u32 = 1_000;
 
 /// Names in the store.
@@ -72,8 +72,7 @@ pub struct Excursions {
 struct Spent {
     /// Mean share of agents on an excursion.
     share: f64,
-    /// Rounds of steps that it is a mean of, at most [`SHARE_ROUNDS`]; after that, earlier ones
-    /// fade.
+    /// Number of rounds averaged, at most [`SHARE_ROUNDS`]; older ones fade.
     rounds: u32,
 }
 
@@ -102,8 +101,8 @@ impl Excursions {
         self.under_way[agent].is_some()
     }
 
-    /// Whether agents have lately spent less than `share` of their steps on excursions. Goals are
-    /// no measure: on a large map, a goal is pursued for many times as long as an excursion takes.
+    /// Whether agents have lately spent less than `share` of their steps on excursions. Counting
+    /// goals would not do: on a large map, one goal takes many times as long as an excursion.
     pub fn are_due(&self, share: f32) -> bool {
         self.spent.share < f64::from(share)
     }
@@ -138,7 +137,7 @@ impl Excursions {
     }
 
     /// Records that `agent` is in `state` and what its held action has led to. Ends its excursion
-    /// if nothing new has been found for long or nothing is left to find.
+    /// if it has found nothing new for too long or nothing is left to find.
     pub fn arrive(&mut self, agent: usize, state: &[f32]) {
         let visited = self.places.visit(state);
         self.at[agent] = visited.map(|(place, _)| place);

@@ -23,8 +23,8 @@ pub struct Edge {
     pub to: usize,
     /// D(from, to) when the graph was built, in steps.
     pub distance: f32,
-    /// Expected length in steps, with the overhead of passing a waypoint: D, or what trajectories
-    /// show where D is not to be trusted.
+    /// Expected length in steps, with the overhead of passing a waypoint: D, or the observed steps
+    /// where D is unreliable.
     pub length: f32,
     /// Planning cost in steps: the length, and more if only observed trajectories support the edge,
     /// or if walks along it or along other edges of its length failed.
@@ -106,8 +106,8 @@ pub struct BridgeGraph {
     first: Vec<u32>,
 }
 
-/// An edge as searches backwards from its target see it: side by side in memory, as they pass all
-/// edges for each goal.
+/// An edge in a backward search. Edges to the same target are adjacent in memory, as searches scan
+/// all of them for each goal.
 #[derive(Clone, Copy, Debug)]
 struct Incoming {
     from: u32,
@@ -291,7 +291,7 @@ pub(crate) const OBSERVED_PENALTY_STEPS: f32 = 4.0;
 /// been walked one way would be out of reach.
 pub(crate) const REVERSED_PENALTY_STEPS: f32 = 8.0;
 
-/// A way between two places that plans may use.
+/// A connection between two places that plans may use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Link {
     /// Expected length in steps.

@@ -1,13 +1,13 @@
 //! How often hops between candidates arrive in time, by their length.
 
-/// Lengths that are told apart, in steps; longer hops count as the longest.
+/// Number of bins by length, one step each; longer hops share the last.
 const LENGTHS: usize = 32;
 
-/// Outcomes count this much less with each later one, as the actor goes on learning.
+/// Decay of earlier outcomes with each new one, as the actor keeps learning.
 pub(crate) const HOP_FORGETTING: f32 = 0.99;
 
-/// Outcomes of hops by D at their start: one of walls that the networks have not learned yet, and
-/// one that is too long for the actor, fail alike, and a plan should prefer shorter ones.
+/// Outcomes of hops by D at their start. Hops into walls that the networks have not learned yet and
+/// hops that are too long for the actor fail alike: plans should prefer shorter ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HopOutcomes {
     /// Discounted numbers of hops that arrived in time and of hops that did not, by whole steps of
@@ -29,14 +29,15 @@ impl HopOutcomes {
         counts[usize::from(!arrived)] += 1.0;
     }
 
-    /// Returns the expected number of failures before a hop of this length arrives: none as long as
-    /// none is known.
+    /// Returns the expected number of failures before a hop of this length arrives; 0 before any is
+    /// known.
     pub fn failures(&self, distance: f32) -> f32 {
         let [arrived, failed] = self.counts[bin(distance)];
         failed / (arrived + 1.0)
     }
 
-    /// Returns the failures per arrival of hops of up to `distance` steps, all lengths alike.
+    /// Returns the failures per arrival of hops of up to `distance` steps, pooled over their
+    /// lengths.
     pub fn failures_within(&self, distance: f32) -> f32 {
         let [arrived, failed] = self.counts[..=bin(distance)]
             .iter()
@@ -49,8 +50,7 @@ impl HopOutcomes {
         self.counts.as_flattened().to_vec()
     }
 
-    /// Returns the outcomes whose [`Self::state`] was `state`; `None` if it is not the state of
-    /// any.
+    /// Restores the outcomes that [`Self::state`] returned; `None` if `state` is invalid.
     pub fn from_state(state: &[f32]) -> Option<Self> {
         let (counts, []) = state.as_chunks::<2>() else { return None };
         let counts: [[f32; 2]; LENGTHS] = counts.try_into().ok()?;

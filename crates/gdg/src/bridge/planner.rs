@@ -9,7 +9,7 @@ use crate::store::StoreError;
 /// Number of consecutive late targets after which an agent counts as stuck.
 pub(crate) const MAX_STRIKES: u32 = 2;
 
-/// Number of consecutive late targets by which bans get as long again.
+/// Consecutive late targets after which bans grow by another `ban_steps`.
 pub(crate) const BAN_STRIKES: u32 = 4;
 
 /// What a walker heads for.
@@ -185,8 +185,8 @@ impl Walker {
     }
 
     /// Whether the next action is chosen by one step of lookahead. After a late waypoint the actor
-    /// takes over until the next one, and so on in turns: lookahead exploits errors of the dynamics
-    /// model, the actor gets stuck elsewhere.
+    /// takes over until the next one, and so on: lookahead exploits errors of the dynamics model,
+    /// the actor gets stuck elsewhere.
     pub fn looks_ahead(&self, graph: &BridgeGraph) -> bool {
         graph.settings().lookahead && self.strikes.is_multiple_of(2)
     }
@@ -264,8 +264,7 @@ impl Walker {
                 self.at = None;
                 self.remaining = f32::INFINITY;
                 self.strikes += 1;
-                // The longer an agent is stuck, the more targets it tries before any of them
-                // again.
+                // The longer an agent is stuck, the more targets it tries before it retries one.
                 let ban = settings.ban_steps.saturating_mul((self.strikes / BAN_STRIKES).max(1));
                 self.banned.push((current, self.clock.saturating_add(ban)));
             }
@@ -276,11 +275,11 @@ impl Walker {
 
     /// Returns the best next target and the steps to it by D.
     ///
-    /// This is the nearby candidate w that minimises D(s,w) + cost(w,g), with the delays to be
-    /// expected, or the goal itself if D(s,g) is below the cut-off and no longer than the detour.
-    /// If no verified link is usable, unverified ones count; at the goal as well, if the graph has
-    /// no path there. If it still has none, the target is the goal, for as long as one hop may
-    /// take.
+    /// This is the nearby candidate w that minimises D(s,w) + cost(w,g), including expected delays,
+    /// or the goal itself if D(s,g) is below the cut-off and no longer than the detour. If no
+    /// verified link is usable, unverified ones are; if the graph has no path to the goal, so are
+    /// unverified links at the goal. Failing that, the target is the goal itself, for at most the
+    /// duration of one hop.
     fn choose_target(
         &mut self,
         state: &[f32],
@@ -462,7 +461,7 @@ mod tests {
         let mut bans = [0; 2 * BAN_STRIKES as usize + 1];
         while walker.strikes < 2 * BAN_STRIKES {
             walker.step(&[5.0, 0.5], &graph, &Straight, &mut scratch);
-            // The step at which a target is late is counted already.
+            // The clock already includes the step at which a target is late.
             let latest = walker.banned.last().map_or(0, |(_, until)| until + 1 - walker.clock);
             bans[walker.strikes as usize] = latest.max(bans[walker.strikes as usize]);
         }

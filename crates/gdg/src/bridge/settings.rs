@@ -67,7 +67,7 @@ settings! {
                 "probability that an agent walks to a new goal through the bridge graph",
                 values: Values::PROBABILITY,
                 ablation: without("no plans in exploration", "0");
-            /// Excursions are no part of what the rivals are compared for.
+            /// The comparison with rivals leaves out excursions.
             frontier_epsilon: Auto<f32> = Auto::AUTO, Paper | Tuned | Sb3 => Auto::Given(0.0);
                 "share of their steps that agents spend on exploring beyond the frontier; auto: 0.5 \
                  while there is anything left to try, 0.05 afterwards",
@@ -115,8 +115,8 @@ settings! {
             late_slack_steps: f32 = 6.0;
                 "see late_factor",
                 values: Values::steps(1.0, 1e6), unit: "steps";
-            /// Times the number of complete runs of `BAN_STRIKES` late waypoints in a row (at
-            /// least 1).
+            /// Multiplied by the number of completed series of `BAN_STRIKES` late waypoints in a
+            /// row, at least 1.
             ban_steps: u32 = 60;
                 "steps for which a late waypoint is banned; more if the agent is stuck",
                 values: Values::count(0, u32::MAX as u64), unit: "steps";

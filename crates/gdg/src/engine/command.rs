@@ -17,7 +17,7 @@ use crate::train::{
 /// Number of autosaved checkpoints to keep.
 const MAX_AUTOSAVES: usize = 3;
 
-/// Most settings that a notice of a change names.
+/// Maximum number of settings that a notice of a change names.
 const MAX_NAMED_CHANGES: usize = 3;
 
 /// Makes a world from the run's, on the trainer's thread, as preparing a large map is slow.
@@ -78,7 +78,8 @@ fn without_autosave_suffix(stem: &str) -> &str {
     }
 }
 
-/// Says what differs between two runs: method, preset, and settings with their old and new values.
+/// Describes what differs between two runs: method, preset, and settings with their old and new
+/// values.
 fn changes(before: &Run, after: &Run) -> String {
     let (old, new) = (list_settings(&before.settings), list_settings(&after.settings));
     let settings = old.iter().zip(&new).filter(|(old, new)| old != new);
@@ -93,7 +94,7 @@ fn changes(before: &Run, after: &Run) -> String {
     if all.is_empty() { "changed".to_owned() } else { all.join(", ") }
 }
 
-/// Returns what a command is about, as in "waiting for ...".
+/// Describes a command, to follow "waiting for".
 fn activity(command: &Command) -> &'static str {
     match command {
         Command::Save(..) | Command::Autosave(..) => "the checkpoint to be written",

@@ -247,8 +247,8 @@ impl Snapshot {
         self.updates().saturating_sub(saved)
     }
 
-    /// Takes over from `latest`, a later one of the same run, what the user has decided, but not
-    /// how far training is.
+    /// Copies the user's choices, but not training progress, from `latest`, a later snapshot of the
+    /// same run.
     pub fn follow_decisions(&mut self, latest: &Self) {
         (self.run, self.methods, self.learns) =
             (latest.run.clone(), latest.methods.clone(), latest.learns);
@@ -287,7 +287,7 @@ impl Snapshot {
         all
     }
 
-    /// Returns the fraction of the world explored by now: the last of [`Self::coverage`].
+    /// Returns the fraction of the world explored so far: the last of [`Self::coverage`].
     pub fn latest_coverage(&self) -> Option<f64> {
         let point = self
             .curve
@@ -296,7 +296,7 @@ impl Snapshot {
             .find_map(|point| Some((point.updates, f64::from(point.coverage?))));
         let evaluated =
             self.evaluations.iter().rev().find_map(|(updates, e)| Some((*updates, e.coverage?)));
-        // Of two as of the same update, the evaluation comes last.
+        // At the same update, the evaluation comes last.
         point.into_iter().chain(evaluated).max_by_key(|(updates, _)| *updates).map(|(_, seen)| seen)
     }
 }

@@ -1,19 +1,17 @@
-//! The valid values of a setting: one description, by which values are checked and which people
-//! read.
+//! The valid values of a setting: one description, for both checks and display.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// A setting that follows from what the run has seen, unless it is given. In JSON, `"auto"` or the
-/// value.
+/// A setting that is derived from the run unless it is given. In JSON, `"auto"` or the value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Auto<T> {
     /// The given value.
     Given(T),
-    /// Follows from the run.
+    /// Derived from the run.
     Auto(AutoWord),
 }
 
@@ -44,7 +42,7 @@ pub struct Values {
     pub(crate) kind: Kind,
     /// Whether `"auto"` is valid, too.
     pub(crate) or_auto: bool,
-    /// What other settings demand in addition, if anything; [`Values::accept`] does not know it.
+    /// Additional condition on other settings; [`Values::accept`] does not check it.
     condition: &'static str,
 }
 
@@ -76,7 +74,7 @@ impl Values {
     /// True or false.
     pub(crate) const SWITCH: Self = Self::of(Kind::Switch);
 
-    /// A number above 0. What divides by it stays finite, too.
+    /// A number above 0, large enough to divide by.
     pub(crate) const POSITIVE: Self = Self::number(1e-38, 3e38);
 
     /// A part of a whole.

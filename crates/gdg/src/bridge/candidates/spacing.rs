@@ -8,27 +8,27 @@ use pathfinding::directed::dijkstra::dijkstra_reach;
 use super::{Candidates, KnownPaths};
 use crate::learn::GoalIndex;
 
-/// Largest spacing that makes room, as a share of the edge cut-off: edges could hardly connect
+/// The spacing grows to at most this share of the edge cut-off: edges could hardly connect
 /// candidates farther apart. (The fastest agents move one goal radius per step.)
 pub(crate) const MAX_SPACING_SHARE: f32 = 0.45;
 
-/// Factor by which the spacing grows at a time: so little that not many more candidates retire than
-/// have to.
+/// Factor by which the spacing grows at a time; small, so that few more candidates retire than
+/// necessary.
 const SPACING_GROWTH: f32 = 1.02;
 
 /// Factor by which it shrinks.
 const SPACING_SHRINKAGE: f32 = 1.1;
 
-/// Failures per arrival of hops, all lengths alike, above which candidates move closer together,
-/// and space does not count as open.
+/// Failures per arrival of hops, pooled over their lengths, above which candidates move closer
+/// together, and space does not count as open.
 pub(crate) const MANY_HOP_FAILURES: f32 = 0.2;
 
 /// Observed paths, for each candidate of the target number, beyond which candidates move apart in
-/// open space: paths are what building a graph and searching it take time for.
+/// open space: the time to build and search a graph grows with its paths.
 pub(crate) const MANY_PATHS: usize = 200;
 
 /// Space is open where known paths join at least this share of the candidates that are less than
-/// the edge cut-off apart in a straight line. What nobody has walked yet counts as walls.
+/// the edge cut-off apart in a straight line. Unexplored space counts as walls.
 pub(crate) const OPEN_SHARE: f32 = 0.5;
 
 /// Number of candidates from which that share is computed.
@@ -56,8 +56,7 @@ impl Candidates {
             return;
         }
         let many_hops_fail = self.hops.failures_within(self.edge_cutoff_steps) > MANY_HOP_FAILURES;
-        // Between thin walls, known paths may come to join half of the candidates that are close,
-        // too.
+        // Between thin walls, too, known paths may eventually join half of the close candidates.
         if self.is_crowded() && (self.is_open || (!many_hops_fail && self.is_space_open())) {
             self.is_open = true;
             while self.is_crowded() {
@@ -68,8 +67,7 @@ impl Candidates {
         }
     }
 
-    /// Whether there are more observed paths than planning should have to deal with, and candidates
-    /// may move apart.
+    /// Whether there are too many observed paths for fast planning and candidates may move apart.
     fn is_crowded(&self) -> bool {
         self.exceeds_target() && self.has_many_paths()
     }
@@ -168,11 +166,11 @@ mod tests {
         }
     }
 
-    /// Returns candidates all over the square with many paths between them, and what they are made
-    /// from.
+    /// Returns candidates all over the square with many paths between them, and their spec and
+    /// settings.
     fn crowded_square() -> (Spec, BridgeSettings, Candidates) {
         let (spec, settings) = line(7);
-        // Paths so long that there are many along a corridor, too.
+        // Long paths, so that there are many along a corridor, too.
         let settings = BridgeSettings { edge_cutoff_steps: 30.0, ..settings };
         let mut candidates = Candidates::new(&spec, 1, &settings);
         wander(&mut candidates, 100_000);
@@ -241,7 +239,7 @@ mod tests {
     #[test]
     fn candidates_move_closer_together_where_many_walks_fail() {
         let (spec, settings) = line(10);
-        // So long paths that there are many along a line.
+        // Long paths, so that there are many along a line.
         let settings = BridgeSettings { edge_cutoff_steps: 40.0, ..settings };
         let mut candidates = Candidates::new(&spec, 1, &settings);
         let line = |candidates: &mut Candidates| walk_corridor(candidates, 0.5, 0..100);

@@ -14,8 +14,7 @@ const MAX_ID: u32 = 1 << 31;
 /// Full state of [`Candidates`], as plain numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CandidatesState {
-    /// Minimum distance between candidates; a second number in older formats has no meaning any
-    /// more.
+    /// Minimum distance between candidates; older formats have a second, unused number.
     pub spacing: Vec<f32>,
     /// `(candidates, state_dim)`.
     pub states: Vec<f32>,
@@ -136,16 +135,15 @@ impl Candidates {
         let inconsistent =
             || StoreError::inconsistent("the stored bridge candidates do not fit these settings");
         let n = state.states.len() / self.spec.state_dim();
-        // Former versions kept more of them where nothing verifies edges: the next ones that come
-        // make them move apart.
+        // Older versions kept more where edges are unverified; newcomers thin them out.
         if n > MAX_FACTOR * self.target_count
             || !state.states.len().is_multiple_of(self.spec.state_dim())
         {
             return Err(inconsistent());
         }
         let ([spacing] | [spacing, _]) = state.spacing[..] else { return Err(inconsistent()) };
-        // It never falls below where it begins; from far below, candidates would take hours to move
-        // apart.
+        // The spacing never falls below its initial value; from far below, it would take hours to
+        // grow.
         let plausible = spacing >= 0.5 * self.least_spacing && spacing.is_finite();
         if !(plausible && state.states.iter().all(|v| v.is_finite())) {
             return Err(StoreError::inconsistent(

@@ -21,7 +21,7 @@ const MEASURE_EVERY: usize = 512;
 /// Maximum number of places.
 pub(crate) const MAX_PLACES: usize = 200_000;
 
-/// Most actions ahead at which the place at the frontier is looked up.
+/// Maximum number of actions to follow when looking up a place at the frontier.
 const MAX_LOOKAHEAD: u32 = 2_000;
 
 /// Distance to the frontier where no known action leads there.
@@ -133,7 +133,7 @@ impl Places {
         self.to.resize(self.to.len() + self.action_count(), NOWHERE);
         self.attempts.resize(self.to.len(), 0);
         self.ahead.push(0);
-        // There is more to find than it seemed.
+        // The world is larger than it seemed.
         self.enough_attempts = MIN_ATTEMPTS;
         Some((place, true))
     }

@@ -109,7 +109,7 @@ pub(in crate::bridge) struct FirstHop {
 }
 
 /// A candidate that a search has reached, and the cost of the path from there to the goal. The
-/// cheapest leaves a heap first.
+/// cheapest is popped from a heap first.
 struct Reached {
     candidate: u32,
     cost: u64,
@@ -149,8 +149,8 @@ impl BridgeGraph {
     }
 
     /// Finds the shortest paths to the goal of `route` again, with all links to it, verified or
-    /// not. On large maps, candidates come and go, and no edge may lead yet to those that the links
-    /// of `route` begin at. Returns `None` if it has them already, or if links need not be
+    /// not. On large maps, candidates come and go, and those that `route` links to the goal may not
+    /// have incoming edges yet. Returns `None` if it has them already, or if links need not be
     /// verified.
     pub(in crate::bridge) fn route_by_unverified_links(
         &self,
@@ -203,10 +203,9 @@ impl BridgeGraph {
         nearest: Option<usize>,
         links: Vec<(u32, u32)>,
     ) -> Route {
-        // Dijkstra's algorithm over candidates by number. (A search from a library, which finds its
-        // nodes by hash, took a sixth of the time of training in open rooms, where most candidates
-        // have hundreds of edges.) Sums of many costs, each at its limit, fit into 64 bits: with
-        // fewer, the paths could have cycles.
+        // Dijkstra's algorithm over candidates by number. (A library's search, which hashes nodes,
+        // took a sixth of the training time in open rooms, where most candidates have hundreds of
+        // edges.) 64 bits hold the sum of many maximal costs; an overflow could create cycles.
         let mut best = vec![u64::MAX; self.candidates.len()];
         let mut next: Vec<u32> = (0..best.len() as u32).collect();
         let mut reached = BinaryHeap::new();
