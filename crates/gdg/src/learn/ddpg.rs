@@ -32,7 +32,7 @@ use batch::{Sampler, Transitions};
 use losses::Shapes;
 use returns::Reward;
 
-/// What sets the learners apart.
+/// How the learners differ.
 #[derive(Clone, Copy)]
 struct Variant {
     name: &'static str,
@@ -40,8 +40,8 @@ struct Variant {
     reward: Reward,
     /// Whether goals are relabelled.
     hindsight: bool,
-    /// Beginning of the networks' names in checkpoints: those of the same values can go on with
-    /// each other's.
+    /// Prefix of the networks' names in checkpoints. Variants with the same prefix can continue
+    /// with each other's networks.
     prefix: &'static str,
 }
 

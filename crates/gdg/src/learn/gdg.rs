@@ -45,7 +45,7 @@ const NAME: &str = "gdg";
 /// The networks and everything needed to train them.
 pub struct Gdg {
     sampler: BatchSampler,
-    /// What paths through the bridge graph add to batches, if anything.
+    /// Adds paths through the bridge graph to batches, if the settings ask for it.
     graph_paths: Option<GraphPaths>,
     training: Training<Shapes>,
     backend: Backend,
@@ -101,19 +101,20 @@ impl Gdg {
         self.training.updates()
     }
 
-    /// Updates critics, model, actor and averages once on `batch` (Algorithm 1's inner loop), in
-    /// parts that are `asked` for if it takes long, and adds the time to `profile`.
+    /// Updates critics, model, actor and averages once on `batch` (Algorithm 1's inner loop) and
+    /// adds the time to `profile`. A long update asks `parts` before each part whether to compute
+    /// it.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn update_on(
         &mut self,
         batch: &Batch,
-        asked: Option<&Arc<Parts>>,
+        parts: Option<&Arc<Parts>>,
         profile: &mut Profile,
     ) -> Result<Losses> {
         self.training.batch().write().clone_from(batch);
-        self.update_networks(asked, profile)
+        self.update_networks(parts, profile)
     }
 
     /// Returns the losses and the gradients (flat parameters and table) of the first critic, the
@@ -188,11 +189,11 @@ impl PhasedLearner for Gdg {
 
     fn update_networks(
         &mut self,
-        asked: Option<&Arc<Parts>>,
+        parts: Option<&Arc<Parts>>,
         profile: &mut Profile,
     ) -> Result<Losses> {
         let Self { training, tape: Some(tape), .. } = self else {
-            return self.training.update(asked, profile);
+            return self.training.update(parts, profile);
         };
         let (began, steps) = (Instant::now(), training.updates() + 1);
         let losses =

@@ -1,4 +1,4 @@
-//! What learners have in common whose networks are updated in phases.
+//! Shared code of learners whose networks are updated in phases.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -42,13 +42,13 @@ pub trait PhasedLearner: Send {
     /// Returns candle's error if a tensor operation fails.
     fn update_networks(
         &mut self,
-        asked: Option<&Arc<Parts>>,
+        parts: Option<&Arc<Parts>>,
         profile: &mut Profile,
     ) -> candle_core::Result<Losses> {
-        self.training().update(asked, profile)
+        self.training().update(parts, profile)
     }
 
-    /// Is called when the networks have been restored.
+    /// Called after the networks have been restored.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
@@ -68,12 +68,12 @@ impl<L: PhasedLearner> Learner for L {
     }
 
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> Result<Losses, LearnError> {
-        let (began, asked) = (Instant::now(), data.parts);
+        let (began, parts) = (Instant::now(), data.parts);
         let mut batch = std::mem::take(&mut *self.training().batch().write());
         self.sample(data, &mut batch)?;
         *self.training().batch().write() = batch;
         profile.lap(Stage::Sample, began);
-        Ok(self.update_networks(asked, profile)?)
+        Ok(self.update_networks(parts, profile)?)
     }
 
     fn policy(&self, averaged: bool) -> Result<Arc<dyn Policy>, LearnError> {

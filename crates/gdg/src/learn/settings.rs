@@ -123,7 +123,7 @@ settings! {
             /// Distances that are far longer or shorter along the bridge graph are bounded by it,
             /// the dynamics model sees more recent transitions (it has yet to learn that new walls
             /// block the path), and a stuck actor is freed. Without a graph, targets follow the
-            /// behaviour alone, over many steps, which all distances suffer from.
+            /// behaviour alone, over many steps, which degrades all distances.
             relearn_updates: u64 = 3_000, Paper => 0;
                 "updates after an edit during which distances that have changed are relearned",
                 values: Values::count_from(0), unit: "updates";

@@ -189,8 +189,8 @@ struct FileIdentity {
     contents: u32,
 }
 
-/// Facts about a file. Those of another file differ; those of the same may, where a file system has
-/// no lasting inodes or rounds times later.
+/// Metadata that identifies a file. It differs between files; for the same file, it may change
+/// where inodes are not stable or times are rounded later.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct FileFacts {
     bytes: u64,
@@ -248,7 +248,8 @@ pub fn is_own(path: &Path) -> bool {
     FileIdentity::known(path).is_some_and(|known| known.is_at(path))
 }
 
-/// Removes a checkpoint and its backup if it [`is_own`]. What cannot be removed does no harm.
+/// Removes a checkpoint and its backup if it [`is_own`]. Errors are ignored: a leftover file does
+/// no harm.
 pub fn remove_own(path: &Path) {
     files::while_locked(path, || {
         if is_own(path) {

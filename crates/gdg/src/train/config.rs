@@ -170,7 +170,7 @@ fn apply_typed(
     apply(values, name, &json.unwrap_or_else(|| Value::String(text.to_owned())))
 }
 
-/// Returns the value of a setting that is a number as one, if it is written in another way: `1e6`,
+/// Converts the value of a numeric setting to a JSON number if it is written in another way: `1e6`,
 /// `"60_000"`, `100.0`, `".5"`.
 fn as_number(setting: &Setting, value: &Value) -> Result<Value, Box<ConfigError>> {
     /// Whole numbers below this are exact in double precision.

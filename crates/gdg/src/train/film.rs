@@ -20,7 +20,7 @@ const MAX_FILM_AGENTS: usize = 64;
 /// Positions in a file may lie this many times the range of states from its middle.
 const MAX_RANGES: f32 = 100.0;
 
-/// Stands for a place without a value.
+/// Value of an unknown distance.
 const UNKNOWN: u16 = u16::MAX;
 
 /// Names in the store: what frames consist of, their values and their agents, both concatenated.
@@ -94,8 +94,8 @@ impl Film {
         world.abilities().drawn?.probes(goal)
     }
 
-    /// Returns the film if it is of `world`, as far as can be told, and otherwise an empty one:
-    /// another version of this program may film other places.
+    /// Returns the film if it appears to be of `world`, otherwise an empty one: another version of
+    /// this program may film other places.
     #[must_use]
     pub fn fitting(self, world: &dyn Environment) -> Self {
         let Some(last) = self.frames.last() else { return self };

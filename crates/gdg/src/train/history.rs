@@ -49,7 +49,7 @@ pub struct LogEntry {
     pub text: String,
 }
 
-/// What a front end finds again when a run is resumed.
+/// State of a front end that is restored when a run is resumed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Notes {
     /// Events, oldest first.
@@ -71,7 +71,7 @@ pub struct History {
     /// The methods used; only in runs whose method has changed.
     #[serde(default, skip_serializing_if = "is_default")]
     pub(super) methods: Methods,
-    /// What the front end keeps.
+    /// State of the front end.
     #[serde(flatten)]
     pub notes: Notes,
 }

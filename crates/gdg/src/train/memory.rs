@@ -54,7 +54,7 @@ pub fn required_bytes(run: &Run, world: &dyn Environment, parameters: u64) -> u6
 }
 
 /// Estimates the bytes this process can still allocate: the minimum of what machine, container, job
-/// and process limits leave. What is unknown limits nothing.
+/// and process limits leave. Unknown limits are ignored.
 pub fn available_bytes() -> u64 {
     let left = |limit: u64| limit.saturating_sub(address_space() + RESERVED_BYTES);
     system_memory().min(address_space_limit().map_or(u64::MAX, left))

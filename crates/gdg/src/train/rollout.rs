@@ -66,7 +66,7 @@ pub struct Rollout {
     rng: ChaCha8Rng,
     actions: Vec<f32>,
     goals: Vec<f32>,
-    /// A world with one agent, in which the walks to near goals are taken.
+    /// A world with one agent, for the walks to near goals.
     aside: Option<Box<dyn Environment>>,
     scratch: Scratch,
     excursions: Excursions,
@@ -90,8 +90,7 @@ impl Rollout {
             env.restart(i, &mut rng);
             let mut goal = vec![0.0; goal_dim];
             env.sample_goal(i, &mut rng, &mut goal);
-            // Without a policy there is no telling how long the way is: the first step chooses
-            // another goal.
+            // Without a policy, the distance is unknown: the first step chooses another goal.
             Agent { goal, after_bridge: None, steps: 0, held: None, give_up_at: 0 }
         });
         let agents: Vec<_> = agents.collect();
@@ -178,7 +177,7 @@ impl Rollout {
             self.agents[i].steps = self.agents[i].steps.saturating_add(1);
             if self.agents[i].steps >= context.episode_steps {
                 context.replay.end_episode(i, state);
-                // The trajectory of an agent that is not moved goes on.
+                // An agent that stays continues its trajectory.
                 if !self.stays(i, context) {
                     context.candidates.visit(i, state);
                     context.candidates.end_episode(i);

@@ -45,8 +45,8 @@ impl Run {
         (self.preset, self.settings) = (now, settings);
     }
 
-    /// Returns the settings that differ from the preset's, by name: those that the world brings and
-    /// those that were given.
+    /// Returns the settings that differ from the preset's, by name: the world's defaults and those
+    /// given by the user.
     pub fn changed_settings(&self) -> Map<String, Value> {
         changed_from(&self.settings, &self.preset.settings())
     }
@@ -60,8 +60,8 @@ impl Run {
 /// Progress of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Network updates. The learner `random` counts those that would have been due, as the time it
-    /// takes (see [`super::Methods`]).
+    /// Network updates. With the learner `random`, which makes none, those that would have been due
+    /// (see [`super::Methods`]).
     pub updates: u64,
     /// Environment steps, summed over all agents.
     pub env_steps: u64,

@@ -1,4 +1,4 @@
-//! The loop that every front end trains by: one tick after another, and what is due between them.
+//! The training loop of all front ends: ticks, and what is due between them.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;

@@ -185,7 +185,7 @@ impl Settings {
         self.train.agents.saturating_mul(self.min_episode_steps() as usize + 1)
     }
 
-    /// Returns the least that `episode_steps` may come to.
+    /// Returns the minimum of [`Self::episode_steps`].
     pub fn min_episode_steps(&self) -> u32 {
         self.train.episode_steps.given().unwrap_or(MIN_EPISODE_STEPS)
     }
@@ -208,7 +208,7 @@ impl Settings {
     }
 }
 
-/// Returns that `setting` is out of range, unless its condition holds.
+/// Returns an error for `setting` unless its condition `holds`.
 fn demand(holds: bool, setting: &str) -> Result<(), OutOfRange> {
     Setting::named(setting).filter(|_| !holds).map_or(Ok(()), |setting| Err(OutOfRange(setting)))
 }

@@ -110,7 +110,7 @@ fn new_replay(run: &Run, spec: &Spec) -> Replay {
     Replay::new(sizes, run.settings.train.agents, run.settings.learn.buffer_size)
 }
 
-/// Creates an empty set of candidates as the method's planner wants them.
+/// Creates an empty set of candidates for the method's planner.
 fn new_candidates(run: &Run, spec: &Spec) -> Candidates {
     Candidates::new(spec, run.settings.train.agents, &run.bridge())
 }

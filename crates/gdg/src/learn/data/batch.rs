@@ -9,8 +9,8 @@ use crate::learn::data::known::{KnownDistances, KnownPair, Relearning};
 use crate::learn::data::replay::{Moment, Replay};
 use crate::learn::settings::LearnSettings;
 
-/// Minimum n-step horizon of targets while all distances are doubted: each update raises them by at
-/// most this much.
+/// Minimum n-step horizon of targets while all distances are in doubt: each update raises them by
+/// at most this much.
 pub(crate) const RELEARN_N_STEP: usize = 20;
 
 /// Share of the dynamics model's transitions that are recent while distances are relearned.

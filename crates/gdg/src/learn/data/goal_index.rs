@@ -9,7 +9,7 @@ use std::collections::BinaryHeap;
 
 use crate::env::Spec;
 
-/// Most components that buckets distinguish.
+/// Maximum number of components used for buckets.
 const AXES: usize = 2;
 
 /// Buckets along each axis of an empty grid, and the most there can be.
@@ -18,8 +18,7 @@ const BUCKETS: std::ops::RangeInclusive<usize> = 8..=1024;
 /// The grid is refined when there are more places than this share of its buckets.
 const MAX_PLACES_PER_BUCKET: f32 = 0.25;
 
-/// Share of a bucket's side by which searches go too far: more than rounding could make a place
-/// seem nearer.
+/// Extra reach of searches as a share of a bucket's side; exceeds all rounding errors.
 const ROUNDING_SLACK: f32 = 0.01;
 
 /// End of a bucket's list.
@@ -109,7 +108,7 @@ impl GoalIndex {
     /// Returns the `count` places nearest to `at` by straight-line distance, nearest first and in
     /// the order of their indices where equally far.
     pub fn nearest_few(&self, at: &[f32], count: usize) -> Vec<usize> {
-        // The bits of numbers that are not negative are in the same order as the numbers.
+        // Non-negative floats are in the same order as their bits.
         let mut nearest: BinaryHeap<(u32, usize)> = BinaryHeap::new();
         self.search(at, f32::INFINITY, |i| {
             nearest.push((self.squared(at, i).sqrt().to_bits(), i));
@@ -180,8 +179,8 @@ impl GoalIndex {
         }
     }
 
-    /// Returns a distance from `at`, which is in bucket `centre`, that no place `ring` or more
-    /// buckets away falls below.
+    /// Returns a lower bound on the distance from `at`, which is in bucket `centre`, to places
+    /// `ring` or more buckets away.
     fn gap(&self, at: &[f32], centre: [usize; AXES], ring: usize) -> f32 {
         if ring == 0 {
             return 0.0;
@@ -214,7 +213,7 @@ impl GoalIndex {
         bucket
     }
 
-    /// Adds place `i`, the first that is in no bucket, to its bucket.
+    /// Adds place `i`, the first without a bucket, to its bucket.
     fn link(&mut self, i: usize) {
         let [x, y] = self.bucket(self.goal(i));
         self.before.push(std::mem::replace(&mut self.latest[y * self.side + x], i as u32));

@@ -5,11 +5,12 @@ use crate::learn::data::goal_index::GoalIndex;
 /// How to relearn distances that may have changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Relearning {
-    /// Slots that each agent has filled in the replay buffer since the change, about.
+    /// Approximate number of slots that each agent has filled in the replay buffer since the
+    /// change.
     pub recent_slots: u64,
     /// Whether a bridge graph finds out which distances have changed (see
-    /// [`KnownDistances::changed`]), as soon as there is one. Otherwise all distances have to be
-    /// doubted.
+    /// [`KnownDistances::changed`]), as soon as there is one. Otherwise, all distances are in
+    /// doubt.
     pub graph_finds_changed: bool,
 }
 

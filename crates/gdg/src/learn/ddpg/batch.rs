@@ -89,8 +89,8 @@ impl Sampler {
             batch.actions.extend(replay.action(moment));
             batch.next.extend(next);
             for _ in 0..self.spec.action_dim {
-                // Without noise, batches are drawn from the same numbers as if there were no such
-                // setting.
+                // Without noise, draws nothing, so that batches are the same as before the setting
+                // existed.
                 let noise: f32 =
                     if self.target_noise > 0.0 { StandardNormal.sample(rng) } else { 0.0 };
                 batch.noise.push(

@@ -17,7 +17,7 @@ use crate::learn::update::rows::rows_of_part;
 #[derive(Clone, Debug)]
 pub struct Shapes {
     pub encoder: Encoder,
-    /// Beginning of the networks' names in checkpoints.
+    /// Prefix of the networks' names in checkpoints.
     pub prefix: &'static str,
     /// Number of critics.
     pub critics: usize,

@@ -13,7 +13,7 @@ pub struct Nets<'a> {
 }
 
 impl Policy for Nets<'_> {
-    /// Computes D as the steps that Q(s, mu(s, g), g) means, by the most pessimistic critic (see
+    /// Converts Q(s, mu(s, g), g) by the most pessimistic critic to steps (see
     /// [`super::returns::Returns::steps`]).
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         scratch.for_pairs(&self.shapes.encoder, states, goals, out, 1, |pairs, out, buffers| {

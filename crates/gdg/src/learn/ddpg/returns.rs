@@ -80,7 +80,7 @@ impl Returns {
 fn straight_steps(cost: f32, discount: f32) -> f32 {
     let (cost, discount) = (f64::from(cost), f64::from(discount));
     if discount == 0.0 {
-        // The logarithm below is infinite.
+        // The logarithm below would be infinite.
         return (cost + 1.0) as f32;
     }
     let horizon = 1.0 / (1.0 - discount);
@@ -131,7 +131,7 @@ mod tests {
                 let steps = returns.steps(q);
                 assert!(steps.is_finite() && steps >= 0.0, "{reward:?} {q}: {steps}");
             }
-            // Without what is ahead, sparse rewards tell nothing.
+            // Without later rewards, sparse ones tell nothing.
             let told_apart = discount > 0.0 || reward == Reward::Distance;
             assert_eq!(returns.steps(-20.0) < returns.steps(-30.0), told_apart);
         }

@@ -1,17 +1,17 @@
 //! What paths through the bridge graph add to a batch: bounds on the targets of far pairs, and
 //! waypoints for the actor.
 //!
-//! Distillation covers pairs of candidates. Between them, D and the actor are not bound to follow:
-//! on big maps, far distances of other pairs stay a third too long, and where the slope of D to a
-//! far goal is lost in its error, the actor stands at a wall. For each pair (s, g) of a batch whose
-//! distance along the graph is known, with a the candidate nearest to s, b the one nearest to g
-//! among those to which distances are known, and d the graph's distance,
+//! Distillation covers pairs of candidates, and other pairs need not follow: on large maps, their
+//! far distances stay a third too long, and where the slope of D towards a far goal is lost in its
+//! error, the actor gets stuck at a wall. For each pair (s, g) of a batch whose distance along the
+//! graph is known, with a the candidate nearest to s, b the one nearest to g among those to which
+//! distances are known, and d the graph's distance,
 //!
 //! - the target is at most D'(s, a) + d(a, b) + D'(b, g);
 //! - the actor descends D to a waypoint on the path from a to b instead of D to g, if the path
 //!   begins near s and ends near g.
 //!
-//! D' says how far it really is to a and from b, also where straight lines cross a wall.
+//! D' gives the true distances to a and from b, even where a straight line crosses a wall.
 
 use crate::env::Spec;
 use crate::learn::data::batch::Batch;
@@ -40,9 +40,9 @@ pub struct GraphPaths {
     bounds: bool,
     waypoints: bool,
     paths: Vec<Path>,
-    /// Where the distances wanted of D' begin: s of each path, then b.
+    /// Starts of the distances asked of D': s of each path, then b.
     states: Vec<f32>,
-    /// Where they end: a of each path, then g.
+    /// Their ends: a of each path, then g.
     goals: Vec<f32>,
     distances: Vec<f32>,
     scratch: Scratch,
@@ -53,12 +53,12 @@ struct Path {
     row: usize,
     /// d(a, b).
     steps: f32,
-    /// A place on the way.
+    /// A place on the path.
     waypoint: u32,
 }
 
 impl GraphPaths {
-    /// Returns what `settings` want of the graph's paths, if anything.
+    /// Creates it, if `settings` use paths through the graph.
     pub fn new(settings: &LearnSettings) -> Option<Self> {
         let (bounds, waypoints) = (settings.graph_bounds, settings.actor_waypoints);
         let none = || Self {
@@ -187,7 +187,7 @@ mod tests {
         paths.collect(&spec, &known, &batch, 1);
         paths.apply(&Line, &known, &mut batch);
         expected(&batch);
-        // Nothing is known any more.
+        // No distances are known.
         let before = batch.clone();
         let nothing = KnownDistances { by_goal: None, ..known };
         paths.collect(&spec, &nothing, &batch, 0);

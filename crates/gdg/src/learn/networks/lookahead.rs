@@ -5,8 +5,7 @@ use crate::learn::networks::features::{Pairs, SharedFeatures, Workspace};
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::shapes::Shapes;
 
-/// Steps by which another action must be better than the actor's: differences below this are noise
-/// of D.
+/// Minimum gain over the actor's action, in steps: smaller differences are noise of D.
 pub const MIN_GAIN_STEPS: f32 = 0.1;
 
 /// An action is blocked if it changes every component by less than this, as a share of its change
@@ -29,7 +28,7 @@ pub struct LookaheadBuffers {
     critic: Workspace,
 }
 
-/// Actions out of the places where the actor's own change nothing (see [`Shapes::find_ways_out`]).
+/// Better actions where the actor's own are blocked (see [`Shapes::find_ways_out`]).
 #[derive(Clone, Debug, Default)]
 pub struct WaysOut {
     rows: Vec<usize>,
@@ -38,7 +37,7 @@ pub struct WaysOut {
     own: Vec<f32>,
     best: Vec<f32>,
     lookahead: LookaheadBuffers,
-    /// `(rows, action_dim)`; NaN in rows without.
+    /// `(rows, action_dim)`; NaN in rows without one.
     pub actions: Vec<f32>,
 }
 
@@ -75,8 +74,8 @@ impl Shapes {
     /// of [`Shapes::tried_actions`] with a smaller D(f(s, a), g) by all `critics`, where there is
     /// one.
     ///
-    /// The actor descends the same objective along its gradient (Algorithm 1), which is no help
-    /// where a wall stops all actions that differ little from its own.
+    /// The actor descends the same objective along its gradient (Algorithm 1), which does not help
+    /// where a wall blocks all similar actions.
     pub fn improve_actions(
         &self,
         model: Weights,
@@ -129,9 +128,9 @@ impl Shapes {
         }
     }
 
-    /// Finds what lookahead towards `goals` does better in the rows whose actions are blocked, as
-    /// the model predicts: no action that differs little from a blocked one changes anything,
-    /// so that the gradient of Algorithm 1 vanishes.
+    /// Finds better actions by lookahead towards `goals` for the rows whose actions are blocked, as
+    /// the model predicts. Actions similar to a blocked one are blocked, too, so that the gradient
+    /// of Algorithm 1 vanishes.
     pub fn find_ways_out(
         &self,
         model: Weights,

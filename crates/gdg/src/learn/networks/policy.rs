@@ -52,7 +52,7 @@ pub trait Policy: Send + Sync {
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
 
     /// Computes the actions mu(s, g), `out` `(rows, action_dim)`. They should lie in [-1, 1]:
-    /// during exploration the trainer clips what does not, otherwise the world.
+    /// others are clipped, by the trainer during exploration, otherwise by the world.
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
 
     /// Replaces `actions` `(rows, action_dim)`, which are mu(s, g), by one step of lookahead: by

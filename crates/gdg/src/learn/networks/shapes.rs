@@ -1,4 +1,4 @@
-//! The three networks as one function: D(s, g), mu(s, g), f(s, a) and what they give together.
+//! The three networks as one function: D(s, g), mu(s, g), f(s, a) and their compositions.
 
 use candle_core::Result;
 
@@ -30,7 +30,7 @@ pub struct Shapes {
     pub actor_bound: f32,
     /// Whether greedy targets leave out the pairs whose own step the model mispredicts.
     pub model_check: bool,
-    /// Whether the actor is pulled out of where its action is blocked.
+    /// Whether a blocked actor is pulled towards an action that is not.
     pub unblock_actor: bool,
     /// Actions that lookahead tries besides the actor's, `(actions, action_dim)`.
     pub tried_actions: Vec<f32>,
@@ -191,7 +191,7 @@ impl Shapes {
         ws.y = own;
     }
 
-    /// Returns D by two critics: below the larger by a share of half their difference.
+    /// Returns D by two critics, between their mean and their maximum.
     fn joint(&self, a: f32, b: f32) -> f32 {
         a.max(b) - 0.5 * (1.0 - self.pessimism) * (a - b).abs()
     }
@@ -276,10 +276,10 @@ pub fn axis_actions(dim: usize) -> Vec<f32> {
 /// Maximum size of a state: states are short vectors, so their gradients live on the stack.
 pub const MAX_STATE_DIM: usize = 64;
 
-/// Refuses states that are too large.
+/// Checks that states are not too large.
 ///
 /// # Errors
-/// They are.
+/// The state has more than [`MAX_STATE_DIM`] components.
 pub fn check_state_dim(spec: &Spec) -> Result<()> {
     if spec.state_dim() > MAX_STATE_DIM {
         candle_core::bail!("states with more than {MAX_STATE_DIM} components are not supported");

@@ -32,7 +32,7 @@ pub fn random_state(spec: &Spec, rng: &mut ChaCha8Rng) -> Vec<f32> {
     numbers.map(|(c, h)| c + h * rng.random_range(-0.95..0.95)).collect()
 }
 
-/// Returns a network's parameters as variables, and these.
+/// Returns a network's parameters as tensors that share the returned variables.
 pub fn variables_of(network: &Network, encoder: &Encoder) -> (Parameters, Vec<Var>) {
     let Parameters { dense, table } = Parameters::copied(network, encoder, false).unwrap();
     let vars: Vec<Var> =

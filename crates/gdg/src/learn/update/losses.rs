@@ -44,8 +44,8 @@ impl Sum for Losses {
 /// Weight of the squared excess of the actor's outputs over their bound.
 pub const EXCESS_WEIGHT: f32 = 0.1;
 
-/// Weight of the squared difference between the actor's outputs before tanh and those that lead out
-/// of where its action is blocked: [`WAY_OUT_OUTPUT`] for a full step, at most the actor's bound.
+/// Weight of the squared difference between a blocked actor's outputs before tanh and those of the
+/// way out: [`WAY_OUT_OUTPUT`] for a full step, at most the actor's bound.
 pub const WAY_OUT_WEIGHT: f32 = 0.3;
 
 /// See [`WAY_OUT_WEIGHT`].
@@ -82,7 +82,7 @@ pub struct ModelLoss<'a> {
     /// The bound of the outputs, `(rows)`; the actor's for all if empty.
     pub bounds: &'a [f32],
     /// Actions that the actor is pulled towards instead of following the gradient, `(rows,
-    /// action_dim)`, NaN in rows without; none if empty.
+    /// action_dim)`, NaN in rows without one; empty for none.
     pub ways_out: &'a [f32],
 }
 
@@ -174,7 +174,8 @@ impl Shapes {
         ws: &Workspace,
     ) -> impl Iterator<Item = f32> {
         let s = self.encoder.spec().state_dim();
-        // What is left of the predictions is the gradient with respect to the model's outputs.
+        // `model_gradient` has replaced the predictions by the gradient with respect to the
+        // outputs.
         ws.y[..rows * s]
             .chunks_exact(s)
             .map(move |d| d.iter().map(|d| (d / (2.0 * share)).powi(2)).sum())

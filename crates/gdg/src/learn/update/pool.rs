@@ -118,7 +118,7 @@ impl ThreadPool {
 
 impl ThreadPool {
     /// Calls `work` with each index below `tasks` on data that all threads share; returns when all
-    /// calls are done. They are `parts` of an update, if it is a long one: some may be left out.
+    /// calls are done. A long update passes `parts`, which may skip calls.
     ///
     /// # Errors
     /// Returns the first error of a call.

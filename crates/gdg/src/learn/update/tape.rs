@@ -22,10 +22,10 @@ pub struct Tape {
     networks: Vec<TapeNetwork>,
 }
 
-/// Refuses backends other than the fused one, for a learner that has no losses on a tape.
+/// Checks the backend of a learner that has no losses on a tape.
 ///
 /// # Errors
-/// It is another one.
+/// `backend` is not the fused one.
 pub fn refuse_tape(backend: Backend, learner: &str) -> Result<()> {
     if backend != Backend::Fused {
         bail!("the learner {learner} needs backend=fused");

@@ -121,12 +121,12 @@ impl<O: Objective> Training<O> {
         &self.shared.batch
     }
 
-    /// Updates all networks once on the latest batch, in parts that are `asked` for if it takes
-    /// long, and adds the time to `profile`.
+    /// Updates all networks once on the latest batch and adds the time to `profile`. A long update
+    /// asks `parts` before each part whether to compute it.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn update(&self, asked: Option<&Arc<Parts>>, profile: &mut Profile) -> Result<Losses> {
+    pub fn update(&self, parts: Option<&Arc<Parts>>, profile: &mut Profile) -> Result<Losses> {
         let phases: [(Stage, usize, Work<O>); 4] = [
             (Stage::CriticModelGradients, self.gradient_tasks(), Shared::corners_or_gradients),
             (Stage::CriticModelSteps, 2 * self.shared.actor(), Shared::step),
@@ -135,7 +135,7 @@ impl<O: Objective> Training<O> {
         ];
         let mut began = Instant::now();
         for (stage, tasks, work) in phases {
-            self.pool.try_run(tasks, &self.shared, asked, work)?;
+            self.pool.try_run(tasks, &self.shared, parts, work)?;
             began = profile.lap(stage, began);
         }
         Ok(self.losses())

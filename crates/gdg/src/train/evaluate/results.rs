@@ -1,4 +1,4 @@
-//! What an evaluation finds.
+//! Results of an evaluation.
 
 use serde::{Deserialize, Serialize};
 

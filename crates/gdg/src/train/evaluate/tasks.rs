@@ -45,7 +45,7 @@ struct ActiveAgent<'a> {
 }
 
 impl ActiveAgent<'_> {
-    /// Returns where the agent's numbers lie among those of all agents, `width` for each.
+    /// Returns the agent's range in an array with `width` numbers per agent.
     fn row(&self, width: usize) -> Range<usize> {
         width * self.index..width * (self.index + 1)
     }

@@ -1,4 +1,4 @@
-//! The methods that a run has used, so that what one has reached is not taken for another's.
+//! The methods that a run has used, so that results are attributed to the right one.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,8 +17,7 @@ pub struct Stretch {
     pub learned: u64,
     /// The method.
     pub method: String,
-    /// Whether its learner learns: if not, updates are counted as the time they would have taken,
-    /// but not done.
+    /// Whether its learner learns; if not, updates are counted when due but not done.
     pub learns: bool,
 }
 
@@ -49,7 +48,7 @@ impl Methods {
         if self.0.is_empty() {
             self.0.push(before.stretch(0, 0));
         }
-        // A method that ran for no update leaves nothing to tell apart.
+        // A method that ran for no update leaves no stretch.
         self.0.pop_if(|last| last.from == updates);
         if self.0.last().is_none_or(|last| last.method != now.name) {
             self.0.push(now.stretch(updates, learned));
@@ -90,7 +89,7 @@ impl Methods {
         self.index(updates) + 1 >= self.0.len()
     }
 
-    /// Returns whether the values can come from a run.
+    /// Returns whether the values are plausible.
     pub(super) fn is_sound(&self) -> bool {
         self.0.len() <= MAX_STRETCHES
             && self.0.is_sorted_by_key(|stretch| (stretch.from, stretch.learned))

@@ -1,7 +1,7 @@
 //! The memory that Linux leaves to this process: that of the machine, and of the control groups
 //! around the process.
 //!
-//! What cannot be read limits nothing: there may be no /proc, or only a part of it.
+//! Limits that cannot be read are ignored: /proc may be missing or incomplete.
 
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};

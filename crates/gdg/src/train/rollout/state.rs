@@ -88,7 +88,7 @@ impl Rollout {
         self.rng = state.rng;
         for (i, full_state) in state.states.chunks_exact(size).enumerate() {
             if !self.env.set_full_state(i, full_state) {
-                // Then it is the state itself.
+                // Then the full state is the state.
                 let state: Vec<f32> = full_state.iter().map(|v| *v as f32).collect();
                 if self.agents[i].steps > 0 {
                     replay.end_episode(i, &state);

@@ -41,8 +41,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Drops the bridge graph, and starts to build another one that soon takes its place, if there
-    /// is to be one.
+    /// Drops the bridge graph, and starts to build another one if needed, which soon takes its
+    /// place.
     pub(super) fn replace_graph(&mut self) -> Result<()> {
         self.graphs = Graphs::default();
         if self.needs_graph() {

@@ -1,5 +1,5 @@
-//! Leaving a long update unfinished when training is to stop: what it has changed is undone, so
-//! that the run continues as if it had not begun.
+//! Aborts a long update when training is to stop and undoes its changes, so that the run continues
+//! as if it had not begun.
 
 use std::time::Duration;
 
@@ -9,8 +9,8 @@ use super::{Result, Trainer};
 use crate::store::Store;
 use crate::train::run::Counters;
 
-/// An update is long if the latest one took at least this long. Others are finished: it takes less
-/// time than copying the networks before each.
+/// An update is long if the latest one took at least this long. Shorter ones are finished: that
+/// takes less time than copying the networks before each.
 const LONG_UPDATE: Duration = Duration::from_millis(500);
 
 /// What an update changes, as it was before.
@@ -26,8 +26,8 @@ impl Trainer {
         self.update_took.is_none_or(|took| took >= LONG_UPDATE)
     }
 
-    /// Returns what is needed to undo the next update; nothing if it is to be finished: it changes
-    /// the bridge graph and the plans too, as few do.
+    /// Returns what is needed to undo the next update; `None` for the few that change the bridge
+    /// graph and the plans, too, and must be finished.
     pub(super) fn undo_for_update(&self) -> Result<Option<Undo>> {
         if self.changes_graph_at(self.counters.updates + 1) || !self.learns() {
             return Ok(None);
@@ -94,7 +94,7 @@ mod tests {
                             );
                             undone += 1;
                         }
-                        // A short way to the end, or a change of the graph.
+                        // Almost finished, or a change of the graph.
                         done => {
                             assert_eq!(done, Tick::Update);
                             finished += 1;
