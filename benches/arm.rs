@@ -20,7 +20,7 @@ const STEPS: usize = 50;
 const PRODUCT: (usize, usize) = (64, 128);
 const PRODUCTS: usize = 50;
 
-/// What the actions are.
+/// How actions are chosen.
 #[derive(Clone, Copy)]
 enum Pull {
     /// Uniform random.

@@ -82,7 +82,7 @@ impl Cli {
     /// The error, or the requested help, to be printed.
     pub fn from_arguments() -> Result<Self, clap::Error> {
         Self::try_parse().map_err(|error| match error.get(ContextKind::InvalidSubcommand) {
-            // The second of two maps is taken for a command.
+            // clap takes the second of two maps for a command.
             Some(ContextValue::String(second))
                 if error.kind() == ErrorKind::ArgumentConflict && Self::command().find_subcommand(second).is_none() =>
             {

@@ -1,4 +1,4 @@
-//! The commands, one file each: what each does with its arguments.
+//! The commands, one file each.
 
 mod ablate;
 mod check;
@@ -32,7 +32,7 @@ use output::{OrFail, print, print_safely};
 /// Runs a command, with the worlds and learners of `registry`, and returns the exit status.
 ///
 /// # Errors
-/// It fails; the failure has an exit status of its own.
+/// The command fails; the failure has its exit status.
 pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
     let text = |made: Result<String, Report>| print_safely(&made.or_bad_input()?);
     match cli.command {

@@ -96,7 +96,7 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
                 eprint_line(&format!("success rate {rate:.3} is below the required {required}"));
                 Ok(EXIT_NOT_REACHED)
             }
-            // A warning has said why.
+            // A warning has been printed.
             None => Ok(EXIT_NOT_REACHED),
         },
         _ => Ok(0),
@@ -115,7 +115,7 @@ fn report_recovery(recovery: Recovery) -> Result<(), Report> {
     print(&Record::Recovery(recovery))
 }
 
-/// Says that records could not be written.
+/// Returns the error for records that could not be written.
 fn unwritten(error: std::io::Error) -> Report {
     match error.kind() {
         ErrorKind::BrokenPipe => {
@@ -200,7 +200,7 @@ impl HeadlessRun<'_> {
         }
     }
 
-    /// Returns what the options ask for while the run trains.
+    /// Returns the schedule that the options ask for.
     fn schedule(&self) -> Schedule {
         let save_every = save_interval(self.options.save_every_minutes);
         Schedule {
@@ -222,7 +222,7 @@ impl HeadlessRun<'_> {
         Ok(())
     }
 
-    /// Says so if a resumed run has nothing left to train.
+    /// Reports that a resumed run has nothing left to train, if so.
     fn report_reached_limit(&self) {
         let counters = self.setup.trainer.counters();
         let (done, option) = match self.limit_reached() {
@@ -278,8 +278,8 @@ impl HeadlessRun<'_> {
         })
     }
 
-    /// Says what is lost, as there is no `--save`, unless that was meant: a new run that trained
-    /// for a limited time.
+    /// Reports what is lost without `--save`, unless that seems intended: a new run that reached
+    /// its limit.
     fn report_unsaved(&self, updates_before: u64, reason: Option<EndReason>) {
         let is_complete = reason.is_some_and(|reason| reason != EndReason::Interrupted);
         let unsaved = self.setup.trainer.counters().updates.saturating_sub(updates_before);

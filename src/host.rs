@@ -1,5 +1,4 @@
-//! What the program needs of the machine that it runs on: terminal, signals, files, and the runs
-//! that are begun, saved and resumed there.
+//! Host services: terminal, signals, files, and runs that are begun, saved and resumed.
 
 pub mod logging;
 pub mod maps;

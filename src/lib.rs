@@ -1,6 +1,6 @@
-//! gdg-tui trains agents that learn *distance* instead of reward, and shows how they learn. What
-//! learns is the library [`gdg`]; this crate is the program: the command line, and three front
-//! ends.
+//! gdg-tui trains agents that learn *distance* instead of reward, and shows how they learn. The
+//! learning is done by the library [`gdg`]; this crate is the program: the command line, and three
+//! front ends.
 //!
 //! # The layout
 //!

@@ -30,8 +30,8 @@ pub fn completions(shell: Shell) -> String {
     }
 }
 
-/// Returns the command line as it is completed: maps and worlds are commands that take the options
-/// of training, as scripts take the first word either for a command or for a value, never for both.
+/// Returns the command line for completion. Maps and worlds become commands with the options of
+/// training, as scripts accept either a command or a value as the first word, not both.
 fn completed() -> Command {
     let cli = Cli::command();
     let options: Vec<Arg> =

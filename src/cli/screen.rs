@@ -42,7 +42,7 @@ pub struct ScreenArgs {
 }
 
 impl InterfaceArgs {
-    /// Returns what the interface is prepared with.
+    /// Returns the options of the interface.
     pub fn options(&self, overwrite: bool) -> InterfaceOptions {
         InterfaceOptions {
             record: self.record.clone(),

@@ -152,7 +152,7 @@ impl TrainArgs {
         }
     }
 
-    /// Returns what a run without the interface needs besides.
+    /// Returns the options of a run without the interface.
     pub fn headless(&self) -> headless::Options {
         headless::Options {
             eval_every_updates: self.eval_every_updates,

@@ -55,7 +55,7 @@ fn map_beside(scenario: &Path, named: &str) -> Result<PathBuf, Report> {
         std::fs::read_dir(folder).into_iter().flatten().flatten().map(|f| f.path()).collect();
     let find = |name: &OsStr| {
         let exact = scenario.with_file_name(name);
-        // Scenarios made on Windows may name it in other letters.
+        // Scenarios made on Windows may name it with other capitals.
         let similar = || {
             others
                 .iter()

@@ -11,7 +11,7 @@ use gdg::text::sanitized_lines;
 
 /// Why a command failed.
 pub struct Failure {
-    /// For the user.
+    /// The error for the user.
     pub error: Report,
     /// The exit status.
     pub status: u8,
@@ -22,16 +22,16 @@ pub type Outcome = Result<u8, Failure>;
 
 /// Gives an error the exit status of its cause.
 pub trait OrFail<T> {
-    /// The input is bad.
+    /// Marks an error as bad input.
     ///
     /// # Errors
-    /// The same, with that status.
+    /// The same error, with that exit status.
     fn or_bad_input(self) -> Result<T, Failure>;
 
-    /// Something failed while running.
+    /// Marks an error as a failure while running.
     ///
     /// # Errors
-    /// The same, with that status.
+    /// The same error, with that exit status.
     fn or_failure(self) -> Result<T, Failure>;
 }
 
@@ -66,7 +66,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<String, Report> {
     Ok(format!("{}\n", path.display()))
 }
 
-/// Prints a text that may contain what users wrote, to standard output.
+/// Prints text that may quote user input, made safe to display, to standard output.
 ///
 /// # Errors
 /// See [`print`].

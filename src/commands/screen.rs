@@ -1,4 +1,4 @@
-//! What commands that show something have in common.
+//! Shared code of commands that open the interface.
 
 use std::io::IsTerminal;
 
@@ -10,18 +10,18 @@ use crate::host::logging;
 use crate::tui::{self, PreparedInterface};
 use gdg::text::{sanitized_lines, terminal_obeys_escapes};
 
-/// What to say without a terminal.
+/// The error without a terminal.
 pub struct Refusal {
-    /// That it is needed.
+    /// What is wrong.
     pub problem: &'static str,
-    /// What does without.
+    /// What works without a terminal.
     pub help: &'static str,
 }
 
-/// Prepares and shows something that makes no sense without a terminal.
+/// Prepares and runs a view that needs a terminal.
 ///
 /// # Errors
-/// There is no terminal, preparing fails, or what is shown does.
+/// There is no terminal, or preparing or running the view fails.
 pub fn watch<T>(
     args: &ScreenArgs,
     refusal: &Refusal,

@@ -49,7 +49,7 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
     headless::run(setup, &args.headless()).or_failure()
 }
 
-/// Decides whether the run is shown; says so if it is not and could have been meant to be.
+/// Decides whether the run is shown; prints a notice if it is not, unless `--no-ui` asked for that.
 #[cfg(feature = "tui")]
 fn is_shown(args: &TrainArgs) -> Result<bool, super::Failure> {
     if args.no_ui {

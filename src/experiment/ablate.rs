@@ -176,7 +176,7 @@ pub fn run(options: &Options, registry: &Arc<Registry>) -> Result<u8, Report> {
     folder.check_writable(&["jobs/NAME.json"])?;
     let jobs = runs.iter().map(|(_, job)| job);
     let outcome = Runner::run_open(&folder, registry, jobs, threads(options.jobs), false)?;
-    // It says which.
+    // This reports which.
     any_failed(&outcome);
     let result = |(case, job): &(&Case, Job)| {
         let evaluation = folder.result_of(job)?.last()?.clone();

@@ -58,7 +58,7 @@ struct StoredResult {
 }
 
 fn checksum_of(result: &JobResult) -> String {
-    // What cannot be written as JSON is not equal to anything that was read.
+    // A result that cannot be serialised matches no stored checksum.
     let json = serde_json::to_vec(result).unwrap_or_default();
     format!("{:08x}", crc32fast::hash(&json))
 }
@@ -76,7 +76,7 @@ impl Folder {
     /// Checks that files called `names` can be written to it; creates it if needed.
     ///
     /// # Errors
-    /// They cannot, or it has never had jobs and others have files where those would be.
+    /// They cannot, or the folder has never had jobs but already contains other files there.
     pub fn check_writable(&self, names: &[&str]) -> Result<(), Report> {
         let first_part =
             |name: &&str| Path::new(*name).components().next().map(|part| self.0.join(part));
@@ -175,7 +175,7 @@ impl Folder {
         };
         let StoredResult { result, checksum } = serde_json::from_slice(&bytes)
             .map_err(|error| ResultError::Damaged(error.to_string()))?;
-        // Results from before there were checksums have none.
+        // Older results have no checksum.
         if checksum.is_some_and(|checksum| checksum != checksum_of(&result)) {
             return Err(ResultError::Damaged("its checksum is wrong".to_owned()));
         }
@@ -185,10 +185,10 @@ impl Folder {
         Ok(Some(result))
     }
 
-    /// Checks that nothing is in the way of the job's result, checkpoint and picture.
+    /// Checks that the job's result, checkpoint and picture can be written.
     ///
     /// # Errors
-    /// In the place of one is what is no file, a symbolic link, or a file that is not replaced.
+    /// One of the paths is a symbolic link, not a regular file, or must not be replaced.
     pub fn check_result_writable(&self, job: &Job) -> Result<(), Report> {
         let help = "move it away, or give --out another folder";
         let check = |path: PathBuf, what: &str| {
@@ -249,7 +249,7 @@ impl Folder {
         self.write(&format!("jobs/{}.json", job.name), json.as_bytes())?;
         if !keep {
             let checkpoint = self.checkpoint(job);
-            // What cannot be removed does no harm: the result counts.
+            // A leftover checkpoint does no harm: the result counts.
             let _ =
                 (std::fs::remove_file(backup_path(&checkpoint)), std::fs::remove_file(&checkpoint));
             elsewhere(&checkpoint).iter().for_each(|path| remove_own(path));

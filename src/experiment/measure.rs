@@ -1,5 +1,5 @@
-//! What figures need of a trained run besides its evaluations: walks, and a bridge point with the
-//! distances around it.
+//! Measurements of trained runs for figures, besides evaluations: walks, and a bridge point with
+//! the distances around it.
 
 use std::sync::Arc;
 
@@ -105,8 +105,8 @@ pub struct Found {
     pub to_goal: f32,
 }
 
-/// Measures what `plan` asks for; `None` if that is nothing. What needs a map is left out without
-/// one.
+/// Measures what `plan` asks for; `None` if that is nothing. Measurements that need a map are
+/// skipped without one.
 ///
 /// # Errors
 /// The learner fails.
@@ -226,7 +226,7 @@ struct Searched {
 
 /// Searches for a bridge point on one task after another until there is one: from the map's start
 /// to the cell farthest from it, then on far tasks drawn at random. Candidates close to either end
-/// are left out: they would show the noise of D rather than a way.
+/// are left out: they would show the noise of D rather than a bridge.
 fn search_tasks(trainer: &Trainer, policy: &dyn Policy, map: &Arc<Grid>) -> Searched {
     let world = PointMaze::new(map.clone(), 0);
     let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);

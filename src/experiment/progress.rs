@@ -35,7 +35,7 @@ struct Item {
     group: String,
     total: u64,
     done: u64,
-    /// What was done when this process began with it, and when that was.
+    /// Progress and time when this process started the job.
     first: u64,
     began: Option<Instant>,
     /// Time that this process has spent on it, once it has ended.
@@ -50,7 +50,7 @@ impl Item {
     }
 }
 
-/// How far all jobs are.
+/// Overall progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Overall {
     /// Share of the estimated work that is done.
@@ -90,14 +90,14 @@ impl Progress {
         }
     }
 
-    /// Notes that a job begins, of which `done` was done earlier.
+    /// Records that a job begins, of which `done` was done earlier.
     pub fn begin(&self, job: usize, done: u64) {
         let mut items = self.items.lock();
         let item = &mut items[job];
         (item.done, item.first, item.began) = (done, done, Some(Instant::now()));
     }
 
-    /// Notes how much of a job is done.
+    /// Records how much of a job is done.
     pub fn advance(&self, job: usize, done: u64) {
         let mut shown = self.shown.lock();
         self.items.lock()[job].done = done;
@@ -110,7 +110,7 @@ impl Progress {
         }
     }
 
-    /// Notes that a job has ended, completely or not.
+    /// Records that a job has ended, completely or not.
     pub fn end(&self, job: usize, complete: bool) {
         let mut items = self.items.lock();
         let item = &mut items[job];
@@ -220,7 +220,7 @@ mod tests {
         // A group that nothing is known of is as fast as the others together: 200 in 60 s.
         let items = [&done[..], &[item("new", 50, 0, None)]].concat();
         assert_eq!(estimate(&items, 1, now).map(|o| o.seconds_left), Some(15.0));
-        // What failed takes no more time.
+        // A failed job takes no more time.
         let items = [&done[..], &[item("slow", 100, 10, Some(5))]].concat();
         assert_eq!(estimate(&items, 1, now).map(|o| (o.share, o.seconds_left)), Some((1.0, 0.0)));
     }

@@ -48,7 +48,7 @@ pub struct Runner {
     keep: bool,
 }
 
-/// What became of the jobs without a result.
+/// Outcome of the jobs that had no result.
 pub struct Outcome<'a> {
     /// These jobs.
     pub open: Vec<&'a Job>,
@@ -192,8 +192,8 @@ impl Runner {
     fn resume_or_begin(&self, job: &Job, at: &At) -> Result<Trainer, Report> {
         let (name, own, length) = (&job.name, self.folder.checkpoint(job), job.plan.length);
         let (amount, unit) = (length.amount(), length.unit());
-        // Where it was saved if its own could not be written; the last of those that are as far is
-        // its own.
+        // Includes where it was saved if its own file could not be written; `max_by_key` prefers
+        // its own, the last, among equals.
         let found = elsewhere(&own).into_iter().chain([own]).filter(|path| path.exists());
         if let Some(checkpoint) =
             found.max_by_key(|path| describe(path).map_or(0, |found| found.updates))
@@ -288,8 +288,8 @@ struct At<'a> {
     job: usize,
 }
 
-/// Saves what a job has learned whose result or checkpoint could not be written: the next run goes
-/// on from there.
+/// Saves a job elsewhere if its result or checkpoint could not be written: the next run resumes
+/// from there.
 fn rescue(job: &Job, trainer: &mut Trainer, saver: &mut Saver, at: &At) {
     if saver.save(trainer).is_err() {
         let kept = save_elsewhere(trainer, saver.path());

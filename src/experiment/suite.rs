@@ -117,7 +117,7 @@ fn maps(folder: &Path, registry: &Registry) -> Result<Vec<Grid>, Report> {
             |path: &&PathBuf| has_extension(path, extension) && !is_hidden(path) && path.is_file();
         files.iter().filter(is_map).cloned().collect::<Vec<_>>()
     };
-    // Texts beside maps are likely to be about them.
+    // Text files beside maps are likely to describe them.
     let (maps, texts) = (ending("map"), ending("txt"));
     if !maps.is_empty() && !texts.is_empty() {
         let left_out = counted(texts.len() as u64, ".txt file");
@@ -215,8 +215,8 @@ impl Suite<'_> {
         self.groups.iter().filter_map(row).collect()
     }
 
-    /// Returns the exit status that `--require-success` gives, and says which maps are below it.
-    /// Jobs that other processes run have not reached anything yet.
+    /// Returns the exit status for `--require-success` and reports the jobs below it. Jobs that run
+    /// in other processes have not reached it yet.
     fn required_success(&self, rows: &[Row], Outcome { ends, .. }: &Outcome) -> u8 {
         let Some(required) = self.options.require_success else { return 0 };
         let elsewhere = ends.contains(&End::Elsewhere);
@@ -237,7 +237,7 @@ impl Suite<'_> {
     }
 }
 
-/// Says which jobs failed and which run elsewhere; returns whether any failed.
+/// Reports which jobs failed and which run elsewhere; returns whether any failed.
 pub(super) fn any_failed(Outcome { open, ends, .. }: &Outcome) -> bool {
     let named = |wanted: End| {
         let names = open

@@ -12,8 +12,8 @@ use crate::host::signals::TerminationSignal;
 /// Polling interval for signals.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Runs `work` on a thread called `name`, or on this one where none can be started. Returns `None` if a signal arrives first; the thread then
-/// ends with the program.
+/// Runs `work` on a thread called `name`, or on this one if none can be started. Returns `None` if
+/// a signal arrives first; the thread then ends with the program.
 ///
 /// # Errors
 /// The thread panics.

@@ -47,7 +47,7 @@ impl Progress {
             // A resumed run's earlier progress says nothing about the remaining time.
             self.started = true;
             self.bar.reset_eta();
-            // Ticks need a thread, which may not be had.
+            // Ticks need a thread, which may fail to start.
             if !self.bar.is_hidden() {
                 self.bar.enable_steady_tick(Duration::from_millis(250));
             }

@@ -88,7 +88,7 @@ impl Table {
             Some(Err(_)) if overwrite => create(path, true)?,
             Some(file) => file?,
         };
-        // Held until the table is closed; where there are no locks, nobody is kept from it.
+        // Held until the table is closed; where there are no locks, others can write it.
         if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
             return Err(in_use());
         }
@@ -148,12 +148,12 @@ fn progress(trainer: &Trainer, evaluated: bool) -> Vec<String> {
     line
 }
 
-/// Returns the columns of the losses; empty ones for those that there are not.
+/// Returns the columns of the losses; empty for missing losses.
 fn losses(losses: [f32; 3]) -> [String; 3] {
     losses.map(|loss| Losses::known(loss).map_or(String::new(), |loss| loss.to_string()))
 }
 
-/// Returns the columns of an evaluation; empty ones for numbers that there are not.
+/// Returns the columns of an evaluation; empty for missing numbers.
 fn results(evaluation: Option<&Evaluation>) -> Vec<String> {
     let Some(evaluation) = evaluation else {
         return vec![String::new(); EVALUATION.len() + 2 * DISTANCES];

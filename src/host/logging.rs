@@ -64,8 +64,7 @@ pub fn start(level: LogLevel) {
     }
 }
 
-/// Returns whether all that has the name of a log file is a file: opening a FIFO would wait for
-/// someone to read it.
+/// Returns whether everything named like a log file is a regular file: opening a FIFO would block.
 fn holds_only_files(folder: &Path) -> bool {
     let has_name = |path: &Path| {
         path.extension().is_some_and(|end| end == SUFFIX)
@@ -73,7 +72,7 @@ fn holds_only_files(folder: &Path) -> bool {
     };
     let mut entries =
         std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    // A link that leads nowhere is no obstacle.
+    // A dangling link does no harm.
     entries.all(|path| {
         !has_name(&path) || path.metadata().is_ok_and(|file| file.is_file()) || !path.exists()
     })

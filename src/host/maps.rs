@@ -11,7 +11,7 @@ use gdg::printing::eprint_line;
 use gdg::text::{counted, nearest, sanitized};
 use gdg::train::Registry;
 
-/// A map with fewer free cells is a mistake.
+/// Maps with fewer free cells are taken for mistakes.
 const FEWEST_CELLS: usize = 4;
 
 /// Prints the warnings about a map.
@@ -25,7 +25,7 @@ pub fn warnings(grid: &Grid) -> Vec<String> {
     doubts(grid).into_iter().chain(unconnected(grid)).map(named).collect()
 }
 
-/// Returns what suggests that a map is not what its author meant.
+/// Returns signs that a map is not what its author meant.
 pub fn doubts(grid: &Grid) -> Vec<String> {
     let free = grid.free_count();
     let few = format!(
@@ -76,7 +76,7 @@ fn disconnected_marks(grid: &Grid, components: &Components) -> Option<String> {
     };
     Some(format!("{which} lie in different components: no path connects them"))
 }
-/// Returns a path as the name of a built-in map or world, which it may be; those are UTF-8.
+/// Returns a path as a possible name of a built-in map or world; empty if it is not UTF-8.
 pub fn known_name(path: &Path) -> &str {
     path.to_str().unwrap_or_default()
 }

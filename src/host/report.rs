@@ -16,7 +16,7 @@ use gdg::train::{CheckpointError, ConfigError};
 /// Maximum number of characters of a message and of each of its causes.
 const MAX_MESSAGE_CHARS: usize = 2000;
 
-/// Has errors printed without colours where the terminal has none; otherwise, the library decides.
+/// Prints errors without colours where the terminal has none; otherwise, the library decides.
 pub fn set_up_colours() {
     if !terminal_obeys_escapes() {
         let plain = |_: &_| -> Box<dyn miette::ReportHandler> {

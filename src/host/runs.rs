@@ -16,8 +16,7 @@ use gdg::train::{CheckpointError, Description, Registry, describe, examine};
 /// Default folder for checkpoints.
 pub const SAVES: &str = "saves";
 
-/// Ends of the names of files that have a checkpoint's extension, and of exported policies, which
-/// are none.
+/// Extensions of checkpoints, and of exported policies, which are not checkpoints.
 const EXTENSION: &str = ".safetensors";
 const POLICY_EXTENSION: &str = ".policy.safetensors";
 
@@ -44,7 +43,7 @@ pub fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
 }
 
 /// Returns the checkpoint in `folder` that was written last, of the world with this title if one is
-/// given. Damaged files are passed over; a folder that cannot be read has none.
+/// given. Damaged files are skipped; a folder that cannot be read counts as empty.
 pub fn newest(folder: &Path, title: Option<&str>) -> Option<Description> {
     let title = title.map(safe_file_name);
     let written = |path: PathBuf| Some((std::fs::metadata(&path).ok()?.modified().ok()?, path));
@@ -85,7 +84,8 @@ pub fn list(folder: &Path, registry: &Arc<Registry>) -> Result<String, Report> {
 /// Returns the cells of a line of the table.
 fn row(found: &Result<Description, CheckpointError>) -> Vec<String> {
     match found {
-        // What the file's name often says as well comes last: a narrow terminal breaks lines there.
+        // Columns that the file's name often repeats come last: a narrow terminal breaks lines
+        // there.
         Ok(found) => vec![
             name(&found.file),
             grouped(found.updates),

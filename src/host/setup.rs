@@ -76,7 +76,7 @@ pub struct Request {
     pub recording: Option<PathBuf>,
     /// Whether existing files are replaced.
     pub overwrite: bool,
-    /// Where the run ends; its seconds are counted from where it begins or goes on.
+    /// Limits of the run; seconds count from where it begins or resumes.
     pub limits: Limits,
 }
 
@@ -96,7 +96,7 @@ pub struct Setup {
     pub edits: Vec<Edit>,
     /// Threads that share an update's work.
     pub threads: usize,
-    /// Where the run ends, its seconds counted from the start of training.
+    /// Limits of the run; seconds count from the start of training.
     pub limits: Limits,
     /// Where to save the run, if given.
     pub save: Option<SaveTo>,
@@ -364,10 +364,10 @@ fn inputs<'a>(request: &'a Request, resumed: Option<&'a Path>) -> impl Iterator<
         .chain(edits)
 }
 
-/// Checks that the file of an `option` which writes one is not among those that the command reads.
+/// Checks that the output file of an `option` is not one of the command's inputs.
 ///
 /// # Errors
-/// It is.
+/// It is one of them.
 pub fn refuse_input<'a>(
     option: &str,
     path: &Path,
@@ -386,7 +386,7 @@ pub fn refuse_input<'a>(
 
 /// Returns whether two paths lead to the same existing file.
 fn is_same_file(a: &Path, b: &Path) -> bool {
-    // Comparing opens them, which waits for the other end of a pipe.
+    // Comparing opens them, which would block on a pipe.
     a.is_file() && b.is_file() && same_file::is_same_file(a, b).unwrap_or(false)
 }
 
@@ -439,7 +439,7 @@ fn load_edits(request: &Request, trainer: &Trainer) -> Result<Vec<Edit>, Report>
         .iter()
         .rfind(|edit| edit.updates == begun)
         .and_then(|edit| PointMaze::downcast_ref(&*edit.world));
-    // Checkpoints have names without what could lead out of a folder.
+    // Checkpoints contain sanitised names.
     let as_saved = |map: &Grid| map.clone().named(&safe_file_name(map.name()));
     if request.resume.is_some() && last.is_some_and(|edited| as_saved(edited.map()) == **map) {
         edits.retain(|edit| edit.updates != begun);
@@ -515,7 +515,7 @@ pub fn elsewhere(path: &Path) -> Vec<PathBuf> {
 }
 
 /// Saves a run that cannot be saved to `path` [`elsewhere`], if need be under a name that every
-/// file system takes.
+/// file system accepts.
 pub fn save_elsewhere(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
     let places = elsewhere(path).into_iter().chain(elsewhere(Path::new("recovered.safetensors")));
     let to = |place: PathBuf| {

@@ -18,8 +18,8 @@ use crate::host::waiting::{TWICE, Waiting};
 use gdg::printing;
 use gdg::pulse::Pulse;
 
-/// Makes writing beyond the limit on the size of files (`ulimit -f`) an error like a full disk,
-/// which would otherwise end the program.
+/// Turns writing beyond the file size limit (`ulimit -f`), which would end the program, into an
+/// error like a full disk.
 ///
 /// # Errors
 /// Returns the system's error.
@@ -27,23 +27,21 @@ pub fn survive_file_size_limit() -> std::io::Result<()> {
     signal_hook::flag::register(SIGXFSZ, Arc::default()).map(drop)
 }
 
-/// A signal that arrives again so soon is the same one: `timeout` sends its own to the program and
-/// to its group.
+/// A signal repeated within this time counts once: `timeout` signals both the program and its
+/// process group.
 const SAME_SIGNAL: Duration = Duration::from_millis(200);
 
-/// How long the terminal may take to be restored when the program is to end at once: it may not
-/// read.
+/// Time limit for restoring the terminal before an immediate exit: the terminal may not read.
 const LONGEST_RESTORE: Duration = Duration::from_millis(500);
 
-/// Signals that end the program on every system: of terminals and users, of batch systems (SIGUSR1,
-/// SIGUSR2 and SIGXCPU warn of a limit), of timers that a program has inherited. They would all end
-/// it with nothing saved. Signals for faults, and SIGQUIT, which asks for a core dump, keep their
-/// effect.
+/// Signals that would end the program on every system with nothing saved: from terminals and users,
+/// from batch systems (SIGUSR1, SIGUSR2 and SIGXCPU warn of a limit), and from inherited timers.
+/// Faults and SIGQUIT, which asks for a core dump, keep their default action.
 const ENDING: [i32; 9] =
     [SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2, SIGXCPU, SIGALRM, SIGVTALRM, SIGPROF];
 
-/// Those that come more than once without anybody's wish to end at once: whoever closes a terminal
-/// passes the hang-up on, as the system does itself, and clocks go on.
+/// Signals whose repetition is no request to end at once: both the shell and the system send SIGHUP
+/// when a terminal closes, and timers keep firing.
 const REPEATING: [i32; 5] = [SIGHUP, SIGXCPU, SIGALRM, SIGVTALRM, SIGPROF];
 
 /// The termination signal received so far, if any.
@@ -55,7 +53,8 @@ pub struct TerminationSignal {
 
 impl TerminationSignal {
     /// Registers the signals that end the program, except those that were ignored at startup (as
-    /// under nohup). While the program takes long to end, says on standard error what it waits for.
+    /// under nohup). While the program takes long to end, prints what it waits for to standard
+    /// error.
     ///
     /// # Errors
     /// Returns the system's error.
@@ -63,9 +62,8 @@ impl TerminationSignal {
         Self::listen_with(None)
     }
 
-    /// Like [`Self::listen`], for an interface, which says itself what it waits for, and whose
-    /// terminal is to be restored before the program ends at once. Called before the threads of the
-    /// interface start.
+    /// Like [`Self::listen`], for the interface, which shows itself what it waits for. An immediate
+    /// exit first calls `restore_terminal`. Must be called before the interface's threads start.
     ///
     /// # Errors
     /// Returns the system's error.
@@ -82,7 +80,7 @@ impl TerminationSignal {
         let mut signals =
             Signals::new(ENDING.iter().filter(|number| !is_ignored(number))).into_diagnostic()?;
         for number in ending_here().filter(|number| !is_ignored(number)) {
-            // The C library keeps some real-time signals to itself.
+            // The C library reserves some real-time signals.
             let _ = signals.add_signal(number);
         }
         let own = termination.clone();
@@ -90,7 +88,7 @@ impl TerminationSignal {
             let (mut arrivals, mut waiting) = (Arrivals::default(), None);
             for number in signals.forever() {
                 tracing::info!("signal {number}");
-                if arrivals.is_another_wish(number, Instant::now()) {
+                if arrivals.is_repeated_request(number, Instant::now()) {
                     end_at_once(restore_terminal, own.number().unwrap_or(number));
                 }
                 if own
@@ -132,13 +130,13 @@ impl TerminationSignal {
     }
 }
 
-/// Lets the calling thread, and those that it starts, use the terminal from the background without
-/// being stopped for it. The system would stop the whole program, which could then not even end.
+/// Lets the calling thread, and those that it starts, use the terminal from the background:
+/// otherwise, the system would stop the whole program, which could then not even exit.
 fn survive_in_background() {
     use nix::sys::signal::{SigSet, Signal};
 
     let stopping = SigSet::from_iter([Signal::SIGTTOU, Signal::SIGTTIN]);
-    // Without it, the program stops as others do.
+    // On failure, the program stops like any other.
     let _ = stopping.thread_block();
 }
 
@@ -147,10 +145,10 @@ fn survive_in_background() {
 struct Arrivals(BTreeMap<i32, Instant>);
 
 impl Arrivals {
-    /// Notes a signal; returns whether somebody wishes once more that the program ends. Signals
-    /// that come together are one wish: the end of a login session sends SIGTERM, SIGCONT and
-    /// SIGHUP. So are those by which a batch system insists, as it sends another one each time.
-    fn is_another_wish(&mut self, number: i32, now: Instant) -> bool {
+    /// Records a signal; returns whether it repeats the request to end. Different signals are one
+    /// request: the end of a login session sends SIGTERM, SIGCONT and SIGHUP, and batch systems
+    /// escalate from one signal to the next.
+    fn is_repeated_request(&mut self, number: i32, now: Instant) -> bool {
         let before = self.0.insert(number, now);
         let again =
             before.is_some_and(|before| now.saturating_duration_since(before) >= SAME_SIGNAL);
@@ -158,21 +156,21 @@ impl Arrivals {
     }
 }
 
-/// Has a limit of CPU time warn by SIGXCPU before it kills the program: `ulimit -t` and batch
-/// systems often set both at once.
+/// Lowers the soft CPU time limit so that SIGXCPU warns before the hard one kills the program:
+/// `ulimit -t` and batch systems often set both to the same time.
 fn warn_of_cpu_limit() {
     use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit, setrlimit};
 
     let Ok((soft, hard)) = getrlimit(Resource::RLIMIT_CPU) else { return };
     let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get() as u64);
     if hard != RLIM_INFINITY && soft > warning_before(hard, cores) {
-        // Without it, the limit is as it was.
+        // On failure, the limit stays as it was.
         let _ = setrlimit(Resource::RLIMIT_CPU, warning_before(hard, cores), hard);
     }
 }
 
-/// Returns the seconds of CPU time after which to warn of a limit: all cores may go on for a few
-/// seconds until the run is saved.
+/// Returns the CPU time in seconds after which to warn of a limit: leaves all cores a few seconds
+/// to save the run.
 fn warning_before(limit: u64, cores: u64) -> u64 {
     limit - (limit / 2).min(5 + 3 * cores)
 }
@@ -183,7 +181,7 @@ fn end_at_once(restore_terminal: Option<fn()>, number: i32) -> ! {
         let (done, is_done) = channel();
         std::thread::spawn(move || {
             restore();
-            // Nobody waits any more if the terminal was too slow.
+            // The receiver is gone if the terminal was too slow.
             let _ = done.send(());
         });
         let _ = is_done.recv_timeout(LONGEST_RESTORE);
@@ -213,8 +211,8 @@ fn ending_here() -> impl Iterator<Item = i32> {
     std::iter::empty()
 }
 
-/// Returns the ending signals that this process ignores. Only Linux tells, where it has /proc;
-/// elsewhere, children show which signals end them, as they ignore the same.
+/// Returns the ending signals that this process ignores. Linux lists them in /proc; elsewhere, a
+/// child process is tested, as it inherits ignored signals.
 fn ignored_signals() -> Vec<i32> {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -224,7 +222,7 @@ fn ignored_signals() -> Vec<i32> {
     }
 }
 
-/// Whether a `shell` started by this process ignores a signal; not if it cannot be started.
+/// Whether a `shell` started by this process ignores a signal; `false` if it cannot be started.
 fn ignores(mut shell: Command, number: i32) -> bool {
     shell.args(["-c", "ulimit -c 0; kill -\"$0\" $$", &number.to_string()]);
     shell.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
@@ -247,12 +245,12 @@ mod tests {
     }
 
     #[test]
-    fn only_the_same_signal_again_after_a_moment_is_another_wish_to_end() {
+    fn only_the_same_signal_again_after_a_moment_repeats_the_request_to_end() {
         let began = Instant::now();
         let wishes = |signals: &[(i32, u64)]| {
             let mut arrivals = Arrivals::default();
             let at = |(number, ms): &(i32, u64)| {
-                arrivals.is_another_wish(*number, began + Duration::from_millis(*ms))
+                arrivals.is_repeated_request(*number, began + Duration::from_millis(*ms))
             };
             signals.iter().map(at).collect::<Vec<_>>().contains(&true)
         };

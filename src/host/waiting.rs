@@ -1,4 +1,4 @@
-//! Says what a program that is to end still waits for.
+//! Reports what the program still waits for before it ends.
 
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
@@ -6,26 +6,26 @@ use std::time::{Duration, Instant};
 use gdg::printing::eprint_line;
 use gdg::pulse::Pulse;
 
-/// Time after which something is said.
+/// Time before the first report.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Time between looks at what is being done, ...
+/// Polling interval, ...
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
 
-/// ... and between lines while that stays the same.
+/// ... and time between reports while the activity stays the same.
 const REPEAT_AFTER: Duration = Duration::from_mins(1);
 
-/// What ends the program at once if no Ctrl-C has been received yet.
+/// How to end the program at once if no Ctrl-C has been received yet.
 pub const TWICE: &str = "Ctrl-C twice";
 
-/// Says on standard error what is waited for, if it takes long, until it is dropped.
+/// Reports on standard error what a long wait is for, until dropped.
 pub struct Waiting {
     _ended: Sender<()>,
 }
 
 impl Waiting {
-    /// Begins to wait for what `pulse` is doing, unless the user does what `ends_at_once`. `before`
-    /// runs before anything is said, which may have to leave a screen.
+    /// Starts to report what `pulse` is doing, and that `ends_at_once` ends the program at once.
+    /// `before` runs before the first report, for instance to leave the alternate screen.
     pub fn begin(pulse: &Pulse, ends_at_once: &'static str, before: fn()) -> Self {
         let ((ended, end), pulse) = (channel(), pulse.clone());
         let say = move || {
@@ -51,7 +51,7 @@ impl Waiting {
                 eprint_line(&line);
             }
         };
-        // Without a thread, nothing is said.
+        // Without a thread, nothing is reported.
         let _ = std::thread::Builder::new().name("waiting".to_owned()).spawn(say);
         Self { _ended: ended }
     }

@@ -47,8 +47,7 @@ pub fn write(args: &FramesArgs, out: &Path) -> Result<String, Report> {
     }
     let mut moments: Vec<f64> = (0..count).map(|i| args.from + step * i as f64).collect();
     moments.push(to);
-    // The file says first how many frames follow, and how large they are: look at all of them
-    // before.
+    // The file begins with the number and size of its frames, which a first pass determines.
     let mut plan = Plan::default();
     play(&args.cast, moments.clone(), |screen, at| {
         plan.add(buffer_of(screen), (at - args.from) / args.speed);

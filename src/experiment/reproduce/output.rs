@@ -102,7 +102,7 @@ pub fn paths_file(figure: &str) -> String {
     format!("{figure}-paths.csv")
 }
 
-/// Returns who was run, for data.
+/// Describes a method, for data files.
 fn about(method: &MethodResults) -> Value {
     json!({
         "name": method.entry.name,

@@ -1,4 +1,4 @@
-//! The table of an earlier session of a resumed run: what of it to keep.
+//! How much of a resumed run's earlier table to keep.
 
 use csv::{ByteRecord, StringRecord};
 
@@ -54,7 +54,7 @@ fn as_text(row: &ByteRecord) -> StringRecord {
     StringRecord::from_byte_record_lossy(row.clone())
 }
 
-/// A row as far as it tells whose it is.
+/// The columns of a row that identify its run.
 struct Row {
     is_evaluation: bool,
     updates: u64,
@@ -91,8 +91,8 @@ impl Row {
         self.updates < now || self.updates == now && (!self.is_evaluation || is_recorded())
     }
 
-    /// Returns whether what the run remembers confirms the row, `None` if it contradicts it. It
-    /// does not remember all.
+    /// Returns whether the run's history, which is thinned, confirms the row; `None` if it
+    /// contradicts it.
     fn matches(&self, trainer: &Trainer) -> Option<bool> {
         let history = trainer.history();
         let points = history.points();

@@ -16,8 +16,8 @@ use gdg::draw::{Picture, Rgb, TextPixel, has_letter, paint_text, text_size};
 
 type Drawn = Result<(), DrawingErrorKind<Infallible>>;
 
-/// Draws on white ground, with `pictures` at the places of their upper left corners below what
-/// `paint` draws; `None` if the size is empty or too large.
+/// Draws `pictures` at their upper left corners on a white background, and on top what `paint`
+/// draws; `None` if the size is empty or too large.
 pub fn draw<'p, E>(
     (width, height): (u32, u32),
     pictures: impl Iterator<Item = (&'p Picture, (i32, i32))>,
@@ -31,7 +31,7 @@ pub fn draw<'p, E>(
         return Some(Err(error));
     }
     let mut picture = Picture::new((width as usize, height as usize), (255, 255, 255));
-    // The ground is opaque, so nothing is premultiplied.
+    // The background is opaque, so premultiplication changes nothing.
     let pixels = pixmap.pixels().iter().map(|pixel| (pixel.red(), pixel.green(), pixel.blue()));
     picture.pixels_mut().iter_mut().zip(pixels).for_each(|(to, from)| *to = from);
     Some(Ok(picture))
