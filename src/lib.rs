@@ -20,8 +20,9 @@
 //! # Add a figure
 //!
 //! An entry in `FIGURES` in `src/experiment/reproduce/figures.rs` (map or world, methods, what it
-//! shows) and, for a new method, an entry in `methods.rs`. Another kind of chart is a variant of `Shows` with its lines in `curves.rs`, another kind of picture one in `maps.rs`; files,
-//! report and terminal follow. What a figure needs of the trained networks is measured in
+//! shows) and, for a new method, an entry in `methods.rs`. Another kind of chart is a variant of
+//! `Shows` with its lines in `curves.rs`, another kind of picture one in `maps.rs`; files, report
+//! and terminal follow. What a figure needs of the trained networks is measured in
 //! `src/experiment/measure.rs`.
 
 #![forbid(unsafe_code)]

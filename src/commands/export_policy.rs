@@ -10,8 +10,8 @@ use crate::host::report::from_checkpoint_error;
 use crate::host::setup::refuse_existing;
 use gdg::train::{self, Registry, policy_file};
 
-/// Writes the actor of a checkpoint and returns a line that says where: by default, `NAME.policy.safetensors`
-/// beside `NAME.safetensors`.
+/// Writes the actor of a checkpoint and returns a line that says where: by default,
+/// `NAME.policy.safetensors` beside `NAME.safetensors`.
 ///
 /// # Errors
 /// The checkpoint cannot be read, has no actor, or the file exists or cannot be written.

@@ -14,11 +14,13 @@ const LEVELS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█
 /// Returns the report on `groups`, the jobs of each map, whose results make up `rows`.
 pub fn report(groups: &[Vec<Job>], rows: &[Row], folder: &Folder) -> String {
     let mut out = format!("# Suite\n\n{}\n\n{}", about(groups), table::table(rows));
-    out += "\nIn the pictures, colours show the learned distance D to the goal (orange), light near and dark far, with \
-            contour lines; from the start (blue), the plan is red and the path walked white.\n\nPlanned and greedy are success rates with \
-            plans and of the actor alone, straight that of walking straight at the goal; SPL is that of plans, weighted by \
-            path length (Anderson et al. 2018). Errors are mean absolute relative errors of D, of D up to 10 steps, and of \
-            the distance along the graph. False edges join places that no path of about their length does.\n";
+    out += "\nIn the pictures, colours show the learned distance D to the goal (orange), light \
+            near and dark far, with contour lines; from the start (blue), the plan is red and the \
+            path walked white.\n\nPlanned and greedy are success rates with plans and of the actor \
+            alone, straight that of walking straight at the goal; SPL is that of plans, weighted \
+            by path length (Anderson et al. 2018). Errors are mean absolute relative errors of D, \
+            of D up to 10 steps, and of the distance along the graph. False edges join places that \
+            no path of about their length does.\n";
     for (group, row) in groups.iter().zip(rows) {
         out += &format!("\n## {}\n\n{}.\n", markdown(&row.map), size(group));
         for job in group {
@@ -44,13 +46,13 @@ fn about(groups: &[Vec<Job>]) -> String {
     let starts = match first.run.settings.train.restart {
         Restart::Anywhere => "Agents start anywhere (restart=anywhere).",
         Restart::Auto | Restart::StartCell | Restart::Never => {
-            "Agents start at the map's `S`; on a map without one, at one cell of its largest component that the seed draws, \
-             and nowhere else."
+            "Agents start at the map's `S`; on a map without one, at one cell of its largest \
+             component that the seed draws, and nowhere else."
         }
     };
     format!(
-        "gdg-tui {}, method {}, preset {}{changed}; {}, {tasks} at each of six distances. {starts} In brackets: the worst \
-         seed.",
+        "gdg-tui {}, method {}, preset {}{changed}; {}, {tasks} at each of six distances. \
+         {starts} In brackets: the worst seed.",
         env!("CARGO_PKG_VERSION"),
         first.run.method,
         first.run.preset.name(),

@@ -13,8 +13,8 @@ use gdg::train::{self, SaveTo, Trainer};
 /// Default time between checkpoints.
 const DEFAULT_INTERVAL_MINUTES: f64 = 5.0;
 
-/// Returns the time between checkpoints: `minutes`, otherwise the default; `None` for 0, which saves
-/// only at the end.
+/// Returns the time between checkpoints: `minutes`, otherwise the default; `None` for 0, which
+/// saves only at the end.
 pub fn save_interval(minutes: Option<f64>) -> Option<Duration> {
     let minutes = minutes.unwrap_or(DEFAULT_INTERVAL_MINUTES);
     (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes))

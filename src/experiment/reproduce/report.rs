@@ -8,21 +8,24 @@ use crate::experiment::plan::Length;
 use gdg::text::counted;
 
 /// How the bridge point of Figure 2 is found.
-const BRIDGE_SEARCH: &str = "The published search, on one far task after another until there is a bridge point: b with D(s,b) + \
-     D(b,g) < D(s,g), among candidates that are at least a quarter of D(s,g) from either end.";
+const BRIDGE_SEARCH: &str = "The published search, on one far task after another until there is a \
+                             bridge point: b with D(s,b) + D(b,g) < D(s,g), among candidates that \
+                             are at least a quarter of D(s,g) from either end.";
 
 /// What the numbers of figures over training are.
 const AT_THE_END: &str = "success rate at the end, all distances";
 
 /// What Figure 1 compares.
-const ARM: &str = "The paper's claim: with the distance |s - g| given, GDG (which learns f and mu) and DDPG (which regresses Q on \
-     -|s' - g|) converge alike. DDPG + HER with sparse rewards and GDG with a learned D are our additions.";
+const ARM: &str = "The paper's claim: with the distance |s - g| given, GDG (which learns f and \
+                   mu) and DDPG (which regresses Q on -|s' - g|) converge alike. DDPG + HER with \
+                   sparse rewards and GDG with a learned D are our additions.";
 
 /// What is seen in the picture of the arm's grip.
-const GRIP: &str = "The arm starts on one side of the wall, the goal is on the other. Below, the grip's path (dark blue) in one \
-     evaluation task, the same for both methods, from the start (light blue) to within 5 cm of the goal (orange circle), \
-     after training with the first seed: from behind the robot with the table below, and from above. Red: the plan, with \
-     its waypoints.";
+const GRIP: &str = "The arm starts on one side of the wall, the goal is on the other. Below, the \
+                    grip's path (dark blue) in one evaluation task, the same for both methods, \
+                    from the start (light blue) to within 5 cm of the goal (orange circle), after \
+                    training with the first seed: from behind the robot with the table below, and \
+                    from above. Red: the plan, with its waypoints.";
 
 /// Returns the report, with the sections of all figures.
 pub fn report(
@@ -32,11 +35,12 @@ pub fn report(
     unavailable: &[&str],
 ) -> String {
     let mut out = format!(
-        "# \"Reinforcement Learning with Goal-Distance Gradient\", reproduced\n\nMade by gdg-tui {} with\n\n```sh\n\
-         gdg-tui {arguments}\n```\n\nLines are means over seeds, bands reach from the worst to the best seed. Success: the \
-         goal reached within 500 steps, with the arm within its episode of 50; methods that plan are evaluated with planning. Our maps are not the paper's, whose \
-         arrays are not published: the city's farthest task takes 240 steps in both. \"-\": the paper gives no \
-         number.\n",
+        "# \"Reinforcement Learning with Goal-Distance Gradient\", reproduced\n\nMade by gdg-tui \
+         {} with\n\n```sh\ngdg-tui {arguments}\n```\n\nLines are means over seeds, bands reach \
+         from the worst to the best seed. Success: the goal reached within 500 steps, with the arm \
+         within its episode of 50; methods that plan are evaluated with planning. Our maps are not \
+         the paper's, whose arrays are not published: the city's farthest task takes 240 steps in \
+         both. \"-\": the paper gives no number.\n",
         env!("CARGO_PKG_VERSION")
     );
     if !unavailable.is_empty() {
@@ -194,7 +198,8 @@ fn distance_table(methods: &[MethodResults], panels: &[Panel]) -> String {
 /// Returns the numbers below every map.
 fn maps_table(drawn: &Drawn) -> String {
     let mut out =
-        "Blue: the start s; orange: the goal g; red: the bridge point b and the plan.\n\n| map | |\n|---|---|\n"
+        "Blue: the start s; orange: the goal g; red: the bridge point b and the plan.\n\n| map | \
+         |\n|---|---|\n"
             .to_owned();
     for panel in drawn.maps.iter().flatten() {
         out += &format!("| {} | {} |\n", panel.title, panel.caption);

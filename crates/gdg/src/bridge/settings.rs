@@ -55,8 +55,8 @@ settings! {
         Exploration {
             /// Method gdg-bridge only.
             bridge_epsilon: f32 = 0.2;
-                "probability that an episode that begins without an excursion has a bridge point as \
-                 its first goal (Algorithm 1's epsilon)",
+                "probability that an episode that begins without an excursion has a bridge point \
+                 as its first goal (Algorithm 1's epsilon)",
                 values: Values::PROBABILITY,
                 ablation: without("no bridge goals in exploration", "0");
             search_budget: usize = 64;
@@ -69,8 +69,8 @@ settings! {
                 ablation: without("no plans in exploration", "0");
             /// The comparison with rivals leaves out excursions.
             frontier_epsilon: Auto<f32> = Auto::AUTO, Paper | Tuned | Sb3 => Auto::Given(0.0);
-                "share of their steps that agents spend on exploring beyond the frontier; auto: 0.5 \
-                 while there is anything left to try, 0.05 afterwards",
+                "share of their steps that agents spend on exploring beyond the frontier; auto: \
+                 0.5 while there is anything left to try, 0.05 afterwards",
                 values: Values::measure("a share", 0.0, 1.0).or_auto(),
                 ablation: without("no excursions", "0");
         }
@@ -81,8 +81,8 @@ settings! {
                  verify_edges)",
                 values: Values::count(2, 10_000);
             candidate_spacing: f32 = 1.0, Paper => 2.0;
-                "minimum distance between candidates; grows if there would be too many, and shrinks \
-                 if many walks between them fail",
+                "minimum distance between candidates; grows if there would be too many, and \
+                 shrinks if many walks between them fail",
                 values: Values::number(0.01, 1e6), unit: "goal radii";
             edge_cutoff_steps: f32 = 10.0;
                 "maximum D of an edge",
@@ -125,8 +125,8 @@ settings! {
                 ablation: without("current weights, no averages", "false");
             #[serde(default)]
             lookahead: bool = true, Paper => false;
-                "agents that follow a plan take the action a with the smallest D(f(s, a), waypoint), \
-                 of the actor's and a fixed set",
+                "agents that follow a plan take the action a with the smallest D(f(s, a), \
+                 waypoint), of the actor's and a fixed set",
                 ablation: without("no lookahead", "false");
         }
     }

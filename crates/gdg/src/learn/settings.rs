@@ -56,7 +56,8 @@ settings! {
                 values: Values::SCALES, unit: "goal radii", effect: NewNetworks,
                 ablation: without("no relative inputs", "[]");
             grid_cells: Vec<f32> = vec![4.0, 2.0, 1.0, 0.5], Paper | Tuned | Sb3 => Vec::new();
-                "cell sizes of the trainable grid encoding, for goals that are positions; [] for none",
+                "cell sizes of the trainable grid encoding, for goals that are positions; [] for \
+                 none",
                 values: Values::SCALES, unit: "goal radii", effect: NewNetworks,
                 ablation: without("no grid encoding", "[]");
             grid_channels: usize = 4;
@@ -69,7 +70,8 @@ settings! {
                 ablation: without("unbounded actor", "0");
             /// See Andrychowicz et al. 2017, appendix A.
             actor_l2: f32 = 0.0;
-                "weight of the mean of z squared in the actor's loss of ddpg, her and ddpg-distance",
+                "weight of the mean of z squared in the actor's loss of ddpg, her and \
+                 ddpg-distance",
                 values: Values::number(0.0, 1e6);
         }
         Targets {
@@ -84,8 +86,8 @@ settings! {
                 "weight of the larger distance of two critics in D; the rest is their mean",
                 values: Values::FRACTION;
             expectile: f32 = 0.55, Paper => 0.5;
-                "weight of errors where the target is below D, 1 minus it above; 0.5 is the squared \
-                 error",
+                "weight of errors where the target is below D, 1 minus it above; 0.5 is the \
+                 squared error",
                 values: Values::unit(Excluded::Both);
             /// D is then the distance of the better of behaviour and actor, as in generalised
             /// policy iteration (Sutton and Barto 2018, section 4.6); the behaviour alone
@@ -108,7 +110,8 @@ settings! {
                 ablation: without("no bounds by the graph on other pairs", "false");
             #[serde(default)]
             actor_waypoints: bool = true, Paper | Tuned | Sb3 => false;
-                "lead the actor to far goals by the next waypoint on the path through the bridge graph",
+                "lead the actor to far goals by the next waypoint on the path through the bridge \
+                 graph",
                 ablation: without("no waypoints for the actor", "false");
             /// Where its own action changes nothing, the gradient of Algorithm 1 vanishes.
             #[serde(default)]
@@ -153,8 +156,8 @@ settings! {
                 "fraction of goals relabelled in hindsight: states reached later in the episode",
                 values: Values::FRACTION;
             goal_geometric: f32 = 0.5, Tuned | Sb3 => 0.0;
-                "fraction of hindsight goals a geometric number of steps ahead; the rest are uniform \
-                 over the future",
+                "fraction of hindsight goals a geometric number of steps ahead; the rest are \
+                 uniform over the future",
                 values: Values::FRACTION;
             goal_geometric_mean_steps: f32 = 25.0;
                 "mean of that geometric distribution",

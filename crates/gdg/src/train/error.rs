@@ -35,8 +35,9 @@ pub enum TrainError {
     },
     /// The run diverged again after the maximum number of rollbacks.
     #[error(
-        "training diverged again at update {updates} after {times} rollbacks: set a smaller learning_rate (now \
-         {learning_rate}); the networks of update {back_to} are restored and can be saved"
+        "training diverged again at update {updates} after {times} rollbacks: set a smaller \
+         learning_rate (now {learning_rate}); the networks of update {back_to} are restored and \
+         can be saved"
     )]
     Diverged {
         /// The update after which numbers were not finite.
@@ -50,8 +51,8 @@ pub enum TrainError {
     },
     /// The settings need more memory than is available.
     #[error(
-        "these settings need about {:.1} GB of memory, but {:.1} GB are available: reduce hidden, layers, batch_size, \
-         candidates, buffer_size or grid_channels",
+        "these settings need about {:.1} GB of memory, but {:.1} GB are available: reduce hidden, \
+         layers, batch_size, candidates, buffer_size or grid_channels",
         *needed as f64 / 1e9,
         *available as f64 / 1e9
     )]
@@ -63,9 +64,9 @@ pub enum TrainError {
     },
     /// The settings need more address space than this process may have.
     #[error(
-        "these settings need about {:.1} GB of memory and {:.1} GB of address space, but a limit allows {:.1} GB of the \
-         latter: raise it (ulimit -v shows it, in KiB), or reduce hidden, layers, batch_size, candidates, buffer_size or \
-         grid_channels",
+        "these settings need about {:.1} GB of memory and {:.1} GB of address space, but a limit \
+         allows {:.1} GB of the latter: raise it (ulimit -v shows it, in KiB), or reduce hidden, \
+         layers, batch_size, candidates, buffer_size or grid_channels",
         *needed as f64 / 1e9,
         *space as f64 / 1e9,
         *limit as f64 / 1e9

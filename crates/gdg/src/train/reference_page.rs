@@ -7,9 +7,10 @@ use crate::settings::{Group, Preset, Setting};
 
 /// Returns the reference page in Markdown.
 pub fn reference_page() -> String {
-    let mut page = "# Settings\n\nSet one with `--set NAME=VALUE`, several with `--config FILE` (JSON, in the \
-                    format of `--print-config`), or change any of them during training with `o`. Former names still work. This page \
-                    is printed by `gdg-tui settings`.\n\nSome worlds bring default settings of their own, on top of the \
+    let mut page = "# Settings\n\nSet one with `--set NAME=VALUE`, several with `--config FILE` \
+                    (JSON, in the format of `--print-config`), or change any of them during \
+                    training with `o`. Former names still work. This page is printed by `gdg-tui \
+                    settings`.\n\nSome worlds bring default settings of their own, on top of the \
                     presets that adapt to the world:\n\n"
         .to_owned();
     for WorldKind { name, defaults, .. } in WORLDS.iter().filter(|kind| !kind.defaults.is_empty()) {
@@ -30,7 +31,8 @@ pub fn reference_page() -> String {
     let columns = "---|".repeat(Preset::ALL.len() + 5);
     for group in Group::ALL {
         page += &format!(
-            "\n## {}\n\n| setting | {names} | unit | values | description | effect of a change |\n|{columns}\n",
+            "\n## {}\n\n| setting | {names} | unit | values | description | effect of a change \
+             |\n|{columns}\n",
             group.name()
         );
         for (i, setting) in

@@ -59,7 +59,8 @@ pub enum Due {
 pub struct Session {
     schedule: Schedule,
     due: VecDeque<Due>,
-    /// Evaluations that have been due so far; one that is not finite leaves no trace in the history.
+    /// Evaluations that have been due so far; one that is not finite leaves no trace in the
+    /// history.
     evaluations: usize,
     saved_at: Instant,
 }

@@ -101,8 +101,8 @@ settings! {
                 "agents exploring in parallel",
                 values: Values::count(1, 4096), effect: NewAgents;
             episode_steps: Auto<u32> = Auto::AUTO, Paper => Auto::Given(20), Sb3 => Auto::Given(150);
-                "steps per episode; auto: three times the longest distance in the bridge graph, and \
-                 at least 150",
+                "steps per episode; auto: three times the longest distance in the bridge graph, \
+                 and at least 150",
                 values: Values::count(1, MAX_EPISODE_STEPS as u64).or_auto(), unit: "steps",
                 ablation: without("episodes of 150 steps", "150");
             restart: Restart = Restart::Auto, Paper | Sb3 => Restart::Anywhere;
@@ -114,13 +114,15 @@ settings! {
             /// It takes no knowledge of the world. SoRB (Eysenbach et al. 2019) trains on near
             /// goals with probability 0.8.
             near_goals: f32 = 0.0, Paper => 0.8;
-                "probability that an agent's goal is where a short straight walk from its place ends",
+                "probability that an agent's goal is where a short straight walk from its place \
+                 ends",
                 values: Values::PROBABILITY;
             near_goal_steps: u32 = 4;
                 "longest of these walks",
                 values: Values::count(1, 10_000), unit: "steps";
             new_goal_when_reached: bool = true, Paper | Sb3 => false;
-                "give an agent that reaches its goal, or gives up on it, a new one within the episode";
+                "give an agent that reaches its goal, or gives up on it, a new one within the \
+                 episode";
             env_noise: f32 = 0.0, Paper => 1.0;
                 "standard deviation of the noise added to every action by the environment",
                 values: Values::number(0.0, 100.0);

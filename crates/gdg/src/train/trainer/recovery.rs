@@ -42,8 +42,8 @@ impl std::fmt::Display for Recovery {
         let Self { updates, back_to, times, learning_rate } = self;
         write!(
             f,
-            "training diverged at update {updates}: rolled back to update {back_to} with half the learning rate, \
-             {learning_rate} ({times} of {MAX_RECOVERIES})"
+            "training diverged at update {updates}: rolled back to update {back_to} with half the \
+             learning rate, {learning_rate} ({times} of {MAX_RECOVERIES})"
         )
     }
 }
