@@ -32,7 +32,7 @@ use table::Table;
 /// run prints the same records.
 const PROGRESS_EVERY_UPDATES: u64 = 1_000;
 
-/// What a run without the interface needs besides what is trained.
+/// Options of a run without the interface, besides what to train.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Updates between evaluations; otherwise only at the end.

@@ -57,7 +57,7 @@ pub struct CompareArgs {
 }
 
 impl CompareArgs {
-    /// Returns what is compared.
+    /// Returns the options of the comparison.
     pub fn options(&self) -> ComparisonOptions {
         ComparisonOptions {
             methods: [self.a.clone(), self.b.clone()],

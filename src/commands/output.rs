@@ -45,7 +45,7 @@ impl<T> OrFail<T> for Result<T, Report> {
     }
 }
 
-/// Returns the file beside `checkpoint` called like it, with `end` instead of its extension.
+/// Returns the path of `checkpoint` with `end` instead of its extension.
 pub fn beside(checkpoint: &Path, end: &str) -> PathBuf {
     let folder = checkpoint.parent().unwrap_or(Path::new(""));
     files::named(folder, checkpoint.file_stem().unwrap_or_default(), end)

@@ -77,7 +77,7 @@ fn show(setup: Setup, args: &TrainArgs) -> Outcome {
     tui::run(setup, prepared, args.map.as_deref()).or_failure()
 }
 
-/// Checks that what is given as a map is not a mistyped command.
+/// Checks that the map argument is not a mistyped command.
 fn check_for_command(map: &Path, registry: &Registry) -> Result<(), super::Failure> {
     if !maps::is_unknown_name(map, registry) {
         return Ok(());

@@ -39,7 +39,7 @@ enum ResultError {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[from] std::io::Error),
-    /// It is not what was written.
+    /// Its contents are not what was written.
     #[error("is damaged: {0}")]
     Damaged(String),
     /// The beginning of the other job's key is the same.
@@ -231,7 +231,7 @@ impl Folder {
     }
 
     /// Writes the job's result and, if there is one, its picture, and removes its checkpoint unless
-    /// it is to be kept.
+    /// `keep`.
     ///
     /// # Errors
     /// A file cannot be written. The result is kept if only the picture cannot.

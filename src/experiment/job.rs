@@ -68,7 +68,7 @@ impl Job {
             .collect()
     }
 
-    /// Returns the result once `trainer` has come to the end, with what was measured there.
+    /// Returns the result of a finished `trainer`, with what was measured at the end.
     pub fn result(&self, trainer: &Trainer, measured: Option<Measured>) -> JobResult {
         let evaluations = trainer.history().evaluations().iter().cloned();
         JobResult {
@@ -120,7 +120,7 @@ pub struct JobResult {
     pub seconds: f64,
     /// All evaluations, oldest first.
     pub evaluations: Vec<EvaluationAt>,
-    /// What else was measured at the end, if the job's plan asks for anything.
+    /// Further measurements at the end, if the job's plan asks for any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Measured>,
 }
@@ -147,7 +147,7 @@ impl MapFacts {
 /// An evaluation after a number of updates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluationAt {
-    /// Updates done by then.
+    /// Updates done before it.
     pub updates: u64,
     /// Its results.
     #[serde(flatten)]
@@ -161,7 +161,7 @@ impl JobResult {
     }
 }
 
-/// Returns a map's name as part of file names and links: letters, digits and `-_.` alone.
+/// Returns a map's name as part of file names and links: only letters, digits and `-_.`.
 fn file_stem(name: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     safe_file_name(name).chars().map(plain).collect()

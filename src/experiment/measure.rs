@@ -33,7 +33,7 @@ pub struct Measured {
     pub env_steps: u64,
     /// Episodes.
     pub episodes: u64,
-    /// Walks, one per distance asked for.
+    /// Walks, one per requested distance.
     pub walks: Vec<Walked>,
     /// The search for a bridge point.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -61,7 +61,7 @@ pub struct GoalWalk {
 /// One walk. Positions are in cells.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Walked {
-    /// The distance asked for, in steps; that of the task is the same to within one.
+    /// The requested distance, in steps; that of the task differs by at most one.
     pub distance: u32,
     /// Fewest steps from start to goal.
     pub shortest: u32,
@@ -88,7 +88,7 @@ pub struct Bridge {
     pub tried: usize,
     /// D(s, cell) for every cell, row by row; null for walls.
     pub from_start: Vec<Option<f32>>,
-    /// D(cell, g) likewise.
+    /// The same for D(cell, g).
     pub to_goal: Vec<Option<f32>>,
     /// The walk from s to g.
     pub walk: Walked,

@@ -36,7 +36,7 @@ pub fn report(groups: &[Vec<Job>], rows: &[Row], folder: &Folder) -> String {
     out
 }
 
-/// Returns what was run, and from where agents start.
+/// Describes what was run and where agents start.
 fn about(groups: &[Vec<Job>]) -> String {
     let Some(first) = groups.iter().flatten().next() else { return String::new() };
     let seeds = groups.iter().map(Vec::len).max().unwrap_or(0);

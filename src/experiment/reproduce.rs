@@ -61,7 +61,7 @@ pub struct Options {
     pub list_jobs: bool,
     /// Names or numbers of the only jobs to run.
     pub job: Vec<String>,
-    /// Whether to report from finished jobs alone.
+    /// Whether to report from finished jobs without running any.
     pub collect: bool,
     /// Whether checkpoints of finished jobs are kept.
     pub keep: bool,
@@ -91,7 +91,7 @@ struct MethodJobs {
     jobs: Vec<Job>,
 }
 
-/// A method and the results that there are.
+/// A method and the available results.
 struct MethodResults {
     entry: &'static Entry,
     /// The jobs' plan, the same for every seed.
@@ -282,8 +282,7 @@ impl Reproduction<'_> {
         words.join(" ")
     }
 
-    /// Draws all figures from the results that there are and writes the report; returns the exit
-    /// status.
+    /// Draws all figures from the available results and writes the report; returns the exit status.
     fn draw(&self) -> Result<u8, Report> {
         let mut missing = BTreeSet::new();
         let (mut sections, mut charts) = (Vec::new(), String::new());

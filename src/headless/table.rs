@@ -47,7 +47,7 @@ const EVALUATION: [&str; 12] = [
 /// Distances at which tasks are evaluated, at most.
 const DISTANCES: usize = 6;
 
-/// Size limit of a table that a resumed run goes on in.
+/// Size limit of a table that a resumed run continues.
 const MAX_BYTES: u64 = 1 << 30;
 
 /// Returns the names of the columns.
@@ -105,7 +105,7 @@ impl Table {
     }
 
     /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file can no
-    /// longer be written, says so once; training continues.
+    /// longer be written, reports that once; training continues.
     pub fn add(&mut self, trainer: &Trainer, evaluation: Option<&Evaluation>) {
         let Some(writer) = &mut self.writer else { return };
         let line = progress(trainer, evaluation.is_some()).into_iter().chain(results(evaluation));

@@ -182,7 +182,7 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
         .map(|path| save_to(path, resumed.as_deref(), request.overwrite))
         .transpose()?;
     if let Some(path) = &request.table {
-        // A resumed run goes on in its own table.
+        // A resumed run continues its own table.
         refuse_existing(path, request.overwrite || resumed.is_some())?;
         refuse_input("--csv", path, inputs(request, resumed.as_deref()))?;
         files::check_writable(path).map_err(|error| {

@@ -74,7 +74,7 @@ pub struct Figure {
     pub shows: Shows,
     /// Whether every method trains with several seeds.
     pub several_seeds: bool,
-    /// What the paper says of each method, by name.
+    /// The paper's result of each method, by name.
     pub paper: &'static [(&'static str, &'static str)],
 }
 
@@ -97,7 +97,7 @@ pub enum Shows {
     DistanceLeft,
 }
 
-/// The methods of Figures 3 and 4: the paper's five, with our default and SoRB beside them.
+/// The methods of Figures 3 and 4: the paper's five, our default and SoRB.
 const COMPARED: &[Entry] = &[DEFAULT, GDG_BRIDGE, GDG, HER, DDPG, SORB, RANDOM];
 
 /// All figures.

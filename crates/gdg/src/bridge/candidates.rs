@@ -274,10 +274,9 @@ impl Candidates {
         let (nearest, distance) = self.nearest(state);
         let mut near = (distance < self.near_radius()).then_some(nearest);
         let spacing = self.spacing_of_newcomers();
+        let is_behind_a_wall = |(from, steps)| self.is_behind_a_wall(state, spacing, from, steps);
         if distance > spacing
-            || (distance > self.min_spacing
-                && latest
-                    .is_some_and(|(from, steps)| self.is_behind_a_wall(state, spacing, from, steps)))
+            || (distance > self.min_spacing && latest.is_some_and(is_behind_a_wall))
         {
             near = self.add(state, distance <= spacing);
         }

@@ -53,10 +53,9 @@ struct Held {
 /// Excursions of all agents.
 ///
 /// On an excursion, an agent follows what actions have led to before to the nearest place at the
-/// frontier, where some action may lead to a place that nobody has visited, and tries it: return
-/// first, then explore (Ecoffet et al. 2021), with optimism about what nobody has tried (R-max,
-/// Brafman and Tennenholtz 2002). This needs neither D nor the actor, which are not trained there
-/// yet.
+/// frontier, where some action may lead to an unvisited place, and tries it: return first, then
+/// explore (Ecoffet et al. 2021), with optimism about untried actions (R-max, Brafman and
+/// Tennenholtz 2002). This needs neither D nor the actor, which are not trained there yet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Excursions {
     places: Places,
@@ -124,7 +123,7 @@ impl Excursions {
         self.under_way[agent] = None;
     }
 
-    /// Whether there are actions that nobody has tried and that may lead to new places.
+    /// Whether there are untried actions that may lead to new places.
     pub fn has_frontier(&self) -> bool {
         self.places.has_frontier()
     }

@@ -128,7 +128,7 @@ impl Worker {
         Ok(format!("{done}{}{removed}{warning}", change.summary))
     }
 
-    /// Continues with other settings and returns a notice of what was kept.
+    /// Continues with other settings and returns a notice that says what was kept.
     fn change(&mut self, run: Run) -> Result<String, CommandError> {
         memory::check(&run, self.trainer.world(), self.trainer.registry())?;
         let what = changes(self.trainer.run(), &run);

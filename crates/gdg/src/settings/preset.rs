@@ -46,7 +46,7 @@ impl Preset {
     }
 
     /// Whether a world's default settings ([`WorldKind::defaults`](crate::env::WorldKind)) apply to
-    /// it: the presets that somebody else has published stay as they are.
+    /// it: published presets stay as they are.
     pub fn adapts_to_world(self) -> bool {
         match self {
             Self::Default | Self::Tuned => true,

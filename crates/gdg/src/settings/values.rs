@@ -57,7 +57,7 @@ pub(crate) enum Kind {
     Count { from: u64, to: Option<u64> },
     /// A number in single precision, within both bounds or without one of them.
     Number { noun: &'static str, from: f32, to: f32, excluded: Excluded },
-    /// A list of at most so many numbers, each within both bounds.
+    /// A list of at most `max_len` numbers, each within both bounds.
     Numbers { max_len: usize, from: f32, to: f32 },
 }
 

@@ -124,7 +124,7 @@ pub fn examine(path: &Path, registry: &Registry) -> Result<Description, Checkpoi
     Ok(found)
 }
 
-/// Reads a safetensors file up to the end of its header, or what there is of one.
+/// Reads a safetensors file up to the end of its header, which may be truncated.
 fn read_start(path: &Path) -> std::io::Result<(Vec<u8>, Metadata)> {
     let mut file = files::open(path)?;
     let facts = file.metadata()?;

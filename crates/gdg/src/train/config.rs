@@ -165,7 +165,7 @@ fn apply_typed(
     name: &str,
     text: &str,
 ) -> Result<(), Box<ConfigError>> {
-    // As JSON, 60.000 is 60, which may not be what is meant.
+    // As JSON, 60.000 is 60, which may not be the intention.
     let json = serde_json::from_str(text).ok().filter(|value: &Value| !value.is_number());
     apply(values, name, &json.unwrap_or_else(|| Value::String(text.to_owned())))
 }
@@ -264,7 +264,7 @@ fn checked(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
     Err(ConfigError::new(problem, help))
 }
 
-/// Returns what to say about a number with a decimal comma.
+/// Returns the hint for a number with a decimal comma.
 fn decimal_comma(value: &Value) -> &'static str {
     let is_number =
         |text: &str| text.contains(',') && text.replace(',', ".").parse::<f64>().is_ok();
@@ -378,7 +378,7 @@ fn apply_text(
     Ok(())
 }
 
-/// Returns what is wrong with JSON, without the place, which is reported as in other files.
+/// Returns the message of a JSON error without its location, which is reported as in other files.
 fn without_place(error: &serde_json::Error) -> String {
     let message = error.to_string();
     truncated(message.split(" at line ").next().unwrap_or(&message), MAX_QUOTED_CHARS)

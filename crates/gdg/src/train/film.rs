@@ -35,7 +35,7 @@ pub struct FilmFrame {
     pub updates: u64,
     /// Environment steps, summed over all agents.
     pub env_steps: u64,
-    /// The goal that distances are to, `(goal_dim)`.
+    /// The goal of the distances, `(goal_dim)`.
     pub goal: Vec<f32>,
     /// The places of the first agents, as goals, `(agents, goal_dim)`.
     pub agents: Vec<f32>,
@@ -103,9 +103,9 @@ impl Film {
         if fits { self } else { Self::default() }
     }
 
-    /// Whether a frame is to be taken after this update: the first one, which shows what has not
-    /// been learned yet, and then at multiples, so that it does not depend on when training was
-    /// paused or resumed.
+    /// Whether a frame is due after this update: the first one, which shows what has not been
+    /// learned yet, and then at multiples, so that it does not depend on when training was paused
+    /// or resumed.
     pub fn is_due(&self, updates: u64) -> bool {
         updates == 1 || updates.is_multiple_of(self.every)
     }

@@ -58,7 +58,7 @@ pub struct BuiltGraph {
     pub distilled: Arc<DistilledDistances>,
     /// The longest of these distances.
     pub longest_steps: f32,
-    /// The distances that have changed, if these were asked for.
+    /// The distances that have changed, if requested.
     pub changed: Option<Arc<ChangedDistances>>,
 }
 
@@ -84,7 +84,7 @@ pub struct StoredGraph {
     pub due: u64,
     /// The graph.
     pub state: GraphState,
-    /// The distances that have changed, if these were asked for.
+    /// The distances that have changed, if requested.
     pub changed: Option<ChangedDistances>,
 }
 

@@ -41,9 +41,9 @@ pub struct CurvePoint {
 /// An event.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogEntry {
-    /// Training time by then, in seconds.
+    /// Training time at the event, in seconds.
     pub seconds: f64,
-    /// Updates done by then.
+    /// Updates done at the event.
     pub updates: u64,
     /// Description of the event.
     pub text: String,

@@ -14,7 +14,7 @@ use crate::store::StoreError;
 /// Definition of a run: everything that its result depends on besides the world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// How agents act and what is learned.
+    /// The learner and the planner.
     pub method: Method,
     /// The preset that the settings are based on.
     pub preset: Preset,

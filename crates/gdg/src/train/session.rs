@@ -52,7 +52,7 @@ pub enum Due {
     Save,
 }
 
-/// Runs a trainer tick by tick and says what is due in between.
+/// Runs a trainer tick by tick and reports what is due in between.
 ///
 /// A front end alternates: it does all that [`Self::next_due`] returns, then calls [`Self::tick`].
 #[derive(Debug)]

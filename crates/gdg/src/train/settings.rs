@@ -199,7 +199,7 @@ impl Settings {
     }
 
     /// Returns the steps of an episode while the longest distance in the bridge graph is
-    /// `longest_steps`: an agent must be able to cross all that is known and go on from there.
+    /// `longest_steps`: an agent must be able to cross the known world and explore beyond it.
     pub fn episode_steps(&self, longest_steps: f32) -> u32 {
         let automatic = (EPISODE_FACTOR * longest_steps) as u32;
         let most = self.max_episode_steps();

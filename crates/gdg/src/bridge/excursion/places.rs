@@ -37,8 +37,8 @@ const NAMES: [&str; 6] = ["keys", "to", "attempts", "ahead", "moved", "counters"
 /// what each of a fixed set of actions has led to there.
 ///
 /// An action that has not been tried at a place is expected to lead to the neighbour in the
-/// direction in which it has led elsewhere. If nobody has visited that neighbour, the place is at
-/// the frontier.
+/// direction in which it has led elsewhere. If that neighbour is unvisited, the place is at the
+/// frontier.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Places {
     spec: Spec,

@@ -274,7 +274,7 @@ impl Shapes {
         loss
     }
 
-    /// Returns the output before tanh that `action` asks for.
+    /// Returns the target output before tanh for `action`.
     pub fn way_out_output(&self, action: f32) -> f32 {
         action * WAY_OUT_OUTPUT.min(self.actor_bound)
     }

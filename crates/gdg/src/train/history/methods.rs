@@ -13,7 +13,7 @@ const MAX_NAME_BYTES: usize = 200;
 pub struct Stretch {
     /// Updates counted when it began.
     pub from: u64,
-    /// Updates that a learner had done by then.
+    /// Updates that a learner had done when it began.
     pub learned: u64,
     /// The method.
     pub method: String,

@@ -11,8 +11,8 @@ use crate::files;
 /// Size limit of the files read here: the table of mounts of a busy host is some hundred kilobytes.
 const MAX_BYTES: u64 = 16 << 20;
 
-/// Limits of a group in version 2 with what is used of them; beyond `memory.high` the kernel slows
-/// a group down so much that it makes no progress.
+/// Files with the limits of a group in version 2 and their use; beyond `memory.high` the kernel
+/// slows a group down so much that it makes no progress.
 const V2_LIMITS: [(&str, &str); 2] =
     [("memory.max", "memory.current"), ("memory.high", "memory.current")];
 

@@ -66,7 +66,7 @@ mod tests {
         Trainer::new(run, &world, &Registry::builtin(), threads).expect("a trainer")
     }
 
-    /// Returns everything that decides how the run goes on.
+    /// Returns everything that the rest of the run depends on.
     fn state(trainer: &mut Trainer) -> Store {
         trainer.seconds = 0.0;
         trainer.save().expect("a state")
