@@ -57,10 +57,13 @@ fn cut_off_starts(grid: &Grid, components: &Components) -> Option<String> {
     let is_reached =
         grid.starts().iter().any(|start| components.of_cell[grid.index(*start)] == Some(largest));
     (!is_reached).then(|| {
-        let [own, largest] = [own, largest].map(|component| components.sizes[component as usize] as u64);
+        let [own, largest] =
+            [own, largest].map(|component| components.sizes[component as usize] as u64);
         let own = counted(own, "cell");
-        format!("the start S is cut off, with {own}: agents that begin there stay there, but \
-                 tasks are drawn among {largest} others")
+        format!(
+            "the start S is cut off, with {own}: agents that begin there stay there, but \
+                 tasks are drawn among {largest} others"
+        )
     })
 }
 

@@ -35,7 +35,9 @@ pub use evaluate::{
     TaskWalk,
 };
 pub use film::{Film, FilmFrame};
-pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Notes, Stretch};
+pub use history::{
+    CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Notes, Stretch, UsedMethod,
+};
 pub use method::{METHODS, Method, NamedMethod, UnknownMethod};
 pub use policy_file::policy_file;
 pub use reference_page::reference_page;

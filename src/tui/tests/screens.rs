@@ -441,8 +441,10 @@ fn cells_without_a_path_to_the_goal_match_their_snapshot() {
 fn curves_of_several_methods_match_their_snapshot() {
     let mut app = staged_app(120, 40);
     let mut methods = gdg::train::Methods::default();
-    methods.change(4_000, ("gdg-bridge".to_owned(), true), ("random".to_owned(), false));
-    methods.change(6_000, ("random".to_owned(), false), ("gdg-bridge".to_owned(), true));
+    let used = |name: &str, learns| gdg::train::UsedMethod { name: name.to_owned(), learns };
+    let (bridge, random) = (|| used("gdg-bridge", true), || used("random", false));
+    methods.change(4_000, bridge(), random());
+    methods.change(6_000, random(), bridge());
     app.change_snapshot(|snapshot| snapshot.methods = methods);
     app.screen.pane = Pane::Curves;
     check("curves-methods-120x40", &mut app, 120, 40);

@@ -394,7 +394,9 @@ pub(super) mod tests {
     /// Walks an agent back and forth along a corridor at `y`, several times.
     pub fn walk_corridor(candidates: &mut Candidates, y: f32, xs: Range<i32>) {
         for _ in 0..30 {
-            xs.clone().chain(xs.clone().rev().skip(1)).for_each(|x| candidates.visit(0, &[x as f32, y]));
+            xs.clone()
+                .chain(xs.clone().rev().skip(1))
+                .for_each(|x| candidates.visit(0, &[x as f32, y]));
         }
         candidates.end_episode(0);
     }

@@ -154,8 +154,7 @@ impl BridgeGraph {
             distances.resize(to.len(), 0.0);
             policy.distances(&states, &goals, &mut distances, scratch);
             let found = to.iter().zip(&distances).filter_map(|(to, distance)| {
-                let Link { length, cost } =
-                    Link::new(settings, candidates, from, *to, *distance)?;
+                let Link { length, cost } = Link::new(settings, candidates, from, *to, *distance)?;
                 let status = EdgeStatus::from(candidates.walk_record(from, *to));
                 let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
                 let (length, cost) = (length + settings.hop_steps, cost + settings.hop_steps);

@@ -26,8 +26,8 @@ use super::visits::Visits;
 use crate::bridge::{Candidates, Guide, SearchOutcome};
 use crate::env::{Environment, Episodes, Scene, Spec, TaskSet};
 use crate::learn::{
-    Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, Scratch, Stage,
-    TrainingData,
+    Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, ReplaySizes,
+    Scratch, Stage, TrainingData,
 };
 use crate::pulse::{Parts, Pulse};
 pub use change::{KeptState, WorldChange};
@@ -102,11 +102,8 @@ fn fork_world(run: &Run, world: &dyn Environment) -> Box<dyn Environment> {
 }
 
 fn new_replay(run: &Run, spec: &Spec) -> Replay {
-    let sizes = ReplaySizes {
-        state: spec.state_dim(),
-        goal: spec.goal_dim(),
-        action: spec.action_dim,
-    };
+    let sizes =
+        ReplaySizes { state: spec.state_dim(), goal: spec.goal_dim(), action: spec.action_dim };
     Replay::new(sizes, run.settings.train.agents, run.settings.learn.buffer_size)
 }
 

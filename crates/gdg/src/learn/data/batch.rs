@@ -284,6 +284,7 @@ mod tests {
 
     use super::*;
     use crate::env::tests::positions;
+    use crate::learn::ReplaySizes;
     use crate::learn::data::known::ChangedDistances;
 
     /// Positions on a line, and a replay of one walk along it.

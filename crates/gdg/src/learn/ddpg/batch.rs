@@ -108,6 +108,7 @@ mod tests {
     use super::super::returns::Reward;
     use super::*;
     use crate::env::tests::positions;
+    use crate::learn::ReplaySizes;
 
     /// Positions on a line, and a replay of two walks of ten steps along it towards 30, which time
     /// ends.

@@ -6,8 +6,8 @@
 use crate::env::Spec;
 use crate::learn::update::autograd::{random_state, spec};
 use crate::learn::{
-    Backend, Batch, FullGradient, Gdg, Layers, LearnSettings, Learner, LossScale, Network, Policy, Profile,
-    Scratch,
+    Backend, Batch, FullGradient, Gdg, Layers, LearnSettings, Learner, LossScale, Network, Policy,
+    Profile, Scratch,
 };
 use crate::settings::Preset;
 use crate::store::Store;
@@ -205,7 +205,7 @@ fn gradients_of_a_blocked_actor_and_of_a_mispredicting_model_match_autograd() {
         let mut learner = Gdg::new(&spec, settings, 1, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
         learner.load(&store).unwrap();
         let (_, found) = learner.gradients(&batch).unwrap();
-        [0, 2].map(|network| found[network].0.clone())
+        [0, 2].map(|network| found[network].dense.clone())
     };
     let [critic, actor] = gradients(&default);
     let [unchecked, _] = gradients(&LearnSettings { model_check: false, ..default.clone() });

@@ -9,6 +9,7 @@ use crate::env::{Change, EnvError, Environment};
 use crate::settings::Effect;
 use crate::store::Store;
 use crate::train::config::list_settings;
+use crate::train::history::UsedMethod;
 use crate::train::rollout::Rollout;
 use crate::train::run::Run;
 use crate::train::settings::{SETTINGS, Settings};
@@ -105,6 +106,10 @@ impl Trainer {
             self.replace_graph()?;
         }
         Ok(KeptState { networks, agents })
+    }
+
+    fn used_method(&self) -> UsedMethod {
+        UsedMethod { name: self.run.method.name(), learns: self.learns() }
     }
 
     /// Adapts world, agents, replay buffer and candidates to settings changed from `before`;
