@@ -105,7 +105,8 @@ pub struct InterfaceOptions {
 
 /// The configuration and the recording, opened before the interface starts.
 pub struct PreparedInterface {
-    config: (UiConfig, Keymap),
+    config: UiConfig,
+    keymap: Keymap,
     recorder: Option<Recorder>,
 }
 
@@ -123,15 +124,15 @@ const MIN_OPEN_FILES: usize = 24;
 pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> {
     #[cfg(unix)]
     check_open_files()?;
-    let mut config = config::load(options.config.as_deref())
+    let (mut config, keymap) = config::load(options.config.as_deref())
         .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
-    config.0.marker = options.marker.unwrap_or(config.0.marker);
+    config.marker = options.marker.unwrap_or(config.marker);
     let recorder = options
         .record
         .as_deref()
         .map(|path| Recorder::start(path, options.overwrite))
         .transpose()?;
-    Ok(PreparedInterface { config, recorder })
+    Ok(PreparedInterface { config, keymap, recorder })
 }
 
 /// Checks that as many files can be open as the interface needs: the libraries that it uses panic
@@ -154,7 +155,7 @@ fn check_open_files() -> Result<(), Report> {
 /// Errors of the terminal, of training or of saving.
 pub fn run(
     setup: Setup,
-    PreparedInterface { config, recorder }: PreparedInterface,
+    PreparedInterface { config, keymap, recorder }: PreparedInterface,
     named_map: Option<&Path>,
 ) -> Result<u8, Report> {
     let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
@@ -166,8 +167,7 @@ pub fn run(
     let engine =
         Engine::resume(trainer, limits, resumed.filter(|_| save.is_none())).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let marker = config.0.marker;
-    let (config, keymap) = config;
+    let marker = config.marker;
     let mut app = App::new(engine.link(), viewer, &config, keymap, Files { save });
     app.search = search;
     app.screen.first_run = is_first_run();
@@ -208,13 +208,12 @@ pub fn prepare_tour(threads: Option<u16>, registry: &Arc<Registry>) -> Result<Tr
 /// Errors of the terminal, of training or of saving.
 pub fn take_tour(
     trainer: Trainer,
-    PreparedInterface { config, recorder }: PreparedInterface,
+    PreparedInterface { config, keymap, recorder }: PreparedInterface,
 ) -> Result<u8, Report> {
     let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
     let engine = Engine::start(trainer, Limits::default()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let marker = config.0.marker;
-    let (config, keymap) = config;
+    let marker = config.marker;
     let mut app = App::new(engine.link(), viewer, &config, keymap, Files::default());
     app.screen.first_run = is_first_run();
     app.begin_tour();

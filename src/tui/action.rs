@@ -66,7 +66,7 @@ pub enum Action {
     Inspect,
     /// Go back in time, to an earlier picture of the film.
     Back,
-    /// Go forth in time, to a later picture or to the present.
+    /// Go forward in time, to a later picture or to the present.
     Forth,
     /// Choose the next projection of an arm.
     Projection,
@@ -118,7 +118,7 @@ pub enum Action {
     Export,
     /// Export the film as an animation.
     ExportFilm,
-    /// Say how to compare two methods.
+    /// Explain how to compare two methods.
     Compare,
     /// Take the guided tour.
     Tour,
@@ -148,17 +148,16 @@ pub enum Action {
     Axis,
 }
 
-/// What the screen is used for: which bindings are active.
+/// The mode of the screen, which determines the active bindings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// Watching a run.
     Watching,
     /// Editing its map.
     Editing,
-    /// Watching a run while a saved one is offered: only the keys that are not those of
-    /// [`Self::Watching`].
+    /// Watching a run while a saved one is offered: the keys added to those of [`Self::Watching`].
     Offered,
-    /// Taking the guided tour: only the keys that are not those of [`Self::Watching`].
+    /// Taking the guided tour: the keys added to those of [`Self::Watching`].
     Touring,
     /// Comparing two runs.
     Comparing,
@@ -182,7 +181,7 @@ impl Mode {
 }
 
 impl Action {
-    /// Whether it means the same for two runs as for one.
+    /// Returns whether it works the same in a comparison.
     fn applies_to_two(self) -> bool {
         use Action as A;
         matches!(
@@ -226,9 +225,9 @@ pub enum When {
     Watching,
     /// Only in comparisons.
     Comparing,
-    /// While a saved run is offered: these keys go before those of [`Self::Watching`].
+    /// While a saved run is offered: these keys take precedence over those of [`Self::Watching`].
     Offered,
-    /// During the tour: these keys go before those of [`Self::Watching`].
+    /// During the tour: these keys take precedence over those of [`Self::Watching`].
     Touring,
     /// In the list of settings.
     Settings,
@@ -237,7 +236,7 @@ pub enum When {
 }
 
 impl When {
-    /// Returns where the keys are active, for the help; empty if that goes without saying.
+    /// Returns where the keys are active, for the help; empty if obvious.
     pub fn place(self) -> &'static str {
         match self {
             Self::Always | Self::Watching | Self::Comparing => "",
@@ -301,7 +300,7 @@ impl Binding {
         }
     }
 
-    /// Returns whether it and `other` cannot have the same key.
+    /// Returns whether it and `other` must not share a key.
     pub fn excludes(&self, other: &Self) -> bool {
         Mode::ALL.into_iter().any(|mode| self.is_active(mode) && other.is_active(mode))
     }

@@ -9,7 +9,7 @@ use super::raster::MapFrame;
 use super::theme::{ColourDepth, Rgb, Theme, blend};
 use crate::tui::marker::Marker;
 
-/// What a line is drawn with.
+/// The pen that draws a line.
 #[derive(Clone, Copy, Debug)]
 pub struct Pen {
     /// The colour.
@@ -233,7 +233,8 @@ fn mark_rank(mark: char) -> u8 {
     }
 }
 
-/// Returns what a share (from 0 to 1) of the largest value looks like without colours.
+/// Returns the character that stands for a share (from 0 to 1) of the largest value without
+/// colours.
 pub fn shade(share: f32) -> char {
     SHADES[((share.clamp(0.0, 1.0) * SHADES.len() as f32) as usize).min(SHADES.len() - 1)]
 }
@@ -276,9 +277,8 @@ fn two_colours(colours: &[Option<Rgb>]) -> (u8, Option<Rgb>, Option<Rgb>) {
     (mask, mean(mask), mean(all & !mask))
 }
 
-/// Returns whether a pattern of dots, which leave gaps between them, looks better with front and
-/// back exchanged: the back is what most dots show, and if there are as many of both not what is
-/// `thin`.
+/// Returns whether a dot pattern, which has gaps, looks better with front and back swapped: the
+/// back should be the colour of most dots or, in a tie, the one that is not `thin`.
 fn is_inside_out(mask: u8, thin: u8) -> bool {
     let count = |mask: u8| mask.count_ones();
     count(mask) > 4 && mask != u8::MAX

@@ -1,8 +1,8 @@
 //! Two methods side by side: each side is a run with its own trainer, viewer and [`App`], which
 //! share nothing.
 //!
-//! The comparison forwards to both what means the same for both, keeps goal, start and visible part
-//! of the map equal, and starts the two walking agents at the same time.
+//! The comparison forwards actions that apply to both, keeps goal, start and visible part of the
+//! map equal, and starts the two walking agents at the same time.
 //!
 //! * `prepare`: the two trainers.
 //! * `act`, `mouse`: user input.
@@ -86,23 +86,23 @@ pub struct Comparison {
 /// Errors of the terminal or of training.
 pub fn run(
     contestants: [Contestant; 2],
-    PreparedInterface { config, recorder }: PreparedInterface,
+    PreparedInterface { config, keymap, recorder }: PreparedInterface,
 ) -> Result<u8, Report> {
     let termination = TerminationSignal::listen_in_interface(super::terminal::restore)?;
-    let marker = config.0.marker;
-    let comparison = Comparison::start(contestants, &config, Limits::default())?;
+    let marker = config.marker;
+    let comparison = Comparison::start(contestants, &config, &keymap, Limits::default())?;
     event_loop::show(comparison, recorder, marker, &termination, Comparison::close)
 }
 
 impl Side {
     fn start(
         Contestant { trainer, title }: Contestant,
-        (config, keymap): &(UiConfig, Keymap),
+        config: &UiConfig,
+        keymap: &Keymap,
         limits: Limits,
     ) -> Result<Self, Report> {
         let engine = Engine::start(trainer, limits).into_diagnostic()?;
-        // Both curves are compared: a method whose evaluations take long must not be shown by its
-        // first steps.
+        // A method with slow evaluations must not be judged by its first steps.
         engine.send(Command::PauseEvaluations(EVALUATION_PAUSE_FACTOR));
         let viewer = Viewer::start(&engine).into_diagnostic()?;
         let mut app = App::new(engine.link(), viewer, config, keymap.clone(), Files::default());
@@ -116,12 +116,12 @@ impl Side {
         self.app.scene.maze().expect("comparisons are prepared on maps, and do not leave them")
     }
 
-    /// Takes over what trainer and viewer have published, even if the screen is frozen.
+    /// Processes what trainer and viewer have published, even if the screen is frozen.
     fn follow(&mut self, own: usize, race: &mut Race, snapshot: &Snapshot, view: &View) {
         self.pace.add(snapshot);
         observe(race, own, view);
-        // Nothing of a comparison is saved, so a run that fails has nothing to ask: its title says
-        // what happened.
+        // A comparison saves nothing, so a failed run needs no dialog: its title says what
+        // happened.
         self.app.screen.dialogs.retain(|dialog| matches!(dialog, Dialog::Help(_)));
     }
 }
@@ -133,10 +133,11 @@ impl Comparison {
     /// A learner fails, or a thread cannot be started.
     pub fn start(
         contestants: [Contestant; 2],
-        config: &(UiConfig, Keymap),
+        config: &UiConfig,
+        keymap: &Keymap,
         limits: Limits,
     ) -> Result<Self, Report> {
-        let [a, b] = contestants.map(|contestant| Side::start(contestant, config, limits));
+        let [a, b] = contestants.map(|contestant| Side::start(contestant, config, keymap, limits));
         Ok(Self::new([a?, b?]))
     }
 
@@ -164,7 +165,7 @@ impl Comparison {
     /// Puts both agents at `start` and lets them walk to `goal`.
     fn start_race(&mut self, start: Cell, goal: Cell) {
         for side in &mut self.sides {
-            // The goal comes last, as its number shows when both have been set.
+            // The goal comes last: a view with its number has both.
             side.app.place_walker(Some(start));
             side.app.set_goal(goal);
         }
@@ -199,7 +200,8 @@ impl Comparison {
         for failure in gdg::faults::take_failures() {
             self.log.add(
                 &format!("internal error in thread {}: {}", failure.thread, failure.message),
-                (0.0, 0),
+                0.0,
+                0,
                 true,
             );
             self.failed = true;
@@ -222,7 +224,7 @@ impl Comparison {
     }
 }
 
-/// Shows a view to the race; both sides show mazes.
+/// Updates the race from a view; both sides show mazes.
 fn observe(race: &mut Race, side: usize, view: &View) {
     if let View::Maze(view) = view {
         race.observe(side, view);
@@ -290,7 +292,7 @@ impl Interface for Comparison {
     }
 
     fn report(&mut self, problem: &str) {
-        self.log.add(problem, (0.0, 0), true);
+        self.log.add(problem, 0.0, 0, true);
     }
 
     fn pictures(&self) -> Vec<&Picture> {

@@ -41,14 +41,15 @@ impl Default for UiConfig {
     }
 }
 
-/// What is read as a configuration.
+/// The kind of file expected, for error messages.
 const CONFIGURATION: Wanted = Wanted {
     name: "a configuration of the interface",
-    help: "give a TOML file in the format of --print-config-template; settings of a run are given with --config",
+    help: "give a TOML file in the format of --print-config-template; settings of a run are \
+           given with --config",
     own: &[Format::Text],
 };
 
-/// The largest file that is read, in bytes, and the most characters of it that an error quotes.
+/// Maximum size of the file in bytes, and maximum characters of it quoted in an error.
 const MAX_BYTES: u64 = 1 << 20;
 const MAX_QUOTED_CHARS: usize = 300;
 

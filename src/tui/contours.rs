@@ -7,11 +7,10 @@ use super::raster::MapFrame;
 use super::theme::contour;
 use gdg::draw::{ContourLine, contour_interval, contour_lines};
 
-/// How far apart lines are on average, at least, in pixels.
+/// Minimum average distance between lines, in pixels.
 pub const SPACING: f32 = 6.0;
 
-/// Characters between two labels across and down, and between two of the same level in each
-/// direction, at least.
+/// Minimum characters between two labels, across and down, and between two of the same level.
 const LABEL_SPACING: (u16, u16) = (4, 2);
 const SAME_LEVEL_SPACING: (u16, u16) = (24, 8);
 
@@ -34,13 +33,12 @@ impl Label {
     }
 }
 
-/// How much farther apart or closer than that lines may be before the interval changes: without
-/// that, it could change to and fro while the field changes.
+/// Relative deviation from that distance before the interval changes, so that it does not flip back
+/// and forth as the field changes.
 const TOLERANCE: f32 = 0.15;
 
-/// Returns the steps between two lines on fields with rows of `columns` pixels, of which each gets
-/// the same lines, `apart` pixels from one to the next or more, on average: as `before` if that is
-/// nearly right.
+/// Returns the common contour interval of `fields`, each with the length of its rows, for lines
+/// that are on average at least `apart` pixels apart; `before` if that is nearly right.
 pub fn interval(fields: &[(&[f32], usize)], apart: f32, before: Option<f32>) -> Option<f32> {
     let with = |spacing: f32| {
         fields

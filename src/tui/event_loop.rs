@@ -40,8 +40,8 @@ pub fn show<I: Interface>(
 ) -> Result<u8, Report> {
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
-    // Before the terminal's modes change: a program stopped by the signal's default would leave
-    // them behind.
+    // Before the terminal's modes change: the signal's default action would stop the program
+    // without restoring them.
     let job_control = {
         let _context = runtime.enter();
         JobControl::listen().into_diagnostic()?
@@ -55,7 +55,7 @@ pub fn show<I: Interface>(
     }
     // First, since writing to a terminal that is gone may block.
     let closed = close(interface);
-    // What is typed meanwhile is gone with the interface.
+    // Keys typed meanwhile are discarded.
     let _ = runtime.block_on(terminal.answered());
     drop(terminal);
     let _ = printing::stdout().print(format!("{}\n", sanitized_lines(&closed.summary)).as_bytes());
@@ -104,8 +104,8 @@ async fn event_loop(
         timer.idle = !app.is_training();
         if timer.is_due() {
             gdg::faults::point("interface");
-            // A terminal that is slow to read is sent fewer frames, and one that is the shell's
-            // none: they follow.
+            // A slow terminal gets fewer frames, and the shell's terminal none; skipped frames are
+            // due again.
             if terminal.draw(app)? {
                 timer.drawn(terminal.is_behind());
             }
@@ -114,7 +114,7 @@ async fn event_loop(
     Ok(())
 }
 
-/// Does with the terminal what is asked for.
+/// Handles a request to the terminal.
 async fn meet(
     request: TerminalRequest,
     app: &mut impl Interface,
@@ -137,8 +137,8 @@ fn is_hovering(event: &Event) -> bool {
     matches!(event, Event::Mouse(MouseEvent { kind: MouseEventKind::Moved, .. }))
 }
 
-/// Signals of the terminal: another process wants the program to stop (SIGTSTP), or has continued
-/// it (SIGCONT) after a stop that it could not prepare for; the window has another size (SIGWINCH).
+/// Signals of the terminal: a request to stop from another process (SIGTSTP), a resumption after a
+/// stop that the program could not prepare for (SIGCONT), and a resize (SIGWINCH).
 struct JobControl {
     #[cfg(unix)]
     stop: tokio::signal::unix::Signal,

@@ -1,15 +1,14 @@
-//! Pictures in the terminal: which protocol it understands, and what is on its screen.
+//! Pictures in the terminal: the protocol it supports, and what it currently shows.
 //!
-//! The crate `ratatui-image` does not fit pictures that change all the time. It quantises every
-//! sixel picture anew (28 ms for the map on a screen of 200 x 60 characters, 48 ms with its
-//! dithering, in colours that differ from frame to frame), sends all of a picture whenever a part
-//! changes, never deletes one, and its query leaves a thread behind that swallows keys if a
-//! terminal does not answer. So the three protocols are written here: only patches that have
-//! changed are sent.
+//! `ratatui-image` does not suit pictures that change constantly. It quantises each sixel picture
+//! from scratch (28 ms for the map on a screen of 200 x 60 characters, 48 ms with dithering, in
+//! colours that differ between frames), resends the whole picture when a part changes, never
+//! deletes one, and its query leaves a thread behind that swallows keys if the terminal does not
+//! answer. So the three protocols are implemented here, and only changed patches are sent.
 //!
-//! * `query`: asks the terminal.
-//! * `patches`: what is on the screen, and what has to be sent.
-//! * `encode`, `sixel`: patches as bytes.
+//! * `query`: the capability query.
+//! * `patches`: tracks what is on the screen and what to send.
+//! * `encode`, `sixel`: encode patches.
 
 pub mod encode;
 pub mod patches;
@@ -25,33 +24,32 @@ use crate::tui::marker::Marker;
 use gdg::text::obeys_escapes;
 use query::Answer;
 
-/// How a terminal is sent pictures.
+/// A graphics protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
-    /// The one of kitty, also understood by Ghostty, Konsole and WezTerm.
+    /// kitty's, also supported by Ghostty, Konsole and WezTerm.
     Kitty,
-    /// The one of iTerm2.
+    /// iTerm2's.
     Iterm2,
-    /// DEC's: in xterm, foot, mlterm, Windows Terminal and others.
+    /// DEC sixels: xterm, foot, mlterm, Windows Terminal and others.
     Sixel,
 }
 
-/// What a terminal can show.
+/// A terminal's graphics capabilities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Graphics {
-    /// How it is sent pictures.
+    /// The protocol.
     pub protocol: Protocol,
     /// Width and height of a character in pixels.
     pub character: (u16, u16),
 }
 
-/// Sizes of a character that are believed, in pixels.
+/// Plausible sizes of a character, in pixels.
 const CHARACTER_SIZES: std::ops::RangeInclusive<u16> = 3..=200;
 
 impl Graphics {
-    /// Returns what a terminal can show by its answer; `name` is what it calls itself in the
-    /// environment, and `character` the size of a character that its driver reports, if that is
-    /// known.
+    /// Returns the capabilities that `answer` implies. `name` is the terminal's name in the
+    /// environment, `character` the character size that its driver reports, if known.
     pub fn choose(answer: &Answer, name: &str, character: Option<(u16, u16)>) -> Option<Self> {
         let is_iterm2 = ["iTerm", "mintty"].iter().any(|own| name.contains(own));
         let protocol = match answer {
@@ -68,8 +66,8 @@ impl Graphics {
     }
 }
 
-/// Returns whether to ask the terminal what it can show: not those in which nobody sees a picture,
-/// or which pass on only a part of what they are sent, unless the user wants pixels.
+/// Returns whether to query the terminal: not if it cannot show pictures, and not through tmux or
+/// screen, which filter escape sequences, unless the user asks for pixels.
 pub fn is_worth_asking(marker: Marker, variable: impl Fn(&str) -> Option<String>) -> bool {
     let term = variable("TERM").unwrap_or_default();
     let is_set = |name: &str| variable(name).is_some_and(|value| !value.is_empty());
@@ -79,28 +77,28 @@ pub fn is_worth_asking(marker: Marker, variable: impl Fn(&str) -> Option<String>
     obeys_escapes(Some(&term)) && term != "linux" && (!within_another || marker == Marker::Pixels)
 }
 
-/// A picture in the place of characters.
+/// A picture drawn in place of characters.
 pub struct Picture {
     /// The characters it covers.
     pub area: Rect,
-    /// Its pixels, all opaque: a whole number for each character.
+    /// Its pixels, all opaque, a whole number per character.
     pub pixmap: Pixmap,
 }
 
-/// How much of the pictures a frame draws again.
+/// How much of the pictures a frame redraws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Redraw {
-    /// All that has changed.
+    /// Everything that has changed.
     #[default]
     All,
-    /// What moves, on a ground that may be some seconds old.
+    /// Moving parts, over a ground that may be a few seconds old.
     Moving,
     /// Nothing.
     Nothing,
 }
 
-/// Sentinel style of the characters reserved for a picture. Nothing else gives blanks this colour, so
-/// ratatui writes whatever replaces them, and nothing while the picture stays.
+/// Sentinel style of the blank cells under a picture. No other blank has it, so ratatui writes to
+/// these cells only once something replaces the picture.
 const BLANK: Style = Style::new().fg(Color::Indexed(16));
 
 impl Picture {
@@ -113,8 +111,7 @@ impl Picture {
         }
     }
 
-    /// Returns whether a character is still reserved for a picture: nothing has been written over
-    /// it.
+    /// Returns whether a cell is still reserved for a picture: nothing has been written over it.
     pub fn owns(cell: &Cell) -> bool {
         cell.symbol() == " " && Some(cell.fg) == BLANK.fg && cell.modifier.is_empty()
     }

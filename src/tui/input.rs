@@ -1,8 +1,7 @@
-//! What comes from the terminal, read on a thread of its own.
+//! Terminal input, read on its own thread.
 //!
-//! The library crossterm takes replies of terminals for keys, and buffers an unfinished paste for
-//! ever: so the bytes are read and cut into sequences here, and the crate `terminput` tells which
-//! key a sequence is.
+//! crossterm mistakes terminal replies for keys and buffers an unfinished paste forever. So this
+//! module splits the bytes into sequences itself, and `terminput` only parses the sequences.
 
 mod scan;
 
@@ -11,19 +10,19 @@ pub use scan::Input;
 #[cfg(unix)]
 use super::job_control::is_in_foreground;
 
-/// Events that wait to be handled; while there are more, the rest stays with the terminal.
+/// Capacity of the event queue; while it is full, input stays in the terminal's buffer.
 #[cfg(unix)]
 const WAITING: usize = 256;
 
-/// Milliseconds between looks at whether the terminal is this program's again.
+/// Interval for checking whether the program is in the foreground again, in milliseconds.
 #[cfg(unix)]
 const IN_BACKGROUND: u16 = 50;
 
-/// What comes from the terminal.
+/// A stream of terminal input.
 pub struct InputStream {
     #[cfg(unix)]
     inputs: tokio::sync::mpsc::Receiver<Input>,
-    /// Ends the thread when it is dropped.
+    /// Ends the thread when dropped.
     #[cfg(unix)]
     _stop: std::os::unix::net::UnixStream,
     #[cfg(not(unix))]
@@ -32,7 +31,7 @@ pub struct InputStream {
 
 #[cfg(unix)]
 impl InputStream {
-    /// Begins to read from standard input, if that is a terminal, or from the controlling terminal.
+    /// Starts reading standard input if it is a terminal, otherwise the controlling terminal.
     ///
     /// # Errors
     /// There is no terminal to read from.
@@ -66,7 +65,7 @@ impl InputStream {
     }
 }
 
-/// Reads until the terminal, or the interest in it, ends.
+/// Reads until the terminal is gone or the receiver is dropped.
 #[cfg(unix)]
 fn read_all(
     terminal: &std::fs::File,
@@ -90,7 +89,7 @@ fn read_all(
             Err(error) => return Err(error.into()),
             Ok(0) => scanner.give_up(),
             Ok(_) if ready[1].any() == Some(true) => return Ok(()),
-            // These keys are the shell's.
+            // In the background, input belongs to the shell.
             Ok(_) if !is_in_foreground(terminal) => {
                 await_stop(stopped)?;
                 continue;
@@ -106,7 +105,7 @@ fn read_all(
                 {
                     continue;
                 }
-                // It may have come to be in the background meanwhile.
+                // The program may have moved to the background meanwhile.
                 Err(_) if !is_in_foreground(terminal) => continue,
                 Err(error) => return Err(error),
             },
@@ -119,7 +118,7 @@ fn read_all(
     }
 }
 
-/// Waits until reading is to end, but only briefly.
+/// Waits briefly, or until reading is to end.
 #[cfg(unix)]
 fn await_stop(stopped: &std::os::unix::net::UnixStream) -> std::io::Result<()> {
     use std::os::fd::AsFd;
@@ -135,7 +134,7 @@ fn await_stop(stopped: &std::os::unix::net::UnixStream) -> std::io::Result<()> {
 
 #[cfg(not(unix))]
 impl InputStream {
-    /// Begins to read.
+    /// Starts reading.
     ///
     /// # Errors
     /// None.

@@ -1,4 +1,4 @@
-//! What the event loop and the terminal know of what they show.
+//! The interface as the event loop and the terminal see it.
 
 use crossterm::event::Event;
 use miette::Report;
@@ -6,14 +6,14 @@ use ratatui::Frame;
 
 use super::graphics::{Graphics, Picture, Redraw};
 
-/// What an interface, or another process, wants of the terminal.
+/// A request to the terminal by the interface or by another process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TerminalRequest {
     /// Give the terminal back and stop the program until it is resumed.
     Suspend,
     /// Draw everything again.
     Redraw,
-    /// Draw for another size.
+    /// Draw in the new size.
     Resize,
 }
 
@@ -37,7 +37,8 @@ pub trait Interface {
     /// Whether the program is to quit.
     fn is_done(&self) -> bool;
 
-    /// Tells what pictures the terminal shows, and how much of them the next frame draws again.
+    /// Sets the terminal's graphics capabilities, and how much of the pictures the next frame
+    /// redraws.
     fn set_graphics(&mut self, graphics: Option<Graphics>, redraw: Redraw);
 
     /// Draws a frame.

@@ -7,15 +7,14 @@ use std::os::fd::AsFd;
 #[cfg(unix)]
 use nix::unistd::{Pid, getpgid, getpgrp, getppid, getsid, tcgetpgrp};
 
-/// Whether the terminal is this program's now: in the background, it is the shell's, or that of the
-/// program that the shell runs.
+/// Whether the program is in the terminal's foreground process group.
 #[cfg(unix)]
 pub fn is_in_foreground(terminal: impl AsFd) -> bool {
-    // Of a terminal that is gone, errors tell.
+    // If the terminal is gone, later errors report that.
     tcgetpgrp(terminal).map_or(true, |group| group == getpgrp())
 }
 
-/// Whether the terminal passes on everything as it is, as this program wants it and no shell does.
+/// Whether the terminal is in raw mode, which no shell leaves it in.
 #[cfg(unix)]
 pub fn is_raw(terminal: impl AsFd) -> bool {
     use nix::sys::termios::{OutputFlags, tcgetattr};
@@ -23,15 +22,14 @@ pub fn is_raw(terminal: impl AsFd) -> bool {
     tcgetattr(terminal).is_ok_and(|modes| !modes.output_flags.contains(OutputFlags::OPOST))
 }
 
-/// Whether something would resume the program: a process of the same session, but of another
-/// process group, whose descendants this program and its group are, as a shell with job control. In
-/// a terminal window of its own (`xterm -e`), there is none.
+/// Whether something would resume the program: an ancestor in the same session but in another
+/// process group, such as a shell with job control. With `xterm -e`, there is none.
 #[cfg(unix)]
 pub fn is_resumable() -> bool {
     let Ok(session) = getsid(None) else { return false };
     let group = getpgrp();
     let mut process = getppid();
-    // Processes of a script are in one group: the shell that started it is further up.
+    // The processes of a script share a group: the shell that started it is further up.
     while process.as_raw() > 0 {
         match (getsid(Some(process)), getpgid(Some(process))) {
             (Ok(its), _) if its != session => return false,
@@ -70,8 +68,8 @@ fn parent(process: Pid) -> Option<Pid> {
     Some(Pid::from_raw(parent.as_u32().cast_signed()))
 }
 
-/// Stops the process group, as the key does that the terminal's driver handles: of a script, the
-/// shell resumes all or nothing.
+/// Stops the process group, as Ctrl-Z in cooked mode does: a shell resumes a script's processes
+/// only together.
 ///
 /// # Errors
 /// Errors of the system.
@@ -82,19 +80,19 @@ pub fn stop() -> std::io::Result<()> {
     Ok(killpg(getpgrp(), Signal::SIGSTOP)?)
 }
 
-/// Whether the terminal is this program's: always.
+/// Always in the foreground on this platform.
 #[cfg(not(unix))]
 pub fn is_in_foreground<T>(_: T) -> bool {
     true
 }
 
-/// Whether the terminal is as this program wants it: always.
+/// Always in raw mode on this platform.
 #[cfg(not(unix))]
 pub fn is_raw<T>(_: T) -> bool {
     true
 }
 
-/// Whether something would resume the program: not on this platform.
+/// Nothing would resume the program on this platform.
 #[cfg(not(unix))]
 pub fn is_resumable() -> bool {
     false

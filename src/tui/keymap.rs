@@ -86,7 +86,7 @@ impl Keymap {
         let of = |mode| {
             self.keys.iter().find(|(k, b)| *k == key && b.is_active(mode)).map(|(_, b)| b.action)
         };
-        // The own keys of offer and tour go first, the others stay.
+        // The keys of offer and tour take precedence; the others stay active.
         of(mode).or_else(|| {
             matches!(mode, Mode::Offered | Mode::Touring).then(|| of(Mode::Watching)).flatten()
         })
@@ -113,13 +113,13 @@ impl Keymap {
     }
 }
 
-/// Returns what to call a key that was pressed.
+/// Returns the name of a pressed key.
 pub fn name_of(key: KeyEvent) -> String {
     display_name(normalised(KeyCombination::from(key)))
 }
 
 fn display_name(key: KeyCombination) -> String {
-    // Shift goes without saying only for characters: A, but Shift-Left.
+    // Shift is implied for characters only: A, but Shift-Left.
     let format = match key.codes {
         OneToThree::One(KeyCode::Char(_)) => KeyCombinationFormat::default().with_implicit_shift(),
         _ => KeyCombinationFormat::default(),
@@ -145,7 +145,7 @@ fn with_new_names(changes: &BTreeMap<String, Vec<String>>) -> BTreeMap<String, V
 /// Returns the key called `name`.
 fn parse(name: &str) -> Option<KeyCombination> {
     if let Some(letter) = name.chars().last().filter(|c| !c.is_ascii() && c.is_alphabetic()) {
-        // The library knows only ASCII: put another letter in its place.
+        // The library parses only ASCII: use a placeholder letter.
         let stem = &name[..name.len() - letter.len_utf8()];
         let known = crokey::parse(&format!("{stem}a")).ok()?;
         let is_letter =

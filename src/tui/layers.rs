@@ -50,7 +50,7 @@ impl Overlay {
         }
     }
 
-    /// Returns whether it shows nothing of a method without bridges.
+    /// Returns whether it is empty for methods without bridges.
     pub fn needs_bridges(self) -> bool {
         matches!(self, Self::Candidates | Self::Edges | Self::Search | Self::Path)
     }
@@ -61,7 +61,7 @@ impl Overlay {
 pub struct Overlays([bool; Overlay::ALL.len()]);
 
 impl Overlays {
-    /// Returns those shown by default: fewer without colours, where they would hide each other.
+    /// Returns the default set: fewer without colours, where overlays would hide each other.
     pub fn by_default(depth: ColourDepth) -> Self {
         let mut shown =
             vec![Overlay::Contours, Overlay::Unexplored, Overlay::Agents, Overlay::Path];

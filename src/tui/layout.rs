@@ -28,9 +28,9 @@ pub struct ScreenLayout {
     pub screen: Rect,
     /// The map.
     pub map: Option<MapFrame>,
-    /// Steps between two contour lines, if there are any, ...
+    /// The contour interval in steps, if lines are drawn.
     pub contour_interval: Option<f32>,
-    /// ... and how many they would be if this screen were not compared with another.
+    /// The contour interval outside of a comparison.
     pub own_contour_interval: Option<f32>,
     /// The projections of an arm.
     pub projections: Vec<Projection>,

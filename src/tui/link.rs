@@ -1,4 +1,4 @@
-//! What the interface sends to trainer and viewer.
+//! The connection from the interface to trainer and viewer.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -7,12 +7,12 @@ use super::screen::Screen;
 use gdg::engine::{Command, EngineLink, Snapshot};
 use gdg::viewer::{Request, Viewer};
 
-/// The ways to trainer and viewer.
+/// The connection to trainer and viewer.
 pub struct Link {
     engine: EngineLink,
     viewer: Viewer,
     goal_requests: u64,
-    /// Of its own: training must not depend on what the user does.
+    /// Separate, so that training does not depend on user input.
     pub rng: ChaCha8Rng,
 }
 
@@ -58,8 +58,8 @@ impl Link {
         self.goal_requests
     }
 
-    /// Returns to the present; returns whether the past was shown. A frozen screen thaws, as the
-    /// view that was frozen is gone.
+    /// Returns to the present; returns whether the past was shown. A frozen screen is unfrozen, as
+    /// its view is gone.
     pub fn return_to_present(&self, screen: &mut Screen) -> bool {
         let was_past = screen.past.take().is_some();
         if was_past {

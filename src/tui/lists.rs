@@ -25,8 +25,7 @@ use gdg::viewer::Field;
 /// Columns of a setting's value in the list; longer ones are shown in full below it.
 const VALUE_WIDTH: usize = 12;
 
-/// Lists all actions that make sense on this screen, by name, and after them what colours can show,
-/// and all settings.
+/// Lists the actions available on this screen by name, then the fields to show, then the settings.
 pub fn actions(screen: &Screen, scene: &Scene) -> Picker {
     let keymap = &screen.keymap;
     let here = |b: &&Binding| {
@@ -37,7 +36,7 @@ pub fn actions(screen: &Screen, scene: &Scene) -> Picker {
     };
     let named = |b: &&Binding| b.action != Action::Palette && scene.offers(b.action) && here(b);
     let item = |b: &Binding| Item {
-        // The editor's tools are called like other things.
+        // Some of the editor's tools have the names of other actions.
         name: if b.when == When::Editing { "" } else { b.name },
         words: format!("{} {}", b.name, b.words),
         ..Item::new(scene.wording(b), keymap.display_keys(b).join(" "), Choice::Act(b.action))
@@ -68,8 +67,7 @@ pub fn themes(now: ThemeName) -> Picker {
 /// Lists the methods: those with a name, then all other combinations with a learner of `registry`.
 pub fn methods(now: &Method, registry: &Registry) -> Picker {
     let named = |named: &NamedMethod| {
-        Item::new(named.name, named.about, Choice::Method(named.into()))
-            .within("methods with a name")
+        Item::new(named.name, named.about, Choice::Method(named.into())).within("named methods")
     };
     let learners = registry.learners().iter();
     let all = learners.flat_map(|learner| Planner::ALL.map(|planner| (learner, planner)));
@@ -159,7 +157,7 @@ pub fn quit_choices(
 ) -> Picker {
     let map = if is_map_edited { " and map edits" } else { "" };
     let lost = match autosaves.last().and_then(|path| path.file_name()) {
-        Some(name) => format!("keeps the autosave {}, not what came later", name.to_string_lossy()),
+        Some(name) => format!("keeps autosave {}, loses what came later", name.to_string_lossy()),
         None => format!("{} unsaved updates{map} are lost", grouped(unsaved_updates)),
     };
     let items = vec![
@@ -171,15 +169,14 @@ pub fn quit_choices(
     Picker::new("save before quitting?", items)
 }
 
-/// Asks whether to load a checkpoint although training is unsaved.
+/// Asks whether to load a checkpoint while training is unsaved.
 pub fn load_choices(unsaved_updates: u64, file: PathBuf) -> Picker {
     let lost = format!("{} unsaved updates are lost", grouped(unsaved_updates));
     let items = leave_items("load it", lost, Choice::LoadUnsaved(file));
     Picker::new("load a checkpoint without saving this run?", items)
 }
 
-/// Asks whether to continue with `method`, which needs other networks, although this run is not
-/// saved.
+/// Asks whether to continue an unsaved run with `method`, which needs other networks.
 pub fn method_choices(unsaved_updates: u64, method: Method) -> Picker {
     let lost = format!("{} unsaved updates are lost", grouped(unsaved_updates));
     let items = leave_items(
@@ -190,7 +187,7 @@ pub fn method_choices(unsaved_updates: u64, method: Method) -> Picker {
     Picker::new("discard the networks, which are not saved?", items)
 }
 
-/// Returns the answers to whether to `leave` an unsaved run, with what is `lost` by it.
+/// Returns the choices for leaving an unsaved run; `lost` says what would be lost.
 fn leave_items(leave: &str, lost: String, choice: Choice) -> Vec<Item> {
     vec![
         save_first(leave, choice.clone()),
@@ -272,7 +269,7 @@ pub fn world_switch_choices(name: &'static str, is_worth_saving: bool) -> Picker
     Picker::new(name, items)
 }
 
-/// Asks whether to start the run again with another seed, although it is worth saving.
+/// Asks whether to restart an unsaved run with another seed.
 pub fn restart_choices(seed: u64) -> Picker {
     let mut items =
         start_choices(&format!("this map with seed {seed}"), &Choice::Restart(seed), true);
@@ -280,7 +277,7 @@ pub fn restart_choices(seed: u64) -> Picker {
     Picker::new(format!("restart with seed {seed}"), items)
 }
 
-/// Returns the ways to a new run on `place`, which `start` begins.
+/// Returns the choices for a new run on `place`, which `start` begins.
 fn start_choices(place: &str, start: &Choice, is_worth_saving: bool) -> Vec<Item> {
     let begin = format!("start a new run on {place}");
     if is_worth_saving {

@@ -44,8 +44,8 @@ impl Log {
 
     /// Logs an event at a moment of the run, in seconds of training and updates, and shows it as a
     /// notice.
-    pub fn add(&mut self, text: &str, moment: (f64, u64), is_error: bool) {
-        self.record(text, moment);
+    pub fn add(&mut self, text: &str, seconds: f64, updates: u64, is_error: bool) {
+        self.record(text, seconds, updates);
         self.show(text, is_error);
     }
 
@@ -55,7 +55,7 @@ impl Log {
     }
 
     /// Logs an event at a moment of the run, in seconds of training and updates.
-    pub fn record(&mut self, text: &str, (seconds, updates): (f64, u64)) {
+    pub fn record(&mut self, text: &str, seconds: f64, updates: u64) {
         if self.entries.len() >= MAX_LOG_ENTRIES {
             self.entries.remove(0);
         }
@@ -74,12 +74,12 @@ impl Log {
         Some(Notice { text, fades: since.elapsed() > self.duration(), is_error: self.is_error })
     }
 
-    /// Takes the notice away, unless something went wrong: the user goes on.
+    /// Dismisses the notice, unless it is an error.
     pub fn dismiss(&mut self) {
         self.notice.take_if(|_| !self.is_error);
     }
 
-    /// Takes a notice away, or an error, that was shown before `moment`.
+    /// Dismisses a notice or an error shown before `moment`.
     pub fn dismiss_before(&mut self, moment: Instant) {
         self.notice.take_if(|(since, _)| *since < moment);
     }

@@ -1,4 +1,4 @@
-//! What the map is drawn with, as options and the interface's settings say.
+//! What the map is drawn with, as given by options and configuration.
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,7 @@ pub enum Marker {
     /// quadrants on maps that are scaled down.
     #[default]
     Auto,
-    /// The terminal's own pixels, also where it is not asked otherwise: within tmux and screen.
+    /// The terminal's own pixels, even within tmux and screen, which are not queried otherwise.
     Pixels,
     /// Two square pixels per character, one above the other.
     HalfBlock,

@@ -32,10 +32,10 @@ pub struct MeasuredInterface {
     patches: Option<(Patches, Graphics)>,
 }
 
-/// What the invisible screen shows.
+/// The graphics of the invisible screen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeasuredScreen {
-    /// Nothing but characters.
+    /// Characters only.
     Characters,
     /// Pictures as kitty does, in characters of 10 x 20 pixels.
     Kitty,
@@ -138,7 +138,7 @@ impl MeasuredInterface {
                     timer.changed = patches.is_behind();
                 }
                 let took = drawing.elapsed();
-                // Frames with the same picture as before say nothing.
+                // Frames that reuse the previous picture do not count.
                 if redraw != Redraw::Nothing {
                     frames_us.push(took.as_secs_f64() * 1e6);
                     patches

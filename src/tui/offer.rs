@@ -23,7 +23,7 @@ impl Offer {
         Self { found, since: Instant::now() }
     }
 
-    /// Returns whether the user has had enough time to accept it.
+    /// Returns whether the offer has expired.
     pub fn is_over(&self) -> bool {
         self.since.elapsed() > OFFER_DURATION
     }

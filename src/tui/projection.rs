@@ -1,5 +1,5 @@
-//! The projections of an arm, and their places on the screen. All are parallel: a direction to the
-//! right and one upwards.
+//! Parallel projections of an arm, and their placement on the screen. A direction to the right and
+//! one upwards define each.
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 
@@ -10,11 +10,11 @@ use super::raster::MapFrame;
 use gdg::draw::Raster;
 use gdg::viewer::arm::Plane;
 
-/// What is shown without zoom, in metres: where the arm, the table and the goals are.
+/// The region shown without zoom, in metres: arm, table and goals.
 const WORKSPACE: [[f32; 3]; 2] = [[0.62, 0.33, 0.3], [1.66, 1.17, 1.12]];
 
-/// The free projection shows this share of what it would need to show the workspace's corners from
-/// every side: the arm is in its middle.
+/// Share of the extent that keeps the workspace's corners in view from every side. The free
+/// projection shows only this much, since the arm is in the middle.
 const FREE_SHARE: f32 = 0.8;
 
 /// The smallest area in characters that has room for all projections.
@@ -64,7 +64,7 @@ impl Angle {
     }
 }
 
-/// Where the eye is, in rad: around the vertical axis from the front, and above the horizon.
+/// The viewing direction in rad: yaw from the front, and pitch above the horizon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
     pub yaw: f32,
@@ -125,7 +125,7 @@ pub struct ShownAngles {
 pub struct Projection {
     /// Where the eye is.
     pub angle: Angle,
-    /// Its pixels: to the right and downwards in metres.
+    /// Its pixels, in metres to the right and downwards.
     pub frame: MapFrame,
     /// Directions and pixels for the viewer.
     pub plane: Plane,
@@ -133,12 +133,7 @@ pub struct Projection {
 
 impl Projection {
     /// Fits what `camera` shows into `area`; `None` without room.
-    fn fit(
-        area: Rect,
-        (angle, orbit): (Angle, Orbit),
-        camera: Camera,
-        marker: Marker,
-    ) -> Option<Self> {
+    fn fit(area: Rect, angle: Angle, orbit: Orbit, camera: Camera, marker: Marker) -> Option<Self> {
         if area.is_empty() {
             return None;
         }
@@ -166,13 +161,13 @@ impl Projection {
         Some(projection)
     }
 
-    /// Returns where a point is on the screen: to the right and downwards, in metres.
+    /// Projects a point onto the screen, in metres to the right and downwards.
     pub fn flat(&self, at: [f32; 3]) -> [f32; 2] {
         let dot = |direction: [f32; 3]| (0..3).map(|i| at[i] * direction[i]).sum::<f32>();
         [dot(self.plane.across), -dot(self.plane.up)]
     }
 
-    /// Returns the point at a screen position, as deep in the scene as `near`.
+    /// Returns the point at a screen position, at the depth of `near`.
     pub fn point_at(&self, at: Position, near: [f32; 3]) -> [f32; 3] {
         self.plane.point(self.frame.middle_of(at), near)
     }
@@ -191,9 +186,8 @@ pub fn has_room(area: Rect) -> bool {
 
 /// Places the projections: all of them in the quarters of `area`, or the chosen one alone.
 pub fn arrange(area: Rect, shown: &ShownAngles, marker: Marker) -> Vec<Projection> {
-    let fit = |area: Rect, angle: Angle| {
-        Projection::fit(area, (angle, shown.orbit), shown.camera, marker)
-    };
+    let fit =
+        |area: Rect, angle: Angle| Projection::fit(area, angle, shown.orbit, shown.camera, marker);
     if shown.alone || !has_room(area) {
         return fit(area, shown.angle).into_iter().collect();
     }
@@ -214,10 +208,10 @@ mod tests {
     use super::*;
 
     fn projection(angle: Angle) -> Projection {
-        let orbit = Orbit::default();
         Projection::fit(
             Rect::new(3, 2, 50, 22),
-            (angle, orbit),
+            angle,
+            Orbit::default(),
             Camera::default(),
             Marker::HalfBlock,
         )

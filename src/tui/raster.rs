@@ -15,8 +15,8 @@ impl Marker {
         matches!(self, Self::Auto | Self::Pixels)
     }
 
-    /// Returns the characters used on a map on which a cell has room for `scale` half blocks; the
-    /// values between which pictures interpolate are as many.
+    /// Returns the marker to use where a cell has room for `scale` half blocks. Pictures
+    /// interpolate between as many values as it has pixels.
     #[must_use]
     pub fn resolved(self, scale: f32) -> Self {
         match self {

@@ -23,15 +23,15 @@ use crate::host::setup::create;
 /// has.
 pub const LARGEST_SCREEN: (u16, u16) = (1000, 500);
 
-/// Average size of a recording; frames are left out where it would grow faster. With the first and
+/// Average size of a recording; frames are dropped where it would grow faster. With the first and
 /// the last screen, 2 MB in the first minute.
 const BYTES_PER_SECOND: f64 = 24_000.0;
 
-/// Bytes that a recording may be ahead of that: the first screen is drawn at once.
+/// Bytes by which a recording may exceed that, for the first screen.
 const BYTES_AHEAD: f64 = 100_000.0;
 
-/// Bytes that it may be ahead by frames that answer the user: a missing dialog hurts more than a
-/// missing step of training.
+/// Bytes by which frames that answer the user may exceed it: a missing dialog is worse than a
+/// missing training step.
 const ANSWER_BYTES_AHEAD: f64 = 400_000.0;
 
 /// Minimum time between two recorded frames.
@@ -78,7 +78,9 @@ impl Recorder {
     fn from_file(path: &Path, file: File, size: (u16, u16)) -> std::io::Result<Self> {
         let (width, height) = clamp_size(size);
         let term = std::env::var("TERM").unwrap_or_default();
-        let head = json!({ "version": 2, "width": width, "height": height, "title": "gdg-tui", "env": { "TERM": term } });
+        let env = json!({ "TERM": term });
+        let head = json!({ "version": 2, "width": width, "height": height, "title": "gdg-tui",
+            "env": env });
         let mut recorder = Self {
             path: path.to_owned(),
             file: BufWriter::new(file),
@@ -94,8 +96,8 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Records the screen, now or, if the latest frame was recorded just before or the recording
-    /// grows too fast, only if nothing follows.
+    /// Records the screen. Right after another frame, or if the recording grows too fast, it is
+    /// held back and recorded only if nothing follows.
     ///
     /// # Errors
     /// Errors of the file system.
@@ -104,7 +106,7 @@ impl Recorder {
     }
 
     fn frame_at(&mut self, now: Duration, screen: &Buffer) -> std::io::Result<()> {
-        // A frame left out is recorded if it was shown for longer than those that are.
+        // A frame held back is recorded if it stayed on the screen.
         if self.pending.as_ref().is_some_and(|(at, _)| now > *at + 2 * FRAME_INTERVAL)
             && self.is_due(now)
         {
@@ -126,7 +128,7 @@ impl Recorder {
     }
 
     fn is_due(&self, now: Duration) -> bool {
-        // A dialog changes less than a step of training, which the latest frame may have been.
+        // The latest frame may be a training step, which changes more than a dialog does.
         let (ahead, size) =
             if self.answers { (ANSWER_BYTES_AHEAD, 0) } else { (BYTES_AHEAD, self.latest_size) };
         let affordable = ahead + BYTES_PER_SECOND * now.as_secs_f64();
@@ -185,7 +187,7 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // The last screen; an error here has nobody left to report to.
+        // Write the last screen; errors can no longer be reported.
         let _ = self.write_pending();
     }
 }

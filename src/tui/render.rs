@@ -75,7 +75,7 @@ pub fn draw(frame: &mut Frame, screen: &Screen, scene: &Scene, cache: &mut Cache
     layout
 }
 
-/// Colours what has no colour of its own like the theme's page, if it has one.
+/// Gives text without a colour of its own the colours of the theme's page, if it has one.
 pub fn paint_page(frame: &mut Frame, theme: &Theme) {
     let Some((ink, ground)) = theme.page else { return };
     let [ink, ground] = [ink, ground].map(|rgb| theme.colour(rgb));

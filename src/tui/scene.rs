@@ -1,5 +1,5 @@
-//! The kinds of worlds that the screen draws: a folder each, with its state, what it draws and how
-//! it reacts. This file picks one of them.
+//! The kinds of worlds that the screen draws: a folder each, with its state, drawing and input
+//! handling. This file dispatches to them.
 
 pub mod arm;
 mod legend;
@@ -25,7 +25,7 @@ use gdg::viewer::{Field, View};
 pub use maze::{Cache, MazeState};
 pub use walk::MEANINGS as WALK_MEANINGS;
 
-/// What is drawn in the place of the map.
+/// The scene in the main area of the screen.
 pub enum Scene {
     /// A maze, seen from above.
     Maze(Box<MazeState>),
@@ -57,7 +57,7 @@ impl Scene {
         }
     }
 
-    /// Returns the maze to be changed, if it is one.
+    /// Returns the maze mutably, if it is one.
     pub fn maze_mut(&mut self) -> Option<&mut MazeState> {
         match self {
             Self::Maze(maze) => Some(maze),
@@ -66,9 +66,9 @@ impl Scene {
     }
 }
 
-/// What it is called and can do.
+/// Names and capabilities.
 impl Scene {
-    /// Returns what is drawn, in a word.
+    /// Returns the word for what is drawn.
     pub fn noun(&self) -> &'static str {
         match self {
             Self::Maze(_) => maze::NOUN,
@@ -76,7 +76,7 @@ impl Scene {
         }
     }
 
-    /// Returns what other scenes draw.
+    /// Returns the word for what other scenes draw.
     pub fn other_noun(&self) -> &'static str {
         match self {
             Self::Maze(_) => arm::NOUN,
@@ -92,7 +92,7 @@ impl Scene {
         }
     }
 
-    /// Returns whether an action makes sense here.
+    /// Returns whether an action applies here.
     pub fn offers(&self, action: Action) -> bool {
         match self {
             Self::Maze(_) => maze::offers(action),
@@ -154,7 +154,7 @@ impl Scene {
         }
     }
 
-    /// Returns what the screen is used for.
+    /// Returns the screen's mode.
     pub fn mode(&self, screen: &Screen) -> Mode {
         match screen.offer {
             _ if self.is_editing() => Mode::Editing,
@@ -190,7 +190,7 @@ impl Scene {
         self.maze().is_some_and(|maze| maze.map != maze.kept_map)
     }
 
-    /// Takes the map as it is for saved.
+    /// Marks the map as saved.
     pub fn keep_map(&mut self) {
         if let Self::Maze(maze) = self {
             maze.kept_map = maze.map.clone();
@@ -225,7 +225,7 @@ impl Scene {
 /// The line of the first overlay in the legend.
 pub const FIRST_OVERLAY: usize = 2;
 
-/// How it is drawn.
+/// Drawing.
 impl Scene {
     /// Draws the scene into the first area, and the line below it into the second.
     pub fn draw(
@@ -241,12 +241,12 @@ impl Scene {
             (Self::Arm(arm), World::Arm(world)) => {
                 arm::draw(frame, areas, world, arm, screen, layout);
             }
-            // The run of a maze has begun, which is shown from now on.
+            // A maze run has begun and replaces the arm from the next frame on.
             (Self::Arm(_), _) => {}
         }
     }
 
-    /// Returns the overlays that make sense here.
+    /// Returns the overlays that are available here.
     pub fn overlays(&self) -> impl Iterator<Item = Overlay> {
         legend::overlays(|action| self.offers(action))
     }
@@ -267,7 +267,7 @@ impl Scene {
         }
     }
 
-    /// Returns the width and height of what is drawn, in a unit of its own.
+    /// Returns the width and height of what is drawn, in the scene's own unit.
     pub fn proportions(&self) -> [f32; 2] {
         match self {
             Self::Maze(maze) => [maze.map.width() as f32, maze.map.height() as f32],
@@ -276,9 +276,9 @@ impl Scene {
     }
 }
 
-/// How it reacts.
+/// Input.
 impl Scene {
-    /// Becomes the kind of scene that a run has.
+    /// Switches to the kind of scene that a run has.
     pub fn enter(&mut self, snapshot: &Snapshot) {
         let is_arm = matches!(snapshot.scene, World::Arm(_));
         if is_arm != matches!(self, Self::Arm(_)) {
@@ -286,7 +286,7 @@ impl Scene {
         }
     }
 
-    /// Begins to show the run on the screen.
+    /// Starts showing the run on the screen.
     pub fn start(&mut self, screen: &mut Screen, link: &mut Link) {
         match self {
             Self::Maze(maze) => maze.start(screen, link),
@@ -334,8 +334,8 @@ impl Scene {
         }
     }
 
-    /// Handles a drawn frame: has the viewer compute what the pixels show. `before` is where things
-    /// were drawn before.
+    /// Handles a drawn frame: has the viewer compute what the pixels show. `before` is the previous
+    /// layout.
     pub fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &Link) {
         match self {
             Self::Maze(_) => MazeState::drawn(before, screen, link),

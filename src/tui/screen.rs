@@ -1,4 +1,4 @@
-//! The state of the screen: everything a frame is drawn from, but for the scene on it.
+//! The state of the screen: everything a frame is drawn from, except the scene.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -42,9 +42,9 @@ pub struct Screen {
     pub overlays: Overlays,
     /// What the map is drawn with.
     pub marker: Marker,
-    /// What pictures the terminal shows.
+    /// The terminal's graphics capabilities, if it shows pictures.
     pub graphics: Option<Graphics>,
-    /// How much of the pictures is drawn again.
+    /// How much of the pictures is redrawn.
     pub redraw: Redraw,
     /// The selected pane.
     pub pane: Pane,
@@ -62,21 +62,21 @@ pub struct Screen {
     pub pausing: bool,
     /// Whether the screen is frozen.
     pub frozen: bool,
-    /// The value that the colours reach at least, for two screens to be compared.
+    /// Minimum upper end of the colour scale, which the screens of a comparison share.
     pub least_farthest: f32,
-    /// The steps between two contour lines, at least, for the same purpose.
+    /// Minimum contour interval in steps, shared likewise.
     pub least_contour_interval: f32,
     /// The exploring agent followed instead of the walking one.
     pub following: Option<usize>,
     /// The saved run that is offered.
     pub offer: Option<Offer>,
-    /// The frame of the film that is looked at instead of the present.
+    /// The frame of the film shown instead of the present.
     pub past: Option<Arc<FilmFrame>>,
     /// The step of the guided tour, while it lasts.
     pub tour: Option<ShownStep>,
     /// The bridge search that the tour explains, instead of the latest.
     pub explained: Option<Arc<SearchOutcome>>,
-    /// Whether the interface has not been used yet: a line says what there is to see.
+    /// Whether the interface has never been used: a hint explains the screen.
     pub first_run: bool,
     /// Where things were last drawn.
     pub layout: ScreenLayout,
@@ -125,7 +125,7 @@ impl Screen {
         settings_in_world(preset, self.snapshot.world_defaults)
     }
 
-    /// Finds out which settings differ from those of the run's preset, after the run has changed.
+    /// Updates the settings that differ from the run's preset, after the run has changed.
     pub fn update_changed_settings(&mut self) {
         let run = self.run();
         let changed = changed_from(&run.settings, &self.settings_of(run.preset));
@@ -144,17 +144,17 @@ impl Screen {
 
     /// Shows a notice and logs it.
     pub fn notify(&mut self, text: &str) {
-        self.log.add(text, self.latest.moment(), false);
+        self.log.add(text, self.latest.seconds, self.latest.updates(), false);
     }
 
-    /// Shows a notice of what concerns the screen alone, which the log is not for.
+    /// Shows a notice without logging it, since it concerns only the screen.
     pub fn say(&mut self, text: &str) {
         self.log.show(text, false);
     }
 
     /// Shows an error and logs it.
     pub fn report(&mut self, text: &str) {
-        self.log.add(text, self.latest.moment(), true);
+        self.log.add(text, self.latest.seconds, self.latest.updates(), true);
     }
 
     /// Opens a dialog on top of the others.
@@ -162,17 +162,17 @@ impl Screen {
         self.dialogs.push(dialog.into());
     }
 
-    /// Stops saying what there is to see, now and in later runs: the user has found out.
+    /// Hides the hint that explains the screen, now and in later runs.
     pub fn on_first_use(&mut self) {
         if std::mem::take(&mut self.first_run)
             && let Some(path) = used_path()
         {
-            // Ignored: it would only be said again.
+            // Ignored: the hint would merely be shown again.
             let _ = write_atomically(&path, b"");
         }
     }
 
-    /// Returns the number of updates not saved in any checkpoint, of those shown.
+    /// Returns how many of the updates shown are not saved in any checkpoint.
     pub fn unsaved_updates(&self) -> u64 {
         self.snapshot.unsaved_updates()
     }

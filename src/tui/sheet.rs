@@ -8,7 +8,7 @@ use tiny_skia::{
 
 use super::theme::Rgb;
 
-/// The part of a letter's height that capitals and digits fill.
+/// Height of capitals and digits, as a share of the text height.
 const CAPITAL_SHARE: f32 = 0.62;
 
 /// Pixels to draw on.
@@ -72,8 +72,8 @@ impl Sheet {
         }
     }
 
-    /// Fills a rectangle given by its left, top, right and bottom, to whole pixels: faster, for
-    /// thousands of small ones.
+    /// Fills a rectangle given by its left, top, right and bottom, rounded to whole pixels: faster,
+    /// for thousands of small ones.
     pub fn tint(&mut self, [left, top, right, bottom]: [f32; 4], Ink((r, g, b), opacity): Ink) {
         let (width, height) = (self.0.width() as usize, self.0.height() as usize);
         let span = |from: f32, to: f32, size: usize| {
@@ -109,12 +109,14 @@ impl Sheet {
         }
     }
 
-    /// Writes a line of text with its middle at a point, `height` pixels high, turned by an angle.
+    /// Writes a line of text with its middle at a point, `height` pixels high, rotated by an angle
+    /// in rad.
     pub fn text(
         &mut self,
         text: &str,
         [x, y]: [f32; 2],
-        (height, angle): (f32, f32),
+        height: f32,
+        angle: f32,
         is_bold: bool,
         ink: Ink,
     ) {
@@ -136,7 +138,7 @@ impl Sheet {
             .post_scale(scale, scale)
             .post_rotate(angle.to_degrees())
             .post_translate(x, y);
-        // Unscaled and unturned text stays crisp.
+        // Keep unscaled, unrotated text crisp.
         let quality = if scale == 1.0 && angle == 0.0 {
             FilterQuality::Nearest
         } else {
@@ -151,7 +153,7 @@ impl Sheet {
         self.disc(at, radius + 1.5, Ink(letters, 0.8));
         self.disc(at, radius, Ink(ground, 1.0));
         let height = 1.3 * radius / CAPITAL_SHARE;
-        self.text(&letter.to_string(), at, (height, 0.0), true, Ink(letters, 1.0));
+        self.text(&letter.to_string(), at, height, 0.0, true, Ink(letters, 1.0));
     }
 
     /// Draws an arrow around a point, in a direction of length 1.
@@ -249,7 +251,7 @@ mod tests {
     fn text_is_written_around_its_middle() {
         for angle in [0.0, 1.2] {
             let mut text = sheet();
-            text.text("40", [20.0, 15.0], (14.0, angle), false, WHITE);
+            text.text("40", [20.0, 15.0], 14.0, angle, false, WHITE);
             let total = drawn(&text);
             assert!(total > 15.0, "{total}");
             let mean = |of: fn(usize) -> usize| {

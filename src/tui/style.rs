@@ -2,11 +2,11 @@
 
 use ratatui::style::{Modifier, Style};
 
-/// Headings, keys and what else is important.
+/// Headings, keys and other important text.
 pub const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);
 
-/// What explains something else.
+/// Explanations.
 pub const DIM: Style = Style::new().add_modifier(Modifier::DIM);
 
-/// What is selected, and what stands out from the map.
+/// Selections, and text that stands out from the map.
 pub const REVERSED: Style = Style::new().add_modifier(Modifier::REVERSED);

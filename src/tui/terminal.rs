@@ -33,8 +33,8 @@ use gdg::printing;
 use guard::Guard;
 pub use guard::{GUARD_COMMAND, run_guard};
 
-/// How long the terminal may take to answer what it can show: before the first frame, and again
-/// before it is given back, as its answer would be typed at the shell's prompt.
+/// Timeout of the capability query, before the first frame and again before the terminal is
+/// restored: a late answer would appear at the shell's prompt.
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(250);
 
 /// Events before the first frame; the rest follows after it.
@@ -46,7 +46,7 @@ pub struct Terminal {
     size: (u16, u16),
     input: InputStream,
     recorder: Option<Recorder>,
-    /// What the terminal has answered, if it was asked what it can show.
+    /// The answer to the capability query, if it was sent.
     answer: Option<Answer>,
     graphics: Option<Graphics>,
     /// The pictures on the screen, if it shows any.
@@ -60,14 +60,14 @@ pub struct Terminal {
     guard: Option<Guard>,
 }
 
-/// Collects what is to be written, until it is closed.
+/// Buffers output, until it is closed.
 #[derive(Clone, Default)]
 pub struct Output {
     bytes: Rc<RefCell<Vec<u8>>>,
     /// Whether all further output is discarded.
     closed: Rc<Cell<bool>>,
-    /// Whether the text cursor has been shown: pictures must not move it, and the library does not
-    /// tell.
+    /// Whether the text cursor has been shown: pictures must not move it, and ratatui does not
+    /// expose it.
     shows_cursor: Rc<Cell<bool>>,
 }
 
@@ -97,8 +97,8 @@ impl Write for Output {
 
 impl Terminal {
     /// Sets up the terminal, and records it if `recorder` is given. A panic restores it before
-    /// printing its message. Asks it what pictures it shows, unless it is not worth it with
-    /// `marker`, or is recorded: recordings are of characters.
+    /// printing its message. Queries its graphics capabilities unless `marker` makes that pointless
+    /// or it is recorded: recordings contain only characters.
     ///
     /// # Errors
     /// Errors of the terminal, which is restored in that case too.
@@ -165,7 +165,7 @@ impl Terminal {
         }
     }
 
-    /// Takes over a reply of the terminal, and shows pictures from then on if it says that it does.
+    /// Handles a reply of the terminal, and shows pictures from then on if it supports them.
     fn take_reply(&mut self, reply: &[u8]) {
         let Some(answer) = &mut self.answer else { return };
         answer.take(reply);
@@ -178,8 +178,7 @@ impl Terminal {
         }
     }
 
-    /// Waits for the terminal to answer what it can show, but not long; returns what the user did
-    /// meanwhile.
+    /// Waits briefly for the answer to the capability query; returns the user's events meanwhile.
     pub async fn answered(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
         let end = tokio::time::Instant::now() + ANSWER_TIMEOUT;
@@ -201,8 +200,8 @@ impl Terminal {
         self.recorder.iter_mut().for_each(Recorder::expect_answer);
     }
 
-    /// Returns whether the pictures on the screen are out of date, as the terminal could not
-    /// follow.
+    /// Returns whether the pictures on the screen are out of date, as the terminal could not keep
+    /// up.
     pub fn is_behind(&self) -> bool {
         self.patches.as_ref().is_some_and(Patches::is_behind)
     }
@@ -268,7 +267,7 @@ impl Terminal {
                 SHOWS_KITTY_PICTURES.store(true, Ordering::Relaxed);
                 self.guard.iter_mut().for_each(Guard::expect_pictures);
             }
-            // Hidden, and back to where it was.
+            // Hide the cursor meanwhile, and put it back.
             let cursor = if self.output.shows_cursor.get() { SHOW_CURSOR } else { b"" };
             let mut out = self.output.bytes.borrow_mut();
             [HIDE_CURSOR, SAVE_CURSOR, &bytes, RESTORE_CURSOR, cursor]
@@ -309,7 +308,7 @@ impl Terminal {
 
     /// Sets the terminal up again.
     fn open_again(&mut self) -> std::io::Result<()> {
-        // The library would not set what it believes to be set.
+        // crossterm skips modes that it believes to be set.
         let _ = disable_raw_mode();
         set_up_modes()?;
         // A new instance knows nothing of the old screen, so it redraws everything without querying
@@ -332,7 +331,7 @@ impl Drop for Terminal {
             printing::hurry();
         }
         gdg::faults::show_in_interface(false);
-        // Everything is restored: discard what the library would still write.
+        // Everything is restored: discard what ratatui would still write.
         self.output.closed.set(true);
     }
 }
@@ -356,8 +355,8 @@ fn set_up_modes() -> std::io::Result<()> {
     printing::stdout().send(&bytes)
 }
 
-/// Whether the program is on its own screen. It is left once: leaving it again would put the cursor
-/// back to where it was, over what has been printed since.
+/// Whether the program is on its own screen. It is left only once: leaving it again would restore
+/// the cursor's position, over later output.
 static ON_SCREEN: AtomicBool = AtomicBool::new(false);
 
 /// Restores the terminal. Ignores errors, which cannot be reported any more.
@@ -371,14 +370,14 @@ fn give_back() -> bool {
     let bytes =
         if leaves { leaving(SHOWS_KITTY_PICTURES.load(Ordering::Relaxed)) } else { Vec::new() };
     let is_read = printing::stdout().send(&bytes).is_ok() && printing::stdout().flush_briefly();
-    // A shell in the foreground has modes of its own.
+    // A shell in the foreground sets its own modes.
     if is_in_foreground(std::io::stdout()) || is_raw(std::io::stdout()) {
         let _ = disable_raw_mode();
     }
     is_read
 }
 
-/// Whether pictures have been sent to the terminal that it keeps elsewhere than its characters.
+/// Whether kitty pictures have been sent, which stay when the text is cleared.
 static SHOWS_KITTY_PICTURES: AtomicBool = AtomicBool::new(false);
 
 /// Chooses how to send pictures to the terminal, if it shows them.
@@ -397,8 +396,8 @@ fn character_size() -> Option<(u16, u16)> {
     Some((of(size.width, size.columns)?, of(size.height, size.rows)?))
 }
 
-/// Returns what restores everything except the modes of the terminal's driver. `pictures` are those
-/// that the terminal keeps elsewhere than its characters; others go with the screen.
+/// Returns the bytes that restore everything except the driver's modes. `pictures` deletes kitty's;
+/// others vanish with the screen.
 fn leaving(pictures: bool) -> Vec<u8> {
     let mut bytes = Vec::new();
     // Writing to memory does not fail.

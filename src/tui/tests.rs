@@ -99,7 +99,7 @@ impl App {
         self.scene.maze().expect("a maze")
     }
 
-    /// Returns the maze that is shown, to be changed.
+    /// Returns the maze that is shown, mutably.
     fn maze_mut(&mut self) -> &mut MazeState {
         self.scene.maze_mut().expect("a maze")
     }
@@ -112,7 +112,7 @@ impl App {
         }
     }
 
-    /// Returns the arm that is shown, to be changed.
+    /// Returns the arm that is shown, mutably.
     fn arm_mut(&mut self) -> &mut ArmState {
         match &mut self.scene {
             Scene::Arm(arm) => arm,
@@ -133,14 +133,14 @@ impl App {
         self.in_maze(|maze, screen, link| maze.change_map(map, screen, link));
     }
 
-    /// Shows the snapshot as `change` makes it.
+    /// Shows the snapshot after `change`.
     fn change_snapshot(&mut self, change: impl FnOnce(&mut Snapshot)) {
         let mut snapshot = (*self.screen.snapshot).clone();
         change(&mut snapshot);
         self.on_snapshot(Arc::new(snapshot));
     }
 
-    /// Shows the view as `change` makes it.
+    /// Shows the view after `change`.
     fn change_view(&mut self, change: impl FnOnce(&mut MazeView)) {
         let mut view = (*self.maze().view).clone();
         change(&mut view);
@@ -156,7 +156,7 @@ impl App {
     }
 }
 
-/// An app without a trainer and a viewer: what it sends them stays in its channels.
+/// An app without a trainer and a viewer: its messages stay in the channels.
 struct Still {
     app: App,
     commands: Receiver<Command>,
@@ -180,14 +180,14 @@ impl DerefMut for Still {
 }
 
 impl Still {
-    /// Shows a snapshot after so many updates.
+    /// Shows a snapshot after this many updates.
     fn train(&mut self, updates: u64) {
         let mut snapshot = (*self.app.screen.latest).clone();
         snapshot.counters.updates += updates;
         self.publish(snapshot);
     }
 
-    /// Does what the app has asked the trainer for: pauses, and changes of run and speed.
+    /// Carries out the app's requests to the trainer: pauses, and changes of run and speed.
     fn obey(&mut self) {
         while let Ok(command) = self.commands.try_recv() {
             let mut snapshot = (*self.app.screen.latest).clone();
@@ -673,7 +673,7 @@ fn a_new_run_starts_on_a_map_of_another_size_and_the_screen_follows() {
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "12 x 7");
     press(&mut app, KeyCode::Enter);
-    // Choose to begin with fresh networks.
+    // Choose to start with new networks.
     press(&mut app, KeyCode::Enter);
     wait_until(&mut app, |app| app.screen.snapshot.generation == 1);
     assert_eq!((app.maze().map.width(), app.maze().map.height()), (12, 7));
@@ -689,7 +689,7 @@ fn the_walking_agent_can_visit_one_goal_after_another() {
     let mut app = app();
     draw(&mut app, 80, 24);
     press(&mut app, KeyCode::Char('t'));
-    // Starting at the goal, it arrives at once, whatever it has learned.
+    // A walk that starts at the goal arrives at once, whatever was learned.
     press(&mut app, KeyCode::Char('S'));
     let first = app.maze().goal;
     wait_until(&mut app, |app| {

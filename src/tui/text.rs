@@ -11,14 +11,14 @@ pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {
     Line::from(vec![Span::styled(format!(" {name:<10}"), DIM), Span::raw(value.to_string())])
 }
 
-/// Columns from which numbers are explained beside them, and the column of the explanation.
+/// Minimum width for explanations beside numbers, and the column in which they start.
 pub const EXPLAINED_WIDTH: usize = 79;
 pub const EXPLANATION_COLUMN: usize = 33;
 
-/// Adds what a number means, given the meanings by their names.
+/// Appends the meaning of a line's number, looked up by the line's name.
 pub fn explain(line: &mut Line<'static>, meanings: &[(&str, &str)]) {
     let name = line.spans.first().map(|span| span.content.trim().to_owned()).unwrap_or_default();
-    // The name may go on with what is specific to the run.
+    // The name may end with something specific to the run.
     let first = name.split_whitespace().next().unwrap_or_default();
     let known = |name: &str| meanings.iter().find(|(known, _)| *known == name);
     if let Some((_, meaning)) = known(&name).or_else(|| known(first).filter(|_| first == "success"))

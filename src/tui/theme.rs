@@ -180,8 +180,8 @@ impl Theme {
     }
 
     /// Returns the nearest of a terminal's 256 colours for distances from near to far, none lighter
-    /// than the one before: with the nearest alone, dark blue would be followed by a lighter grey.
-    /// Greys are for walls.
+    /// than the one before: by nearness alone, a lighter grey would follow dark blue. Greys are
+    /// reserved for walls.
     fn indexed_distances(&self) -> [Rgb; INDEXED_DISTANCES] {
         let mut lightest = f32::INFINITY;
         std::array::from_fn(|i| {

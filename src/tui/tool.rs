@@ -45,7 +45,7 @@ impl Tool {
         }
     }
 
-    /// Returns why using the tool has changed nothing; `None` if that is plain to see.
+    /// Returns why using the tool has changed nothing; `None` if that is obvious.
     pub fn refusal(self) -> Option<&'static str> {
         match self {
             Self::Fill => Some("not filled: a map needs floor"),

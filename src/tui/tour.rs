@@ -1,6 +1,6 @@
-//! What is shown of the guided tour.
+//! The guided tour as shown on the screen.
 
-/// What the box says, and about what.
+/// A caption and its subject.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Caption {
     /// Two or three short sentences.
@@ -9,11 +9,11 @@ pub struct Caption {
     pub subject: Vec<[f32; 2]>,
     /// Signs drawn on the map.
     pub marks: Vec<([f32; 2], char)>,
-    /// Whether what it explains is to be seen now.
+    /// Whether its subject is currently visible.
     pub seen: bool,
 }
 
-/// The step that is shown.
+/// The step shown.
 #[derive(Clone, Debug)]
 pub struct ShownStep {
     /// Its index.
@@ -22,6 +22,6 @@ pub struct ShownStep {
     pub title: String,
     /// Whether the tour waits for the user's first click, which ends it.
     pub is_last: bool,
-    /// What the box says now.
+    /// The current caption.
     pub caption: Caption,
 }

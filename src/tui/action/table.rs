@@ -31,7 +31,7 @@ impl Binding {
         Self { when, ..self }
     }
 
-    /// Adds words to be found by.
+    /// Adds search words.
     const fn also(self, words: &'static str) -> Self {
         Self { words, ..self }
     }
@@ -173,10 +173,10 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Pan(0, -1), "pan-up", &["shift-up", "alt-up"], "", "pan the map upwards").also("scroll"),
             bind(Action::Pan(0, 1), "pan-down", &["shift-down", "alt-down"], "", "pan the map downwards")
                 .also("scroll"),
-            bind(Action::Back, "back-in-time", &["["], "", "back in time: what was learned by then")
+            bind(Action::Back, "back-in-time", &["["], "", "go back in time: what was learned by then")
                 .watching()
                 .also("past history film rewind earlier previous before go time travel scrub movie replay"),
-            bind(Action::Forth, "forth-in-time", &["]"], "", "forward in time, and back to the present")
+            bind(Action::Forth, "forth-in-time", &["]"], "", "go forward in time, up to the present")
                 .watching()
                 .also("future now present film forward later next time travel movie replay"),
             bind(Action::Projection, "projection", &["shift-p"], "projection", "choose the next projection")
@@ -290,7 +290,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Palette, "palette", &[":", "ctrl-p"], "all", "find an action by name").also("command search"),
             bind(Action::Help, "help", &["?", "f1"], "help", "show or hide this help")
                 .also("keys shortcuts manual documentation bindings usage about"),
-            bind(Action::SearchHelp, "search-help", &["/"], "", "show only what contains some words")
+            bind(Action::SearchHelp, "search-help", &["/"], "", "search the help")
                 .within(When::Help),
             bind(Action::Close, "close", &["esc"], "", "close the topmost dialog or mode").also("cancel back escape"),
             bind(Action::Redraw, "redraw", &["ctrl-l"], "", "redraw the whole screen").also("refresh repaint garbled again"),

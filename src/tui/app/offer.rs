@@ -17,7 +17,8 @@ impl App {
             found.run.seed,
             found.file.display()
         );
-        self.screen.log.record(&text, self.screen.snapshot.moment());
+        let snapshot = &self.screen.snapshot;
+        self.screen.log.record(&text, snapshot.seconds, snapshot.updates());
         self.screen.offer = Some(Offer::new(found));
     }
 

@@ -117,7 +117,7 @@ impl App {
             format!(" at {}", grouped(updates))
         };
         let text = format!("evaluated{at}: {}{error}", e.success(updates));
-        self.screen.log.record(&text, snapshot.moment());
+        self.screen.log.record(&text, snapshot.seconds, snapshot.updates());
     }
 
     /// Freezes the screen, or unfreezes it and shows the current state.

@@ -4,7 +4,7 @@
 //! +---------------------------------------------------+
 //! | map, seed, phase                                  |  header
 //! | A method, preset        | B method, preset        |
-//! | map          facts      | map          facts      |  facts below the map where that leaves it larger
+//! | map          facts      | map          facts      |  facts: below if the map gains
 //! | meaning of colours      | meaning of colours      |
 //! | success over environment steps                    |  curves
 //! | keys, or a notice                                 |  footer
@@ -71,13 +71,16 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
         Layout::horizontal([share(0), Constraint::Length(gap), share(1)]).areas(body);
     frame.render_widget(Block::new().borders(Borders::LEFT), line);
     let areas = [left, right];
-    let facts = [0, 1].map(|own| facts(&comparison.sides[own], comparison.race.results(own)));
+    let facts = [0, 1].map(|own| {
+        let (arrived, races) = comparison.race.results(own);
+        facts(&comparison.sides[own], arrived, races)
+    });
     let texts = [0, 1].map(|own| text(&facts[own], areas[own].width));
     let most = texts.iter().map(Vec::len).max().unwrap_or(0);
     let mut drawn = [0, 1].map(|own| {
         layout.add(Rect { height: 1, ..areas[own] }, Click::Act(Action::Larger(own)));
         let rows = if comparison.larger.is_none() { most } else { texts[own].len() };
-        draw_side(frame, areas[own], &mut comparison.sides[own], (&facts[own], rows as u16))
+        draw_side(frame, areas[own], &mut comparison.sides[own], &facts[own], rows as u16)
     });
     curves::draw(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
@@ -140,7 +143,8 @@ fn draw_side(
     frame: &mut Frame,
     area: Rect,
     side: &mut Side,
-    (facts, rows): (&[Fact], u16),
+    facts: &[Fact],
+    rows: u16,
 ) -> ScreenLayout {
     let Side { app: App { screen, scene, .. }, title, cache, .. } = side;
     let mut layout = ScreenLayout::new(frame.area());

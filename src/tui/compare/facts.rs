@@ -18,8 +18,7 @@ pub struct Fact {
     place: Place,
 }
 
-/// Facts that begin a line of text of their own, so that those of both sides are next to each
-/// other.
+/// Facts that begin a new line of text, so that those of both sides line up.
 const FIRST: [&str; 2] = ["success", "D error"];
 
 /// How a fact follows the others in text.
@@ -39,9 +38,9 @@ impl Fact {
     }
 }
 
-/// Returns the facts about a side, the most important first; `races` are those that its agent
-/// finished at the goal, and all that are over.
-pub fn facts(side: &Side, (arrived, races): (u32, u32)) -> Vec<Fact> {
+/// Returns the facts about a side, the most important first; its agent has finished
+/// `arrived` of `races` races at the goal.
+pub fn facts(side: &Side, arrived: u32, races: u32) -> Vec<Fact> {
     let (snapshot, walk) = (&side.app.screen.snapshot, &side.maze().view.walk);
     let mut facts = vec![
         Fact::new("steps", short(snapshot.counters.env_steps as f64)),
@@ -57,7 +56,7 @@ pub fn facts(side: &Side, (arrived, races): (u32, u32)) -> Vec<Fact> {
         .map_or("-".to_owned(), |s| s.planned.or(s.greedy).map_or("no tasks".to_owned(), rate));
     facts.push(Fact { style: BOLD, ..Fact::new("success", value) });
     let unknown = || "-".to_owned();
-    // What is not known yet has its place already: what follows does not move.
+    // Unknown values are shown too, so that what follows does not move.
     if side.app.screen.run().method.plans() {
         let greedy = success.and_then(|s| s.greedy).map_or_else(unknown, rate);
         facts.push(Fact { place: Place::Aside, ..Fact::new("greedy", greedy) });

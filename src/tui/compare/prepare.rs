@@ -29,7 +29,7 @@ pub struct ComparisonOptions {
     pub recording: Option<PathBuf>,
 }
 
-/// A run that takes part in a options.
+/// A run that takes part in a comparison.
 pub struct Contestant {
     /// The run.
     pub trainer: Trainer,

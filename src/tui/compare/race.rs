@@ -9,10 +9,10 @@ use rand_chacha::ChaCha8Rng;
 use gdg::map::{Cell, Grid, StepSearch, UNREACHABLE};
 use gdg::viewer::{MazeView, OnArrival};
 
-/// How long both rest once a race is over.
+/// Pause after a race.
 const REST: Duration = Duration::from_millis(1500);
 
-/// Steps after which a race is lost, as a multiple of the shortest path, and at least.
+/// Step limit of a race, as a multiple of the shortest path, and its minimum.
 const MAX_DETOUR: u32 = 4;
 const MIN_STEPS: u32 = 60;
 
@@ -23,16 +23,15 @@ pub struct Race {
     goal: Cell,
     /// What follows once both have arrived or lost.
     pub on_arrival: OnArrival,
-    /// The goal request of each side that began the race: what was published before it is of an
-    /// earlier race.
+    /// The goal request that began the race on each side: earlier views belong to earlier races.
     requests: [u64; 2],
     /// Whether each side has arrived, once that is decided.
     arrived: [Option<bool>; 2],
-    /// Since when the race is over.
+    /// When the race ended, if it has.
     over: Option<Instant>,
     /// Races that each side has finished at the goal, and all that are over.
     results: ([u32; 2], u32),
-    /// Of its own: training must not depend on who watches.
+    /// Separate, so that training does not depend on the display.
     rng: ChaCha8Rng,
 }
 
@@ -73,7 +72,7 @@ impl Race {
         (self.arrived, self.over) = ([None; 2], None);
     }
 
-    /// Registers how a side's agent is doing.
+    /// Updates the race from a side's view.
     pub fn observe(&mut self, side: usize, view: &MazeView) {
         let walk = &view.walk;
         if view.goal.1 != self.requests[side] || self.arrived[side].is_some() {

@@ -1,4 +1,4 @@
-//! The help: how far it is scrolled, and what is searched for in it.
+//! The help: its scroll position and search.
 
 use crossterm::event::{Event, KeyCode, KeyEvent};
 use tui_input::Input;

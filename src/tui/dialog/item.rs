@@ -15,9 +15,9 @@ pub struct Item {
     pub below: Vec<String>,
     /// The name of its action; empty for none.
     pub name: &'static str,
-    /// Other words that it is found by.
+    /// Additional search words.
     pub words: String,
-    /// Whether it is marked, as a setting that differs from its default.
+    /// Whether it is marked, such as a setting that differs from its default.
     pub marked: bool,
     /// The key that picks it in a question.
     pub key: Option<char>,

@@ -27,10 +27,9 @@ pub enum Row<'a> {
 pub struct Picker {
     /// The title.
     pub title: String,
-    /// What else can be done with the selected item.
+    /// Another action on the selected item.
     pub button: Option<(Action, &'static str)>,
-    /// Whether a search lists the matches group by group, instead of the best ones of all groups
-    /// first.
+    /// Whether search results are sorted by group first, then by score.
     pub keeps_groups: bool,
     items: Vec<Item>,
     typed: Input,
@@ -41,7 +40,7 @@ pub struct Picker {
 
 impl Picker {
     /// Creates a list of all `items`, with the first one selected. If an item has a key, the list
-    /// is a question: answered by keys instead of being searched.
+    /// is a question: keys answer it instead of searching.
     pub fn new(title: impl Into<String>, items: Vec<Item>) -> Self {
         let shown = (0..items.len()).collect();
         let (title, typed) = (title.into(), Input::default());
@@ -55,7 +54,7 @@ impl Picker {
         self
     }
 
-    /// Replaces all items by as many others.
+    /// Replaces the items; their number must stay the same.
     pub fn update(&mut self, items: Vec<Item>) {
         if items.len() == self.items.len() {
             self.items = items;
@@ -141,7 +140,7 @@ impl Picker {
                 return at.is_some();
             }
             _ if self.is_question() => {}
-            // It starts a search elsewhere; here, typing does.
+            // Elsewhere this starts a search; here, typing does.
             KeyCode::Char('/') if self.typed.value().is_empty() => {}
             _ => {
                 let before = self.typed.value().to_owned();
@@ -175,7 +174,7 @@ impl Picker {
         let scored =
             self.items.iter().enumerate().filter_map(|(i, item)| Some((i, ranking.score(item)?)));
         let mut scored: Vec<(usize, u32)> = scored.collect();
-        // An abbreviation is a guess, for when no word matches.
+        // Abbreviations count only if no word matches.
         if scored.iter().any(|(_, score)| *score > Ranking::GUESS) {
             scored.retain(|(_, score)| *score > Ranking::GUESS);
         }

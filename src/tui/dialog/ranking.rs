@@ -1,31 +1,30 @@
-//! How well an item matches what was typed.
+//! Ranks items against the typed text.
 
 use super::item::Item;
 
-/// Scores of a typed word that is a whole word, or begins one: in an item's name, among the other
-/// words it is found by, and in its details; and of one within a word of the name.
+/// Scores of a typed word that equals a word or is its prefix, in an item's name, in its search
+/// words and in its details; and of one inside a word of the name.
 const NAME: [u32; 2] = [100, 70];
 const WORDS: [u32; 2] = [90, 60];
 const DETAIL: [u32; 2] = [30, 20];
 const WITHIN_NAME: u32 = 40;
 
-/// Extra score of a name that begins with a typed word, and of a word both in the name and among
-/// the others.
+/// Bonus for a name that begins with a typed word, and for a word in both name and search words.
 const FIRST: u32 = 5;
 const IN_BOTH: u32 = 10;
 
-/// Words that say nothing beside others.
+/// Stop words.
 const FILLERS: [&str; 7] = ["a", "an", "the", "of", "in", "to", "for"];
 
 /// Ranks items by a search text.
 pub struct Ranking {
     typed: String,
-    /// Its words, without fillers unless there is nothing else.
+    /// Its words, without stop words unless there are no others.
     words: Vec<String>,
 }
 
 impl Ranking {
-    /// The score of a name that the typed letters abbreviate.
+    /// Score of a name that the typed letters abbreviate.
     pub const GUESS: u32 = 1;
 
     /// Creates a ranking for a search text.
@@ -71,12 +70,12 @@ impl Ranking {
     }
 }
 
-/// Returns whether each letter begins a word of `name`, in their order, or directly follows the
-/// letter before.
+/// Returns whether `letters` abbreviates `name`: in order, each letter begins a word or directly
+/// follows the letter before.
 fn abbreviates(letters: &str, name: &str) -> bool {
     let (letters, name): (Vec<char>, Vec<char>) =
         (letters.chars().collect(), name.chars().collect());
-    // The places after each match of the letters so far.
+    // The positions after each match of the letters so far.
     let mut ends = vec![0];
     for (n, letter) in letters.iter().enumerate() {
         let begins_word = |i: usize| i == 0 || !name[i - 1].is_alphanumeric();

@@ -64,7 +64,7 @@ fn chart(
 }
 
 fn series(name: &str, snapshot: &Snapshot, value: impl Fn(&Evaluation) -> Option<f64>) -> Series {
-    // What another method reached is not this one's.
+    // Leave out what other methods reached.
     let own =
         |at: u64| snapshot.methods.name(at).is_none_or(|name| name == snapshot.run.method.name());
     let evaluations = snapshot.evaluations.iter().filter(|(at, _)| own(*at));

@@ -68,7 +68,7 @@ fn hex((r, g, b): Rgb) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// Returns a block element as rectangles within a character (left, top, width, height), as fonts
+/// Returns a block element as rectangles within a character (left, top, width, height), since fonts
 /// draw it with gaps.
 fn parts(symbol: &str) -> Option<Vec<(f32, f32, f32, f32)>> {
     const QUADRANTS: [(char, u8); 15] = [

@@ -15,10 +15,10 @@ const KITTY_CHUNK_BYTES: usize = 4096;
 /// The order of kitty pictures among text: above it, as there is none below them.
 const KITTY_LAYER: i32 = 1;
 
-/// Writes patches, and remembers the colours they have.
+/// Encodes patches; keeps the palette between them.
 pub struct Encoder {
     protocol: Protocol,
-    /// Of sixel pictures.
+    /// The palette of sixel pictures.
     palette: Palette,
 }
 
@@ -28,19 +28,18 @@ impl Encoder {
         Self { protocol, palette: Palette::default() }
     }
 
-    /// Returns how the terminal is sent pictures.
+    /// Returns the graphics protocol.
     pub fn protocol(&self) -> Protocol {
         self.protocol
     }
 
-    /// Chooses colours for a picture (red, green, blue and one more byte, pixel by pixel) if the
-    /// protocol has few of them and the present ones do not fit; returns whether they have changed.
+    /// Chooses colours for an RGBA picture if the protocol has a palette and it does not fit;
+    /// returns whether they have changed.
     pub fn adapt(&mut self, pixels: &[u8]) -> bool {
         self.protocol == Protocol::Sixel && self.palette.adapt(pixels)
     }
 
-    /// Writes a patch at its place: `pixels` are red, green, blue and one more byte, row by row; as
-    /// a sixel picture, with what is known of its `bands`.
+    /// Writes a patch of RGBA `pixels` at its place; a sixel picture reuses its known `bands`.
     ///
     /// # Errors
     /// Errors of the PNG encoder.
@@ -48,7 +47,8 @@ impl Encoder {
         &mut self,
         out: &mut Vec<u8>,
         area: Rect,
-        (pixels, size): (&[u8], (u32, u32)),
+        pixels: &[u8],
+        size: (u32, u32),
         bands: &mut Bands,
     ) -> std::io::Result<()> {
         write!(out, "\x1b[{};{}H", area.y + 1, area.x + 1)?;
@@ -138,9 +138,9 @@ mod tests {
             (random >> 24) as u8
         });
         let mut out = Vec::new();
-        let picture: (&[u8], _) = (&noise.collect::<Vec<u8>>(), (80, 40));
+        let pixels: Vec<u8> = noise.collect();
         Encoder::new(protocol)
-            .patch(&mut out, AREA, picture, &mut Bands::default())
+            .patch(&mut out, AREA, &pixels, (80, 40), &mut Bands::default())
             .expect("encoded");
         String::from_utf8(out).expect("text")
     }

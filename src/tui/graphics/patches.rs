@@ -1,4 +1,4 @@
-//! What pictures are on the screen, and what has to be sent to show others.
+//! Tracks the pictures on the screen, and what to send to change them.
 //!
 //! A picture is cut into patches, rectangles of whole characters, around the text that lies over
 //! it. Only patches that differ from what the terminal shows are sent.
@@ -15,14 +15,14 @@ use super::{Graphics, Picture, Protocol, Redraw};
 /// Columns and rows of a whole patch: small, since little moves from frame to frame.
 const PATCH: (u16, u16) = (8, 4);
 
-/// The most sixel patches per picture, and their largest width in pixels: xterm keeps 16 pictures of
-/// at most 1000 x 1000 pixels.
+/// Maximum number of sixel patches per picture, and their maximum width in pixels: xterm keeps 16
+/// pictures of at most 1000 x 1000 pixels.
 const SIXEL_PATCHES: u16 = 12;
 const SIXEL_PIXELS: u16 = 1000;
 
-/// After drawing and sending a picture, the next one waits for this multiple of the time that it
-/// took, but not longer than [`LONGEST_REST`]: so long that training, if it runs, loses less than 5
-/// % of its speed; and otherwise so that a slow terminal is not sent more than it can read.
+/// After a picture has been drawn and sent, the next one waits for this multiple of the time taken,
+/// at most [`LONGEST_REST`]: so that a slow terminal can keep up and, during training, so that
+/// training loses less than 5 % of its speed.
 const REST_FACTOR: u32 = 1;
 const TRAINING_REST_FACTOR: u32 = 25;
 const LONGEST_REST: Duration = Duration::from_secs(1);
@@ -33,9 +33,9 @@ const AWAKE: Duration = Duration::from_millis(300);
 /// A patch on the screen.
 struct Patch {
     area: Rect,
-    /// Red, green, blue and one more byte, row by row.
+    /// RGBA, row by row.
     pixels: Vec<u8>,
-    /// As sixels.
+    /// The patch as sixels.
     bands: Bands,
 }
 
@@ -93,12 +93,13 @@ impl Patches {
         self.shown.clear();
     }
 
-    /// Whether something has been left out because the terminal could not follow.
+    /// Whether something was left out because the terminal could not keep up.
     pub fn is_behind(&self) -> bool {
         self.is_behind
     }
 
-    /// Pauses updates in proportion to what the latest took to draw and, until `end`, to be read.
+    /// Pauses updates after `end`, when the terminal has read the latest one, in proportion to the
+    /// time it `took`.
     pub fn rest(&mut self, end: Instant, took: Duration, is_training: bool) {
         let factor = if is_training && !is_ahead(self.awake_until) {
             TRAINING_REST_FACTOR
@@ -108,7 +109,7 @@ impl Patches {
         self.resting_until = Some(end + LONGEST_REST.min(factor * took));
     }
 
-    /// Returns how much of the pictures to draw again.
+    /// Returns how much of the pictures to redraw.
     pub fn redraw(&self, is_training: bool) -> Redraw {
         match is_training && !is_ahead(self.awake_until) {
             _ if self.is_resting() => Redraw::Nothing,
@@ -149,7 +150,7 @@ impl Patches {
             })
             .collect();
         let is_new = |area: &Rect| !before.iter().any(|patch| patch.area == *area);
-        // What is gone goes first: a patch in its place may have the same number.
+        // Delete old patches first: a new one in the same place has the same id.
         before.iter().filter(|patch| !wanted.iter().any(|(area, _)| *area == patch.area)).for_each(
             |patch| {
                 self.encoder.delete(&mut out, patch.area.as_position());
@@ -175,11 +176,11 @@ impl Patches {
             }
             if patch.show(&part) || other_colours {
                 let size = (part.width as u32, part.height as u32);
-                self.encoder.patch(&mut out, area, (&patch.pixels, size), &mut patch.bands)?;
+                self.encoder.patch(&mut out, area, &patch.pixels, size, &mut patch.bands)?;
             }
             self.shown.push(patch);
         }
-        // Space for the next one.
+        // The capacity for the next update.
         self.bytes = out.len() + out.len() / 4;
         Ok(out)
     }
@@ -222,7 +223,7 @@ fn patch_size(area: Rect, graphics: Graphics) -> (u16, u16) {
         .height
         .div_ceil((SIXEL_PATCHES / beside).max(1))
         .clamp(1, (SIXEL_PIXELS / down).max(1));
-    // Equally wide ones.
+    // Equal widths.
     (area.width.div_ceil(beside).max(1), rows)
 }
 

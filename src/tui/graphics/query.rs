@@ -1,4 +1,4 @@
-//! What the terminal answers when it is asked what it can show.
+//! The query of the terminal's graphics capabilities.
 
 /// The questions: whether it shows a kitty picture of one pixel, the size of a character, and its
 /// attributes, which every terminal answers, after everything else.
@@ -13,12 +13,12 @@ pub struct Answer {
     pub sixel: bool,
     /// Width and height of a character in pixels.
     pub character: Option<(u16, u16)>,
-    /// Whether nothing else will come.
+    /// Whether the answer is complete.
     pub is_complete: bool,
 }
 
 impl Answer {
-    /// Takes over a reply of the terminal, if it belongs to the answer.
+    /// Handles a reply of the terminal, if it belongs to the answer.
     pub fn take(&mut self, reply: &[u8]) {
         let Ok(text) = std::str::from_utf8(reply) else { return };
         if let Some(text) = text.strip_prefix("\x1b_Gi=31;") {

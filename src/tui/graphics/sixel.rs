@@ -12,23 +12,22 @@ const COLOURS: usize = 256;
 /// Rows of pixels in one band.
 const BAND: usize = 6;
 
-/// Bits of red, green and blue by which colours are told apart, and the number of colours told
-/// apart.
+/// Bits per channel of a colour's bin, and the number of bins.
 const BITS: u32 = 6;
 const BINS: usize = 1 << (3 * BITS);
 
-/// Levels of each channel of the colours that are there whatever a picture shows.
+/// Levels per channel of the colours that every palette contains.
 const SPARE_LEVELS: [u8; 3] = [0, 128, 255];
 
-/// One of so many pixels is looked at to see whether the colours still fit; and the mean squared
-/// distance in one channel up to which they do.
+/// Sampling step for checking whether the colours still fit, in pixels, and the maximum mean
+/// squared distance per channel at which they do.
 const SAMPLING: usize = 61;
 const MAX_ERROR: f32 = 8.0;
 
 /// A bin whose nearest colour is not known yet.
 const UNKNOWN: u16 = u16::MAX;
 
-/// A picture's bands of rows as sixels, each kept until one of its rows changes.
+/// A picture's bands of rows as sixels, each cached until one of its rows changes.
 #[derive(Default)]
 pub struct Bands(Vec<Option<Band>>);
 
@@ -53,11 +52,11 @@ struct Band {
     used: [bool; COLOURS],
 }
 
-/// The colours in use.
+/// The palette in use.
 #[derive(Default)]
 pub struct Palette {
     colours: Vec<[u8; 3]>,
-    /// The nearest colour of each bin, as far as it has been needed.
+    /// The nearest colour of each bin, computed on demand.
     nearest: Vec<u16>,
 }
 
@@ -71,8 +70,8 @@ fn squared_distance(a: [u8; 3], b: [u8; 3]) -> u32 {
 }
 
 impl Palette {
-    /// Chooses colours for a picture (red, green, blue and one more byte, pixel by pixel) unless
-    /// the present ones fit; returns whether they have changed.
+    /// Chooses colours for an RGBA picture unless the present ones fit; returns whether they have
+    /// changed.
     pub fn adapt(&mut self, pixels: &[u8]) -> bool {
         let (pixels, _) = pixels.as_chunks::<4>();
         if !self.colours.is_empty() && self.error(pixels) <= MAX_ERROR {
@@ -94,8 +93,7 @@ impl Palette {
         true
     }
 
-    /// Returns the mean squared distance of a picture's colours from their nearest ones, in one
-    /// channel.
+    /// Returns the mean squared distance per channel of a picture's colours from the palette.
     fn error(&mut self, pixels: &[[u8; 4]]) -> f32 {
         let sample: Vec<[u8; 3]> =
             pixels.iter().step_by(SAMPLING).map(|[r, g, b, _]| [*r, *g, *b]).collect();
@@ -118,8 +116,7 @@ impl Palette {
         usize::from(self.nearest[bin])
     }
 
-    /// Writes pixels (red, green, blue and one more byte, row by row) as a sixel picture at the
-    /// cursor, its `bands` as they are as far as they are known.
+    /// Writes RGBA pixels as a sixel picture at the cursor, reusing its known `bands`.
     pub fn encode(
         &mut self,
         out: &mut Vec<u8>,

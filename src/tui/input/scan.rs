@@ -1,11 +1,11 @@
-//! Splits what comes from a terminal into keys, mouse events, pastes and replies.
+//! Splits terminal input into keys, mouse events, pastes and replies.
 //!
-//! Terminals answer questions, those of other programs too, on the line that keys come from.
-//! Control strings (OSC, DCS, APC, PM, SOS) and control sequences that are no key are replies,
-//! however they are cut into reads. A key with Alt begins as they do (Alt-] and OSC are both `ESC
-//! ]`): what follows decides, and when.
+//! Terminals send replies, also to the queries of other programs, in the same stream as keys.
+//! Control strings (OSC, DCS, APC, PM, SOS) and control sequences that are not keys are replies,
+//! however reads split them. Keys with Alt begin the same way (Alt-] and OSC are both `ESC ]`), so
+//! what follows decides, and how soon.
 //!
-//! `sequence` knows what bytes mean; `report` makes keys and pastes of them.
+//! `sequence` parses bytes; `report` turns them into keys and pastes.
 
 mod report;
 mod sequence;
@@ -18,80 +18,79 @@ use crossterm::event::Event;
 
 use sequence::{event_of, is_introducer, is_reply, is_ss3_key};
 
-/// What a terminal sends.
+/// Input from a terminal.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Input {
-    /// What the user does.
+    /// A key, a mouse event or a paste.
     Event(Event),
-    /// A control sequence, or a control string without its end, with introducers of 7 bits: an
-    /// answer to a question.
+    /// The reply to a query: a control sequence, or a control string without its terminator, with a
+    /// 7-bit introducer.
     Reply(Vec<u8>),
 }
 
-/// How long the rest of a sequence may take after ESC alone, which may be the key Esc, ...
+/// Timeout for the rest of a sequence after ESC alone, which may be the key Esc.
 const AFTER_ESCAPE: Duration = Duration::from_millis(150);
 
-/// ... after ESC and one character, which may be a key with Alt, ...
+/// Timeout after ESC and one character, which may be a key with Alt.
 const AFTER_INTRODUCER: Duration = Duration::from_millis(250);
 
-/// ... and after more than that. This is also how long keys do nothing after a sequence that never
-/// ends.
+/// Timeout within a longer sequence, and so how long keys do nothing after one that never ends.
 const WITHIN: Duration = Duration::from_secs(1);
 
-/// How long what has been taken for Esc, or a key with Alt, may turn out to have begun a sequence.
+/// How long a reported Esc, or key with Alt, may still turn out to be the start of a sequence.
 const REGRET: Duration = Duration::from_secs(2);
 
-/// What arrives at once after that, and is longer than keys are, is the rest of a sequence.
+/// Bytes in one read, more than a key has, that count as the rest of such a sequence.
 const BURST: usize = 4;
 
-/// Bytes of a sequence, and of a paste, that are kept.
+/// Maximum bytes kept of a sequence, and of a paste.
 const LONGEST_SEQUENCE: usize = 4096;
 const LONGEST_PASTE: usize = 1 << 16;
 
 /// Ends a paste.
 const PASTE_END: &[u8] = b"\x1b[201~";
 
-/// What has been read so far.
+/// The state of the scanner: what has been read so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum State {
     /// Nothing.
     #[default]
     Ground,
-    /// The first bytes of a character of so many.
+    /// The first bytes of a character of this length.
     Character(usize),
     /// ESC.
     Escape,
-    /// The key Esc has been reported; a sequence may go on.
+    /// ESC, reported as the key Esc; a sequence may follow.
     EscapeReported,
-    /// ESC and what introduces a sequence.
+    /// ESC and an introducer.
     Introducer,
-    /// That has been reported as keys; a sequence may go on.
+    /// ESC and an introducer, reported as keys; a sequence may follow.
     IntroducerReported,
     /// A control sequence without its final character.
     Sequence,
-    /// A control sequence's final character, and so many bytes that follow it.
+    /// A control sequence's final character, which this many bytes follow.
     Operands(usize),
-    /// A control string; so many bytes of its latest character are missing.
+    /// A control string whose latest character lacks this many bytes.
     Text(usize),
     /// A control string, and ESC.
     TextEscape,
-    /// A paste, with so many bytes of its end.
+    /// A paste, with this many bytes of its end.
     Paste(usize),
 }
 
-/// How ESC came.
+/// How ESC arrived.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Escape {
     /// Together with what follows it.
     #[default]
     Together,
-    /// As the last byte of a read: a key with Alt is sent as a whole.
+    /// As the last byte of a read, so not as part of a key with Alt.
     Apart,
     /// It has been reported.
     Reported,
 }
 
-/// Reads what comes from a terminal.
+/// A scanner of terminal input.
 #[derive(Debug, Default)]
 pub struct Scanner {
     state: State,
@@ -123,7 +122,7 @@ impl Scanner {
         }
     }
 
-    /// Takes what is incomplete for keys, a paste, or nothing: the rest has not come in time.
+    /// Handles a timeout: reports incomplete input as keys or a paste, or drops it.
     pub fn give_up(&mut self) -> Vec<Input> {
         self.state = match self.state {
             State::Escape => {
@@ -145,7 +144,7 @@ impl Scanner {
         std::mem::take(&mut self.found)
     }
 
-    /// Returns to a sequence that has been taken for keys, if `bytes` look like its rest.
+    /// Resumes a sequence that was reported as keys, if `bytes` look like its rest.
     fn regret(&mut self, bytes: &[u8]) {
         match (self.state, bytes) {
             (State::EscapeReported, [first, ..])
@@ -188,7 +187,7 @@ impl Scanner {
         }
     }
 
-    /// Reads the first byte of something.
+    /// Reads the first byte of a key or sequence.
     fn begin(&mut self, byte: u8) {
         self.held = vec![byte];
         self.state = State::Ground;
@@ -203,7 +202,7 @@ impl Scanner {
         }
     }
 
-    /// Reads a control character of 8 bits, which stands for two of 7.
+    /// Reads an 8-bit control character, which stands for two 7-bit ones.
     fn control(&mut self, byte: u8) {
         let second = byte - 0x40;
         self.held = vec![0x1b, second];
@@ -287,7 +286,7 @@ impl Scanner {
                 self.state = State::Operands(1);
             }
             b'M' if self.held.len() == 2 => {
-                // A mouse event of the oldest kind.
+                // A mouse event in X10 format.
                 self.hold(byte);
                 self.state = State::Operands(3);
             }
@@ -321,7 +320,7 @@ impl Scanner {
     fn continue_text(&mut self, byte: u8, missing: usize) {
         let missing = match byte {
             0x07 => return self.end_text(),
-            // As an encoded character, too.
+            // Also when encoded as UTF-8.
             0x9c if missing == 0 || self.held.ends_with(&[0xc2]) => return self.end_text(),
             0x1b => return self.state = State::TextEscape,
             // No string contains these: they are keys, and the string will not end.

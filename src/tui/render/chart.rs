@@ -10,7 +10,7 @@ use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition};
 use crate::tui::style::DIM;
 use crate::tui::text::short;
 
-/// Least columns of the lines for the x axis to be named.
+/// Minimum columns for a name on the x axis.
 const MIN_NAMED_WIDTH: u16 = 20;
 
 /// Maximum lines for a chart's title and the names of its curves.
@@ -63,7 +63,7 @@ pub fn draw<'a>(
 ) -> Rect {
     let inner = lines_area(area, &x.map(short), &y_labels);
     let set = |line: Line<'a>| {
-        // A single point of fine dots would be a speck.
+        // A single fine dot would be hard to see.
         let marker = if line.points.len() == 1 { Marker::Dot } else { line.marker };
         let set = Dataset::default().marker(marker).graph_type(GraphType::Line);
         set.style(line.style).data(line.points)

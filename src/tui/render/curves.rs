@@ -25,13 +25,13 @@ const MIN_TWO_CHART_WIDTH: u16 = 64;
 /// Columns between two charts, so that a curve does not run into a number.
 const CHART_GAP: u16 = 2;
 
-/// Stands for the line at a change of the method.
+/// The symbol for the line at a change of the method.
 const MARK: char = '\u{2506}';
 
 /// Share of all updates that is shown at once when scrolled back.
 const PAGE_SHARE: f64 = 0.25;
 
-/// A line of a chart, in parts that are not joined.
+/// A line of a chart, in unconnected parts.
 struct Series {
     name: String,
     parts: Vec<Vec<(f64, f64)>>,
@@ -91,8 +91,7 @@ pub fn draw(
 
 fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     let snapshot = &screen.snapshot;
-    // One part for each method. What does not learn would only be a dot where it was tried, unless
-    // it is the current one.
+    // One part for each method. A former method that does not learn would only leave a dot.
     let stretches = snapshot.methods.stretches();
     let of = |name: &str, value: &dyn Fn(&Evaluation) -> Option<f64>| {
         let mut parts = vec![Vec::new(); stretches.len().max(1)];
@@ -148,7 +147,7 @@ fn by_distance(e: &Evaluation) -> &[DistanceScore] {
     &e.planned.as_ref().unwrap_or(&e.greedy).by_distance
 }
 
-/// What a chart shows of its data.
+/// The part of a plot's data that a chart shows.
 struct Window<'a> {
     plot: &'a Plot,
     /// The updates shown.
@@ -263,8 +262,8 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
     Some(ChartArea { area, bounds: window.x })
 }
 
-/// Returns the place along the curves of a number of updates counted: the updates done by a learner
-/// or, in a run without any, the steps.
+/// Converts a number of updates to a position on the horizontal axis: the learner's updates or, in
+/// a run without a learner, the steps.
 pub fn along(screen: &Screen, updates: u64) -> f64 {
     if has_learned(screen) {
         return screen.snapshot.learned(updates) as f64;
@@ -272,7 +271,7 @@ pub fn along(screen: &Screen, updates: u64) -> f64 {
     (updates * screen.run().settings.train.env_steps_per_update) as f64
 }
 
-/// Returns what [`along`] counts.
+/// Returns the unit of [`along`].
 fn unit(screen: &Screen) -> &'static str {
     if has_learned(screen) { "updates" } else { "steps" }
 }
@@ -348,7 +347,7 @@ pub fn colour(screen: &Screen, i: usize) -> Style {
         ][i % 6]);
     };
     let rgb = screen.theme.distance_colour(at);
-    // Thin lines on a light page have to be darker than areas.
+    // On a light page, thin lines must be darker than areas.
     let rgb = if screen.theme.page.is_some() { blend(rgb, (0, 0, 0), 0.45) } else { rgb };
     Style::new().fg(screen.theme.colour(rgb))
 }

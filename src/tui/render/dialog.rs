@@ -20,12 +20,12 @@ use gdg::text::{display_width, fitted, padded};
 const MAX_LIST_SIZE: (u16, u16) = (112, 40);
 const MAX_PROMPT_WIDTH: u16 = 72;
 
-/// Minimum width of a list to search, and the least rows of one above the text on the selected
-/// item.
+/// Minimum width of a searchable list, and minimum rows of a list above the selected item's full
+/// text.
 const MIN_SEARCHED_WIDTH: usize = 40;
 const MIN_ROWS: u16 = 5;
 
-/// Columns before and after an item's label; and more before it in a question, for its key.
+/// Columns before and after an item's label, and more before it in a question, for its key.
 const LABEL_MARGIN: usize = 3;
 const KEY_MARGIN: usize = 2;
 
@@ -208,7 +208,7 @@ fn draw_box(
     layout: &mut ScreenLayout,
 ) -> Rect {
     let room = usize::from(dialog_area.width.saturating_sub(2));
-    // Without what is in brackets if there is no room for it.
+    // Leave out a part in brackets that does not fit.
     let title = if display_width(title) + 2 > room {
         title.split(" (").next().unwrap_or(title)
     } else {
@@ -219,7 +219,7 @@ fn draw_box(
     frame.render_widget(Clear, dialog_area);
     frame.render_widget(block, dialog_area);
     let mut bar = ClickableLine::default();
-    // How to accept and how to close are the last to go.
+    // Accept and close are left out last.
     while buttons.len() > 2
         && buttons.iter().map(|(label, _)| display_width(label) + 1).sum::<usize>() > room + 1
     {

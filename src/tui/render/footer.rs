@@ -79,7 +79,7 @@ pub fn keys(screen: &Screen, scene: &Scene, mode: Mode, width: u16) -> Clickable
         keys.iter().for_each(|(action, label)| key(&mut bar, screen, *action, label, Style::new()));
         bar
     };
-    // The space at the end need not fit.
+    // The trailing space need not fit.
     while line(&keys).width() > usize::from(width) + 1 && keys.len() > 1 {
         let middle = if keys.len() > LAST_KEYS + 1 { keys.len() - LAST_KEYS - 1 } else { 0 };
         keys.remove(middle);

@@ -11,7 +11,7 @@ use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use gdg::text::{fitted, grouped};
 
-/// Columns of a name that gives way before anything else does.
+/// Names longer than this, in columns, are shortened before anything is left out.
 const LONG_TITLE: usize = 24;
 
 /// Draws the line.
@@ -46,7 +46,8 @@ pub fn draw(
         (Span::styled(saved, DIM), Action::Save),
     ];
     let is_too_wide = |parts: &[(Span, Action)]| width(parts) > usize::from(area.width);
-    // Where room is short, what the run is gives way to what it does, a long name first.
+    // If room is short, shorten a long name, then leave out what identifies the run before its
+    // state.
     shorten_title(&mut parts, area, LONG_TITLE);
     for left_out in [Action::NewSeed, Action::Preset, Action::Method] {
         if is_too_wide(&parts) {
@@ -57,7 +58,7 @@ pub fn draw(
         parts.retain(|(_, action)| *action != Action::Save);
     }
     if is_too_wide(&parts) {
-        // The first words say what the phase is.
+        // The first word says what the phase is.
         let phase = scene.phase(screen);
         let short = phase.split([' ', ':']).next().unwrap_or_default().to_owned();
         parts.retain(|(_, action)| *action != Action::TogglePause);

@@ -28,11 +28,12 @@ const NARROW_NAME_WIDTH: usize = 8;
 const WIDE: usize = 60;
 
 /// What the colours of a comparison show.
-const COMPARISON: &str = "Two methods train on the same map with the same seed, A and B. Colours show the distance D that \
-                          each has learned; @ walks to G with what it has learned so far, in both from the same start. \
-                          Click on either map to set the goal of both. Nothing is saved.";
+const COMPARISON: &str = "Two methods, A and B, train on the same map with the same \
+     seed. Colours show the distance D that each has learned; @ walks to G with what it has \
+     learned so far, in both from the same start. Click on either map to set the goal of both. \
+     Nothing is saved.";
 
-/// Which help is shown: of the run, or of a comparison.
+/// The subject of the help: a run or a comparison.
 #[derive(Clone, Copy)]
 struct Subject<'a> {
     introduction: &'a str,
@@ -40,8 +41,7 @@ struct Subject<'a> {
     modes: &'a [Mode],
 }
 
-/// Draws the help in the middle of the screen, as far down as it is scrolled or early enough to
-/// fill it.
+/// Draws the help in the middle of the screen, scrolled at most to the end of the text.
 pub fn draw(
     frame: &mut Frame,
     screen: &Screen,

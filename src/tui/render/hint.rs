@@ -1,4 +1,4 @@
-//! The line over the map: how to draw on it, a saved run to resume, or what there is to see.
+//! The hint above the map: how to draw on it, a saved run to resume, or what the screen shows.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -78,8 +78,8 @@ fn past(screen: &Screen, scene: &Scene, width: usize) -> Option<ClickableLine> {
     fitting(lines, width)
 }
 
-/// Says what the mouse does in the editor, until it has been done, if the bottom line of `width`
-/// columns does not.
+/// Explains the mouse in the editor until it is used, unless the bottom line of `width` columns
+/// does.
 fn how_to_draw(screen: &Screen, scene: &Scene, width: u16) -> Option<ClickableLine> {
     let editor = &scene.maze()?.editor;
     let mouse = footer::untold_mouse(screen, editor, width).filter(|_| !editor.has_changed)?;

@@ -136,7 +136,7 @@ fn draw_pane(
         ),
     }
     if pane == Pane::Training {
-        // The lines on evaluations ask for one.
+        // A click on the line about the next evaluation asks for one.
         let of_evaluations = |line: &Line| line.to_string().trim_start().starts_with("next ");
         let row = lines(pane, screen, scene, inner.width)
             .unwrap_or_default()
@@ -167,12 +167,12 @@ fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, scene: &Scene, layout: &
         |key, name| format!("{key}{name} "),
     ];
     let texts = formats.map(|format| tabs.each_ref().map(|(key, name)| format(key, name)));
-    // The blank after the last one may be cut off.
+    // The trailing blank may be cut off.
     let fits = |texts: &&[String; 5]| {
         texts.iter().map(|text| Line::raw(text).width()).sum::<usize>()
             <= usize::from(area.width) + 1
     };
-    // The editor has other uses for the keys.
+    // The editor uses these keys itself.
     let with_keys = texts.iter().find(fits).filter(|_| !scene.is_editing()).cloned();
     let texts = with_keys.unwrap_or_else(|| tabs.map(|(_, name)| format!(" {name} ")));
     let mut bar = ClickableLine::default();

@@ -22,10 +22,10 @@ const WIDTHS: [u16; 4] = [40, 34, 30, 48];
 const MARGIN_COLUMNS: u16 = 4;
 const MARGIN_ROWS: u16 = 2;
 
-/// Positions that are tried across, at most.
+/// Maximum number of positions tried from left to right.
 const TRIES: u16 = 60;
 
-/// What it costs to cover a character of the subject, to touch one, and to cover goal or agent; in
+/// Costs of covering a character of the subject, of touching one, and of covering goal or agent, in
 /// rows of distance.
 const COVERED_COST: f32 = 1000.0;
 const TOUCHED_COST: f32 = 2.0;
@@ -56,12 +56,12 @@ pub fn draw(
         |maze: &MazeState| [Some(maze.goal.centre()), maze.view.trail.last().copied()];
     let others = scene.maze().map(goal_and_agent).into_iter().flatten().flatten();
     let others = characters(&others.collect::<Vec<_>>());
-    let Some(place) = place(area, tour, (&subject, &others), screen.layout.tour) else { return };
+    let Some(place) = place(area, tour, &subject, &others, screen.layout.tour) else { return };
     layout.tour = Some((tour.step, place));
     let keys = draw_box(frame, place, screen, tour, layout);
     if let Some(target) = subject.first() {
         let title = display_width(&title(tour)) as u16;
-        point_at(frame, place, *target, (title, keys), border(screen));
+        point_at(frame, place, *target, title, keys, border(screen));
     }
 }
 
@@ -77,12 +77,12 @@ fn rows(tour: &ShownStep, width: u16) -> u16 {
     wrapped(&tour.caption.text, usize::from(width - MARGIN_COLUMNS)).len() as u16 + MARGIN_ROWS
 }
 
-/// Returns where the box goes: where it was, as long as it does not cover the subject; otherwise,
-/// the best place.
+/// Returns the place of the box: unchanged while it does not cover the subject, otherwise the best.
 fn place(
     area: Rect,
     tour: &ShownStep,
-    (subject, others): (&[Position], &[Position]),
+    subject: &[Position],
+    others: &[Position],
     before: Option<(usize, Rect)>,
 ) -> Option<Rect> {
     if let Some((step, rect)) = before
@@ -171,13 +171,7 @@ fn draw_box(
 
 /// Draws an arrow on the border that faces `target`, beside the keys and the title of `title`
 /// columns.
-fn point_at(
-    frame: &mut Frame,
-    area: Rect,
-    target: Position,
-    (title, keys): (u16, Rect),
-    style: Style,
-) {
+fn point_at(frame: &mut Frame, area: Rect, target: Position, title: u16, keys: Rect, style: Style) {
     let (across, down) = gaps(area, target);
     let x = target.x.clamp(area.x + 1, area.right() - 2);
     let y = target.y.clamp(area.y + 1, area.bottom() - 2);

@@ -20,7 +20,7 @@ pub const MEANINGS: [(&str, &str); 20] = [
     ("updates", "gradient steps so far, and per second"),
     ("steps", "steps of all agents so far, and per second"),
     ("episodes", "episodes of all agents so far"),
-    ("replay", "transitions stored, of those that fit"),
+    ("replay", "transitions stored, of its capacity"),
     ("D loss", "critic: error of the distance D it learns"),
     ("f loss", "model f: error of the next state it predicts"),
     ("mu loss", "actor mu: mean D after its actions"),
@@ -31,7 +31,7 @@ pub const MEANINGS: [(&str, &str); 20] = [
     ("via graph", "the same for D along the bridge graph"),
     ("evaluated", "when success and errors were measured"),
     ("next", "when they are measured again"),
-    ("explored", "visited cells, of all within reach"),
+    ("explored", "visited share of the reachable cells"),
     ("bridges", "bridge candidates, and edges between them"),
     ("search", "steps gained by the best bridge tried"),
     ("learning", "time spent on updates, and on agents' steps"),
@@ -73,12 +73,12 @@ pub fn lines(screen: &Screen, scene: &Scene, width: usize) -> Vec<Line<'static>>
     lines
 }
 
-/// Formats a count: exactly if it stands still.
+/// Formats a count, exactly if it does not change.
 fn count(screen: &Screen, n: u64) -> String {
     if screen.snapshot.phase.is_training() { short(n as f64) } else { grouped(n) }
 }
 
-/// Returns the losses of what the learner has.
+/// Returns the losses of the learner's networks.
 fn losses(screen: &Screen) -> Vec<Line<'static>> {
     let snapshot = &screen.snapshot;
     if !snapshot.learns {
@@ -214,7 +214,7 @@ fn bridges(screen: &Screen, scene: &Scene) -> Vec<Line<'static>> {
     }
     let search =
         screen.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
-            // Less than a step is not nothing.
+            // Show gains of less than a step as well.
             Some(bridge) => format!(
                 "gains {:.*}, of {}",
                 usize::from(bridge.gain < 1.0),

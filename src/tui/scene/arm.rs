@@ -45,13 +45,12 @@ pub struct ArmState {
 }
 
 impl ArmState {
-    /// Returns the frame of the film that is shown: what the viewer has computed last, so that
-    /// nothing flickers.
+    /// Returns the frame of the film that is shown: the viewer's latest, to avoid flicker.
     pub fn past(&self) -> Option<&FilmFrame> {
         self.view.past.as_deref()
     }
 
-    /// Returns the field that the colours show: of the past, there is only D.
+    /// Returns the field that the colours show: for the past, only D is available.
     pub fn shown_field(&self, screen: &Screen) -> Field {
         if self.past().is_some() { Field::Learned } else { screen.field }
     }
@@ -66,7 +65,7 @@ impl ArmState {
         self.own_farthest().max(screen.least_farthest)
     }
 
-    /// Returns the scale of the colours with a bar of so many characters.
+    /// Returns the colour scale with a bar of `bar` characters.
     pub fn scale(&self, screen: &Screen, bar: usize) -> Line<'static> {
         scale(&screen.theme, self.shown_field(screen), self.farthest(screen), bar)
             .unwrap_or_else(|| Line::raw(format!(" {NOUN} only ")))
@@ -78,12 +77,12 @@ impl ArmState {
     }
 }
 
-/// What is drawn, in a word.
+/// The word for what is drawn.
 pub const NOUN: &str = "arm";
 
 /// The text that begins the help.
-pub const INTRODUCTION: &str = "Colours show the learned distance D to the goal G: light near, dark far. The agents do not \
-     see joints and get no reward. @ reaches for G with what it has learned so far; a click sets \
+pub const INTRODUCTION: &str = "Colours show the learned distance D to the goal G: light near, \
+     dark far. The agents do not see joints and get no reward. @ reaches for G with what it has learned so far; a click sets \
      the two coordinates that are shown.";
 
 /// Returns whether the colours can show a field.

@@ -1,4 +1,4 @@
-//! What the legends of all scenes have in common.
+//! The parts that all legends share.
 
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
@@ -11,12 +11,12 @@ use crate::tui::text::heading;
 use crate::tui::theme::{Rgb, Theme};
 use gdg::bridge::EdgeStatus;
 
-/// Returns the overlays whose actions make sense.
+/// Returns the overlays that are available.
 pub fn overlays(offers: impl Fn(Action) -> bool) -> impl Iterator<Item = Overlay> {
     Overlay::ALL.into_iter().filter(move |overlay| offers(Action::Toggle(*overlay)))
 }
 
-/// Returns the scale of colours, and a line per overlay that makes sense, with its sign.
+/// Returns the colour scale, and a line for each available overlay with its sign.
 pub fn overlay_lines(
     scale: Line<'static>,
     offers: impl Fn(Action) -> bool,
@@ -40,8 +40,8 @@ pub fn overlay_lines(
     lines
 }
 
-/// Returns how many edges agents have walked, failed on and not tried, with what `meanings` says
-/// after the numbers.
+/// Returns the numbers of walked, failed and untried edges, each followed by its text in
+/// `meanings`.
 pub fn edge_lines(
     screen: &Screen,
     count: impl Fn(EdgeStatus) -> usize,
@@ -63,7 +63,7 @@ pub fn sign(screen: &Screen, sign: char, rgb: Rgb, meaning: &str) -> Line<'stati
 pub fn sample(screen: &Screen, sign: char, rgb: Rgb) -> Span<'static> {
     let Theme { page, wall, .. } = &screen.theme;
     let style = Style::new().fg(screen.theme.colour(rgb));
-    // As on the map, which is darker than a light page.
+    // Use the map's wall colour as a ground, since it is darker than a light page.
     let is_faint = page.is_some_and(|(_, ground)| distance(rgb, ground) < FAINT);
     Span::styled(
         sign.to_string(),
@@ -71,7 +71,7 @@ pub fn sample(screen: &Screen, sign: char, rgb: Rgb) -> Span<'static> {
     )
 }
 
-/// Signs that differ less from the page, summed over the channels, need another ground.
+/// Signs closer to the page's colour than this, summed over the channels, get another ground.
 const FAINT: u32 = 150;
 
 fn distance((r, g, b): Rgb, other: Rgb) -> u32 {

@@ -41,7 +41,7 @@ pub use walk::lines as walk_lines;
 pub struct MazeState {
     /// The map as the user last edited it; the trainer follows.
     pub map: Arc<Grid>,
-    /// The map as it is in a file: as it was opened, or saved last.
+    /// The map as last opened or saved.
     pub kept_map: Arc<Grid>,
     /// The map editor.
     pub editor: Editor,
@@ -78,13 +78,12 @@ impl MazeState {
         }
     }
 
-    /// Returns the frame of the film that is shown: what the viewer has computed last, so that
-    /// nothing flickers.
+    /// Returns the frame of the film that is shown: the viewer's latest, to avoid flicker.
     pub fn past(&self) -> Option<&FilmFrame> {
         self.view.past.as_deref()
     }
 
-    /// Returns the field that the colours show: of the past, there is only D.
+    /// Returns the field that the colours show: for the past, only D is available.
     pub fn shown_field(&self, screen: &Screen) -> Field {
         if self.past().is_some() { Field::Learned } else { screen.field }
     }
@@ -99,7 +98,7 @@ impl MazeState {
         self.own_farthest().max(screen.least_farthest)
     }
 
-    /// Returns the scale of the colours with a bar of so many characters.
+    /// Returns the colour scale with a bar of `bar` characters.
     pub fn scale(&self, screen: &Screen, bar: usize) -> Line<'static> {
         scale(&screen.theme, self.shown_field(screen), self.farthest(screen), bar)
             .unwrap_or_else(|| Line::raw(format!(" {NOUN} only ")))
@@ -111,15 +110,15 @@ impl MazeState {
     }
 }
 
-/// What is drawn, in a word.
+/// The word for what is drawn.
 pub const NOUN: &str = "map";
 
 /// The text that begins the help.
-pub const INTRODUCTION: &str = "Colours show the learned distance D to the goal G: light near, dark far. The agents see no \
-     walls and get no reward. @ walks to G with what it has learned so far; click on the map to \
+pub const INTRODUCTION: &str = "Colours show the learned distance D to the goal G: light near, \
+     dark far. The agents see no walls and get no reward. @ walks to G with what it has learned so far; click on the map to \
      set another goal. The editor draws walls and closes doors.";
 
-/// Returns whether an action makes sense with a maze: what turns the eye does not.
+/// Returns whether an action applies to a maze: all but those that turn the view.
 pub fn offers(action: Action) -> bool {
     !matches!(action, Action::Projection | Action::Alone)
 }

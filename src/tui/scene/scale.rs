@@ -9,7 +9,7 @@ use crate::tui::text::short;
 use crate::tui::theme::{ColourDepth, Theme};
 use gdg::viewer::Field;
 
-/// Width of the colour bar, in characters, and where room is short.
+/// Width of the colour bar in characters, and its width where room is short.
 pub const BAR_WIDTH: usize = 12;
 pub const SHORT_BAR_WIDTH: usize = 5;
 
@@ -17,7 +17,7 @@ pub const SHORT_BAR_WIDTH: usize = 5;
 pub const MAX_SHOWN_ERROR: f32 = 0.5;
 
 /// Returns the scale of a field's colours with the values at its ends, up to `farthest`, and a bar
-/// of `bar` characters; `None` of a field that has no colours.
+/// of `bar` characters; `None` for a field that has no colours.
 pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<Line<'static>> {
     let name = Span::raw(format!(" {} ", field.name()));
     let (low, high) = match field {

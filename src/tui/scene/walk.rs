@@ -1,4 +1,4 @@
-//! What the panes about a followed agent of any scene have in common.
+//! The parts that the panes about a followed agent share.
 
 use ratatui::text::Line;
 
@@ -34,7 +34,7 @@ pub fn keys(screen: &Screen) -> [Line<'static>; 4] {
     ]
 }
 
-/// Returns what an exploring agent pursues, with places and distances as this scene formats them.
+/// Returns what an exploring agent pursues, with places and distances in the scene's format.
 pub fn pursuit(
     screen: &Screen,
     followed: &FollowedAgent,

@@ -13,7 +13,7 @@ use std::process::{Child, Command, Stdio};
 /// Sent by a program that has restored the terminal itself.
 const DISMISSED: &[u8] = b"dismissed";
 
-/// Sent before that by a program that has sent pictures to the terminal.
+/// Sent earlier by a program that has shown pictures.
 const PICTURES: u8 = b'p';
 
 /// Sent by the guard once it has read the terminal's modes.
@@ -43,7 +43,7 @@ impl Guard {
             .stdin(Stdio::piped())
             .stdout(Stdio::inherit())
             .stderr(Stdio::piped());
-        // Where the program and its group are stopped, and killed, the guard is not.
+        // In its own process group, the guard is not stopped or killed along with the program's.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn().ok()?;
@@ -58,8 +58,8 @@ impl Guard {
         Some(Self { process: child, expects_pictures: false, restores: false })
     }
 
-    /// Has the guard restore the terminal after the program's end, as the terminal does not read
-    /// what the program has sent it for that.
+    /// Leaves restoring the terminal to the guard, since the terminal does not read what the
+    /// program sends.
     pub fn take_over(&mut self) {
         self.restores = true;
     }
@@ -77,7 +77,7 @@ impl Guard {
 impl Drop for Guard {
     fn drop(&mut self) {
         if self.restores {
-            // It reads the end of the pipe.
+            // The guard acts when the pipe closes.
             return;
         }
         if let Some(mut to) = self.process.stdin.take() {
@@ -97,8 +97,8 @@ fn own_program() -> Option<PathBuf> {
     std::env::current_exe().ok().or_else(|| named_program(&std::env::args_os().next()?))
 }
 
-/// Returns the program by the name that it was started by, which is looked up as a shell does, if
-/// it is this one.
+/// Looks up the program by the name it was started with, as a shell does; `None` if that is another
+/// program.
 fn named_program(name: &OsStr) -> Option<PathBuf> {
     let name = Path::new(name);
     (name.file_name()? == env!("CARGO_PKG_NAME")).then(|| name.to_owned())
@@ -110,8 +110,8 @@ pub fn run_guard() {
     use nix::sys::signal::SigSet;
     use nix::sys::termios::{SetArg, tcgetattr, tcsetattr};
 
-    // With signals blocked, the guard outlives what ends the program, and can set the terminal's
-    // modes even from the background.
+    // With signals blocked, the guard survives what kills the program, and may set the terminal's
+    // modes from the background.
     let _ = SigSet::all().thread_block();
     let modes = tcgetattr(std::io::stdout()).ok();
     let ready = std::io::stderr().write_all(READY);

@@ -1,5 +1,5 @@
-//! The arm: projections, goals by mouse and keys, what makes no sense with it, and switching
-//! between worlds.
+//! The arm: projections, goals by mouse and keys, unavailable actions, and switching between
+//! worlds.
 
 use super::screens::check;
 use super::*;
@@ -33,7 +33,7 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> St
     app
 }
 
-/// Returns what is shown of the arm in [`staged_app`].
+/// Returns the view of the arm in [`staged_app`].
 fn staged_view(app: &App) -> ArmView {
     let goal = app.arm().goal;
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
@@ -288,7 +288,7 @@ fn the_arm_reaches_goals_and_goes_on_to_others() {
     let mut app = still_app();
     draw(&mut app, 80, 24);
     press(&mut app, KeyCode::Char('t'));
-    // Starting at the goal, it arrives at once, whatever it has learned.
+    // A walk that starts at the goal arrives at once, whatever was learned.
     press(&mut app, KeyCode::Char('S'));
     let first = app.arm().goal;
     wait_until(&mut app, |app| app.arm().view.reach.finished.0 >= 1 && app.arm().goal != first);

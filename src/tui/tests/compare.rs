@@ -25,8 +25,10 @@ fn comparison_with(methods: [&str; 2], limits: Limits) -> Comparison {
         title: format!("{letter} {method} {}", trainer.run().preset.name()),
         trainer,
     });
-    let config = (UiConfig::default(), Keymap::new(&BTreeMap::new()).expect("the table's keys"));
-    let mut comparison = Comparison::start(contestants, &config, limits).expect("a comparison");
+    let config = UiConfig::default();
+    let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
+    let mut comparison =
+        Comparison::start(contestants, &config, &keymap, limits).expect("a comparison");
     comparison
         .apps()
         .into_iter()
@@ -104,7 +106,7 @@ fn stage(comparison: &mut Comparison) {
     }
 }
 
-/// Returns what is shown on a side in the middle of its run.
+/// Returns a side's view in the middle of its run.
 fn staged_view(app: &App, side: usize) -> MazeView {
     let frame = app.screen.layout.map.clone().expect("the map is drawn");
     let map = app.maze().map.clone();
@@ -235,7 +237,7 @@ fn what_is_shown_changes_on_both_sides() {
         assert_eq!(a, b, "after {key}");
     }
     assert!(comparison.apps()[0].maze().viewport.zoom > 1.0);
-    // The wheel zooms both at the place under the mouse, also on the other side.
+    // The wheel zooms both sides at the place under the mouse.
     let at = character_of(&mut comparison, 1, Cell::new(17, 4));
     mouse(&mut comparison, MouseEventKind::ScrollUp, at);
     let [a, b] = comparison.apps().map(|app| app.maze().viewport);

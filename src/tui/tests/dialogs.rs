@@ -1,4 +1,4 @@
-//! Dialogs, notices and what is left of the screen where room is short.
+//! Dialogs, notices, and screens with little room.
 
 use super::screens::staged_app;
 use super::*;
@@ -283,7 +283,7 @@ fn an_edited_map_is_not_discarded_without_a_question() {
     wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
     let save_as = |app: &mut App, action: Action, name: &str| {
         app.act(action);
-        // Replaces the name that is offered.
+        // Replace the suggested name.
         (0..60).for_each(|_| press(app, KeyCode::Backspace));
         type_text(app, &folder.path().join(name).to_string_lossy());
         press(app, KeyCode::Enter);

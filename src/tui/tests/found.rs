@@ -1,4 +1,4 @@
-//! What is found at the start: a saved run, or what there is to see and do.
+//! What the user sees at the start: a saved run, or hints.
 
 use super::*;
 use gdg::engine::Command;
@@ -173,7 +173,7 @@ fn undone_and_redone_steps_are_named_with_what_they_change() {
     press(&mut app, KeyCode::Char('u'));
     wait_until(&mut app, |app| says(app, "undone: 1 cell opened"));
     app.act(Action::Redo);
-    wait_until(&mut app, |app| says(app, "done again: 1 cell walled"));
+    wait_until(&mut app, |app| says(app, "redone: 1 cell walled"));
 }
 
 #[test]
@@ -290,7 +290,7 @@ fn random_steps_are_no_updates_and_their_success_is_not_the_methods() {
     app.command(run("random"));
     wait_until(&mut app, |app| !app.screen.snapshot.learns);
     let (updates, counted) = (app.screen.snapshot.updates(), app.screen.snapshot.counters.updates);
-    // It may have stepped before the first snapshot.
+    // The agents may have stepped before the first snapshot.
     assert!(
         updates <= counted && app.screen.success().is_none(),
         "the success was another method's"
@@ -353,7 +353,7 @@ fn a_key_without_a_meaning_names_help_and_the_list_of_commands() {
     let said = app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
     assert!(said.starts_with("F9 does nothing here") && said.contains("? help"), "{said}");
     assert_eq!(app.screen.log.entries().len(), entries, "the log is for what happens to the run");
-    // It hides no error.
+    // An error stays visible.
     app.report("the disk is full");
     press(&mut app, KeyCode::F(9));
     assert!(

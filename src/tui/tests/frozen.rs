@@ -1,9 +1,9 @@
-//! A frozen screen shows an earlier moment, and nothing is judged by that.
+//! A frozen screen shows an earlier moment, on which no decision is based.
 
 use super::screens::staged_app;
 use super::*;
 
-/// Freezes the screen and goes on training for `seconds` behind it.
+/// Freezes the screen and continues training for `seconds` behind it.
 fn train_frozen(app: &mut App, seconds: f64, change: impl FnOnce(&mut Snapshot)) {
     press(app, KeyCode::Char('F'));
     assert!(app.screen.frozen);

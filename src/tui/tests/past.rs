@@ -38,7 +38,7 @@ fn filmed_app(updates: &[u64], width: u16, height: u16) -> Still {
     app
 }
 
-/// Shows what the viewer will compute for the moment that is looked at.
+/// Shows what the viewer will compute for the selected moment.
 fn stage_past(app: &mut App) {
     let frame = app.screen.past.clone().expect("the past is looked at");
     let raster = app.screen.layout.map.clone().expect("the map is drawn").raster;
@@ -235,7 +235,7 @@ fn the_viewer_shows_the_past_while_training_goes_on() {
     wait_until(&mut app, of_then);
     assert!(app.maze().view.inspected.is_some_and(|cell| cell.learned.is_finite()));
     press(&mut app, KeyCode::Char('i'));
-    // On a frozen screen, time stands still, but one can look back.
+    // A frozen screen does not change, but one can look back.
     press(&mut app, KeyCode::Char('F'));
     let updates = app.screen.snapshot.counters.updates;
     press(&mut app, KeyCode::Char(']'));

@@ -1,5 +1,5 @@
-//! Screens as text, for snapshots: what is where, in which style. Words are left out, so that they
-//! can change: a run of them is the mark `~` where it begins.
+//! Screens as text, for snapshots: positions and styles. Words may change, so a run of them is only
+//! marked by `~` where it begins.
 
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Cell;
 
-/// Stands for words.
+/// The mark for a run of words.
 const WORDS: char = '~';
 
 /// Returns the characters row by row, then the letters of the cells' styles where they change, with

@@ -20,7 +20,7 @@ fn app_with_pictures() -> App {
     app
 }
 
-/// Returns the same with nothing but the map, the field, the goal and the walking agent, once the
+/// Returns the same app, showing only the map, the field, the goal and the walking agent, once the
 /// field is on the screen.
 fn app_with_field(columns: u16, rows: u16) -> App {
     let mut app = app_with_pictures();
@@ -50,7 +50,7 @@ fn colour(app: &App, at: [f32; 2], off: [f32; 2]) -> Rgb {
     (pixel.red(), pixel.green(), pixel.blue())
 }
 
-/// Leaves nothing but the map, the field, the goal and the walking agent.
+/// Hides everything except the map, the field, the goal and the walking agent.
 fn hide_overlays(app: &mut App) {
     let shown = Overlay::ALL.into_iter().filter(|overlay| app.screen.overlays.has(*overlay));
     for overlay in shown.collect::<Vec<_>>() {
@@ -87,7 +87,7 @@ fn a_small_map_is_drawn_pixel_by_pixel() {
     assert!(picture(&app).pixmap.pixels().iter().all(|pixel| pixel.alpha() == 255));
 }
 
-/// Returns how many characters of the map have the line over it.
+/// Returns how many characters of the map the line above it covers.
 fn left_out(terminal: &Terminal<TestBackend>, area: Rect) -> usize {
     let top = Rect { height: 1, ..area };
     top.positions().filter(|at| !Picture::owns(&terminal.backend().buffer()[*at])).count()
@@ -120,7 +120,7 @@ fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
         [colour(app, ground, [0.0; 2]), colour(app, walker, [0.0; 2])]
     };
     let before = shown(&mut app, Redraw::All);
-    // All is farther, and the walk begins elsewhere.
+    // All distances are larger, and the walk begins elsewhere.
     let view = Arc::make_mut(&mut app.maze_mut().view);
     view.field = Arc::new(view.field.iter().map(|value| 0.1 * value).collect());
     view.walk.start = [ground[0] + 3.0, ground[1]];

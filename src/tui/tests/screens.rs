@@ -1,6 +1,6 @@
 //! Snapshots of reviewed screens, with their styles.
 //!
-//! Everything drawn is made up here, since the results of training differ from machine to machine.
+//! Everything drawn is made up, since training results differ between machines.
 
 use std::path::Path;
 use std::time::SystemTime;
@@ -132,7 +132,7 @@ fn staged_agent() -> FollowedAgent {
     }
 }
 
-/// Returns what is shown of the rooms map in [`staged_app`].
+/// Returns the view of the rooms map in [`staged_app`].
 fn staged_view(app: &App) -> MazeView {
     let frame = app.screen.layout.map.clone().expect("the map is drawn");
     let field = |i: usize| {
@@ -150,7 +150,7 @@ fn staged_view(app: &App) -> MazeView {
     let edges =
         candidates.windows(2).zip(standings).map(|(ends, status)| ([ends[0], ends[1]], status));
     let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
-    // Everything but the right end and a single cell.
+    // Everything except the right end and a single cell.
     let map = &app.maze().map;
     let visited = |i: usize| map.cell(i).x < 15 && map.cell(i) != Cell::new(3, 3);
     let visits: Vec<u32> = (0..map.free().len()).map(|i| u32::from(visited(i))).collect();

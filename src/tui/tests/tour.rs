@@ -61,12 +61,12 @@ fn learn(app: &mut App, distance: fn(&[f32], &[f32]) -> f32) {
     app.screen.snapshot = Arc::new(Snapshot { networks, ..Snapshot::clone(&app.screen.snapshot) });
 }
 
-/// Has the tour look at the screen, without the time that a step takes.
+/// Updates the tour at once, without the time limits of its steps.
 fn look(app: &mut App) {
     app.advance_tour(Duration::from_millis(110));
 }
 
-/// Shows a find of a bridge, by networks that agree.
+/// Shows a bridge found by networks that agree with it.
 fn find_bridge(app: &mut App) {
     let search = SearchOutcome {
         state: vec![10.0, 10.0],
@@ -136,7 +136,7 @@ fn a_bridge_is_explained_by_its_distances_and_stays() {
     assert!(caption(&app).contains("Wait for a find"));
     find_bridge(&mut app);
     look(&mut app);
-    // 126 + 68 < 370 by squares.
+    // In squared distances, 126 + 68 < 370.
     assert!(
         caption(&app).contains("was 126 + 68 = 194, less than D(a,g) = 370"),
         "{}",

@@ -1,4 +1,4 @@
-//! What the list of actions finds for users' own words.
+//! What the list of actions finds for users' words.
 
 use super::*;
 use crate::tui::dialog::{Choice, Row};

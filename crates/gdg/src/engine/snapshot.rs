@@ -256,11 +256,6 @@ impl Snapshot {
         (self.saved, self.autosaves) = (latest.saved.clone(), latest.autosaves.clone());
     }
 
-    /// Returns the training time in seconds, and the updates done by the learner.
-    pub fn moment(&self) -> (f64, u64) {
-        (self.seconds, self.updates())
-    }
-
     /// Returns the latest evaluation, if it was of the current method, and the updates counted
     /// then.
     pub fn evaluation(&self) -> Option<&(u64, Evaluation)> {

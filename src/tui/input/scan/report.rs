@@ -1,4 +1,4 @@
-//! What the scanner reports.
+//! Reports keys and pastes.
 
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
 
@@ -6,19 +6,19 @@ use super::sequence::event_of;
 use super::{Escape, Input, LONGEST_PASTE, Scanner};
 
 impl Scanner {
-    /// Reports the key that sends what is held.
+    /// Reports the bytes held as a key.
     pub(super) fn report_held(&mut self) {
         self.found.extend(event_of(&self.held).map(Input::Event));
     }
 
-    /// Reports the key Esc, unless it has been.
+    /// Reports the key Esc, unless it has been reported.
     pub(super) fn report_escape(&mut self) {
         if self.escape != Escape::Reported {
             self.report_key(KeyCode::Esc, KeyModifiers::NONE);
         }
     }
 
-    /// Reports ESC and an introducer as the keys that they are: one with Alt, or two.
+    /// Reports ESC and an introducer as a key with Alt, or as two keys.
     pub(super) fn report_introducer(&mut self) {
         let character = char::from(self.held[1]);
         let shift = if character.is_uppercase() { KeyModifiers::SHIFT } else { KeyModifiers::NONE };

@@ -1,8 +1,8 @@
-//! What sequences of bytes mean.
+//! Parses sequences of bytes.
 
 use crossterm::event::Event;
 
-/// What follows SS3 in the keys of terminals.
+/// Final bytes of keys that begin with SS3.
 const SS3_KEYS: &[u8] = b"ABCDFHPQRS";
 
 /// Returns whether ESC and this character begin a sequence: SS3, CSI, OSC, DCS, APC, PM or SOS.
@@ -15,8 +15,8 @@ pub fn is_ss3_key(rest: &[u8]) -> bool {
     matches!(rest, [b'O', last] if SS3_KEYS.contains(last))
 }
 
-/// Returns whether a control sequence that looks like a key, or the mouse, is neither: the cursor's
-/// position, and positions off the screen.
+/// Returns whether a control sequence that looks like a key or the mouse is a reply: the cursor's
+/// position, or a position off the screen.
 pub fn is_reply(sequence: &[u8]) -> bool {
     let mut numbers =
         sequence.split(|byte| !byte.is_ascii_digit()).filter(|number| !number.is_empty()).skip(1);

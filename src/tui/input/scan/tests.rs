@@ -1,4 +1,4 @@
-//! What terminals send, cut into reads in every way.
+//! Terminal input, split into reads in every way.
 
 use crossterm::event::{KeyCode, KeyModifiers};
 
@@ -7,7 +7,7 @@ use super::*;
 const NONE: KeyModifiers = KeyModifiers::NONE;
 const ALT: KeyModifiers = KeyModifiers::ALT;
 
-/// Replies of terminals to questions of any program.
+/// Replies of terminals to queries of any program.
 const REPLIES: [&[u8]; 26] = [
     b"\x1b]11;rgb:1e1e/1e1e/2e2e\x1b\\",
     b"\x1b]11;rgb:1e1e/1e1e/2e2e\x07",

@@ -25,7 +25,7 @@ const PAN_SHARE: f32 = 0.1;
 /// The greatest magnification.
 const MAX_ZOOM: f32 = 12.0;
 
-/// Returns whether an action makes sense with an arm: what needs a map does not.
+/// Returns whether an action applies to an arm: all but those that need a map.
 pub fn offers(action: Action) -> bool {
     !matches!(
         action,
@@ -43,12 +43,12 @@ pub fn offers(action: Action) -> bool {
     )
 }
 
-/// Returns the description of an action where it means something else than on a map.
+/// Returns the description of an action if its meaning differs from that on a map.
 pub fn wording(action: Action) -> Option<&'static str> {
     Some(match action {
         Action::NewGoal => "a random new goal (or click)",
         Action::Move(-1, 0) => "move the goal left by 1 cm, in the chosen projection",
-        Action::NewStart => "put @ at a start of the world's own (right-click: there)",
+        Action::NewStart => "put @ at a start position of the world (right-click: there)",
         Action::StartHere => "put @ at the goal",
         Action::Field(true) => "colour the plane through G by the next quantity",
         Action::Toggle(Overlay::Agents) => "grips of exploring agents, and their trails",
@@ -62,7 +62,7 @@ pub fn wording(action: Action) -> Option<&'static str> {
     })
 }
 
-/// Returns what is around the arm.
+/// Returns the arm's surroundings.
 fn arm_scene(screen: &Screen) -> Option<ArmScene> {
     match &screen.snapshot.scene {
         Scene::Arm(scene) => Some(*scene),
@@ -78,7 +78,7 @@ impl ArmState {
         let run = screen.run();
         let agents = run.settings.train.agents;
         let text = format!("{} on {}, {agents} agents", run.method.name(), screen.snapshot.title);
-        screen.log.record(&text, screen.snapshot.moment());
+        screen.log.record(&text, screen.snapshot.seconds, screen.snapshot.updates());
         match <[f32; 3]>::try_from(&*screen.snapshot.notes.goal) {
             Ok(saved) => self.set_goal(saved, screen, link),
             Err(_) => self.draw_goal(screen, link),
@@ -93,7 +93,7 @@ impl ArmState {
         }
     }
 
-    /// Puts the goal at `at`, or at the place for goals nearest to it.
+    /// Puts the goal at the valid position nearest to `at`.
     pub fn set_goal(&mut self, at: [f32; 3], screen: &mut Screen, link: &mut Link) {
         let Some(scene) = arm_scene(screen) else { return };
         let goal = scene.nearest_goal(at);
@@ -174,8 +174,7 @@ impl ArmState {
         std::mem::take(&mut self.shown.alone)
     }
 
-    /// Has the viewer compute D for the pixels of all projections; `before` is where things were
-    /// drawn before.
+    /// Has the viewer compute D for the pixels of all projections; `before` is the previous layout.
     pub fn drawn(before: ScreenLayout, screen: &mut Screen, link: &Link) {
         let shown = &mut screen.layout.projections;
         if shown.is_empty() {

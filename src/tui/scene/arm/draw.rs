@@ -52,11 +52,11 @@ pub fn draw(
         draw_plan(&mut sketch, arm, screen);
         draw_arm(&mut sketch, arm, &screen.theme);
     }
-    sketch.circle(shown_goal(arm), scene.goal_radius(), (screen.theme.goal, '*'));
+    sketch.circle(shown_goal(arm), scene.goal_radius(), screen.theme.goal, '*');
     sketch.canvas.paint(frame.buffer_mut(), &projection.frame, &screen.theme);
     let mut glyphs =
         Glyphs { map_frame: &projection.frame, theme: &screen.theme, buffer: frame.buffer_mut() };
-    // Where nothing else has been drawn since.
+    // Only where nothing else has been drawn since.
     let free = labels.iter().filter(|(before, label)| under(label, &sketch.canvas) == *before);
     free.for_each(|(_, label)| glyphs.label(label));
     draw_symbols(frame, projection, arm, screen);
@@ -144,7 +144,7 @@ fn draw_graph(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
         }
     }
     if screen.overlays.has(Overlay::Candidates) {
-        // In space they would hide the arm, which a thousand of them on a map do not.
+        // Draw only some of them: all together would hide the arm.
         let apart = view.candidates.len().div_ceil(MOST_CANDIDATES).max(1);
         for candidate in view.candidates.iter().step_by(apart) {
             let at = sketch.projection.flat(candidate.at);
@@ -159,7 +159,7 @@ fn draw_graph(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
     }
     if let (true, Some(search)) = (screen.overlays.has(Overlay::Search), &screen.snapshot.search) {
         let [accepted, rejected] = theme.search;
-        positions(&search.rejected, 3).for_each(|at| sketch.ball(at, DOT_RADIUS, (rejected, 'x')));
+        positions(&search.rejected, 3).for_each(|at| sketch.ball(at, DOT_RADIUS, rejected, 'x'));
         if let Some(bridge) = &search.found {
             let stops =
                 [&search.state, &bridge.point, &search.goal].map(|numbers| position(numbers));
@@ -167,7 +167,7 @@ fn draw_graph(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
                 stops.windows(2).map(|ends| [ends[0], ends[1]]),
                 Pen { rgb: accepted, share: 0.9, mark: '=' },
             );
-            sketch.ball(stops[1], DOT_RADIUS, (accepted, 'B'));
+            sketch.ball(stops[1], DOT_RADIUS, accepted, 'B');
         }
     }
 }
@@ -179,7 +179,7 @@ fn draw_explorers(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
         return;
     }
     if let Some(past) = arm.past() {
-        return positions(&past.agents, 3).for_each(|at| sketch.ball(at, DOT_RADIUS, (rgb, 'o')));
+        return positions(&past.agents, 3).for_each(|at| sketch.ball(at, DOT_RADIUS, rgb, 'o'));
     }
     let agents = screen.run().settings.train.agents.max(1);
     let size = (snapshot.agents.len() / agents).max(1);
@@ -190,7 +190,7 @@ fn draw_explorers(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
             Pen { rgb, share: 0.4, mark: '.' },
         );
     }
-    positions(&snapshot.agents, size).for_each(|at| sketch.ball(at, DOT_RADIUS, (rgb, 'o')));
+    positions(&snapshot.agents, size).for_each(|at| sketch.ball(at, DOT_RADIUS, rgb, 'o'));
 }
 
 /// Draws the waypoints ahead, and where the grip has been.
@@ -204,7 +204,7 @@ fn draw_plan(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
             Pen { rgb: theme.path, share: 1.0, mark: '+' },
         );
         let between = &view.path[..view.path.len() - 1];
-        between.iter().for_each(|at| sketch.ball(*at, DOT_RADIUS, (theme.path, '+')));
+        between.iter().for_each(|at| sketch.ball(*at, DOT_RADIUS, theme.path, '+'));
     }
     let trail: Vec<[f32; 3]> =
         std::iter::once(view.reach.start).chain(view.trail.iter().copied()).collect();
@@ -226,10 +226,10 @@ fn draw_arm(sketch: &mut Sketch, arm: &ArmState, theme: &Theme) {
         let share = if i == 0 { 0.5 } else { 0.0 };
         // Thinner towards the hand.
         let radius = LINK_RADIUS * (1.2 - 0.07 * i as f32);
-        sketch.rod(ends, radius, (blend(link, theme.unknown, share), '#'));
+        sketch.rod(ends, radius, blend(link, theme.unknown, share), '#');
     }
-    pose.joints.iter().for_each(|at| sketch.ball(*at, JOINT_RADIUS, (theme.walker, 'O')));
-    pose.fingers.iter().for_each(|finger| sketch.rod(*finger, FINGER_RADIUS, (theme.walker, 'v')));
+    pose.joints.iter().for_each(|at| sketch.ball(*at, JOINT_RADIUS, theme.walker, 'O'));
+    pose.fingers.iter().for_each(|finger| sketch.rod(*finger, FINGER_RADIUS, theme.walker, 'v'));
 }
 
 fn draw_symbols(frame: &mut Frame, projection: &Projection, arm: &ArmState, screen: &Screen) {

@@ -55,19 +55,19 @@ impl<'a> Sketch<'a> {
     }
 
     /// Draws a rod with round ends, `radius` metres thick.
-    pub fn rod(&mut self, ends: [[f32; 3]; 2], radius: f32, (rgb, mark): (Rgb, char)) {
+    pub fn rod(&mut self, ends: [[f32; 3]; 2], radius: f32, rgb: Rgb, mark: char) {
         for i in self.near(ends.map(|end| self.projection.flat(end)), radius) {
             self.canvas.set(i, Some(rgb), mark);
         }
     }
 
     /// Draws a ball.
-    pub fn ball(&mut self, at: [f32; 3], radius: f32, style: (Rgb, char)) {
-        self.rod([at, at], radius, style);
+    pub fn ball(&mut self, at: [f32; 3], radius: f32, rgb: Rgb, mark: char) {
+        self.rod([at, at], radius, rgb, mark);
     }
 
     /// Draws the outline of a ball.
-    pub fn circle(&mut self, at: [f32; 3], radius: f32, (rgb, mark): (Rgb, char)) {
+    pub fn circle(&mut self, at: [f32; 3], radius: f32, rgb: Rgb, mark: char) {
         let middle = self.projection.flat(at);
         let corners = (circumference(radius) / self.projection.pixel_size()[0])
             .ceil()

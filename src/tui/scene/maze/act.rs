@@ -21,11 +21,10 @@ use gdg::map::{Cell, Grid};
 use gdg::viewer::maze::{Request, cell_of_goal};
 use gdg::viewer::{MazeView, OnArrival};
 
-/// What is said where older edits cannot be undone.
-const EDITS_DROPPED: &str =
-    "older edits can no longer be undone: all together, they took too much memory";
+/// Notice that older edits cannot be undone.
+const EDITS_DROPPED: &str = "older edits can no longer be undone: the history took too much memory";
 
-/// Makes the maze on `map` that takes the place of the run's: with its settings and scenario.
+/// Returns a function that builds the maze on `map` with the run's settings and scenario.
 pub fn maze_on(map: Arc<Grid>) -> MakeWorld {
     Box::new(|world| match PointMaze::downcast_ref(world) {
         Some(maze) => Box::new(maze.with_map(map)),
@@ -48,13 +47,13 @@ impl MazeState {
         let method = screen.run().method.name();
         let (name, width, height) = (map.name(), map.width(), map.height());
         let text = format!("{method} on {name}, {width} x {height} cells");
-        screen.log.record(&text, screen.snapshot.moment());
+        screen.log.record(&text, screen.snapshot.seconds, screen.snapshot.updates());
         let saved = cell_of_goal(&screen.snapshot.notes.goal, &map);
         let goal = saved.or(map.goals().first().copied()).unwrap_or_else(|| self.random_cell(link));
         self.set_goal(goal, screen, link);
     }
 
-    /// Performs an action that is about the maze.
+    /// Performs an action on the maze.
     pub fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
         let at_cursor = self.inspecting.unwrap_or(self.goal);
         match action {
@@ -110,7 +109,7 @@ impl MazeState {
             }
             Action::Redo => {
                 let new = self.editor.redo(&map);
-                self.step_through_edits(new, ["done again: ", "nothing to redo"], screen, link);
+                self.step_through_edits(new, ["redone: ", "nothing to redo"], screen, link);
             }
             _ => {}
         }
@@ -165,7 +164,7 @@ impl MazeState {
         self.change_map_as("", map, screen, link);
     }
 
-    /// Switches to `map`, if given; the notice of what has changed begins with what was `done`.
+    /// Switches to `map`, if given; the notice about it begins with `done`.
     fn change_map_as(
         &mut self,
         done: &'static str,
@@ -262,8 +261,7 @@ impl MazeState {
         true
     }
 
-    /// Has the viewer compute the field for the map's pixels; `before` is where things were drawn
-    /// before.
+    /// Has the viewer compute the field for the map's pixels; `before` is the previous layout.
     pub fn drawn(before: ScreenLayout, screen: &mut Screen, link: &Link) {
         match &screen.layout.map {
             Some(frame) if before.map.as_ref() != Some(frame) => {
@@ -289,8 +287,7 @@ impl MazeState {
         self.warn_of_cut_off_goal(screen, link);
     }
 
-    /// Says so if no path leads from the walking agent to the goal: once for each goal and state of
-    /// the map.
+    /// Warns if no path leads from the walking agent to the goal, once per goal and map.
     fn warn_of_cut_off_goal(&mut self, screen: &mut Screen, link: &Link) {
         let view = &self.view;
         let no_path = view.goal.1 == link.goal_request() && view.walk.shortest.is_none();

@@ -1,4 +1,4 @@
-//! Which bridge candidates are drawn: all of them would hide what they stand on.
+//! Selects the bridge candidates to draw: all of them would hide the map.
 
 use std::collections::HashMap;
 
@@ -6,11 +6,11 @@ use super::MazeState;
 use crate::tui::raster::MapFrame;
 use gdg::viewer::Candidate;
 
-/// One candidate is drawn for each block of so many columns and rows of characters.
+/// One candidate is drawn per block of characters, given by its columns and rows.
 const SPACING: (u16, u16) = (6, 3);
 
-/// Returns the candidates to draw: in each block the one nearest to its middle, so that the same
-/// ones are drawn as long as they stay where they are.
+/// Returns the candidates to draw: in each block the one nearest to its middle, so that the
+/// selection is stable while they stay in place.
 pub fn shown<'a>(map_frame: &MapFrame, maze: &'a MazeState) -> Vec<&'a Candidate> {
     let mut nearest: HashMap<(u16, u16), (f32, usize)> = HashMap::new();
     let candidates = &maze.view.candidates;

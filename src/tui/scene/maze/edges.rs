@@ -11,8 +11,8 @@ use gdg::viewer::ShownEdge;
 /// The most edges drawn: more of them would hide the map.
 pub const MAX_EDGES: usize = 300;
 
-/// Steps in which edges fade with their distance from the cursor, and the least that is left of
-/// their opacity.
+/// Number of opacity levels by which edges fade with distance from the cursor, and the lowest
+/// level.
 const FADES: usize = 5;
 const LEAST_OPACITY: f32 = 0.2;
 

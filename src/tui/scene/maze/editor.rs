@@ -22,7 +22,7 @@ pub struct Editor {
     pub has_changed: bool,
     stroke: Option<Stroke>,
     edits: Edits,
-    /// Whether it has been said that old edits were dropped.
+    /// Whether the user has been told that old edits were dropped.
     says_dropped: bool,
 }
 
@@ -32,7 +32,7 @@ struct Stroke {
     free: bool,
     /// Cells drawn freehand, each once.
     cells: Vec<Cell>,
-    /// Whether each cell of the map is among them; empty until one is.
+    /// Whether each cell of the map is among them; empty until the first is.
     is_drawn: Vec<bool>,
     from: Cell,
     to: Cell,
@@ -107,7 +107,7 @@ impl Editor {
         stroke.at = Some([begun, to]);
         if let (Tool::Line | Tool::Rectangle, Some(first)) = (self.tool, frame.cell_at(begun, map))
         {
-            // All that the characters at both ends show.
+            // Include every cell that the characters at both ends show.
             stroke.from = outermost(first, &frame.cells_at(begun, map), cell);
             stroke.to = outermost(cell, &frame.cells_at(to, map), first);
         } else {
@@ -164,7 +164,7 @@ impl Editor {
             Tool::Fill => {
                 map.with_cells(area(map, to).into_iter().map(|cell| (cell, !map.is_free(to))))
             }
-            // A cell has one mark: map files have one character for it.
+            // A cell has at most one mark, as map files have one character per cell.
             Tool::Start => {
                 let starts = with_mark_moved(map.starts(), from, to);
                 let goals = without(map.goals(), &starts);
@@ -194,7 +194,7 @@ impl Editor {
         self.edits.undo(map)
     }
 
-    /// Returns whether edits have been dropped for the first time since it was asked.
+    /// Returns whether edits have been dropped, `true` only once.
     pub fn drops_first_edits(&mut self) -> bool {
         self.edits.has_dropped && !std::mem::replace(&mut self.says_dropped, true)
     }
@@ -328,14 +328,14 @@ mod tests {
     fn a_stroke_over_millions_of_cells_has_each_once() {
         let map = Grid::empty("large", 2048, 1024);
         let mut stroke = Stroke::at(Cell::new(0, 0), false);
-        // As a mouse that moves to and fro: quadratic work would take hours.
+        // Like a mouse that moves back and forth: quadratic work would take hours.
         (0..4).for_each(|_| stroke.add(map.free_cells(), &map));
         assert_eq!(stroke.cells.len(), 2048 * 1024);
         assert!(stroke.cells.iter().copied().eq(map.free_cells()));
     }
 
     #[test]
-    fn edits_are_undone_to_the_first_and_done_again_to_the_last() {
+    fn edits_are_undone_to_the_first_and_redone_to_the_last() {
         let first = Arc::new(parse_map("room", ROOM.as_bytes()).expect("a map"));
         let mut editor = Editor::default();
         let mut now = first.clone();

@@ -1,4 +1,4 @@
-//! Edits that can be undone and done again, kept as differences between maps.
+//! The undo and redo history, kept as differences between maps.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -8,13 +8,12 @@ use gdg::map::{Cell, Grid};
 /// Maximum size of all edits together. Beyond it the oldest are dropped.
 const MAX_BYTES: usize = 256 << 20;
 
-/// What makes another map of the present one.
+/// A change of the current map into another.
 enum Step {
-    /// Runs of cells, row-major, from the first to before the last, that change from floor to wall
-    /// or back; and starts and goals if they differ.
+    /// Runs of cells (first, end), row-major, that change from floor to wall or back; and starts
+    /// and goals if they differ.
     Difference { runs: Vec<[u32; 2]>, marks: Option<Box<[Vec<Cell>; 2]>> },
-    /// The other map: it has another size or name, or so many differences that they would be
-    /// larger.
+    /// The other map, if its size or name differs or the differences would take more memory.
     Whole(Arc<Grid>),
 }
 
@@ -74,9 +73,9 @@ fn runs(a: &[bool], b: &[bool]) -> Vec<[u32; 2]> {
 /// The edits of a map.
 #[derive(Default)]
 pub struct Edits {
-    /// Steps back, the latest edit's last.
+    /// Undo steps, latest edit last.
     back: VecDeque<Step>,
-    /// Steps forward again, the earliest edit's last.
+    /// Redo steps, earliest edit last.
     forward: Vec<Step>,
     bytes: usize,
     /// Whether old edits have been dropped.
@@ -117,7 +116,7 @@ impl Edits {
         Some(after)
     }
 
-    /// Takes a step from `map`; returns where it leads, and the step that leads back.
+    /// Applies a step to `map`; returns the resulting map and the inverse step.
     fn take(&mut self, step: Step, map: &Arc<Grid>) -> Option<(Arc<Grid>, Step)> {
         self.bytes -= step.bytes();
         let to = step.apply(map)?;
@@ -149,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn every_edit_can_be_undone_and_done_again() {
+    fn every_edit_can_be_undone_and_redone() {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let (mut edits, mut maps) = (Edits::default(), vec![Arc::new(Grid::empty("map", 30, 30))]);
         for _ in 0..200 {

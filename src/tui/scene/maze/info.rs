@@ -29,7 +29,7 @@ pub fn draw(
     frame.render_widget(Paragraph::new(line), area);
 }
 
-/// Says what colours, pixels and lines mean: with the texts, and the bar, that fit into `width`.
+/// Explains colours, pixels and lines, with the texts and the bar that fit into `width`.
 fn meaning(
     width: usize,
     maze: &MazeState,
@@ -57,8 +57,8 @@ fn meaning(
         .unwrap_or_else(|| maze.scale(screen, SHORT_BAR_WIDTH))
 }
 
-/// Describes the cell under the cursor or the mouse: with the facts that fit into `width`, the
-/// walls' and D's first.
+/// Describes the cell under the cursor or the mouse, with as many facts as fit into `width`: walls
+/// and D first.
 fn cell_facts(width: usize, maze: &MazeState) -> Line<'static> {
     let Some(cell) = maze.inspecting.or(maze.hovered) else { return Line::default() };
     let place = format!("{},{}", cell.x, cell.y);
@@ -73,7 +73,7 @@ fn cell_facts(width: usize, maze: &MazeState) -> Line<'static> {
         .visits
         .map_or(String::new(), |visits| format!(", {} visits", short(f64::from(visits))));
     let (what, visits) = match facts.truth {
-        // A share of nothing says nothing.
+        // There is no relative error of zero steps.
         Some(0) => (format!("D {learned:.1}, true 0 ({learned:+.1} steps)"), visits),
         Some(truth) => {
             let error = 100.0 * (learned - truth as f32) / truth as f32;
@@ -89,7 +89,7 @@ fn cell_facts(width: usize, maze: &MazeState) -> Line<'static> {
         .unwrap_or_else(|| Line::from(format!(" {place}: {what}")))
 }
 
-/// Says how many cells a dot of the map shows, if it shows several: at length, and in short.
+/// Says how many cells a dot of the map shows, if it shows several, in a long and a short form.
 fn scaled_down_texts(screen: &Screen, layout: &ScreenLayout) -> [String; 2] {
     let cells = layout.map.as_ref().map_or(0.0, |map| match screen.picture_character() {
         Some(character) => 1.0 / (map.scale() * f32::from(character.0)),

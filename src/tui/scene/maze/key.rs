@@ -1,4 +1,4 @@
-//! What map and field are drawn from, in characters and as a picture.
+//! The inputs that map and field are drawn from, to tell whether a drawing is up to date.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use gdg::draw::{Ground, Raster};
 use gdg::map::{Cell, Grid};
 use gdg::viewer::maze::{Exploration, film_goal};
 
-/// What map and field are drawn from.
+/// The inputs that map and field are drawn from.
 pub struct Key {
     map_frame: MapFrame,
     theme: ThemeName,
@@ -86,20 +86,18 @@ impl Key {
     }
 }
 
-/// Records the steps between two contour lines, which would be `own` if the map were not compared
-/// with another.
+/// Records the contour interval, which would be `own` outside of a comparison.
 pub fn show_interval(own: Option<f32>, screen: &Screen, layout: &mut ScreenLayout) {
     (layout.own_contour_interval, layout.contour_interval) = (own, shown_interval(own, screen));
 }
 
-/// Returns the steps between two contour lines where they would be `own` if the map were not
-/// compared with another.
+/// Returns the contour interval to show, given the interval `own` outside of a comparison.
 pub fn shown_interval(own: Option<f32>, screen: &Screen) -> Option<f32> {
     own.map(|own| own.max(screen.least_contour_interval))
 }
 
-/// Returns the field where contour lines may be: they would follow the walls that cross pixels, as
-/// distances differ on both sides, and mean nothing where values do not.
+/// Returns the field with NaN where contour lines are not wanted: at walls within pixels, which
+/// they would follow as distances jump there, and where values mean nothing.
 pub fn open_field(field: &[f32], grounds: &[Ground], unexplored: &Unexplored) -> Vec<f32> {
     let is_open = |i: usize| matches!(grounds[i], Ground::Free(_)) && !unexplored.hides(i);
     field.iter().enumerate().map(|(i, value)| if is_open(i) { *value } else { f32::NAN }).collect()

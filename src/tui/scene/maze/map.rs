@@ -28,7 +28,7 @@ use gdg::viewer::Field;
 const MIN_BRIDGE_SCALE: f32 = 0.75;
 const MIN_SIZED_CANDIDATE_SCALE: f32 = 2.0;
 
-/// Share of the colour of walls in a pixel that a wall crosses.
+/// Share of the wall colour in a pixel that a wall crosses.
 const CROSSED_WALL_SHARE: f32 = 0.65;
 
 /// The sign of a goal at the frontier.
@@ -78,12 +78,12 @@ pub fn draw(
 #[derive(Default)]
 pub struct Cache {
     base: Option<Base>,
-    /// The map as a picture, where the terminal is sent pictures.
+    /// The map as a picture, if the terminal supports pictures.
     pictures: Option<PictureCache>,
 }
 
 impl Cache {
-    /// Creates a cache for frames that go to a terminal: it is sent pictures if it shows them.
+    /// Creates a cache for frames on a terminal, with pictures if it supports them.
     pub fn with_pictures() -> Self {
         Self { pictures: Some(PictureCache::default()), ..Self::default() }
     }
@@ -105,8 +105,7 @@ struct Base {
     canvas: Canvas,
     /// The canvas as characters.
     painted: Buffer,
-    /// Steps between two contour lines, if they are drawn and this map is not compared with
-    /// another, and their labels.
+    /// The contour interval outside of a comparison, if lines are drawn, and their labels.
     own_interval: Option<f32>,
     labels: Vec<Label>,
 }
@@ -185,7 +184,7 @@ fn colour(canvas: &mut Canvas, field: &[f32], maze: &MazeState, screen: &Screen)
     }
 }
 
-/// Returns whether the planned path or an agent is where a label would be.
+/// Returns whether the planned path or an agent covers a label.
 fn is_covered(label: &Label, canvas: &Canvas, map_frame: &MapFrame, theme: &Theme) -> bool {
     label.pixels(map_frame).any(|i| [theme.path, theme.agent].map(Some).contains(&canvas.colour(i)))
 }
@@ -223,11 +222,11 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, maze: &MazeState
         draw_search(canvas, map_frame, search, theme);
     }
     draw_preview(canvas, map_frame, maze, theme);
-    draw_trail(canvas, map_frame, &maze.view.trail, (theme.walker, 0.8), Some(TRAIL_MARK));
+    draw_trail(canvas, map_frame, &maze.view.trail, theme.walker, 0.8, Some(TRAIL_MARK));
     if shows(Overlay::Agents) {
         for trail in screen.snapshot.trails.iter() {
             let (positions, _) = trail.as_chunks::<2>();
-            draw_trail(canvas, map_frame, positions, (theme.agent, 0.5), None);
+            draw_trail(canvas, map_frame, positions, theme.agent, 0.5, None);
         }
         for at in screen.snapshot.agents.as_chunks::<2>().0 {
             canvas.dot(map_frame, *at, theme.agent, 'o');
@@ -263,7 +262,8 @@ fn draw_trail(
     canvas: &mut Canvas,
     map_frame: &MapFrame,
     trail: &[[f32; 2]],
-    (rgb, opacity): (Rgb, f32),
+    rgb: Rgb,
+    opacity: f32,
     mark: Option<char>,
 ) {
     for (i, at) in trail.iter().enumerate() {
@@ -272,7 +272,7 @@ fn draw_trail(
     }
 }
 
-/// Draws letters and signs, and those of `labels` which they leave room for.
+/// Draws letters and signs, and the `labels` that they do not cover.
 fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, maze: &MazeState, screen: &Screen) {
     let is_past = maze.past().is_some();
     let shows = |overlay| screen.overlays.has(overlay) && !is_past;
@@ -307,7 +307,7 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, maze: &MazeState, scre
 
 /// Draws bridge candidates as signs: the better connected, the larger.
 fn draw_candidate_signs(glyphs: &mut Glyphs, maze: &MazeState) {
-    // A sign would tear a hole into a wall that shares its character.
+    // A sign would leave a hole in a wall that shares its character.
     let is_open = |at: Position| {
         let cells = glyphs.map_frame.cells_at(at, &maze.map);
         cells.into_iter().all(|cell| maze.map.is_free(cell))
@@ -325,8 +325,8 @@ fn draw_candidate_signs(glyphs: &mut Glyphs, maze: &MazeState) {
     }
 }
 
-/// Draws the map's own starts and goals, the agents' goals, the walk and the cursor: what matters
-/// most last.
+/// Draws the map's own starts and goals, the agents' goals, the walk and the cursor, the most
+/// important last.
 fn draw_marks(glyphs: &mut Glyphs, maze: &MazeState, screen: &Screen) {
     let (theme, is_past) = (&screen.theme, maze.past().is_some());
     for (marks, letter) in [(maze.map.starts(), 's'), (maze.map.goals(), 'g')] {

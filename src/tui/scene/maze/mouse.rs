@@ -32,7 +32,7 @@ impl MazeState {
     ) -> bool {
         let Some(frame) = &screen.layout.map.clone() else { return false };
         let drawing = self.editor.is_drawing();
-        // A stroke that leaves the map goes on along its edge.
+        // A stroke that leaves the map continues along its edge.
         let at = if drawing && matches!(kind, MouseEventKind::Drag(_)) {
             nearest_within(frame.area, at)
         } else {

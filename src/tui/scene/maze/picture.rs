@@ -1,5 +1,5 @@
-//! The map as a picture, in the pixels of the terminal: ground and contour lines in `ground` and
-//! `contours`, which change far less often than what moves on them.
+//! The map as a picture, in the terminal's pixels. `ground` and `contours` draw what changes
+//! rarely; what moves is drawn on top here.
 
 mod contours;
 mod ground;
@@ -28,20 +28,19 @@ use gdg::map::Cell;
 use gdg::viewer::Field;
 use ground::Scale;
 
-/// How far apart contour lines are on average, at least, in pixels of the field: half as far as in
+/// Minimum average distance between contour lines, in pixels of the field: half of that in
 /// characters.
 const CONTOUR_SPACING: f32 = 3.0;
 
-/// While training comes first, the ground is drawn again after this multiple of the time that it
-/// took, but after [`LONGEST_GROUND_REST`] at the latest: it takes several times as long as what
-/// moves on it.
+/// While training has priority, the ground is redrawn after this multiple of its drawing time, or
+/// after [`LONGEST_GROUND_REST`]: it takes several times as long as what moves on it.
 const GROUND_REST_FACTOR: u32 = 100;
 const LONGEST_GROUND_REST: Duration = Duration::from_secs(2);
 
-/// Positions of a trail farther apart than this, in cells, are not connected: the agent began anew.
+/// Positions of a trail farther apart than this, in cells, are not connected: a new episode began.
 const LONGEST_STEP: f32 = 3.0;
 
-/// Black around what is drawn, so that it stands out on any ground.
+/// Black outlines make signs stand out on any ground.
 const SHADOW: Rgb = (0, 0, 0);
 
 /// What the next frame can reuse.
@@ -59,8 +58,8 @@ impl PictureCache {
         self.is_shown = false;
     }
 
-    /// Returns whether the latest picture can stay for a while: it shows the same part of the same
-    /// map in the same style.
+    /// Returns whether the latest picture may be kept for a while: it shows the same part of the
+    /// same map in the same style.
     fn is_up_to_date_enough(
         &self,
         map_frame: &MapFrame,
@@ -82,21 +81,20 @@ impl PictureCache {
 struct Base {
     key: Key,
     directions: Arc<Vec<([f32; 2], [f32; 2])>>,
-    /// What each value of the field belongs to.
+    /// The kind of ground of each value of the field.
     grounds: Vec<Ground>,
     sheet: Sheet,
-    /// Steps between two contour lines, if they are drawn and this map is not compared with
-    /// another.
+    /// The contour interval outside of a comparison, if lines are drawn.
     own_interval: Option<f32>,
     subject: Subject,
-    /// Until when it may stay if training comes first.
+    /// Until when it may be kept while training has priority.
     rests_until: Instant,
 }
 
-/// What a field is of: its goal, the quantity, and the updates of the film's frame.
+/// What a field shows: its goal, the quantity, and the updates of the film's frame.
 type Subject = ((Option<Cell>, u64), Field, Option<u64>);
 
-/// Draws the map and everything on it, in characters of so many pixels.
+/// Draws the map and everything on it; `character` is a character's size in pixels.
 pub fn draw(
     frame: &mut Frame,
     map_frame: &MapFrame,
@@ -153,7 +151,7 @@ pub fn draw(
 
 impl Base {
     /// Draws map and field, with contour lines at the same interval as `before` if possible; `None`
-    /// without memory.
+    /// if out of memory.
     fn new(
         map_frame: &MapFrame,
         scale: &Scale,
@@ -174,7 +172,7 @@ impl Base {
         };
         let ground = |i: usize| map_frame.raster.ground(map, i % columns, i / columns);
         let grounds = grounds.unwrap_or_else(|| (0..columns * rows).map(ground).collect());
-        // All of it is drawn over.
+        // Every pixel is overwritten, so the sheet can be reused.
         let sheet = sheet.filter(|sheet: &Sheet| (sheet.0.width(), sheet.0.height()) == scale.size);
         let mut sheet = sheet.or_else(|| Sheet::new(scale.size))?;
         let field = key.field.as_deref().map(Vec::as_slice);
@@ -228,8 +226,7 @@ impl Base {
         self.size() == size && same_directions && self.key.is_current(map_frame, maze, screen)
     }
 
-    /// Returns whether this differs from what is up to date in what has been learned of late alone,
-    /// and may stay.
+    /// Returns whether this is out of date only in what was learned recently, and may be kept.
     fn may_stay(
         &self,
         map_frame: &MapFrame,
@@ -256,7 +253,7 @@ impl Base {
     }
 }
 
-/// Returns what the field on the screen is of.
+/// Returns what the field on the screen shows.
 fn subject(maze: &MazeState) -> Subject {
     let view = &maze.view;
     (view.goal, view.kind, view.past.as_ref().map(|past| past.updates))
@@ -286,12 +283,12 @@ struct Moving<'a> {
 }
 
 impl Moving<'_> {
-    /// Returns pixels: as a share of a character's height.
+    /// Converts a share of a character's height to pixels.
     fn of(&self, share: f32) -> f32 {
         share * self.scale.unit()
     }
 
-    /// Draws all of it, what matters most last; of the past, only the agents.
+    /// Draws everything, the most important last; of the past, only the agents.
     fn draw(&mut self, map_frame: &MapFrame) {
         let shows = |overlay| self.screen.overlays.has(overlay);
         if let Some(past) = self.maze.past() {
@@ -456,7 +453,7 @@ impl Moving<'_> {
             for cell in marks {
                 let at = self.scale.pixel(cell.centre());
                 let Some(ground) = self.sheet.colour(at[0] as i32, at[1] as i32) else { continue };
-                self.sheet.text(letter, at, (self.of(0.8), 0.0), true, Ink(ink(ground), 1.0));
+                self.sheet.text(letter, at, self.of(0.8), 0.0, true, Ink(ink(ground), 1.0));
             }
         }
         if shows_agents {

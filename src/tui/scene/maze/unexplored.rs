@@ -28,13 +28,13 @@ const MONO_HATCH_SPACING: usize = 8;
 /// How strongly the edge is tinted.
 pub(super) const TINT: f32 = 0.65;
 
-/// What the agents know of the cell that each pixel shows; all of it if that is not shown.
+/// What the agents know of the cell that each pixel shows; everything if the overlay is off.
 pub struct Unexplored {
     known: Vec<Knowledge>,
     /// Whether no path leads from each pixel's cell to the goal; empty if one leads from everywhere
     /// or that is not shown.
     cut_off: Vec<bool>,
-    /// Whether unvisited cells fade, which hides values: not where these are true even there.
+    /// Whether unvisited cells fade and so hide values: not if values are valid even there.
     fades: bool,
 }
 
@@ -43,7 +43,7 @@ impl Unexplored {
     pub fn new(grounds: &[Ground], maze: &MazeState, screen: &Screen) -> Self {
         let (map, exploration) = (&maze.map, &maze.view.exploration);
         if maze.past().is_some() {
-            // What had been explored then is not known.
+            // The film does not record what had been explored.
             return Self { known: Vec::new(), cut_off: Vec::new(), fades: false };
         }
         let cut_off = cut_off(grounds, maze, screen);
@@ -74,8 +74,7 @@ impl Unexplored {
         self.known.get(i) == Some(&Knowledge::Beyond)
     }
 
-    /// Fades the colours of unvisited cells, except where they show what is true even there, and
-    /// draws the edge.
+    /// Fades unvisited cells, unless their values are valid even there, and draws the edge.
     pub fn draw(&self, canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
         self.draw_known(canvas, map_frame, screen);
         let columns = canvas.columns();
@@ -99,7 +98,7 @@ impl Unexplored {
         let is_hatched = |i: usize| {
             let (column, row) = (i % columns, i / columns);
             if mono {
-                // By characters, and few of them: signs are louder than colours.
+                // Few, and by characters: signs stand out more than colours.
                 (column / across + MONO_HATCH_SPACING / 2 * (row / down))
                     .is_multiple_of(MONO_HATCH_SPACING)
             } else {

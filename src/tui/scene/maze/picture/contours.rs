@@ -15,16 +15,15 @@ const LABEL_HEIGHT: f32 = 0.75;
 const LINE_SHARE: f32 = 0.5;
 const LABEL_SHARE: f32 = 0.9;
 
-/// A label's gap is longer than its text by this share of its height, and its line by this factor
-/// than the gap.
+/// A gap exceeds its label by this share of the label's height, and a labelled line its gap by this
+/// factor.
 const MARGIN: f32 = 0.4;
 const LEAST_LENGTH: f32 = 1.8;
 
-/// A line is straight enough for a label if its ends are apart by this share of the length between
-/// them.
+/// Minimum straightness of a line at a label: the distance between its ends over its length.
 const LEAST_STRAIGHTNESS: f32 = 0.97;
 
-/// Distance between two labels, and between two of the same level, at least, as multiples of a
+/// Minimum distance between two labels, and between two of the same level, as multiples of a
 /// character's height.
 const LABEL_SPACING: f32 = 2.5;
 const SAME_LEVEL_SPACING: f32 = 14.0;
@@ -36,7 +35,7 @@ const STEP: f32 = 6.0;
 /// intervals: otherwise they belong to different sides of it.
 const MAX_JUMP: f32 = 1.5;
 
-/// A field where contour lines may be.
+/// A field and where it is known.
 #[derive(Clone, Copy)]
 pub struct Known<'a> {
     /// Rows of values over the whole sheet; NaN where there are none.
@@ -82,8 +81,8 @@ pub fn draw(
             sheet.line(&points, true, (WIDTH * unit).max(1.0), Ink(colour(LINE_SHARE), 1.0));
         }
         if let Some(label) = own {
-            let size = (LABEL_HEIGHT * unit, label.angle);
-            sheet.text(&label.text, label.middle, size, false, Ink(colour(LABEL_SHARE), 1.0));
+            let (height, ink) = (LABEL_HEIGHT * unit, Ink(colour(LABEL_SHARE), 1.0));
+            sheet.text(&label.text, label.middle, height, label.angle, false, ink);
             labels.push(label);
         }
     }

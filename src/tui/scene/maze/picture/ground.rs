@@ -14,17 +14,17 @@ use gdg::viewer::maze::Knowledge;
 
 use super::super::unexplored::{CUT_OFF_FADES, FADE, HATCH, POCKET_FADE, TINT};
 
-/// Colours told apart from near to far.
+/// Number of shades from near to far.
 const SHADES: usize = 1024;
 
-/// Width and distance of lines of hatching, as shares of a character's height.
+/// Width and spacing of hatching, as shares of a character's height.
 const HATCH_WIDTH: f32 = 0.12;
 const HATCH_SPACING: f32 = 0.5;
 
 /// Half the width of the edge of the known world, as a share of a character's height.
 const EDGE: f32 = 0.06;
 
-/// The least share of a wall's colour in a pixel that shows several cells, some of them wall.
+/// Minimum share of the wall colour in a pixel that shows walls among several cells.
 const LEAST_WALL_SHARE: f32 = 0.5;
 
 /// Positions on the map in pixels.
@@ -37,7 +37,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// Shows a part of the map (left, top, width, height) in so many pixels.
+    /// Shows a part of the map (left, top, width, height) in `size` pixels.
     pub fn new(window: [f32; 4], size: (u32, u32), character: (u16, u16)) -> Self {
         Self { size, window, character }
     }
@@ -52,7 +52,7 @@ impl Scale {
         self.size.0 as f32 / self.window[2]
     }
 
-    /// Returns where a position on the map is.
+    /// Converts a position on the map to pixels.
     pub fn pixel(&self, [x, y]: [f32; 2]) -> [f32; 2] {
         let [left, top, width, height] = self.window;
         [(x - left) / width * self.size.0 as f32, (y - top) / height * self.size.1 as f32]
@@ -125,7 +125,7 @@ pub fn draw(
         spacing: (HATCH_SPACING * scale.unit()).max(3.0) as usize,
         width: (HATCH_WIDTH * scale.unit()).max(1.0) as usize,
     };
-    // Which pixels of a row are of the same kind, from row to row the same within a cell.
+    // Runs of pixels of the same kind, which the rows of a cell share.
     let mut runs: Vec<(Range<usize>, Kind)> = Vec::new();
     let mut before = None;
     let (mut values, mut shown) = (Vec::new(), vec![0; width]);
@@ -162,7 +162,7 @@ struct Hatching {
 }
 
 impl Hatching {
-    /// Returns whether a pixel is on a line; those of different kinds lean to different sides.
+    /// Returns whether a pixel is on a line; the slope depends on the kind.
     fn is_on(&self, x: usize, y: usize, kind: Kind) -> bool {
         let along = if kind == Kind::CutOff { x + self.spacing - y % self.spacing } else { x + y };
         along % self.spacing < self.width
@@ -200,11 +200,11 @@ fn kind(cell: Cell, maze: &MazeState, screen: &Screen) -> Kind {
     }
 }
 
-/// A shade that is not known.
+/// The shade of an unknown value.
 const UNKNOWN: u16 = SHADES as u16;
 
-/// The colours of all shades and of what is not known, of ground that is plain, a pocket, beyond
-/// the known world, and hatched there.
+/// The colours of all shades and of unknown values, on ground that is plain, a pocket, beyond the
+/// known world, and hatched there.
 struct Colours {
     shades: [Vec<[u8; 4]>; 4],
     cut_off: [[u8; 4]; 2],
@@ -245,7 +245,7 @@ impl Colours {
         }
     }
 
-    /// Returns which shade shows a value; NaN if it is not known.
+    /// Returns the shade of a value; NaN if it is unknown.
     fn shade(&self, value: f32) -> f32 {
         let share = match self.field {
             Field::Error => 0.5 + 0.5 * value / MAX_SHOWN_ERROR,
@@ -288,15 +288,15 @@ impl Colours {
     }
 }
 
-/// Values at evenly spaced places.
+/// Evenly spaced values.
 struct Samples<'a> {
     values: &'a [f32],
     columns: usize,
-    /// Whether there are values between them.
+    /// Whether to interpolate between them.
     is_smooth: bool,
 }
 
-/// Where pixels are among the samples: between two of them.
+/// A pixel's position between two samples.
 #[derive(Clone, Copy)]
 struct Place {
     from: usize,
@@ -319,7 +319,7 @@ impl Place {
     }
 }
 
-/// Returns a value for one of two that is not known: the other one.
+/// Replaces an unknown one of two values by the other.
 fn known(a: f32, b: f32) -> (f32, f32) {
     (if a.is_nan() { b } else { a }, if b.is_nan() { a } else { b })
 }
@@ -377,7 +377,7 @@ pub fn draw_walls(sheet: &mut Sheet, scale: &Scale, map: &Grid, wall: Rgb) {
     let mut before = None;
     let (pixels, _) = sheet.0.data_mut().as_chunks_mut::<4>();
     for (row, cells) in pixels.chunks_mut(scale.size.0 as usize).zip(rows) {
-        // From row to row the same within a cell.
+        // The rows of a cell share their runs.
         if before.replace(cells) != Some(cells) {
             wall_runs(map, &columns, cells, &mut runs);
         }
@@ -392,8 +392,8 @@ pub fn draw_walls(sheet: &mut Sheet, scale: &Scale, map: &Grid, wall: Rgb) {
     }
 }
 
-/// Finds the runs of pixels with walls in a row that shows the cells from `top` to before `bottom`,
-/// where each pixel shows its `columns`: with the walls' share of their pixels.
+/// Finds the runs of pixels with walls, and the walls' share, in a row that shows the cells from
+/// `top` to before `bottom`; each pixel shows its `columns`.
 fn wall_runs(
     map: &Grid,
     columns: &[(usize, usize)],
