@@ -106,6 +106,7 @@ fn facts(grid: &Grid, other_map: Option<String>) -> String {
     lines.extend(warnings.map(|problem| format!("warning:    {problem}")));
     lines.join("\n") + "\n"
 }
+
 pub fn describe_diameter(diameter: Diameter) -> String {
     if diameter.exact { diameter.steps.to_string() } else { format!("at least {}", diameter.steps) }
 }

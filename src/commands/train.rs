@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use clap::CommandFactory;
 #[cfg(feature = "tui")]
+use gdg::env::Scene;
+#[cfg(feature = "tui")]
 use gdg::printing::eprint_line;
 use gdg::train::{Registry, print_settings};
 #[cfg(feature = "tui")]
@@ -69,7 +71,7 @@ fn is_shown(args: &TrainArgs) -> Result<bool, super::Failure> {
 
 #[cfg(feature = "tui")]
 fn show(setup: Setup, args: &TrainArgs) -> Outcome {
-    if setup.trainer.world().abilities().drawn.is_none() {
+    if matches!(setup.trainer.scene(), Scene::Nothing) {
         let help = "train it with --no-ui";
         return Err(miette!(help = help, "the interface cannot draw this world")).or_bad_input();
     }

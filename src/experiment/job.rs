@@ -39,9 +39,11 @@ impl Job {
     /// The run cannot be written as JSON.
     pub fn new(world: JobWorld, label: Option<&str>, run: Run, plan: Plan) -> Result<Self, Report> {
         let version = (env!("CARGO_PKG_VERSION"), RESULTS_VERSION);
-        let determines =
-            serde_json::to_string(&(version, world.name(), world.content(), &run, &plan));
-        let key = format!("{:08x}", crc32fast::hash(determines.into_diagnostic()?.as_bytes()));
+        let determines = (version, world.name(), world.content(), &run, &plan);
+        let mut determines = serde_json::to_value(determines).into_diagnostic()?;
+        // The order in which settings are listed means nothing.
+        determines.sort_all_objects();
+        let key = format!("{:08x}", crc32fast::hash(determines.to_string().as_bytes()));
         let label = label.map_or(String::new(), |label| format!("{label}-"));
         let name =
             format!("{}-{label}{}-{}", file_stem(world.name()), run.seed, &key[..NAME_DIGITS]);

@@ -80,6 +80,7 @@ fn disconnected_marks(grid: &Grid, components: &Components) -> Option<String> {
     };
     Some(format!("{which} lie in different components: no path connects them"))
 }
+
 /// Returns a path as a possible name of a built-in map or world; empty if it is not UTF-8.
 pub fn known_name(path: &Path) -> &str {
     path.to_str().unwrap_or_default()

@@ -280,8 +280,12 @@ impl Scene {
 impl Scene {
     /// Switches to the kind of scene that a run has.
     pub fn enter(&mut self, snapshot: &Snapshot) {
-        let is_arm = matches!(snapshot.scene, World::Arm(_));
-        if is_arm != matches!(self, Self::Arm(_)) {
+        let stays = match &snapshot.scene {
+            World::Arm(_) => matches!(self, Self::Arm(_)),
+            World::Maze(_) => matches!(self, Self::Maze(_)),
+            World::Nothing => true,
+        };
+        if !stays {
             *self = Self::of(snapshot);
         }
     }

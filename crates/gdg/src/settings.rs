@@ -144,8 +144,8 @@ impl Setting {
 /// ```
 ///
 /// All but name, type, default and description can be left out: a plain setting is a switch that
-/// takes effect immediately. Doc comments before an entry add to its description; a checkpoint
-/// without the setting has its default, or what `#[serde(default ..)]` says.
+/// takes effect immediately. Doc comments before an entry add to its description. A setting that
+/// older checkpoints lack says what it is there by `#[serde(default ..)]`.
 macro_rules! settings {
     (
         $(#[$about_all:meta])*
@@ -162,7 +162,6 @@ macro_rules! settings {
     ) => {
         $(#[$about_all])*
         #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-        #[serde(default)]
         pub struct $name {
             $($(
                 #[doc = $about]

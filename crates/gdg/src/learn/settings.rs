@@ -69,6 +69,7 @@ settings! {
                 values: Values::number(0.0, 100.0),
                 ablation: without("unbounded actor", "0");
             /// See Andrychowicz et al. 2017, appendix A.
+            #[serde(default)]
             actor_l2: f32 = 0.0;
                 "weight of the mean of z squared in the actor's loss of ddpg, her and \
                  ddpg-distance",
@@ -82,6 +83,7 @@ settings! {
             /// The larger distance (Fujimoto et al. 2018, clipped double Q) guards against
             /// shortcuts that are not there, but its errors add up to far distances that are too
             /// long; those of the mean are too short.
+            #[serde(default = "default_pessimism")]
             pessimism: f32 = 1.0;
                 "weight of the larger distance of two critics in D; the rest is their mean",
                 values: Values::FRACTION;
@@ -120,6 +122,7 @@ settings! {
                 ablation: without("no ways out for a blocked actor", "false");
             /// Without discount, D of goals that are never reached grows without end (Eq. 5);
             /// SoRB's distributional critic is bounded in the same way by its largest bin.
+            #[serde(default)]
             max_distance_steps: f32 = 0.0, Paper => 20.0;
                 "upper bound of targets; 0 for none",
                 values: Values::number(0.0, 1e6), unit: "steps";
@@ -132,10 +135,12 @@ settings! {
                 values: Values::count_from(0), unit: "updates";
             /// With 0, `ddpg-distance` has the paper's V(s, g) = -|s - g| (section 4.1); sparse
             /// rewards need more than 0.
+            #[serde(default = "default_discount")]
             discount: f32 = 0.99;
                 "discount gamma of the learners with rewards: ddpg, her and ddpg-distance",
                 values: Values::unit(Excluded::Upper), effect: NewNetworks;
             /// See Fujimoto et al. 2018, section 5.3.
+            #[serde(default)]
             target_noise: f32 = 0.0;
                 "standard deviation of the noise on the actions of targets of ddpg, her and \
                  ddpg-distance",
@@ -190,4 +195,14 @@ settings! {
                 values: Values::word(&["fused", "tape"]), effect: NewNetworks;
         }
     }
+}
+
+/// What it was before it was a setting.
+fn default_pessimism() -> f32 {
+    1.0
+}
+
+/// What it was before it was a setting.
+fn default_discount() -> f32 {
+    0.99
 }

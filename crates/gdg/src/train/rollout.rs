@@ -113,7 +113,7 @@ impl Rollout {
         &*self.env
     }
 
-    /// Returns the environment mutably, to change its settings and statistics.
+    /// Returns the environment mutably, to change its settings.
     pub fn env_mut(&mut self) -> &mut dyn Environment {
         &mut *self.env
     }

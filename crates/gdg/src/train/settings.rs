@@ -113,10 +113,12 @@ settings! {
                 ablation: without("episodes from anywhere", "anywhere");
             /// It takes no knowledge of the world. SoRB (Eysenbach et al. 2019) trains on near
             /// goals with probability 0.8.
+            #[serde(default)]
             near_goals: f32 = 0.0, Paper => 0.8;
                 "probability that an agent's goal is where a short straight walk from its place \
                  ends",
                 values: Values::PROBABILITY;
+            #[serde(default = "default_near_goal_steps")]
             near_goal_steps: u32 = 4;
                 "longest of these walks",
                 values: Values::count(1, 10_000), unit: "steps";
@@ -139,6 +141,11 @@ settings! {
                 values: Values::number(0.0, 100.0);
         }
     }
+}
+
+/// What it is in checkpoints from before there were near goals, which have none.
+fn default_near_goal_steps() -> u32 {
+    4
 }
 
 impl TrainSettings {

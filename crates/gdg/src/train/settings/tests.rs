@@ -177,19 +177,34 @@ fn ablations_change_their_setting_to_a_valid_value() {
 }
 
 #[test]
-fn settings_missing_in_a_checkpoint_are_off_or_have_their_default() {
-    let empty: Settings = serde_json::from_str("{}").expect("settings");
-    let mut expected = Settings::default();
-    for added_later in [
-        &mut expected.learn.model_check,
-        &mut expected.learn.graph_bounds,
-        &mut expected.learn.actor_waypoints,
-        &mut expected.learn.unblock_actor,
-        &mut expected.bridge.lookahead,
-    ] {
-        *added_later = false;
+fn of_old_checkpoints_settings_added_later_are_off_and_no_others_may_be_missing() {
+    let later = [
+        ("model_check", json!(false)),
+        ("graph_bounds", json!(false)),
+        ("actor_waypoints", json!(false)),
+        ("unblock_actor", json!(false)),
+        ("lookahead", json!(false)),
+        ("max_distance_steps", json!(0.0)),
+        ("actor_l2", json!(0.0)),
+        ("target_noise", json!(0.0)),
+        ("near_goals", json!(0.0)),
+        ("near_goal_steps", json!(4)),
+        ("pessimism", json!(1.0)),
+        ("discount", json!(0.99_f32)),
+    ];
+    let all = serde_json::to_value(Settings::default()).expect("settings");
+    for setting in SETTINGS.iter() {
+        let mut without = all.clone();
+        without.as_object_mut().expect("an object").remove(setting.name);
+        let read: Result<Settings, _> = serde_json::from_value(without);
+        match later.iter().find(|(name, _)| *name == setting.name) {
+            Some((name, value)) => {
+                let read = serde_json::to_value(read.expect("settings")).expect("JSON");
+                assert_eq!(read[name], *value, "{name}");
+            }
+            None => assert!(read.is_err(), "{}", setting.name),
+        }
     }
-    assert_eq!(empty, expected);
 }
 
 #[test]
