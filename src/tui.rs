@@ -180,7 +180,7 @@ pub fn run(
         thread.spawn(move || app::remember_map(&file)).ok()
     };
     let remembering = file.and_then(remember);
-    warnings.iter().for_each(|warning| app.notify(warning));
+    warnings.iter().for_each(|warning| app.screen.notify(warning));
     let status =
         event_loop::show(app, recorder, marker, &termination, |app| app.close(engine, true));
     remembering.map(JoinHandle::join);

@@ -4,16 +4,18 @@ mod act;
 mod answer;
 mod answer_error;
 mod autosave;
+mod closing;
 mod exports;
-mod files;
-mod maze;
+pub mod files;
 mod mouse;
-mod offer;
+pub mod offer;
+mod runs;
 mod saving;
+mod settings;
 mod time;
 mod tour;
 mod updates;
-mod view;
+pub mod view;
 
 use std::sync::Arc;
 
@@ -34,17 +36,15 @@ use super::render;
 use super::scene::{Cache, MazeState, Scene};
 use super::screen::Screen;
 use super::theme::ThemeName;
-use autosave::Autosave;
 use exports::Exports;
 pub use files::remember_map;
 use gdg::engine::{Command, EngineLink, Snapshot};
-use gdg::faults::Failure;
-use gdg::viewer::{Field, OnArrival, Request, View, Viewer};
+use gdg::viewer::{Field, Request, View, Viewer};
 pub use saving::Files;
-use saving::Saving;
+use saving::Saver;
 #[cfg(test)]
 pub use tour::ALL_STEPS;
-use tour::Tour;
+use tour::Guide;
 pub use tour::{MAP as TOUR_MAP, run as tour_run};
 
 /// What trainer and viewer publish.
@@ -55,27 +55,21 @@ struct Feed {
 
 /// Forwards user input to trainer and viewer, and what they publish to the screen.
 pub struct App {
-    link: Link,
+    pub(super) link: Link,
     feed: Feed,
     /// The state a frame is drawn from, but for the scene.
     pub screen: Screen,
     /// What is drawn in the place of the map.
     pub scene: Scene,
-    /// When the run is saved automatically.
-    pub(super) autosave: Autosave,
+    /// Saves the run.
+    pub(super) saver: Saver,
     exports: Exports,
-    saving: Saving,
     /// Looks for a saved run to offer.
     pub search: Option<Search>,
-    /// The guided tour, while it lasts.
-    tour: Option<Tour>,
-    /// Whether the tour begins with the next run.
-    tour_requested: bool,
-    /// Internal errors so far.
-    failures: Vec<Failure>,
-    done: bool,
+    /// Leads through the tour.
+    pub(super) guide: Guide,
     /// What the terminal has been asked to do.
-    terminal_request: Option<TerminalRequest>,
+    pub(super) terminal_request: Option<TerminalRequest>,
     /// Whether the press of the mouse button that is down has had its effect, so that dragging on
     /// does nothing.
     press_is_spent: bool,
@@ -98,14 +92,10 @@ impl App {
         let feed = Feed { snapshots: engine.snapshots(), views: viewer.views() };
         let snapshot = feed.snapshots.borrow().clone();
         let mut app = Self {
-            autosave: Autosave::every(config.autosave_minutes),
+            saver: Saver::new(files, config.autosave_minutes),
             exports: Exports::default(),
-            saving: Saving::new(files),
             search: None,
-            tour: None,
-            tour_requested: false,
-            failures: Vec::new(),
-            done: false,
+            guide: Guide::default(),
             terminal_request: None,
             press_is_spent: false,
             cache: Cache::with_pictures(),
@@ -119,19 +109,14 @@ impl App {
         app
     }
 
-    /// Returns to the present; returns whether the past was shown.
-    fn return_to_present(&mut self) -> bool {
-        self.in_scene(|_, screen, link| link.return_to_present(screen))
-    }
-
     /// Resets the screen for a new run.
     fn start_run(&mut self) {
-        self.saving.start_run(&self.screen.snapshot);
+        self.saver.start_run(&self.screen.snapshot);
         self.screen.log.start_run(&self.screen.snapshot.notes.log);
         self.screen.following = None;
         self.screen.offer = None;
-        self.forget_tour();
-        self.return_to_present();
+        self.guide.forget(&mut self.screen);
+        self.in_scene(|_, screen, link| link.return_to_present(screen));
         self.screen.layout = ScreenLayout::default();
         self.scene.enter(&self.screen.snapshot);
         if !self.scene.has_field(self.screen.field, &self.screen) {
@@ -141,9 +126,17 @@ impl App {
         self.link.request(Request::Field(self.screen.field));
         self.link.request(Request::OnArrival(self.screen.on_arrival));
         self.in_scene(Scene::start);
-        if std::mem::take(&mut self.tour_requested) {
+        if std::mem::take(&mut self.guide.is_requested) {
             self.begin_tour();
         }
+    }
+
+    /// Begins the tour of the run that is shown.
+    pub(super) fn begin_tour(&mut self) {
+        if self.screen.frozen {
+            self.freeze(false);
+        }
+        self.guide.begin(&mut self.scene, &mut self.screen, &mut self.link);
     }
 
     /// Returns the engine's snapshots.
@@ -154,17 +147,6 @@ impl App {
     /// Returns the viewer's views.
     pub fn views(&self) -> watch::Receiver<View> {
         self.link.viewer().views()
-    }
-
-    /// Returns whether the program is to quit.
-    pub fn is_done(&self) -> bool {
-        self.done
-    }
-
-    /// Returns what the terminal has been asked for.
-    #[cfg(test)]
-    pub fn terminal_request(&self) -> Option<TerminalRequest> {
-        self.terminal_request
     }
 
     /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
@@ -196,33 +178,18 @@ impl App {
         })
     }
 
-    /// Handles a terminal event.
-    pub fn on_event(&mut self, event: &Event) {
-        match event {
-            Event::Key(key) if key.kind != KeyEventKind::Release => self.on_key(*key),
-            Event::Mouse(mouse) => self.on_mouse(*mouse),
-            Event::Paste(text) => match self.screen.dialogs.last_mut() {
-                Some(Dialog::Pick(picker)) => picker.paste(text),
-                Some(Dialog::Ask(prompt)) => prompt.paste(text),
-                Some(Dialog::Help(help)) => help.paste(text),
-                None => {}
-            },
-            _ => {}
-        }
-    }
-
     fn on_key(&mut self, key: KeyEvent) {
         self.screen.log.dismiss();
         let interrupt = key.code == KeyCode::Char('c') && key.modifiers == KeyModifiers::CONTROL;
         if interrupt && !self.screen.dialogs.is_empty() {
             // A second Ctrl-C quits without further questions.
-            self.done = true;
+            self.saver.is_done = true;
             return;
         }
         match self.screen.dialogs.last_mut() {
             None => match self.screen.keymap.action(key, self.scene.mode(&self.screen)) {
                 Some(action) => self.act(action),
-                None => self.on_unbound_key(key),
+                None => say_unbound(key, &self.scene, &mut self.screen),
             },
             Some(Dialog::Help(_)) => self.on_key_in_help(key),
             Some(_) if key.code == KeyCode::Esc => self.dismiss(),
@@ -230,20 +197,6 @@ impl App {
             Some(Dialog::Pick(_)) => self.on_key_in_list(key),
             Some(Dialog::Ask(prompt)) => prompt.on_key(key),
         }
-    }
-
-    fn on_unbound_key(&mut self, key: KeyEvent) {
-        if self.screen.log.notice().is_some() {
-            return;
-        }
-        let keymap = &self.screen.keymap;
-        let [help, find] = [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
-        let place = if self.scene.is_editing() { "in the editor" } else { "here" };
-        let text = format!(
-            "{} does nothing {place}   {help} help   {find} all commands",
-            keymap::name_of(key)
-        );
-        self.say(&text);
     }
 
     fn on_key_in_list(&mut self, key: KeyEvent) {
@@ -262,7 +215,7 @@ impl App {
         if let Some(name) = self.previewed_over.take() {
             view::set_theme(name, &mut self.screen);
         }
-        self.cancel_quit();
+        self.saver.cancel_quit(&mut self.screen, &self.link);
     }
 
     /// Shows what is selected in the list of themes.
@@ -273,36 +226,6 @@ impl App {
             self.previewed_over.get_or_insert(self.screen.theme.name);
             view::set_theme(name, &mut self.screen);
         }
-    }
-
-    /// Returns the number of the latest goal request.
-    pub fn goal_request(&self) -> u64 {
-        self.link.goal_request()
-    }
-
-    /// Colours the scene by a field.
-    pub fn show_field(&mut self, field: Field) {
-        view::show_field(field, &mut self.screen, &self.link);
-    }
-
-    /// Changes what the walking agent does at the goal.
-    pub fn set_on_arrival(&mut self, on_arrival: OnArrival) {
-        view::set_on_arrival(on_arrival, &mut self.screen, &self.link);
-    }
-
-    /// Shows a notice and logs it.
-    pub fn notify(&mut self, text: &str) {
-        self.screen.notify(text);
-    }
-
-    /// Shows a notice of what concerns the screen alone, which the log is not for.
-    pub fn say(&mut self, text: &str) {
-        self.screen.say(text);
-    }
-
-    /// Shows an error and logs it.
-    pub fn report(&mut self, text: &str) {
-        self.screen.report(text);
     }
 
     /// Handles a drawn frame: stores its places for clicks, and has the viewer compute what its
@@ -335,12 +258,26 @@ impl Interface for App {
     }
 
     fn on_event(&mut self, event: &Event) {
-        App::on_event(self, event);
+        match event {
+            Event::Key(key) if key.kind != KeyEventKind::Release => self.on_key(*key),
+            Event::Mouse(mouse) => self.on_mouse(*mouse),
+            Event::Paste(text) => match self.screen.dialogs.last_mut() {
+                Some(Dialog::Pick(picker)) => picker.paste(text),
+                Some(Dialog::Ask(prompt)) => prompt.paste(text),
+                Some(Dialog::Help(help)) => help.paste(text),
+                None => {}
+            },
+            _ => {}
+        }
     }
 
     fn on_tick(&mut self) -> bool {
-        self.exports.on_tick(&mut self.screen, &self.scene);
-        App::on_tick(self)
+        let Self { exports, saver, search, guide, scene, screen, link, .. } = self;
+        exports.on_tick(screen, scene);
+        saver.on_tick(scene, screen, link);
+        let offer_changed = offer::on_tick(search, screen);
+        let tour_changed = guide.on_tick(scene, screen, link);
+        screen.log.on_tick() || offer_changed || tour_changed
     }
 
     fn take_terminal_request(&mut self) -> Option<TerminalRequest> {
@@ -352,7 +289,7 @@ impl Interface for App {
     }
 
     fn is_done(&self) -> bool {
-        self.done
+        self.saver.is_done
     }
 
     fn set_graphics(&mut self, graphics: Option<Graphics>, redraw: Redraw) {
@@ -360,7 +297,7 @@ impl Interface for App {
     }
 
     fn report(&mut self, problem: &str) {
-        App::report(self, problem);
+        self.screen.report(problem);
     }
 
     fn pictures(&self) -> Vec<&Picture> {
@@ -374,6 +311,18 @@ impl Interface for App {
     }
 
     fn on_signal(&mut self) {
-        App::on_signal(self);
+        self.catch_up();
+        self.saver.on_signal(&self.scene, &self.screen);
     }
+}
+
+/// Says that a key does nothing, unless there is a notice.
+fn say_unbound(key: KeyEvent, scene: &Scene, screen: &mut Screen) {
+    if screen.log.notice().is_some() {
+        return;
+    }
+    let [help, find] = [Action::Help, Action::Palette].map(|action| screen.keymap.key_of(action));
+    let place = if scene.is_editing() { "in the editor" } else { "here" };
+    let key = keymap::name_of(key);
+    screen.say(&format!("{key} does nothing {place}   {help} help   {find} all commands"));
 }

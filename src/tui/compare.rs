@@ -25,7 +25,7 @@ use ratatui::Frame;
 
 use super::PreparedInterface;
 use super::action::Mode;
-use super::app::{App, Files};
+use super::app::{App, Files, view};
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::event_loop;
@@ -34,6 +34,7 @@ use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::log::{Log, Notice};
+use super::scene::maze::place_walker;
 use super::scene::{Cache, MazeState};
 use crate::host::signals::TerminationSignal;
 use curves::Axis;
@@ -107,7 +108,7 @@ impl Side {
         let viewer = Viewer::start(&engine).into_diagnostic()?;
         let mut app = App::new(engine.link(), viewer, config, keymap.clone(), Files::default());
         // The race decides where both go next.
-        app.set_on_arrival(OnArrival::Wait);
+        view::set_on_arrival(OnArrival::Wait, &mut app.screen, &app.link);
         Ok(Self { app, engine, title, pace: Pace::default(), cache: Cache::with_pictures() })
     }
 
@@ -166,10 +167,13 @@ impl Comparison {
     fn start_race(&mut self, start: Cell, goal: Cell) {
         for side in &mut self.sides {
             // The goal comes last: a view with its number has both.
-            side.app.place_walker(Some(start));
-            side.app.set_goal(goal);
+            side.app.in_maze(|maze, screen, link| {
+                place_walker(Some(start), screen, link);
+                maze.set_goal(goal, screen, link);
+            });
         }
-        self.race.begin(start, goal, self.sides.each_ref().map(|side| side.app.goal_request()));
+        let requests = self.sides.each_ref().map(|side| side.app.link.goal_request());
+        self.race.begin(start, goal, requests);
     }
 
     /// Gives the same distance the same colour on both sides.

@@ -31,6 +31,7 @@ use ratatui::style::Color;
 use tokio::sync::watch;
 
 use super::action::{Action, Binding, Mode, bindings};
+use super::app::offer::offer;
 use super::app::{App, Files};
 use super::config::UiConfig;
 use super::dialog::Dialog;
@@ -126,6 +127,11 @@ impl App {
             Scene::Arm(arm) => arm.set_goal(at, screen, link),
             Scene::Maze(_) => panic!("an arm"),
         });
+    }
+
+    /// Puts the goal at `cell`, or at the free cell nearest to it.
+    fn set_goal(&mut self, cell: Cell) {
+        self.in_maze(|maze, screen, link| maze.set_goal(cell, screen, link));
     }
 
     /// Changes the map.
@@ -705,7 +711,7 @@ fn autosaves_use_their_own_files_and_only_the_newest_are_kept() {
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     app.on_tick();
     assert!(app.screen.snapshot.autosaves.is_empty(), "not yet");
-    app.autosave.minutes = 1e-6;
+    app.saver.autosave.minutes = 1e-6;
     let mut all = std::collections::BTreeSet::new();
     while all.len() < 5 {
         let updates = app.screen.snapshot.counters.updates;

@@ -4,12 +4,17 @@ use std::time::Instant;
 
 use crossterm::event::{KeyCode, KeyEvent};
 
-use super::{App, time, view};
+use super::saving::{Saver, is_worth_saving};
+use super::{App, files, settings, time, view};
+use crate::host::runs::SAVES;
 use crate::tui::action::{Action, Mode, bindings};
-use crate::tui::dialog::{Dialog, Help, Prompt, Question};
+use crate::tui::dialog::{Choice, Dialog, Help, Prompt, Question};
 use crate::tui::interface::TerminalRequest;
+use crate::tui::link::Link;
 use crate::tui::lists;
 use crate::tui::output::ExportKind;
+use crate::tui::scene::Scene;
+use crate::tui::screen::Screen;
 
 /// A command that compares two methods.
 const COMPARISON: &str = "gdg-tui compare gdg-bridge gdg";
@@ -18,7 +23,7 @@ impl App {
     /// Performs an action.
     pub fn act(&mut self, action: Action) {
         if !self.scene.offers(action) {
-            return self.refuse(action);
+            return refuse(action, &self.scene, &mut self.screen);
         }
         if matches!(action, Action::NewGoal | Action::Move(..) | Action::GoalHere | Action::Help) {
             self.screen.on_first_use();
@@ -38,93 +43,41 @@ impl App {
         let is_done = self.in_scene(|scene, screen, link| {
             time::act(action, screen, link) || view::act(action, scene, screen, link)
         });
-        if is_done || self.open_dialog(action) {
+        if is_done {
             return;
         }
+        let Self { saver, guide, scene, screen, link, .. } = self;
+        if let Some(dialog) = dialog_for(action, saver, scene, screen) {
+            return screen.open(dialog);
+        }
         match action {
-            Action::ResetSetting => self.reset_setting(),
-            Action::OpenMap => self.pick_map(None),
-            Action::Save => drop(self.save()),
-            Action::Load => self.pick_checkpoint(),
-            Action::Resume => self.resume_offered(),
+            Action::ResetSetting => settings::reset(screen, link),
+            Action::OpenMap => files::pick_map(None, screen),
+            Action::Save => drop(saver.save(scene, screen, link)),
+            Action::Load => files::pick_checkpoint(saver.to.path(), screen),
+            Action::Resume => match screen.offer.take() {
+                Some(offer) => self.choose(Choice::Load(offer.found.file)),
+                None => self.act(Action::Load),
+            },
             Action::ExportFilm => self.exports.request(ExportKind::Film),
             Action::Compare => {
-                self.notify(&format!("in a shell: {COMPARISON} shows both on the same map"));
+                screen.notify(&format!("in a shell: {COMPARISON} shows both on the same map"));
             }
-            Action::NextTourStep => self.next_tour_step(),
-            Action::EndTour => self.end_tour(),
+            Action::NextTourStep => guide.next_step(scene, screen, link),
+            Action::EndTour => guide.end(scene, screen, link),
             Action::SearchHelp => {
-                if let Some(Dialog::Help(help)) = self.screen.dialogs.last_mut() {
+                if let Some(Dialog::Help(help)) = screen.dialogs.last_mut() {
                     help.searching = true;
                 }
             }
-            Action::Close => self.close_top(),
+            Action::Close => self.in_scene(close_top),
             Action::Redraw => self.terminal_request = Some(TerminalRequest::Redraw),
             Action::Suspend => self.terminal_request = Some(TerminalRequest::Suspend),
-            Action::Quit => self.quit(),
+            Action::Quit => {
+                self.catch_up();
+                self.saver.quit(&self.scene, &mut self.screen, &self.link);
+            }
             _ => self.in_scene(|scene, screen, link| scene.act(action, screen, link)),
-        }
-    }
-
-    /// Opens the dialog that an action is for; returns whether there is one.
-    fn open_dialog(&mut self, action: Action) -> bool {
-        let screen = &self.screen;
-        let dialog: Dialog = match action {
-            Action::NewSeed => {
-                let next = screen.run().seed.wrapping_add(1).to_string();
-                let hint = "an integer: same seed, same run";
-                Prompt::new(Question::Seed, "restart with seed", hint, next).into()
-            }
-            Action::Settings => lists::settings(screen).into(),
-            Action::Method => {
-                lists::methods(&screen.run().method, &screen.snapshot.registry).into()
-            }
-            Action::Preset => lists::presets(screen.run().preset).into(),
-            Action::Theme => lists::themes(screen.theme.name).into(),
-            Action::RandomMap => lists::random_maps().into(),
-            Action::SaveAs => self.save_as_question().into(),
-            Action::Autosave => {
-                let now = self.autosave.minutes.to_string();
-                let hint = "minutes; 0 turns autosave off";
-                Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now).into()
-            }
-            Action::Export => lists::exports(self.scene.noun()).into(),
-            Action::Tour => {
-                let unsaved = screen.latest.unsaved_updates();
-                lists::tour_choices(unsaved, self.is_worth_saving()).into()
-            }
-            Action::Palette => lists::actions(screen, &self.scene).into(),
-            Action::Help => Dialog::Help(Help::default()),
-            _ => return false,
-        };
-        self.screen.open(dialog);
-        true
-    }
-
-    /// Says why an action does nothing here.
-    fn refuse(&mut self, action: Action) {
-        let name = bindings().find(|b| b.action == action).map_or("", |b| b.name);
-        let title = self.scene.title(&self.screen.snapshot);
-        let text = format!("{title} has no {}, which \"{name}\" is for", self.scene.other_noun());
-        self.notify(&text);
-    }
-
-    fn close_top(&mut self) {
-        if self.return_to_present() {
-            return;
-        }
-        if self.scene.close(&self.link)
-            || std::mem::take(&mut self.screen.maximised)
-            || self.screen.offer.take().is_some()
-        {
-            return;
-        }
-        if self.screen.following.is_some() {
-            view::follow(None, &mut self.screen, &self.link);
-        } else if self.screen.first_run {
-            self.screen.on_first_use();
-        } else {
-            self.in_scene(|scene, screen, link| scene.act(Action::ZoomOff, screen, link));
         }
     }
 
@@ -150,6 +103,65 @@ impl App {
             (KeyCode::End, _) => help.first = usize::MAX,
             _ => {}
         }
+    }
+}
+
+/// Returns the dialog that an action opens, if it does.
+fn dialog_for(action: Action, saver: &Saver, scene: &Scene, screen: &Screen) -> Option<Dialog> {
+    Some(match action {
+        Action::NewSeed => {
+            let next = screen.run().seed.wrapping_add(1).to_string();
+            let hint = "an integer: same seed, same run";
+            Prompt::new(Question::Seed, "restart with seed", hint, next).into()
+        }
+        Action::Settings => lists::settings(screen).into(),
+        Action::Method => lists::methods(&screen.run().method, &screen.snapshot.registry).into(),
+        Action::Preset => lists::presets(screen.run().preset).into(),
+        Action::Theme => lists::themes(screen.theme.name).into(),
+        Action::RandomMap => lists::random_maps().into(),
+        Action::SaveAs => {
+            let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
+            Prompt::new(Question::SaveAs, "save the checkpoint as", hint, saver.stem()).into()
+        }
+        Action::Autosave => {
+            let now = saver.autosave.minutes.to_string();
+            let hint = "minutes; 0 turns autosave off";
+            Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now).into()
+        }
+        Action::Export => lists::exports(scene.noun()).into(),
+        Action::Tour => {
+            let unsaved = screen.latest.unsaved_updates();
+            lists::tour_choices(unsaved, is_worth_saving(scene, screen)).into()
+        }
+        Action::Palette => lists::actions(screen, scene).into(),
+        Action::Help => Dialog::Help(Help::default()),
+        _ => return None,
+    })
+}
+
+/// Says why an action does nothing here.
+fn refuse(action: Action, scene: &Scene, screen: &mut Screen) {
+    let name = bindings().find(|b| b.action == action).map_or("", |b| b.name);
+    let (title, other) = (scene.title(&screen.snapshot), scene.other_noun());
+    let text = format!("{title} has no {other}, which \"{name}\" is for");
+    screen.notify(&text);
+}
+
+/// Leaves what is on top: the past, something enlarged, an offer or a followed agent.
+fn close_top(scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    if link.return_to_present(screen)
+        || scene.close(link)
+        || std::mem::take(&mut screen.maximised)
+        || screen.offer.take().is_some()
+    {
+        return;
+    }
+    if screen.following.is_some() {
+        view::follow(None, screen, link);
+    } else if screen.first_run {
+        screen.on_first_use();
+    } else {
+        scene.act(Action::ZoomOff, screen, link);
     }
 }
 

@@ -5,16 +5,17 @@ use std::sync::Arc;
 
 use jiff::tz::TimeZone;
 
-use super::App;
 use super::answer_error::AnswerError;
+use super::saving::is_worth_saving;
 use crate::host::maps::warnings;
 use crate::host::runs::{self, SAVES};
 use crate::tui::action::Action;
 use crate::tui::config::recent_path;
-use crate::tui::dialog::{Prompt, Question};
 use crate::tui::lists;
+use crate::tui::scene::Scene;
+use crate::tui::screen::Screen;
 use gdg::files::{has_extension, is_hidden, read_text, write_atomically};
-use gdg::map::{load_map, print_ascii, print_movingai};
+use gdg::map::{Grid, load_map, print_ascii, print_movingai};
 use gdg::train::describe;
 
 /// Number of recent maps remembered.
@@ -26,87 +27,90 @@ const MAX_LISTED_BYTES: u64 = 1 << 18;
 /// The largest list of recent maps that is read, in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-impl App {
-    /// Returns the question for a checkpoint's name.
-    pub(super) fn save_as_question(&self) -> Prompt {
-        let stem = self
-            .saving
-            .path()
-            .file_stem()
-            .map(|s| s.to_string_lossy().into_owned())
-            .unwrap_or_default();
-        let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
-        Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem)
+/// Lists the checkpoints beside `own`, the file of the run, and those in the usual folder.
+pub fn pick_checkpoint(own: &Path, screen: &mut Screen) {
+    let own = own.parent().map_or(PathBuf::from(SAVES), Path::to_owned);
+    let mut files = runs::files_in(&own).unwrap_or_default();
+    if own != Path::new(SAVES) {
+        files.extend(runs::files_in(Path::new(SAVES)).unwrap_or_default());
     }
-
-    pub(super) fn pick_checkpoint(&mut self) {
-        let own = self.saving.path().parent().map_or(PathBuf::from(SAVES), Path::to_owned);
-        let mut files = runs::files_in(&own).unwrap_or_default();
-        if own != Path::new(SAVES) {
-            files.extend(runs::files_in(Path::new(SAVES)).unwrap_or_default());
-        }
-        if files.is_empty() {
-            let key = self.screen.keymap.key_of(Action::Save);
-            self.notify(&format!("no checkpoints in {}: {key} saves one", own.display()));
-            return;
-        }
-        let found = files.iter().map(|path| describe(path)).collect();
-        self.screen.open(lists::checkpoints(found, &TimeZone::system()));
+    if files.is_empty() {
+        let key = screen.keymap.key_of(Action::Save);
+        screen.notify(&format!("no checkpoints in {}: {key} saves one", own.display()));
+        return;
     }
+    let found = files.iter().map(|path| describe(path)).collect();
+    screen.open(lists::checkpoints(found, &TimeZone::system()));
+}
 
-    pub(super) fn save_map(&mut self, name: &str) -> Result<(), AnswerError> {
-        if name.is_empty() {
-            return Err(AnswerError::NoFileName);
-        }
-        let Some(maze) = self.scene.maze_mut() else { return Ok(()) };
-        let path = Path::new(name);
-        let movingai = has_extension(path, "map");
-        let marks = maze.map.starts().len() + maze.map.goals().len();
-        let text = if movingai { print_movingai(&maze.map) } else { print_ascii(&maze.map) };
-        write_atomically(path, text.as_bytes())
-            .map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
-        let lost = if movingai && marks > 0 {
-            " (without starts and goals, which the format lacks)"
-        } else {
-            ""
-        };
-        maze.kept_map = maze.map.clone();
-        self.notify(&format!("wrote {name}{lost}"));
-        remember_map(path);
-        Ok(())
+/// Writes the map to a file.
+///
+/// # Errors
+/// There is no name, or the file cannot be written.
+pub fn save_map(name: &str, scene: &mut Scene, screen: &mut Screen) -> Result<(), AnswerError> {
+    if name.is_empty() {
+        return Err(AnswerError::NoFileName);
     }
+    let Some(maze) = scene.maze_mut() else { return Ok(()) };
+    let path = Path::new(name);
+    let movingai = has_extension(path, "map");
+    let marks = maze.map.starts().len() + maze.map.goals().len();
+    let text = if movingai { print_movingai(&maze.map) } else { print_ascii(&maze.map) };
+    write_atomically(path, text.as_bytes())
+        .map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
+    let lost = if movingai && marks > 0 {
+        " (without starts and goals, which the format lacks)"
+    } else {
+        ""
+    };
+    maze.kept_map = maze.map.clone();
+    screen.notify(&format!("wrote {name}{lost}"));
+    remember_map(path);
+    Ok(())
+}
 
-    /// Lists the maps in `folder`, or by default recent maps, built-in maps and those in the
-    /// current folder.
-    pub fn pick_map(&mut self, folder: Option<&Path>) {
-        let here = folder.unwrap_or(Path::new(".")).to_owned();
-        let here = here.canonicalize().unwrap_or(here);
-        let entries: Vec<(PathBuf, bool)> = files_in(&here)
-            .into_iter()
-            .map(|path| (path.clone(), path.is_dir()))
-            .filter(is_folder_or_map)
-            .collect();
-        let recent = folder.is_none().then(recent_maps);
-        let registry = &self.screen.latest.registry;
-        let maps = lists::maps(&here, &entries, recent.as_deref(), registry);
-        self.screen.open(maps);
-    }
+/// Lists the maps in `folder`, or by default recent maps, built-in maps and those in the current
+/// folder.
+pub fn pick_map(folder: Option<&Path>, screen: &mut Screen) {
+    let here = folder.unwrap_or(Path::new(".")).to_owned();
+    let here = here.canonicalize().unwrap_or(here);
+    let entries: Vec<(PathBuf, bool)> = files_in(&here)
+        .into_iter()
+        .map(|path| (path.clone(), path.is_dir()))
+        .filter(is_folder_or_map)
+        .collect();
+    let recent = folder.is_none().then(recent_maps);
+    let maps = lists::maps(&here, &entries, recent.as_deref(), &screen.latest.registry);
+    screen.open(maps);
+}
 
-    pub(super) fn open_map(&mut self, path: &Path) {
-        match load_map(path) {
-            Ok(map) => {
-                warnings(&map).iter().for_each(|warning| self.notify(warning));
-                self.offer_map(&Arc::new(map), Some(path));
-            }
-            Err(error) => {
-                self.report(&format!("{error}: {}", error.help));
-            }
+/// Reads a map and asks how to switch to it.
+pub fn open_map(path: &Path, scene: &Scene, screen: &mut Screen) {
+    match load_map(path) {
+        Ok(map) => {
+            warnings(&map).iter().for_each(|warning| screen.notify(warning));
+            offer_map(&Arc::new(map), Some(path), scene, screen);
         }
+        Err(error) => screen.report(&format!("{error}: {}", error.help)),
     }
 }
 
+/// Asks the user how to switch to another map.
+pub fn offer_map(map: &Arc<Grid>, file: Option<&Path>, scene: &Scene, screen: &mut Screen) {
+    let now = scene.maze().map(|maze| &*maze.map);
+    // Cells beyond the new map become walls, to keep agents out.
+    let fitted = now.and_then(|now| {
+        let fitted = map.resized(now.width(), now.height())?;
+        let walls: Vec<_> =
+            fitted.free_cells().filter(|c| !map.contains(*c)).map(|c| (c, false)).collect();
+        fitted.with_cells(walls)
+    });
+    let unsaved = is_worth_saving(scene, screen);
+    screen.open(lists::map_switch_choices(map, file, now, fitted, unsaved));
+}
+
 /// Returns the file of a checkpoint given by name or path.
-pub(super) fn checkpoint_file(name: &str) -> PathBuf {
+pub fn checkpoint_file(name: &str) -> PathBuf {
     // A dot within a name does not begin an extension.
     let path = Path::new(name);
     let path = if has_extension(path, "safetensors") {

@@ -9,11 +9,13 @@ mod steps;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::App;
+use super::view;
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
+use crate::tui::link::Link;
 use crate::tui::raster::Viewport;
-use crate::tui::scene::maze::maze_on;
+use crate::tui::scene::Scene;
+use crate::tui::scene::maze::{self, maze_on};
 use crate::tui::screen::Screen;
 use crate::tui::tour::{Caption, ShownStep};
 use gdg::engine::Command;
@@ -91,31 +93,35 @@ pub fn run() -> Run {
     Run { method: Method::default(), preset, seed: 0, settings: preset.settings() }
 }
 
-impl App {
+/// Leads through the tour, while there is one.
+#[derive(Default)]
+pub struct Guide {
+    tour: Option<Tour>,
+    /// Whether the tour begins with the next run.
+    pub is_requested: bool,
+}
+
+impl Guide {
     /// Starts the tour's run, with which the tour begins.
-    pub(super) fn start_tour_run(&mut self) {
-        let Some(map) = builtin(MAP) else { return };
-        self.tour_requested =
-            self.command(Command::StartRun(Box::new(run()), maze_on(Arc::new(map))));
+    pub fn request(&mut self, screen: &mut Screen, link: &Link) {
+        if let Some(map) = builtin(MAP) {
+            let start = Command::StartRun(Box::new(run()), maze_on(Arc::new(map)));
+            self.is_requested = link.command(start, screen);
+        }
     }
 
     /// Begins the tour of the run that is shown.
-    pub(in crate::tui) fn begin_tour(&mut self) {
-        if let Some(maze) = self.scene.maze_mut() {
+    pub fn begin(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+        if let Some(maze) = scene.maze_mut() {
             maze.editor.close();
             maze.viewport = Viewport::default();
         }
-        (self.screen.maximised, self.screen.following) = (false, None);
-        if self.screen.frozen {
-            self.freeze(false);
-        }
+        (screen.maximised, screen.following) = (false, None);
         for overlay in [Overlay::Contours, Overlay::Agents, Overlay::Path] {
-            self.show_overlay(overlay, true);
+            show_overlay(overlay, true, scene, screen, link);
         }
-        self.show_field(Field::Learned);
-        let on_arrival = self.screen.on_arrival;
-        self.set_on_arrival(OnArrival::Wait);
-        self.tour = Some(Tour {
+        view::show_field(Field::Learned, screen, link);
+        let tour = self.tour.insert(Tour {
             step: 0,
             elapsed: 0.0,
             looked_at: 0.0,
@@ -126,157 +132,172 @@ impl App {
             watched: Watched::default(),
             sent_at: 0.0,
             shows_search: false,
-            on_arrival,
+            on_arrival: screen.on_arrival,
             ticked: Instant::now(),
         });
-        (STEPS[0].enter)(self);
-        self.look();
-    }
-
-    /// Shows or hides an overlay; returns whether that changed anything.
-    fn show_overlay(&mut self, overlay: Overlay, shown: bool) -> bool {
-        let changes = self.screen.overlays.has(overlay) != shown;
-        if changes {
-            self.act(Action::Toggle(overlay));
-        }
-        changes
+        view::set_on_arrival(OnArrival::Wait, screen, link);
+        tour.enter(scene, screen, link);
     }
 
     /// Goes to the next step; after the last one, the tour is over.
-    pub(super) fn next_tour_step(&mut self) {
+    pub fn next_step(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
         match &mut self.tour {
-            Some(tour) if tour.is_last() => self.end_tour(),
+            Some(tour) if tour.is_last() => self.end(scene, screen, link),
             Some(tour) => {
                 tour.step += 1;
                 (tour.elapsed, tour.looked_at, tour.sent_at, tour.seen_at) = (0.0, 0.0, 0.0, None);
-                let enter = tour.current().enter;
-                enter(self);
-                self.look();
+                tour.enter(scene, screen, link);
             }
             None => {}
         }
     }
 
     /// Ends the tour and leaves the trainer as the user would have found it.
-    pub(super) fn end_tour(&mut self) {
-        self.hide_search();
+    pub fn end(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+        let Some(tour) = &mut self.tour else { return };
+        tour.hide_search(scene, screen, link);
         // If the trainer is busy, the tour goes on until the door is open.
-        if self.open_door()
-            && let Some(tour) = self.tour.take()
-        {
-            self.forget_tour();
-            self.set_on_arrival(tour.on_arrival);
+        if tour.open_door(scene, screen, link) {
+            view::set_on_arrival(tour.on_arrival, screen, link);
+            self.forget(screen);
             // The line about what there is to see would repeat it.
-            self.screen.on_first_use();
+            screen.on_first_use();
         }
     }
 
+    /// Shows nothing of a tour any more.
+    pub fn forget(&mut self, screen: &mut Screen) {
+        (self.tour, screen.tour, screen.explained) = (None, None, None);
+    }
+
     /// Handles the passing of time; returns whether the screen changes.
-    pub(super) fn on_tour_tick(&mut self) -> bool {
+    pub fn on_tick(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) -> bool {
         let Some(tour) = &mut self.tour else { return false };
         let now = Instant::now();
         let passed = now - std::mem::replace(&mut tour.ticked, now);
-        self.advance_tour(passed)
+        self.advance(passed, scene, screen, link)
     }
 
-    /// Moves the tour on by some time, unless it is paused.
-    pub(in crate::tui) fn advance_tour(&mut self, passed: Duration) -> bool {
-        let waits = is_waiting(&self.screen);
-        let Some(tour) = self.tour.as_mut().filter(|_| !waits) else { return false };
+    /// Moves the tour on by some time, unless it is paused; returns whether the screen changes.
+    pub fn advance(
+        &mut self,
+        passed: Duration,
+        scene: &mut Scene,
+        screen: &mut Screen,
+        link: &mut Link,
+    ) -> bool {
+        let Some(tour) = self.tour.as_mut().filter(|_| !is_waiting(screen)) else { return false };
         tour.elapsed += passed.as_secs_f32();
         if tour.elapsed - tour.looked_at < LOOK_INTERVAL_SECS {
             return false;
         }
         tour.looked_at = tour.elapsed;
         let over = tour.is_over();
-        self.walk_again();
+        tour.walk_again(scene, screen, link);
         if over {
-            self.next_tour_step();
+            self.next_step(scene, screen, link);
             return true;
         }
-        self.look()
+        tour.look(scene, screen)
+    }
+}
+
+/// What it does and sees on the screen.
+impl Tour {
+    /// Begins the current step.
+    fn enter(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+        if let Some(enter) = self.current().enter {
+            enter(self, scene, screen, link);
+        }
+        self.look(scene, screen);
     }
 
     /// Looks what has become of the step's subject; returns whether the caption changes.
-    fn look(&mut self) -> bool {
-        let (Some(tour), Some(maze)) = (&mut self.tour, self.scene.maze()) else { return false };
-        let caption = (tour.current().look)(maze, &self.screen, tour);
+    fn look(&mut self, scene: &Scene, screen: &mut Screen) -> bool {
+        let Some(maze) = scene.maze() else { return false };
+        let caption = (self.current().look)(maze, screen, self);
         if caption.seen {
-            tour.seen_at.get_or_insert(tour.elapsed);
+            self.seen_at.get_or_insert(self.elapsed);
         }
-        let before = self.screen.tour.take();
+        let before = screen.tour.take();
         let changed = before.is_none_or(|before| before.caption != caption);
-        self.screen.tour = Some(tour.shown(caption));
-        self.screen.explained = tour.bridge.as_ref().map(|bridge| bridge.search.clone());
+        screen.tour = Some(self.shown(caption));
+        screen.explained = self.bridge.as_ref().map(|bridge| bridge.search.clone());
         changed
     }
 
-    /// Shows nothing of a tour any more.
-    pub(super) fn forget_tour(&mut self) {
-        (self.tour, self.screen.tour, self.screen.explained) = (None, None, None);
-    }
-
     /// Sends the agent from its start to the goal.
-    fn send_walker(&mut self) {
-        self.place_walker(Some(START));
-        if let Some(tour) = &mut self.tour {
-            tour.sent_at = tour.elapsed;
-        }
+    fn send_walker(&mut self, screen: &mut Screen, link: &Link) {
+        maze::place_walker(Some(START), screen, link);
+        self.sent_at = self.elapsed;
     }
 
     /// Sends the agent off again a while after it has arrived.
-    fn walk_again(&mut self) {
-        let Some(walk) = self.scene.maze().map(|maze| maze.view.walk) else { return };
-        let rested = self.tour.as_ref().is_some_and(|tour| tour.elapsed - tour.sent_at > REST_SECS);
-        if (walk.arrived || walk.gave_up) && rested {
-            self.send_walker();
+    fn walk_again(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) {
+        let Some(walk) = scene.maze().map(|maze| maze.view.walk) else { return };
+        if (walk.arrived || walk.gave_up) && self.elapsed - self.sent_at > REST_SECS {
+            self.send_walker(screen, link);
         }
     }
 
-    fn hide_search(&mut self) {
-        let Some(tour) = &mut self.tour else { return };
-        tour.bridge = None;
-        self.screen.explained = None;
-        if std::mem::take(&mut tour.shows_search) {
-            self.show_overlay(Overlay::Search, false);
+    /// Moves the goal and sends the agent there.
+    fn aim_at(&mut self, goal: Cell, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+        if let Some(maze) = scene.maze_mut() {
+            maze.set_goal(goal, screen, link);
         }
+        self.send_walker(screen, link);
     }
 
-    /// Draws a wall across a door, as the editor does.
-    fn close_door(&mut self, cells: Vec<Cell>) {
-        if self.edit_cells(&cells, false)
-            && let Some(tour) = &mut self.tour
-        {
-            tour.closed = cells;
+    fn hide_search(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+        (self.bridge, screen.explained) = (None, None);
+        if std::mem::take(&mut self.shows_search) {
+            show_overlay(Overlay::Search, false, scene, screen, link);
         }
     }
 
     /// Opens the door that the tour has closed, if any; returns whether it is open.
-    fn open_door(&mut self) -> bool {
-        let cells =
-            self.tour.as_mut().map(|tour| std::mem::take(&mut tour.closed)).unwrap_or_default();
-        let open = self.edit_cells(&cells, true);
-        if let (false, Some(tour)) = (open, &mut self.tour) {
-            tour.closed = cells;
+    fn open_door(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) -> bool {
+        let open = edit_cells(&self.closed, true, scene, screen, link);
+        if open {
+            self.closed.clear();
         }
         open
     }
+}
 
-    /// Makes cells free or walls; returns whether they are.
-    fn edit_cells(&mut self, cells: &[Cell], free: bool) -> bool {
-        self.in_maze(|maze, screen, link| {
-            let map = maze.map.clone();
-            let inside = |cell: &&Cell| map.contains(**cell);
-            let done =
-                |map: &Grid| cells.iter().filter(inside).all(|cell| map.is_free(*cell) == free);
-            if !done(&map) {
-                let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
-                let new = changed.and_then(|new| maze.editor.record(&map, new));
-                maze.change_map(new, screen, link);
-            }
-            done(&maze.map)
-        })
+/// Shows or hides an overlay; returns whether that changed anything.
+fn show_overlay(
+    overlay: Overlay,
+    shown: bool,
+    scene: &mut Scene,
+    screen: &mut Screen,
+    link: &mut Link,
+) -> bool {
+    let changes = screen.overlays.has(overlay) != shown;
+    if changes {
+        view::act(Action::Toggle(overlay), scene, screen, link);
     }
+    changes
+}
+
+/// Makes cells free or walls, as the editor does; returns whether they are.
+fn edit_cells(
+    cells: &[Cell],
+    free: bool,
+    scene: &mut Scene,
+    screen: &mut Screen,
+    link: &mut Link,
+) -> bool {
+    let Some(maze) = scene.maze_mut() else { return false };
+    let map = maze.map.clone();
+    let inside = |cell: &&Cell| map.contains(**cell);
+    let done = |map: &Grid| cells.iter().filter(inside).all(|cell| map.is_free(*cell) == free);
+    if !done(&map) {
+        let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
+        let new = changed.and_then(|new| maze.editor.record(&map, new));
+        maze.change_map(new, screen, link);
+    }
+    done(&maze.map)
 }
 
 /// Whether the tour is paused: while training is, and while something hides the map.

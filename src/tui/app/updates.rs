@@ -1,11 +1,14 @@
-//! Updates from trainer and viewer, and timed events.
+//! Updates from trainer and viewer.
 
 use std::sync::Arc;
 
-use super::App;
+use super::saving::Saver;
+use super::{App, Feed};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Item, Picker};
 use crate::tui::lists;
+use crate::tui::scene::Scene;
+use crate::tui::screen::Screen;
 use gdg::engine::{Phase, Snapshot};
 use gdg::text::grouped;
 use gdg::viewer::View;
@@ -15,32 +18,31 @@ impl App {
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
         let before = std::mem::replace(&mut self.screen.latest, snapshot);
         self.show_snapshot(&before);
-        self.update_quit_question();
-        self.on_saving(&before);
-        if !Arc::ptr_eq(&self.screen.latest.autosaves, &before.autosaves) {
-            self.autosave.done();
-        }
-        self.screen.pausing &= self.screen.latest.phase.is_training();
-        let notice = self.screen.latest.notice.clone();
+        update_quit_question(&self.saver, &self.scene, &mut self.screen);
+        let then = self.saver.on_snapshot(&before, &mut self.scene, &mut self.screen);
+        then.into_iter().for_each(|then| self.choose(then));
+        let Self { saver, guide, scene, screen, link, .. } = self;
+        let latest = screen.latest.clone();
+        screen.pausing &= latest.phase.is_training();
+        let notice = &latest.notice;
         if notice.number > before.notice.number {
             if notice.is_error {
-                self.autosave.failed();
+                saver.autosave.failed();
             }
             // A run that cannot be started is no tour.
-            self.tour_requested &= !notice.is_error;
-            if notice.is_error { self.report(&notice.text) } else { self.notify(&notice.text) }
+            guide.is_requested &= !notice.is_error;
+            if notice.is_error { screen.report(&notice.text) } else { screen.notify(&notice.text) }
         }
-        if let (Phase::Failed(error), true) =
-            (&self.screen.latest.phase, before.phase != self.screen.latest.phase)
-        {
-            self.on_training_failed(&error.clone());
-        }
-        if before.phase.is_training() && self.screen.latest.phase == Phase::Done {
-            self.notify(&format!(
-                "done: limit reached; {} continues without it",
-                self.screen.keymap.key_of(Action::TogglePause)
-            ));
-            self.save_at_limit();
+        match &latest.phase {
+            Phase::Failed(error) if before.phase != latest.phase => {
+                saver.on_training_failed(error, screen);
+            }
+            Phase::Done if before.phase.is_training() => {
+                let key = screen.keymap.key_of(Action::TogglePause);
+                screen.notify(&format!("done: limit reached; {key} continues without it"));
+                saver.save_at_limit(scene, screen, link);
+            }
+            _ => {}
         }
     }
 
@@ -55,12 +57,12 @@ impl App {
             if is_new_run {
                 self.start_run();
             } else if self.screen.latest.evaluations.len() > shown.evaluations.len() {
-                self.log_evaluation();
+                log_evaluation(&mut self.screen);
             }
         }
         if self.screen.latest.run != before.run {
             self.screen.update_changed_settings();
-            self.update_settings_list();
+            update_settings_list(&mut self.screen);
         }
     }
 
@@ -72,60 +74,12 @@ impl App {
         }
     }
 
-    /// Refreshes open lists of settings.
-    fn update_settings_list(&mut self) {
-        let items = lists::setting_items(&self.screen);
-        for dialog in &mut self.screen.dialogs {
-            if let Dialog::Pick(picker) = dialog
-                && picker.button.is_some()
-            {
-                picker.update(items.clone());
-            }
-        }
-    }
-
-    /// Refreshes the open quit prompt.
-    fn update_quit_question(&mut self) {
-        let asks = |picker: &Picker| {
-            picker.items().any(|item| item.choice == Choice::Quit { save: false })
-        };
-        let Some(open) = self
-            .screen
-            .dialogs
-            .iter()
-            .position(|d| matches!(d, Dialog::Pick(picker) if asks(picker)))
-        else {
-            return;
-        };
-        let items: Vec<Item> = self.quit_question().items().cloned().collect();
-        if let Dialog::Pick(picker) = &mut self.screen.dialogs[open] {
-            picker.update(items);
-        }
-    }
-
-    fn log_evaluation(&mut self) {
-        let snapshot = &self.screen.snapshot;
-        let Some((updates, e)) = snapshot.evaluations.last() else { return };
-        let updates = snapshot.learned(*updates);
-        let error = e
-            .distance_error
-            .map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
-        // Training goes on while tasks are walked.
-        let at = if updates == snapshot.updates() {
-            String::new()
-        } else {
-            format!(" at {}", grouped(updates))
-        };
-        let text = format!("evaluated{at}: {}{error}", e.success(updates));
-        self.screen.log.record(&text, snapshot.seconds, snapshot.updates());
-    }
-
     /// Freezes the screen, or unfreezes it and shows the current state.
     pub(in crate::tui) fn freeze(&mut self, frozen: bool) {
         self.screen.frozen = frozen;
         if !frozen {
-            let (snapshot, view) =
-                (self.snapshots().borrow().clone(), self.views().borrow().clone());
+            let Feed { snapshots, views } = &self.feed;
+            let (snapshot, view) = (snapshots.borrow().clone(), views.borrow().clone());
             self.on_snapshot(snapshot);
             self.on_view(view);
         }
@@ -139,15 +93,44 @@ impl App {
         }
         self.scene.show(view, &mut self.screen, &self.link);
     }
+}
 
-    /// Handles the passing of time; returns whether the screen changes.
-    pub fn on_tick(&mut self) -> bool {
-        self.on_failures();
-        if self.autosave.is_due() && self.has_something_to_autosave() {
-            self.autosave();
+/// Refreshes open lists of settings.
+fn update_settings_list(screen: &mut Screen) {
+    let items = lists::setting_items(screen);
+    for dialog in &mut screen.dialogs {
+        if let Dialog::Pick(picker) = dialog
+            && picker.button.is_some()
+        {
+            picker.update(items.clone());
         }
-        let offer_changed = self.on_offer_tick();
-        let tour_changed = self.on_tour_tick();
-        self.screen.log.on_tick() || offer_changed || tour_changed
     }
+}
+
+/// Refreshes the open quit prompt.
+fn update_quit_question(saver: &Saver, scene: &Scene, screen: &mut Screen) {
+    let asks =
+        |picker: &Picker| picker.items().any(|item| item.choice == Choice::Quit { save: false });
+    let is_open = |dialog: &Dialog| matches!(dialog, Dialog::Pick(picker) if asks(picker));
+    let Some(open) = screen.dialogs.iter().position(is_open) else { return };
+    let items: Vec<Item> = saver.quit_question(scene, screen).items().cloned().collect();
+    if let Dialog::Pick(picker) = &mut screen.dialogs[open] {
+        picker.update(items);
+    }
+}
+
+fn log_evaluation(screen: &mut Screen) {
+    let snapshot = &screen.snapshot;
+    let Some((updates, e)) = snapshot.evaluations.last() else { return };
+    let updates = snapshot.learned(*updates);
+    let error =
+        e.distance_error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
+    // Training goes on while tasks are walked.
+    let at = if updates == snapshot.updates() {
+        String::new()
+    } else {
+        format!(" at {}", grouped(updates))
+    };
+    let text = format!("evaluated{at}: {}{error}", e.success(updates));
+    screen.log.record(&text, snapshot.seconds, snapshot.updates());
 }

@@ -2,6 +2,7 @@
 
 use super::{Comparison, LETTERS};
 use crate::tui::action::{Action, bindings};
+use crate::tui::app::{App, view};
 use crate::tui::interface::TerminalRequest;
 use gdg::viewer::Field;
 
@@ -86,6 +87,8 @@ impl Comparison {
             self.sides.iter().all(|side| side.app.scene.has_field(field, &side.app.screen))
         };
         let field = self.sides[0].app.screen.field.cycle(forward, both_have);
-        self.sides.iter_mut().for_each(|side| side.app.show_field(field));
+        for App { screen, link, .. } in self.sides.iter_mut().map(|side| &mut side.app) {
+            view::show_field(field, screen, link);
+        }
     }
 }

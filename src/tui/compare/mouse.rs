@@ -4,6 +4,7 @@ use crossterm::event::{Event, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::layout::Position;
 
 use super::Comparison;
+use crate::tui::interface::Interface;
 use crate::tui::layout::Click;
 
 impl Comparison {

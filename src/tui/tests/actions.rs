@@ -80,7 +80,7 @@ fn state(app: &App) -> String {
             app.screen.following,
             app.screen.pausing,
             app.is_done(),
-            app.terminal_request()
+            app.terminal_request
         ),
         (
             app.screen.log.entries().len(),
@@ -131,7 +131,7 @@ fn every_key_triggers_its_action() {
             }
             if binding.when == When::Offered {
                 let saved = saved_run(folder.path(), &app);
-                app.offer(saved);
+                offer(saved, &mut app.screen);
             }
             if binding.when == When::Touring {
                 app.begin_tour();

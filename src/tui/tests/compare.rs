@@ -123,7 +123,7 @@ fn staged_view(app: &App, side: usize) -> MazeView {
     };
     let values: Vec<f32> = (0..columns * rows).map(field).collect();
     MazeView {
-        goal: (Some(app.maze().goal), app.goal_request()),
+        goal: (Some(app.maze().goal), app.link.goal_request()),
         kind: Field::Learned,
         farthest: 30.0,
         field: Arc::new(values),

@@ -2,6 +2,7 @@
 
 use super::screens::staged_app;
 use super::*;
+use crate::tui::app::files::pick_map;
 use crate::tui::dialog::{Choice, Item};
 use crate::tui::lists;
 use crate::tui::panes::Pane;
@@ -156,7 +157,7 @@ fn only_texts_that_are_maps_are_offered() {
     std::fs::write(folder.path().join("rooms.txt"), ROOMS).expect("written");
     std::fs::write(folder.path().join("notes.txt"), "Buy milk, 2 bottles.\n").expect("written");
     let mut app = still();
-    app.pick_map(Some(folder.path()));
+    pick_map(Some(folder.path()), &mut app.screen);
     let Some(Dialog::Pick(list)) = app.screen.dialogs.last() else { panic!("a list") };
     let names: Vec<&str> = list.items().map(|item| item.label.as_str()).collect();
     assert_eq!(names, ["..", "rooms.txt"]);
@@ -256,7 +257,7 @@ fn a_run_that_has_not_changed_is_not_autosaved_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.safetensors");
     let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path));
-    app.autosave.minutes = 1e-5;
+    app.saver.autosave.minutes = 1e-5;
     wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
     press(&mut app, KeyCode::Char(' '));
     wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
@@ -316,7 +317,7 @@ fn an_autosave_that_fails_is_tried_again_in_a_paused_run() {
     wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
     press(&mut app, KeyCode::Char(' '));
     wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
-    app.autosave.minutes = 1e-5;
+    app.saver.autosave.minutes = 1e-5;
     std::thread::sleep(Duration::from_millis(20));
     app.on_tick();
     wait_until(&mut app, |app| app.screen.snapshot.notice.is_error);

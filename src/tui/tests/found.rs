@@ -9,7 +9,7 @@ fn a_saved_run_is_offered_and_resumed_by_key_or_click() {
     for by_key in [true, false] {
         let mut app = app();
         let found = saved_run(folder.path(), &app);
-        app.offer(found.clone());
+        offer(found.clone(), &mut app.screen);
         let shown = text(&draw(&mut app, 120, 40));
         assert!(
             shown.contains("gdg: 0 updates, seed 1, saved just now: r resumes  Esc hides"),
@@ -61,7 +61,7 @@ fn an_offer_is_hidden_by_esc_and_its_key_means_directions_again() {
     let mut app = app();
     let method = app.screen.run().method.clone();
     let saved = saved_run(folder.path(), &app);
-    app.offer(saved);
+    offer(saved, &mut app.screen);
     let shown = text(&draw(&mut app, 80, 24));
     assert!(shown.contains("gdg: 0 updates, seed 1, saved just now: r resumes"), "{shown}");
     press(&mut app, KeyCode::Esc);

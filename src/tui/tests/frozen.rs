@@ -34,7 +34,7 @@ fn what_is_unsaved_behind_a_frozen_screen_is_asked_about_and_saved_on_a_signal()
     let asked = text(&draw(&mut app, 80, 24));
     assert!(asked.contains("6,000 unsaved updates"), "{asked}");
     app.on_signal();
-    assert!(app.saves_at_end().is_some_and(|path| path.ends_with("kept.safetensors")));
+    assert!(app.saver.named.as_ref().is_some_and(|path| path.ends_with("kept.safetensors")));
 }
 
 #[test]
@@ -66,9 +66,9 @@ fn a_frozen_screen_says_what_was_saved_and_that_the_limit_is_reached() {
 #[test]
 fn autosaves_go_on_behind_a_frozen_screen() {
     let mut app = saved_app();
-    assert!(!app.has_something_to_autosave());
+    assert!(!app.saver.has_something_to_autosave(&app.scene, &app.screen));
     train_frozen(&mut app, 60.0, |_| {});
-    assert!(app.has_something_to_autosave());
+    assert!(app.saver.has_something_to_autosave(&app.scene, &app.screen));
 }
 
 #[test]

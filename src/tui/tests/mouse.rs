@@ -97,7 +97,7 @@ fn clicks_select_the_editor_tools() {
     click(&mut app, SMALL, "e edit");
     click(&mut app, SMALL, "box");
     assert_eq!(app.maze().editor.tool, crate::tui::tool::Tool::Rectangle);
-    app.notify("8 cells walled up");
+    app.screen.notify("8 cells walled up");
     assert!(
         place_of(&mut app, SMALL, "8 cells walled up").is_some_and(|at| at.y == SMALL.1 - 2),
         "above the tools"
@@ -120,7 +120,7 @@ fn clicks_answer_and_close_dialogs() {
     type_text(&mut app, "7");
     click(&mut app, SMALL, "Enter: accept");
     assert!(app.screen.dialogs.is_empty());
-    assert_eq!(app.autosave.minutes, 7.0);
+    assert_eq!(app.saver.autosave.minutes, 7.0);
     app.act(Action::Theme);
     click(&mut app, SMALL, "light   ");
     assert_eq!(app.screen.theme.name, ThemeName::Light);

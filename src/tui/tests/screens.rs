@@ -424,7 +424,7 @@ fn lines_over_the_map_match_their_snapshots() {
     check("first-run-80x24", &mut app, 80, 24);
     let folder = tempfile::tempdir().expect("a folder");
     let saved = saved_run(folder.path(), &app);
-    app.offer(saved);
+    offer(saved, &mut app.screen);
     check("offer-80x24", &mut app, 80, 24);
 }
 
@@ -456,9 +456,9 @@ fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
     app.act(Action::Quit);
     assert!(!app.is_done() && app.screen.dialogs.len() == 1, "twelve seconds are asked about");
     press_with(&mut app, KeyCode::Char('c'), KeyModifiers::CONTROL);
-    assert!(app.is_done() && app.saves_at_end().is_none(), "twice leaves without saving");
+    assert!(app.is_done() && app.saver.named.is_none(), "twice leaves without saving");
     app.on_signal();
-    assert!(app.saves_at_end().is_some_and(|path| path.starts_with("saves")));
+    assert!(app.saver.named.as_ref().is_some_and(|path| path.starts_with("saves")));
 }
 
 #[test]

@@ -35,10 +35,14 @@ fn step(app: &App) -> Option<usize> {
     app.screen.tour.as_ref().map(|tour| tour.step)
 }
 
+fn advance(app: &mut App, by: Duration) {
+    app.guide.advance(by, &mut app.scene, &mut app.screen, &mut app.link);
+}
+
 /// Lets the step reach its time limit.
 fn time_out(app: &mut App) {
-    app.advance_tour(Duration::from_mins(1));
-    app.advance_tour(Duration::from_secs(1));
+    advance(app, Duration::from_mins(1));
+    advance(app, Duration::from_secs(1));
 }
 
 /// D that grows faster than the distance, so that every place between two others is a bridge.
@@ -63,7 +67,7 @@ fn learn(app: &mut App, distance: fn(&[f32], &[f32]) -> f32) {
 
 /// Updates the tour at once, without the time limits of its steps.
 fn look(app: &mut App) {
-    app.advance_tour(Duration::from_millis(110));
+    advance(app, Duration::from_millis(110));
 }
 
 /// Shows a bridge found by networks that agree with it.
@@ -124,8 +128,8 @@ fn steps_wait_until_what_they_explain_is_seen() {
     learn(&mut app, bent);
     look(&mut app);
     assert!(seen(&app) && caption(&app).contains("D = 36. D has learned"), "{}", caption(&app));
-    app.advance_tour(Duration::from_secs(8));
-    app.advance_tour(Duration::from_millis(200));
+    advance(&mut app, Duration::from_secs(8));
+    advance(&mut app, Duration::from_millis(200));
     assert_eq!(step(&app), Some(2), "a while after it was seen");
 }
 

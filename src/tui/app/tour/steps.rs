@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::{Tour, Watched};
+use super::{Tour, Watched, edit_cells, show_overlay};
 use crate::tui::action::Action;
-use crate::tui::app::App;
 use crate::tui::layers::Overlay;
-use crate::tui::scene::MazeState;
+use crate::tui::link::Link;
+use crate::tui::scene::{MazeState, Scene};
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
 use crate::tui::tour::Caption;
@@ -55,8 +55,8 @@ pub struct Step {
     /// Seconds to read it after its subject has been seen, and until it ends anyway.
     pub reading_secs: f32,
     pub limit_secs: f32,
-    /// What it does at first.
-    pub enter: fn(&mut App),
+    /// What it does at first, if anything.
+    pub enter: Option<fn(&mut Tour, &mut Scene, &mut Screen, &mut Link)>,
     /// What it says now.
     pub look: fn(&MazeState, &Screen, &mut Tour) -> Caption,
 }
@@ -67,34 +67,34 @@ pub const STEPS: &[Step] = &[
         title: "No reward",
         reading_secs: 8.0,
         limit_secs: 8.0,
-        enter: aim_at_wall,
+        enter: Some(aim_at_wall),
         look: wandering,
     },
-    Step { title: "D bends", reading_secs: 7.0, limit_secs: 25.0, enter: |_| {}, look: bending },
-    Step { title: "Contours", reading_secs: 7.0, limit_secs: 10.0, enter: |_| {}, look: contour },
+    Step { title: "D bends", reading_secs: 7.0, limit_secs: 25.0, enter: None, look: bending },
+    Step { title: "Contours", reading_secs: 7.0, limit_secs: 10.0, enter: None, look: contour },
     Step {
         title: "A bridge",
         reading_secs: 9.0,
         limit_secs: 24.0,
-        enter: show_search,
+        enter: Some(show_search),
         look: bridge,
     },
-    Step { title: "A plan", reading_secs: 1.5, limit_secs: 16.0, enter: aim_far, look: plan },
+    Step { title: "A plan", reading_secs: 1.5, limit_secs: 16.0, enter: Some(aim_far), look: plan },
     Step {
         title: "A door closes",
         reading_secs: 5.0,
         limit_secs: 24.0,
-        enter: close_door,
+        enter: Some(close_door),
         look: closed,
     },
     Step {
         title: "It opens again",
         reading_secs: 4.0,
         limit_secs: 12.0,
-        enter: open_door,
+        enter: Some(open_door),
         look: opened,
     },
-    Step { title: "Now you", reading_secs: 12.0, limit_secs: 12.0, enter: |_| {}, look: now_you },
+    Step { title: "Now you", reading_secs: 12.0, limit_secs: 12.0, enter: None, look: now_you },
 ];
 
 /// Returns D from a position to the goal.
@@ -134,9 +134,8 @@ fn is_mono(screen: &Screen) -> bool {
     screen.theme.depth == ColourDepth::Mono
 }
 
-fn aim_at_wall(app: &mut App) {
-    app.set_goal(GOAL_AT_WALL);
-    app.send_walker();
+fn aim_at_wall(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    tour.aim_at(GOAL_AT_WALL, scene, screen, link);
 }
 
 fn wandering(maze: &MazeState, screen: &Screen, _: &mut Tour) -> Caption {
@@ -212,11 +211,8 @@ fn contour(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     Caption { text, subject: line, marks, seen: true }
 }
 
-fn show_search(app: &mut App) {
-    let shows = app.show_overlay(Overlay::Search, true);
-    if let Some(tour) = &mut app.tour {
-        tour.shows_search = shows;
-    }
+fn show_search(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    tour.shows_search = show_overlay(Overlay::Search, true, scene, screen, link);
 }
 
 /// A bridge search with a find that is clear to see.
@@ -283,10 +279,9 @@ fn bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     Caption { text, subject, marks: Vec::new(), seen: true }
 }
 
-fn aim_far(app: &mut App) {
-    app.hide_search();
-    app.set_goal(FAR_GOAL);
-    app.send_walker();
+fn aim_far(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    tour.hide_search(scene, screen, link);
+    tour.aim_at(FAR_GOAL, scene, screen, link);
 }
 
 fn plan(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
@@ -307,21 +302,20 @@ fn cells_between([from, to]: [Cell; 2]) -> Vec<Cell> {
     (from.y..=to.y).flat_map(|y| (from.x..=to.x).map(move |x| Cell::new(x, y))).collect()
 }
 
-fn close_door(app: &mut App) {
-    let Some(tour) = &app.tour else { return };
+fn close_door(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
     let leads_through = |cells: &[Cell]| {
         tour.route.iter().any(|at| cells.iter().any(|cell| straight(cell.centre(), *at) <= 0.5))
     };
     let through = DOORS.iter().find(|(corners, _)| leads_through(&cells_between(*corners)));
     let (corners, before) = through.unwrap_or(&DOORS[0]);
-    let Some(maze) = app.scene.maze() else { return };
-    let distance = distance_to_goal(maze, &app.screen, before.centre());
-    let watched = Watched { place: before.centre(), before: distance, most: distance };
-    app.close_door(cells_between(*corners));
-    app.send_walker();
-    if let Some(tour) = &mut app.tour {
-        tour.watched = watched;
+    let Some(maze) = scene.maze() else { return };
+    let distance = distance_to_goal(maze, screen, before.centre());
+    tour.watched = Watched { place: before.centre(), before: distance, most: distance };
+    let door = cells_between(*corners);
+    if edit_cells(&door, false, scene, screen, link) {
+        tour.closed = door;
     }
+    tour.send_walker(screen, link);
 }
 
 /// Returns the door that was closed, the place before it, and the path of the agent.
@@ -349,9 +343,9 @@ fn closed(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     Caption { text, subject, marks: vec![(place, 'P')], seen: now >= LONGER * before }
 }
 
-fn open_door(app: &mut App) {
-    app.open_door();
-    app.send_walker();
+fn open_door(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    tour.open_door(scene, screen, link);
+    tour.send_walker(screen, link);
 }
 
 fn opened(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
