@@ -26,7 +26,7 @@ pub struct Canvas {
     columns: usize,
     /// Colour of each pixel; `None` outside the map.
     pixels: Vec<Option<Rgb>>,
-    /// What a terminal without colours shows for each pixel.
+    /// The character of each pixel on terminals without colours.
     marks: Vec<char>,
     /// Pixels of thin lines, which do not become backgrounds.
     thin: Vec<bool>,
@@ -37,19 +37,19 @@ pub struct Canvas {
 /// The most pixels in a character.
 const MAX_PIXELS: usize = 8;
 
-/// What a wall looks like without colours.
+/// A wall without colours.
 pub const WALL_MARK: char = '#';
 
-/// What free ground looks like without colours, from near (or good) to far.
+/// Free ground without colours, from near (or good) to far.
 pub const SHADES: [char; 4] = [' ', '\u{2591}', '\u{2592}', '\u{2593}'];
 
-/// What an unvisited cell looks like without colours.
+/// An unvisited cell without colours.
 pub const UNVISITED_MARK: char = '/';
 
-/// What a cell from which no path leads to the goal looks like without colours.
+/// A cell from which no path leads to the goal, without colours.
 pub const CUT_OFF_MARK: char = '\\';
 
-/// What bridge candidates look like without colours.
+/// A bridge candidate without colours.
 pub const CANDIDATE_MARK: char = '\u{2022}';
 
 impl Canvas {
@@ -76,7 +76,7 @@ impl Canvas {
         self.pixels[i]
     }
 
-    /// Returns what a terminal without colours shows for pixel `i`.
+    /// Returns the character of pixel `i` on terminals without colours.
     pub fn mark(&self, i: usize) -> char {
         self.marks[i]
     }

@@ -22,7 +22,7 @@ const MAX_COVERED_SHARE: f32 = 0.7;
 pub struct Label {
     /// The characters it covers, in one row.
     pub area: Rect,
-    /// What it says.
+    /// The text.
     pub text: String,
 }
 

@@ -55,8 +55,8 @@ pub fn write(kind: ExportKind, screen: &Screen, scene: &Scene) -> Result<String,
     write_contents(&export_path(kind, screen, scene), contents(kind, screen, scene))
 }
 
-/// Writes the film to a new file on a thread of its own, as that takes a second or two; it returns
-/// the notice.
+/// Writes the film to a new file on its own thread, as that takes a second or two; it returns the
+/// notice.
 ///
 /// # Errors
 /// The thread cannot be started.

@@ -17,7 +17,7 @@ pub enum TerminalRequest {
     Resize,
 }
 
-/// What fills the screen: the trainer, or a comparison.
+/// An interface that fills the screen: the trainer or a comparison.
 pub trait Interface {
     /// Waits for the next snapshot or view, and shows it. Nothing is lost if the future is dropped.
     async fn update(&mut self);

@@ -10,7 +10,7 @@ use super::action::Action;
 use super::projection::Projection;
 use super::raster::MapFrame;
 
-/// What a click does.
+/// The effect of a click.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Click {
     /// Performs an action.

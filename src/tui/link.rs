@@ -33,7 +33,7 @@ impl Link {
         &self.viewer
     }
 
-    /// Sends a command to the trainer. If too many are queued, says so and returns `false`.
+    /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
     pub fn command(&self, command: Command, screen: &mut Screen) -> bool {
         let sent = self.engine.send(command);
         if !sent {

@@ -1,4 +1,4 @@
-//! What can be exported to files.
+//! The kinds of exports to files.
 
 /// A kind of export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

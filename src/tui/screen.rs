@@ -30,7 +30,7 @@ pub struct Screen {
     pub theme: Theme,
     /// The training state shown.
     pub snapshot: Arc<Snapshot>,
-    /// The latest one: a frozen screen shows an earlier one.
+    /// The latest training state; a frozen screen shows an earlier one.
     pub latest: Arc<Snapshot>,
     /// The names of the run's settings that differ from those of its preset.
     pub changed_settings: HashSet<String>,

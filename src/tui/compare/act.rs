@@ -50,7 +50,7 @@ impl Comparison {
         }
     }
 
-    /// Says that an action is not for comparisons.
+    /// Notifies that an action is not available in comparisons.
     pub(super) fn refuse(&mut self, action: Action) {
         let Some(binding) = bindings().find(|binding| binding.action == action) else { return };
         let help = self.sides[0].app.screen.keymap.key_of(Action::Help);

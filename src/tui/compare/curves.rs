@@ -19,7 +19,7 @@ use gdg::train::Evaluation;
 /// How far the colour of the actor alone is from its method's to the page's.
 const FAINT: f32 = 0.5;
 
-/// What the curves are drawn over.
+/// The horizontal axis of the curves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Axis {
     /// Steps of the agents in the world: what a method is allowed to experience.

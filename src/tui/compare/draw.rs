@@ -98,7 +98,7 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     layout
 }
 
-/// Says how much room is needed.
+/// Draws a message that the screen is too small.
 fn too_small(frame: &mut Frame, area: Rect) {
     let (width, height) = MIN_SIZE;
     let text = format!(

@@ -1,4 +1,4 @@
-//! What is known about a side, as a column beside its map or as text below it.
+//! The facts about a side, as a column beside its map or as text below it.
 
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};

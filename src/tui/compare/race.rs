@@ -21,7 +21,7 @@ pub struct Race {
     map: Arc<Grid>,
     start: Cell,
     goal: Cell,
-    /// What follows once both have arrived or lost.
+    /// What to do once both have arrived or lost.
     pub on_arrival: OnArrival,
     /// The goal request that began the race on each side: earlier views belong to earlier races.
     requests: [u64; 2],

@@ -21,7 +21,7 @@ pub struct Item {
     pub marked: bool,
     /// The key that picks it in a question.
     pub key: Option<char>,
-    /// What picking it does.
+    /// The effect of picking it.
     pub choice: Choice,
 }
 

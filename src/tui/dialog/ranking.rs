@@ -91,7 +91,7 @@ fn abbreviates(letters: &str, name: &str) -> bool {
 fn in_words(text: &str, typed: &str, [whole, begins]: [u32; 2]) -> Option<u32> {
     let mut words =
         text.split(|c: char| !c.is_alphanumeric() && c != '_' && c != '@').flat_map(|word| {
-            // The parts of a setting's name count as words, too.
+            // The parts of a setting's name count as words as well.
             std::iter::once(word).chain(word.split('_'))
         });
     let best = |word: &str| match word {

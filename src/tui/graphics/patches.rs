@@ -88,7 +88,7 @@ impl Patches {
         Self { encoder, shown: Vec::new(), resting_until, awake_until, is_behind: false, bytes: 0 }
     }
 
-    /// Forgets what is on the screen: it has been cleared.
+    /// Forgets all patches after the screen has been cleared.
     pub fn forget(&mut self) {
         self.shown.clear();
     }

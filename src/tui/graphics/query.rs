@@ -1,10 +1,10 @@
 //! The query of the terminal's graphics capabilities.
 
-/// The questions: whether it shows a kitty picture of one pixel, the size of a character, and its
-/// attributes, which every terminal answers, after everything else.
+/// The queries: whether it shows a kitty picture of one pixel, the size of a character and, last,
+/// the device attributes, which every terminal reports.
 pub const QUESTIONS: &[u8] = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[16t\x1b[c";
 
-/// What a terminal has answered.
+/// A terminal's answer.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Answer {
     /// It shows pictures as kitty does.

@@ -32,14 +32,14 @@ const UNKNOWN: u16 = u16::MAX;
 pub struct Bands(Vec<Option<Band>>);
 
 impl Bands {
-    /// Forgets the band of a row of pixels: it has changed.
+    /// Invalidates the band of a row of pixels that has changed.
     pub fn forget(&mut self, row: usize) {
         if let Some(band) = self.0.get_mut(row / BAND) {
             *band = None;
         }
     }
 
-    /// Forgets all bands: the colours have changed.
+    /// Invalidates all bands after the colours have changed.
     pub fn clear(&mut self) {
         self.0.clear();
     }

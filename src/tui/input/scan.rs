@@ -131,7 +131,7 @@ impl Scanner {
             }
             State::Introducer => {
                 self.report_introducer();
-                // No reply begins with SS3, and what came long after ESC is a key of its own.
+                // No reply begins with SS3, and what comes long after ESC is a separate key.
                 let may_go_on = self.held[1] != b'O' && self.escape == Escape::Together;
                 if may_go_on { State::IntroducerReported } else { State::Ground }
             }

@@ -208,7 +208,7 @@ impl<'a> Window<'a> {
         lines
     }
 
-    /// Says why there is nothing to draw.
+    /// Explains why there is nothing to draw.
     fn why_empty(&self, screen: &Screen) -> &'static str {
         match screen.snapshot.evaluations.is_empty() {
             _ if self.plot.log && self.plot.series.len() == 1 => " no data yet",

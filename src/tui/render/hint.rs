@@ -39,7 +39,7 @@ pub fn draw(
     line.draw(frame, area, layout);
 }
 
-/// Says which moment of the past is shown, and how to get back.
+/// Describes which moment of the past is shown, and how to get back.
 fn past(screen: &Screen, scene: &Scene, width: usize) -> Option<ClickableLine> {
     let (frame, snapshot) = (screen.past.as_ref()?, &screen.snapshot);
     let [then, now] = [snapshot.learned(frame.updates), snapshot.updates()].map(grouped);
@@ -113,7 +113,7 @@ fn offer(screen: &Screen, width: usize) -> Option<ClickableLine> {
     fitting(lines, width)
 }
 
-/// Says what the colours mean and what a click does, until the interface has been used.
+/// Explains the colours and the effect of a click, until the interface has been used.
 fn what_to_see(screen: &Screen, width: usize) -> Option<ClickableLine> {
     if !screen.first_run {
         return None;

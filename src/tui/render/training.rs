@@ -13,7 +13,7 @@ use gdg::learn::{Losses, Stage};
 use gdg::text::grouped;
 use gdg::train::{DistanceScore, Score};
 
-/// What the numbers mean, by their names in the pane.
+/// The meanings of the numbers, by their names in the pane.
 pub const MEANINGS: [(&str, &str); 20] = [
     ("elapsed", "time spent training"),
     ("left", "time until the run reaches its limit"),
@@ -135,7 +135,7 @@ fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
         }
         lines.push(fact("evaluated", age(screen, screen.snapshot.learned(*updates))));
         lines.push(next(screen));
-        // Coverage is known between evaluations, too.
+        // Coverage is known between evaluations as well.
         let seen = screen.snapshot.latest_coverage();
         lines.extend(
             seen.map(|seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen))),
@@ -147,7 +147,7 @@ fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
     lines
 }
 
-/// Says how long ago the latest evaluation was, at update `at`.
+/// Describes how long ago the latest evaluation was, at update `at`.
 fn age(screen: &Screen, at: u64) -> String {
     match screen.snapshot.updates().saturating_sub(at) {
         0 => "just now".to_owned(),
@@ -155,7 +155,7 @@ fn age(screen: &Screen, at: u64) -> String {
     }
 }
 
-/// Says when the next evaluation comes, and which key asks for one now.
+/// Describes when the next evaluation comes, and which key starts one now.
 fn next(screen: &Screen) -> Line<'static> {
     if !screen.snapshot.learns {
         return fact("next", format!("{}: now", screen.keymap.key_of(Action::Evaluate)));
@@ -228,7 +228,7 @@ fn bridges(screen: &Screen, scene: &Scene) -> Vec<Line<'static>> {
     vec![fact("bridges", bridges), fact("search", search)]
 }
 
-/// Says where the time goes.
+/// Describes how time is spent.
 fn time(screen: &Screen) -> Option<Line<'static>> {
     let spent = |phase| screen.snapshot.profile.spent(phase).as_secs_f64();
     let all: f64 = Stage::ALL.into_iter().map(spent).sum();

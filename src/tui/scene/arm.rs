@@ -29,7 +29,7 @@ use gdg::viewer::{ArmView, Field};
 pub use legend::lines as legend_lines;
 pub use walk::lines as walk_lines;
 
-/// What the screen shows of an arm.
+/// The state of an arm on the screen.
 #[derive(Debug, Default)]
 pub struct ArmState {
     /// The view shown.
@@ -82,8 +82,8 @@ pub const NOUN: &str = "arm";
 
 /// The text that begins the help.
 pub const INTRODUCTION: &str = "Colours show the learned distance D to the goal G: light near, \
-     dark far. The agents do not see joints and get no reward. @ reaches for G with what it has learned so far; a click sets \
-     the two coordinates that are shown.";
+     dark far. The agents do not see joints and get no reward. @ reaches for G with what it has \
+     learned so far; a click sets the two coordinates that are shown.";
 
 /// Returns whether the colours can show a field.
 pub fn shows(field: Field) -> bool {

@@ -37,7 +37,7 @@ pub use legend::lines as legend_lines;
 pub use map::Cache;
 pub use walk::lines as walk_lines;
 
-/// What the screen shows of a maze.
+/// The state of a maze on the screen.
 pub struct MazeState {
     /// The map as the user last edited it; the trainer follows.
     pub map: Arc<Grid>,
@@ -115,8 +115,8 @@ pub const NOUN: &str = "map";
 
 /// The text that begins the help.
 pub const INTRODUCTION: &str = "Colours show the learned distance D to the goal G: light near, \
-     dark far. The agents see no walls and get no reward. @ walks to G with what it has learned so far; click on the map to \
-     set another goal. The editor draws walls and closes doors.";
+     dark far. The agents see no walls and get no reward. @ walks to G with what it has learned \
+     so far; click on the map to set another goal. The editor draws walls and closes doors.";
 
 /// Returns whether an action applies to a maze: all but those that turn the view.
 pub fn offers(action: Action) -> bool {

@@ -7,7 +7,7 @@ use crate::tui::screen::Screen;
 use crate::tui::text::fact;
 use gdg::engine::FollowedAgent;
 
-/// What the numbers mean, by their names in the pane.
+/// The meanings of the numbers, by their names in the pane.
 pub const MEANINGS: &[(&str, &str)] = &[
     ("from S", "where this walk began"),
     ("to G", "where it leads: the goal"),

@@ -37,7 +37,7 @@ fn picture(app: &App) -> &Picture {
     app.pictures().first().copied().expect("a picture")
 }
 
-/// Returns the colour of the picture at a position on the map, off by some pixels.
+/// Returns the colour of the picture at a position on the map, shifted by some pixels.
 fn colour(app: &App, at: [f32; 2], off: [f32; 2]) -> Rgb {
     let window = app.screen.layout.map.as_ref().expect("a map").raster.window;
     let pixmap = &picture(app).pixmap;

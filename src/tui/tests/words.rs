@@ -1,4 +1,4 @@
-//! What the list of actions finds for users' words.
+//! Finding actions by users' words.
 
 use super::*;
 use crate::tui::dialog::{Choice, Row};

@@ -1,4 +1,4 @@
-//! What actions do with an arm.
+//! Carries out actions on an arm.
 
 use std::sync::Arc;
 

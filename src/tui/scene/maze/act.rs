@@ -1,4 +1,4 @@
-//! What actions do in a maze.
+//! Carries out actions in a maze.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -143,7 +143,7 @@ impl MazeState {
         }
     }
 
-    /// Puts the goal where the user has clicked, and says where it is if that is a wall.
+    /// Puts the goal where the user has clicked, or near it with a notice if that is a wall.
     pub fn set_goal_by_click(&mut self, clicked: Cell, screen: &mut Screen, link: &mut Link) {
         self.set_goal(clicked, screen, link);
         let goal = self.goal;
@@ -199,7 +199,8 @@ impl MazeState {
         self.change_map(map, screen, link);
     }
 
-    /// Switches to `new`, an earlier or later map, and says so; or that there is `nothing`.
+    /// Switches to `new`, an earlier or later map, with a notice; without one, notifies that there
+    /// is `nothing`.
     fn step_through_edits(
         &mut self,
         new: Option<Arc<Grid>>,

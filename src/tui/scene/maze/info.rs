@@ -89,7 +89,7 @@ fn cell_facts(width: usize, maze: &MazeState) -> Line<'static> {
         .unwrap_or_else(|| Line::from(format!(" {place}: {what}")))
 }
 
-/// Says how many cells a dot of the map shows, if it shows several, in a long and a short form.
+/// Describes how many cells a dot of the map shows, if several, in a long and a short form.
 fn scaled_down_texts(screen: &Screen, layout: &ScreenLayout) -> [String; 2] {
     let cells = layout.map.as_ref().map_or(0.0, |map| match screen.picture_character() {
         Some(character) => 1.0 / (map.scale() * f32::from(character.0)),
@@ -100,7 +100,7 @@ fn scaled_down_texts(screen: &Screen, layout: &ScreenLayout) -> [String; 2] {
     if cells > 1.01 { [format!("{short} ({key} zooms in)"), short] } else { Default::default() }
 }
 
-/// Says how many steps are between contour lines, if they are shown.
+/// Describes the contour interval, if contour lines are shown.
 fn contour_text(screen: &Screen, layout: &ScreenLayout) -> String {
     let interval = layout.contour_interval.filter(|_| screen.theme.depth != ColourDepth::Mono);
     interval.map_or_else(String::new, |interval| format!(", a line every {interval:.0}"))

@@ -34,7 +34,7 @@ const CROSSED_WALL_SHARE: f32 = 0.65;
 /// The sign of a goal at the frontier.
 pub const FRONTIER_SIGN: char = '\u{25c6}';
 
-/// What the trail of the walking agent looks like without colours.
+/// The walking agent's trail without colours.
 pub const TRAIL_MARK: char = '\u{b7}';
 
 /// Draws the map and everything on it.

@@ -274,7 +274,7 @@ fn draw_directions(sheet: &mut Sheet, scale: &Scale, maze: &MazeState) {
     }
 }
 
-/// What changes from frame to frame.
+/// The parts that change from frame to frame.
 struct Moving<'a> {
     sheet: &'a mut Sheet,
     scale: &'a Scale,

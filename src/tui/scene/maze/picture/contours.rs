@@ -42,7 +42,7 @@ pub struct Known<'a> {
     pub field: &'a [f32],
     /// The values of a row.
     pub columns: usize,
-    /// What each value belongs to.
+    /// The kind of ground of each value.
     pub grounds: &'a [Ground],
 }
 

@@ -94,7 +94,7 @@ impl Scale {
     }
 }
 
-/// What the pixels of a cell show.
+/// The kind of ground that a cell's pixels show.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Plain,
