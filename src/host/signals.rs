@@ -124,7 +124,7 @@ impl TerminationSignal {
         self.number().map(|number| 128 + number as u8)
     }
 
-    /// Returns the pulse that tells trainers to stop when a signal arrives.
+    /// Returns the pulse that stops trainers on a signal.
     pub fn pulse(&self) -> &Pulse {
         &self.pulse
     }

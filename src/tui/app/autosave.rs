@@ -28,7 +28,7 @@ pub struct Autosave {
 }
 
 impl Autosave {
-    /// Saves every so many minutes from now on.
+    /// Creates autosaves at an interval in minutes, the first one interval from now.
     pub fn every(minutes: f64) -> Self {
         Self { minutes, since: Instant::now(), writing: None, written: None }
     }

@@ -57,7 +57,7 @@ enum QuitState {
 
 /// Where it saves.
 impl Saver {
-    /// Saves automatically every so many minutes.
+    /// Creates a saver to `files`; 0 minutes switch autosaves off.
     pub fn new(files: Files, autosave_minutes: f64) -> Self {
         let named = files.save.as_ref().map(|to| to.path().to_owned());
         Self {

@@ -19,7 +19,7 @@ impl Trainer {
         wanted && self.run.method.bridges()
     }
 
-    /// Returns whether update `now` takes up a bridge graph or starts to build one.
+    /// Returns whether update `now` activates a bridge graph or starts building one.
     pub(super) fn changes_graph_at(&self, now: u64) -> bool {
         let builds = now.is_multiple_of(self.run.settings.bridge.graph_every_updates);
         self.needs_graph() && (builds || self.graphs.is_due(now))
