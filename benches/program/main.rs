@@ -6,6 +6,7 @@
 
 mod baseline;
 mod cases;
+mod checkpoint;
 mod interface;
 mod time_to;
 
@@ -43,6 +44,8 @@ pub enum Part {
     TimeTo,
     /// What the interface costs
     Interface,
+    /// What a checkpoint consists of
+    Checkpoint,
     /// Single operations
     Other,
 }
@@ -59,6 +62,7 @@ struct Measurements {
     time_to_success: Vec<TimeToSuccess>,
     /// For each kind of screen.
     interface: Vec<InterfaceTimes>,
+    checkpoint: Option<CheckpointSize>,
     other: Vec<TimedOperation>,
 }
 
@@ -140,6 +144,26 @@ struct InterfaceTimes {
     slow_frame_us: f64,
 }
 
+/// A checkpoint's size as plain numbers and as stored, and the time to save and load it.
+#[derive(Debug, Serialize)]
+struct CheckpointSize {
+    map: &'static str,
+    updates: u64,
+    bytes: usize,
+    stored_bytes: usize,
+    save_ms: f64,
+    load_ms: f64,
+    parts: Vec<CheckpointPart>,
+}
+
+/// One part of a checkpoint.
+#[derive(Debug, Serialize)]
+struct CheckpointPart {
+    part: &'static str,
+    bytes: usize,
+    stored_bytes: usize,
+}
+
 /// Another timed operation.
 #[derive(Debug, Serialize)]
 struct TimedOperation {
@@ -218,6 +242,9 @@ fn measure(only: &[Part], threads: usize, runs: usize) -> Result<Measurements, R
         } else {
             Vec::new()
         },
+        checkpoint: wanted(Part::Checkpoint)
+            .then(|| checkpoint::measure(MAPS[0], threads))
+            .transpose()?,
         other: if wanted(Part::Other) { cases::other().into_diagnostic()? } else { Vec::new() },
     })
 }
@@ -248,6 +275,7 @@ impl Measurements {
         out += "\n";
         self.add_interface(&mut out);
         out += "\n";
+        self.add_checkpoint(&mut out);
         for t in &self.other {
             out += &format!("{:<56}{:>10.1} us{:>7} runs\n", t.what, t.us, t.runs);
         }
@@ -321,6 +349,19 @@ impl Measurements {
             *out += &format!("  {:<16}{ratio:.2} of that; a frame {frame:.1} ms", i.screen);
             *out += &format!(", 95th percentile {slow:.1} ms\n");
         }
+    }
+
+    fn add_checkpoint(&self, out: &mut String) {
+        let Some(c) = &self.checkpoint else { return };
+        let mb = |bytes: usize| bytes as f64 / 1e6;
+        *out += &format!("{}: checkpoint after {} updates, ", c.map, c.updates);
+        *out += &format!("saved in {:.0} ms, loaded in {:.0} ms\n", c.save_ms, c.load_ms);
+        let total = ("all", c.bytes, c.stored_bytes);
+        let parts = c.parts.iter().map(|part| (part.part, part.bytes, part.stored_bytes));
+        for (part, bytes, stored) in parts.chain([total]) {
+            *out += &format!("  {part:<36}{:>8.2} MB{:>8.2} MB stored\n", mb(bytes), mb(stored));
+        }
+        *out += "\n";
     }
 }
 

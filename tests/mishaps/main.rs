@@ -756,7 +756,8 @@ fn curves_evaluations_and_log_survive_resuming() {
 fn a_checkpoints_names_and_numbers_are_not_trusted() {
     let folder = folder();
     let path = checkpoint(folder.path());
-    let good = std::fs::read(&path).unwrap();
+    let packed = std::fs::read(&path).unwrap();
+    let good = train::unpacked(&packed).unwrap();
     std::fs::write(
         &path,
         with_updated_checksum(&good, |texts, _| {
@@ -770,14 +771,15 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
     assert_eq!(train::describe(&path).unwrap().title, "[2Jx");
     // The value for the first number of the tensor; `None` sets all bits of all numbers.
     for (tensor, number, expected) in [
-        ("graph.lengths", Some(f32::NAN), "impossible length"),
-        ("graph.lengths", Some(-5.0), "impossible length"),
+        ("graph.edges.distance", Some(f32::NAN), "impossible length"),
+        ("graph.edges.cost", Some(-5.0), "impossible length"),
         ("bridge.spacing", Some(0.0), "out of range"),
         ("bridge.spacing", Some(-1.0), "out of range"),
         ("bridge.states", Some(f32::INFINITY), "out of range"),
         ("critic0.dense", Some(f32::NAN), "non-finite"),
         ("actor.table", Some(f32::INFINITY), "non-finite"),
-        ("replay.states", Some(f32::NAN), "out of range"),
+        // The first state is not a number.
+        ("replay.steps", Some(0.0), "out of range"),
         ("replay.left", None, "out of range"),
         ("replay.episode", None, "out of range"),
         ("critic0.table_last", None, "in the future"),
@@ -813,6 +815,32 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
             outcome(&mut headless(folder.path(), &["--resume", "small.safetensors"]));
         assert!(status == 2 && !errors.contains('\x1b'), "{errors:?}");
     }
+}
+
+#[test]
+fn packed_arrays_that_lie_about_their_size_are_refused() {
+    let folder = folder();
+    let good = std::fs::read(checkpoint(folder.path())).unwrap();
+    for (change, expected) in [
+        (("count", serde_json::json!(u64::MAX)), "more than the"),
+        (("count", serde_json::json!(1_000)), "its actor.dense cannot be unpacked"),
+        (("type", serde_json::json!("u16")), "its actor.dense cannot be unpacked"),
+        (("type", serde_json::json!("i8")), "its packed cannot be read"),
+        (("prediction", serde_json::json!({"array": "model.dense"})), "is missing"),
+        (("prediction", serde_json::json!({"array": "actor.dense"})), "is missing"),
+    ] {
+        let bytes = with_updated_checksum(&good, |texts, _| {
+            let mut packed: serde_json::Value = serde_json::from_str(&texts["packed"]).unwrap();
+            packed["actor.dense"][change.0] = change.1.clone();
+            texts.insert("packed".to_owned(), packed.to_string());
+        });
+        let error = train::from_bytes(&bytes, &Registry::builtin(), 1).err();
+        let error = error.unwrap_or_else(|| panic!("{change:?} is accepted")).to_string();
+        assert!(error.contains(expected), "{change:?}: {error}");
+    }
+    let missing = with_updated_checksum(&good, |texts, _| drop(texts.remove("packed")));
+    let error = train::from_bytes(&missing, &Registry::builtin(), 1).err().unwrap().to_string();
+    assert!(error.contains("is missing"), "{error}");
 }
 
 #[test]

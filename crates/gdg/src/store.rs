@@ -21,6 +21,23 @@ pub enum Array {
     U64(Vec<u64>),
 }
 
+impl Array {
+    /// Returns the number of numbers.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F32(numbers) => numbers.len(),
+            Self::U16(numbers) => numbers.len(),
+            Self::U32(numbers) => numbers.len(),
+            Self::U64(numbers) => numbers.len(),
+        }
+    }
+
+    /// Returns whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
 /// Arrays and texts by name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Store {
@@ -164,4 +181,15 @@ impl Store {
         };
         serde_json::from_str(self.text(name)?).map_err(unreadable)
     }
+}
+
+/// Maps differences that are small, of either sign, to small numbers: 0, -1, 1, -2 ... to
+/// 0, 1, 2, 3 ...
+pub fn zigzag(difference: i64) -> u64 {
+    (difference << 1 ^ difference >> 63).cast_unsigned()
+}
+
+/// Reverses [`zigzag`].
+pub fn from_zigzag(number: u64) -> i64 {
+    (number >> 1).cast_signed() ^ -(number & 1).cast_signed()
 }

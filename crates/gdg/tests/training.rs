@@ -807,6 +807,76 @@ fn excursions_lead_to_the_frontier_and_go_on_after_a_resume() {
     train_to(&mut resumed, 20);
 }
 
+/// Returns a run's state as format 3 of checkpoints held it: pairs of edges, whole lines of tables,
+/// and states instead of steps.
+fn in_former_layout(run: &Trainer) -> Store {
+    let (mut arrays, texts) = run.save().unwrap().into_parts();
+    let mut former = Store::default();
+    for graph in ["graph", "next_graph"] {
+        let mut column = |part: &str| arrays.remove(&format!("{graph}.edges.{part}"));
+        if let [Some(Array::U32(from)), Some(Array::U32(to))] = [column("from"), column("to")]
+            && let [Some(Array::F32(distances)), Some(Array::F32(costs))] =
+                [column("distance"), column("cost")]
+        {
+            let ends = from.iter().zip(&to).flat_map(|(from, to)| [*from, *to]);
+            former.put(format!("{graph}.ends"), ends.collect::<Vec<_>>());
+            let lengths = distances.iter().zip(&costs).flat_map(|(d, cost)| [*d, *cost]);
+            former.put(format!("{graph}.lengths"), lengths.collect::<Vec<_>>());
+        }
+    }
+    for network in ["actor", "critic0", "critic1", "model"] {
+        let mut row = |part: &str| match arrays.remove(&format!("{network}.table{part}")) {
+            Some(Array::F32(numbers)) => Some(numbers),
+            _ => None,
+        };
+        let value = row("").expect("a grid table");
+        let average = row("_average").unwrap_or_else(|| value.clone());
+        let rows = [value, average, row("_m").unwrap(), row("_v").unwrap()];
+        let channels = run.run().settings.learn.grid_channels;
+        let corners = rows[0].len() / channels;
+        let line = |i: usize| rows.iter().flat_map(move |r| &r[i * channels..(i + 1) * channels]);
+        let lines: Vec<f32> = (0..corners).flat_map(line).copied().collect();
+        former.put(format!("{network}.table"), lines);
+        if network == "model" {
+            former.put("model.table_last", vec![0_u32; corners]);
+        }
+    }
+    arrays.retain(|name, _| !name.starts_with("replay.steps"));
+    former.put("replay.states", run.replay().snapshot().states);
+    arrays.into_iter().for_each(|(name, array)| former.put(name, array));
+    texts.into_iter().for_each(|(name, text)| former.put_text(name, text));
+    former
+}
+
+#[test]
+fn runs_saved_in_the_former_layout_continue_bit_by_bit() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 350);
+    let former = in_former_layout(&run);
+    assert!(former.has("graph.ends") && former.has("critic0.table_last"), "{:?}", former.texts());
+    let mut resumed = Trainer::load(&former, &Registry::builtin(), 1).unwrap();
+    assert_same(&run, &resumed);
+    train_to(&mut run, 500);
+    train_to(&mut resumed, 500);
+    assert_same(&run, &resumed);
+}
+
+#[test]
+fn a_checkpoint_file_restores_every_bit_and_can_be_read_unpacked() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 350);
+    let folder = tempfile::tempdir().unwrap();
+    let path =
+        train::save(&run, &SaveTo::CreateNew(folder.path().join("run.safetensors"))).unwrap();
+    let bytes = std::fs::read(path).unwrap();
+    let plain = train::unpacked(&bytes).unwrap();
+    assert!(3 * bytes.len() < 2 * plain.len(), "{} of {} bytes", bytes.len(), plain.len());
+    assert_eq!(train::unpacked(&plain).unwrap().len(), plain.len());
+    for bytes in [bytes, plain] {
+        assert_same(&run, &train::from_bytes(&bytes, &Registry::builtin(), 1).unwrap());
+    }
+}
+
 #[test]
 fn what_was_explored_stays_explored_after_an_edit() {
     let mut run = trainer(settings(), 5, 1);

@@ -71,24 +71,47 @@ pub struct GraphState {
 }
 
 impl GraphState {
-    /// Writes the state to `store` under names that start with `prefix`.
+    /// Writes the state to `store` under names that start with `prefix`: each kind of number on its
+    /// own, which packs better.
     pub fn write(self, store: &mut Store, prefix: &str) {
         self.candidates.write(store, prefix);
-        store.put(format!("{prefix}.ends"), self.ends);
-        store.put(format!("{prefix}.lengths"), self.lengths);
+        let column = |part: &str| format!("{prefix}.edges.{part}");
+        let of_ends = |i| self.ends.iter().skip(i).step_by(2).copied().collect::<Vec<_>>();
+        let of_lengths = |i| self.lengths.iter().skip(i).step_by(2).copied().collect::<Vec<_>>();
+        store.put(column("from"), of_ends(0));
+        store.put(column("to"), of_ends(1));
+        store.put(column("distance"), of_lengths(0));
+        store.put(column("cost"), of_lengths(1));
     }
 
     /// Reads the state that [`Self::write`] wrote.
     ///
     /// # Errors
-    /// Returns an error if a part is missing or has the wrong type.
+    /// Returns an error if a part is missing or has the wrong type or length.
     pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
-        Ok(Self {
-            candidates: CandidatesState::read(store, prefix)?,
-            ends: store.u32(&format!("{prefix}.ends"))?.to_vec(),
-            lengths: store.f32(&format!("{prefix}.lengths"))?.to_vec(),
-        })
+        let candidates = CandidatesState::read(store, prefix)?;
+        let pairs = format!("{prefix}.ends");
+        if store.has(&pairs) {
+            // Older formats hold pairs.
+            let (ends, lengths) = (store.u32(&pairs)?, store.f32(&format!("{prefix}.lengths"))?);
+            return Ok(Self { candidates, ends: ends.to_vec(), lengths: lengths.to_vec() });
+        }
+        let column = |part: &str| format!("{prefix}.edges.{part}");
+        let ends = joined(store.u32(&column("from"))?, store.u32(&column("to"))?);
+        let lengths = joined(store.f32(&column("distance"))?, store.f32(&column("cost"))?);
+        let (Some(ends), Some(lengths)) = (ends, lengths) else {
+            return Err(StoreError::inconsistent(format!(
+                "the parts of its {prefix}.edges have different lengths"
+            )));
+        };
+        Ok(Self { candidates, ends, lengths })
     }
+}
+
+/// Returns the pairs of two columns, one after the other, if these have the same length.
+fn joined<T: Copy>(first: &[T], second: &[T]) -> Option<Vec<T>> {
+    let pairs = || first.iter().zip(second).flat_map(|(a, b)| [*a, *b]).collect();
+    (first.len() == second.len()).then(pairs)
 }
 
 /// Cost multiplier of a demoted edge.

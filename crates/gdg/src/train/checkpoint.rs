@@ -3,10 +3,12 @@
 //!
 //! Tensors hold the networks (with optimiser moments and averaged weights), the replay buffer and
 //! the bridge candidates. The metadata holds the run, its world (a map as plain ASCII), counters,
-//! RNG states and history as JSON, and a checksum over everything. This module moves the store of
+//! RNG states and history as JSON, and a checksum over everything. Arrays are packed without loss;
+//! [`unpacked`] gives a file with plain tensors. This module moves the store of
 //! [`Trainer::save`] and [`Trainer::load`] to and from a file.
 
 mod content;
+mod packed;
 
 use std::collections::BTreeMap;
 use std::fs::Metadata;
@@ -25,8 +27,8 @@ use super::score::Success;
 use super::trainer::{LEARNED, Trainer, TrainerState};
 use crate::files::{self, Format, Mismatch, Wanted};
 use crate::text::{safe_file_name, sanitized, truncated};
-pub use content::with_updated_checksum;
-use content::{ContentError, MAX_HEADER_BYTES, texts_from_start};
+pub use content::{ContentError, unpacked, with_updated_checksum};
+use content::{MAX_HEADER_BYTES, texts_from_start};
 
 /// Maximum length of a displayed reason, in characters: it may quote the file.
 const MAX_REASON_CHARS: usize = 400;
@@ -113,7 +115,7 @@ pub fn is_checkpoint(path: &Path) -> bool {
 pub fn examine(path: &Path, registry: &Registry) -> Result<Description, CheckpointError> {
     let found = describe(path)?;
     let bytes = read(path).map_err(|problem| unreadable(path, &problem))?;
-    content::from_bytes(&bytes).map_err(|e| unreadable(path, &e.to_string()))?;
+    content::from_bytes(&bytes, most_bytes()).map_err(|e| unreadable(path, &e.to_string()))?;
     if registry.world(&found.world).is_none() {
         return Err(unreadable(
             path,
@@ -136,9 +138,15 @@ fn read_start(path: &Path) -> std::io::Result<(Vec<u8>, Metadata)> {
     Ok((start, facts))
 }
 
-/// Reads a whole checkpoint. The contents are briefly held twice, as bytes and as numbers.
+/// Reads a whole checkpoint.
 fn read(path: &Path) -> Result<Vec<u8>, String> {
-    files::read(path, memory::available_bytes() / 3).map_err(|e| format!("cannot be read: {e}"))
+    files::read(path, most_bytes()).map_err(|e| format!("cannot be read: {e}"))
+}
+
+/// Returns the largest size for which there is memory: contents are briefly held twice, as bytes
+/// and as numbers.
+fn most_bytes() -> u64 {
+    memory::available_bytes() / 3
 }
 
 /// Returns the error about a file that is no checkpoint: what else it is if that is known, else
@@ -287,7 +295,7 @@ fn write(to: &SaveTo, bytes: &[u8]) -> std::io::Result<PathBuf> {
         if is_foreign(path) {
             return Ok::<_, std::io::Error>(None);
         }
-        files::write_verified(path, bytes, |found| content::from_bytes(found).is_ok())?;
+        files::write_verified(path, bytes, |found| content::from_bytes(found, u64::MAX).is_ok())?;
         FileIdentity::record(path, FileFacts::of(path), contents);
         Ok(Some(path.clone()))
     };
@@ -364,5 +372,5 @@ pub fn from_bytes(
     registry: &Arc<Registry>,
     threads: usize,
 ) -> Result<Trainer, LoadError> {
-    Ok(Trainer::load(&content::from_bytes(bytes)?, registry, threads)?)
+    Ok(Trainer::load(&content::from_bytes(bytes, most_bytes())?, registry, threads)?)
 }

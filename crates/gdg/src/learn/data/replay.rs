@@ -1,9 +1,12 @@
 //! The replay buffer: every agent's transitions, in order.
 
+mod state;
+
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::store::{Store, StoreError};
+use crate::store::StoreError;
+pub use state::ReplayState;
 
 /// Draws of a recent moment before giving up.
 const RECENT_DRAWS: usize = 8;
@@ -55,50 +58,6 @@ pub struct Moment {
     pub agent: usize,
     /// The number of its slot, counted from the start of training.
     pub slot: u64,
-}
-
-/// A replay's contents as plain numbers, for checkpoints.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ReplayState {
-    /// Total number of slots written by each agent.
-    pub written: Vec<u64>,
-    /// Number of the first slot of each agent's current episode.
-    pub episode: Vec<u64>,
-    /// `(slots, state_dim)`: each agent's slots, oldest first, one agent after the other.
-    pub states: Vec<f32>,
-    /// `(slots, action_dim)`.
-    pub actions: Vec<f32>,
-    /// `(slots, goal_dim)`.
-    pub goals: Vec<f32>,
-    /// Steps from each slot to the end of its episode, for episodes that have ended.
-    pub left: Vec<u16>,
-}
-
-impl ReplayState {
-    /// Writes the state to `store`.
-    pub fn write(self, store: &mut Store) {
-        store.put("replay.written", self.written);
-        store.put("replay.episode", self.episode);
-        store.put("replay.states", self.states);
-        store.put("replay.actions", self.actions);
-        store.put("replay.goals", self.goals);
-        store.put("replay.left", self.left);
-    }
-
-    /// Reads the state that [`Self::write`] wrote.
-    ///
-    /// # Errors
-    /// Returns an error if a part is missing or has the wrong type.
-    pub fn read(store: &Store) -> Result<Self, StoreError> {
-        Ok(Self {
-            written: store.u64("replay.written")?.to_vec(),
-            episode: store.u64("replay.episode")?.to_vec(),
-            states: store.f32("replay.states")?.to_vec(),
-            actions: store.f32("replay.actions")?.to_vec(),
-            goals: store.f32("replay.goals")?.to_vec(),
-            left: store.u16("replay.left")?.to_vec(),
-        })
-    }
 }
 
 /// Largest magnitude of a component of a stored state or goal: sums of squares beyond it may

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::learn::networks::dense::{Dense, DenseGuard, NetworkState};
 use crate::learn::networks::grid::{GridShape, TableView};
 use crate::learn::networks::mlp::{Mlp, Packed};
-use crate::learn::networks::table::{Table, TableGuard};
+use crate::learn::networks::table::{MOMENT, Table, TableGuard};
 
 /// A network's weights as slices, for the kernels.
 #[derive(Clone, Copy)]
@@ -152,6 +152,7 @@ impl Network {
         steps: u64,
         mut find: impl FnMut(&str) -> Option<Vec<f32>>,
     ) -> Result<()> {
+        let whole_lines = find(MOMENT).is_none();
         let mut fill = |name: &str, into: &mut [f32]| match find(name) {
             Some(values) if values.len() == into.len() => {
                 into.copy_from_slice(&values);
@@ -161,7 +162,7 @@ impl Network {
             None => bail!("{name} is missing"),
         };
         self.dense.restore(steps, &mut fill)?;
-        self.table.as_ref().map_or(Ok(()), |table| table.restore(steps, &mut fill))
+        self.table.as_ref().map_or(Ok(()), |table| table.restore(steps, whole_lines, &mut fill))
     }
 
     /// Returns the number of updates done.

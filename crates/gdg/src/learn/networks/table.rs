@@ -13,6 +13,13 @@ use crate::learn::networks::touched::TouchedCorners;
 /// that is one cache line, so a corner costs one cache miss instead of four.
 const ROWS: usize = 4;
 
+/// Names of the state's parts: the rows, and the updates as of which averages are stored.
+const VALUE: &str = "table";
+const AVERAGE: &str = "table_average";
+pub(super) const MOMENT: &str = "table_m";
+const ROW_NAMES: [&str; ROWS] = [VALUE, AVERAGE, MOMENT, "table_v"];
+const LAST: &str = "table_last";
+
 /// A table with its training state.
 #[derive(Debug)]
 pub struct Table {
@@ -169,34 +176,68 @@ impl Table {
         })
     }
 
-    /// Returns the full training state: the lines, and the updates as of which averages are stored
-    /// (as the bits of floats).
+    /// Returns the full training state: the rows, and the updates as of which averages are stored
+    /// (as the bits of floats). A table without an average needs neither averages nor these.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn state(&self) -> Result<NetworkState> {
         let guard = self.lock();
-        let last = guard.training.stored.iter().map(|last| f32::from_bits(*last)).collect();
-        Ok(vec![("table", slice(&guard.lines)?.to_vec()), ("table_last", last)])
+        let lines = slice(&guard.lines)?;
+        let mut state = NetworkState::new();
+        for (row, name) in ROW_NAMES.into_iter().enumerate() {
+            if self.has_row(name) {
+                let numbers = lines.chunks_exact(self.channels).skip(row).step_by(ROWS);
+                state.push((name, numbers.flatten().copied().collect()));
+            }
+        }
+        if !self.decay.is_empty() {
+            let last = guard.training.stored.iter().map(|last| f32::from_bits(*last)).collect();
+            state.push((LAST, last));
+        }
+        Ok(state)
     }
 
     /// Restores the state that [`Self::state`] returned after `done` updates, read through `fill`.
+    /// Older versions stored whole lines as `table`; `whole_lines` says so.
     ///
     /// # Errors
     /// Returns the error of `fill`, or candle's error if a tensor operation fails.
-    pub fn restore(&self, done: u64, fill: FillFn) -> Result<()> {
+    pub fn restore(&self, done: u64, whole_lines: bool, fill: FillFn) -> Result<()> {
         let TrainingState { steps, stored, .. } = &mut *self.training.write();
         let mut result = Ok(());
-        modify(&self.lines, |lines| result = fill("table", lines))?;
+        modify(&self.lines, |lines| {
+            result = if whole_lines { fill(VALUE, lines) } else { self.restore_rows(lines, fill) };
+        })?;
         result?;
-        let mut last = vec![0.0; stored.len()];
-        fill("table_last", &mut last)?;
-        if last.iter().any(|last| u64::from(last.to_bits()) > done) {
-            bail!("table_last contains updates in the future");
+        if !self.decay.is_empty() {
+            let mut last = vec![0.0; stored.len()];
+            fill(LAST, &mut last)?;
+            if last.iter().any(|last| u64::from(last.to_bits()) > done) {
+                bail!("{LAST} contains updates in the future");
+            }
+            *stored = last.into_iter().map(f32::to_bits).collect();
         }
-        *stored = last.into_iter().map(f32::to_bits).collect();
         *steps = done;
         Ok(())
+    }
+
+    fn restore_rows(&self, lines: &mut [f32], fill: FillFn) -> Result<()> {
+        let mut numbers = vec![0.0; lines.len() / ROWS];
+        for (row, name) in ROW_NAMES.into_iter().enumerate() {
+            if self.has_row(name) {
+                fill(name, &mut numbers)?;
+            }
+            let to = lines.chunks_exact_mut(self.channels).skip(row).step_by(ROWS);
+            to.zip(numbers.chunks_exact(self.channels))
+                .for_each(|(to, row)| to.copy_from_slice(row));
+        }
+        Ok(())
+    }
+
+    /// Returns whether this row is part of the state.
+    fn has_row(&self, name: &str) -> bool {
+        name != AVERAGE || !self.decay.is_empty()
     }
 }
 

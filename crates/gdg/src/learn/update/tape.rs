@@ -153,8 +153,8 @@ impl Tape {
     ) -> Result<()> {
         for (network, trained) in networks.zip(&self.networks) {
             let state = trained.state(steps)?;
-            let mut state: std::collections::HashMap<_, _> = state.into_iter().collect();
-            network.restore(steps, |part| state.remove(part))?;
+            let state: std::collections::HashMap<_, _> = state.into_iter().collect();
+            network.restore(steps, |part| state.get(part).cloned())?;
         }
         Ok(())
     }
@@ -179,16 +179,15 @@ impl TapeNetwork {
         };
         let table = match network.table() {
             Some(lines) => {
-                let (corners, rows, channels) = lines.dims3()?;
-                let lines = numbers("table")?.reshape((corners, rows, channels))?;
-                let row = |i: usize| lines.narrow(1, i, 1)?.squeeze(1)?.contiguous();
+                let (corners, _, channels) = lines.dims3()?;
+                let row = |name: &str| numbers(name)?.reshape((corners, channels));
                 let average =
                     Tensor::from_slice(&table_average, (corners, channels), &Device::Cpu)?;
                 let average = averaged.then_some(average);
                 Some(TapeParameters {
-                    values: Var::from_tensor(&row(0)?)?,
-                    m: row(2)?,
-                    v: row(3)?,
+                    values: Var::from_tensor(&row("table")?)?,
+                    m: row("table_m")?,
+                    v: row("table_v")?,
                     average,
                 })
             }
@@ -215,12 +214,14 @@ impl TapeNetwork {
             state.push(("dense_average", numbers(average)?));
         }
         if let Some(TapeParameters { values, m, v, average }) = &self.table {
-            let average = average.as_ref().unwrap_or(values.as_tensor());
-            state.push((
-                "table",
-                numbers(&Tensor::stack(&[values.as_tensor(), average, m, v], 1)?)?,
-            ));
-            state.push(("table_last", vec![f32::from_bits(steps as u32); values.dim(0)?]));
+            let rows = [("table", values.as_tensor()), ("table_m", m), ("table_v", v)];
+            for (name, row) in rows {
+                state.push((name, numbers(row)?));
+            }
+            if let Some(average) = average {
+                state.push(("table_average", numbers(average)?));
+                state.push(("table_last", vec![f32::from_bits(steps as u32); values.dim(0)?]));
+            }
         }
         Ok(state)
     }

@@ -1,10 +1,12 @@
-//! The bytes of a checkpoint: a store in safetensors format with a checksum.
+//! The bytes of a checkpoint: a store in safetensors format with a checksum. Arrays that get
+//! shorter by it are packed (see [`super::packed`]) and stored as tensors of bytes.
 
 use std::collections::{BTreeMap, HashMap};
 
 use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
 use serde::Deserialize;
 
+use super::packed::{PackedError, Packer, Packing};
 use crate::store::{Array, Store, StoreError};
 use crate::train::policy_file::POLICY_KEY;
 
@@ -12,14 +14,16 @@ use crate::train::policy_file::POLICY_KEY;
 const FORMAT_PREFIX: &str = "gdg-tui checkpoint ";
 
 /// Format name in the metadata. Format 1 had neither checksum nor history; formats 1 and 2 did not
-/// name the world.
-const FORMAT: &str = "gdg-tui checkpoint 3";
+/// name the world; formats 1 to 3 packed nothing.
+const FORMAT: &str = "gdg-tui checkpoint 4";
+const FORMAT_WITHOUT_PACKING: &str = "gdg-tui checkpoint 3";
 const FORMAT_WITHOUT_WORLD: &str = "gdg-tui checkpoint 2";
 const FORMAT_WITHOUT_CHECKSUM: &str = "gdg-tui checkpoint 1";
 
-/// Metadata keys of the format and the checksum.
+/// Metadata keys of the format, the checksum, and how each packed array is packed.
 const FORMAT_KEY: &str = "format";
 const CHECKSUM_KEY: &str = "checksum";
+const PACKED_KEY: &str = "packed";
 
 /// Maximum header size read, far above that of any checkpoint of this program.
 pub const MAX_HEADER_BYTES: u64 = 64 << 20;
@@ -53,6 +57,12 @@ pub enum ContentError {
     /// The contents do not match the checksum.
     #[error("is damaged: its checksum does not match its contents")]
     Damaged,
+    /// A packed array cannot be unpacked.
+    #[error(transparent)]
+    Packed(#[from] PackedError),
+    /// The packed arrays do not fit into memory: their size, and the largest possible one.
+    #[error("has {} MB when unpacked, more than the {} MB for which there is room", .0 >> 20, .1 >> 20)]
+    TooLarge(u64, u64),
     /// Contents are missing or invalid.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -64,8 +74,8 @@ struct Tensor {
     bytes: Vec<u8>,
 }
 
-impl From<Array> for Tensor {
-    fn from(array: Array) -> Self {
+impl From<&Array> for Tensor {
+    fn from(array: &Array) -> Self {
         let (dtype, bytes) = match array {
             Array::F32(v) => (Dtype::F32, v.iter().flat_map(|v| v.to_le_bytes()).collect()),
             Array::U16(v) => (Dtype::U16, v.iter().flat_map(|v| v.to_le_bytes()).collect()),
@@ -97,12 +107,23 @@ fn array(view: &TensorView) -> Option<Array> {
 /// The format cannot represent the store.
 pub fn to_bytes(store: Store) -> Result<Vec<u8>, ContentError> {
     let (arrays, mut texts) = store.into_parts();
+    let (mut packer, mut packings) = (Packer::default(), BTreeMap::new());
+    let mut tensors = BTreeMap::new();
+    for (name, array) in &arrays {
+        let tensor = match packer.pack(name, &arrays) {
+            Some((packing, bytes)) => {
+                packings.insert(name, packing);
+                Tensor { dtype: Dtype::U8, bytes }
+            }
+            None => array.into(),
+        };
+        tensors.insert(name.clone(), tensor);
+    }
+    let packings = serde_json::to_string(&packings).map_err(|_| ContentError::Header)?;
+    texts.insert(PACKED_KEY.to_owned(), packings);
     texts.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
     texts.insert(FORMAT_KEY.to_owned(), FORMAT.to_owned());
-    serialized_with_checksum(
-        &arrays.into_iter().map(|(name, array)| (name, array.into())).collect(),
-        texts,
-    )
+    serialized_with_checksum(&tensors, texts)
 }
 
 /// Serialises tensors and texts with a checksum over both.
@@ -147,11 +168,12 @@ fn checksum<'a>(
     format!("{:08x}", hasher.finalize())
 }
 
-/// Parses the bytes of a checkpoint file into a store.
+/// Parses the bytes of a checkpoint file into a store whose packed arrays take at most `most` bytes
+/// of memory.
 ///
 /// # Errors
-/// The bytes are not a valid checkpoint.
-pub fn from_bytes(bytes: &[u8]) -> Result<Store, ContentError> {
+/// The bytes are not a valid checkpoint, or it needs more memory.
+pub fn from_bytes(bytes: &[u8], most: u64) -> Result<Store, ContentError> {
     let texts = checked_texts(bytes, bytes.len() as u64)?;
     let tensors = SafeTensors::deserialize(bytes)?;
     if texts.get(FORMAT_KEY).is_some_and(|format| format != FORMAT_WITHOUT_CHECKSUM) {
@@ -168,13 +190,41 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Store, ContentError> {
         }
     }
     let mut store = Store::default();
-    for (name, view) in tensors.iter() {
-        if let Some(array) = array(&view) {
-            store.put(name, array);
-        }
-    }
-    texts.into_iter().for_each(|(name, text)| store.put_text(name, text));
+    unpacked_arrays(&tensors, texts.get(PACKED_KEY), most)?
+        .into_iter()
+        .for_each(|(name, array)| store.put(name, array));
+    let kept = texts.into_iter().filter(|(name, _)| name != PACKED_KEY);
+    kept.for_each(|(name, text)| store.put_text(name, text));
     Ok(store)
+}
+
+/// Returns the arrays in `tensors`, unpacked as the metadata say.
+fn unpacked_arrays(
+    tensors: &SafeTensors,
+    packings: Option<&String>,
+    most: u64,
+) -> Result<BTreeMap<String, Array>, ContentError> {
+    let unreadable = |e: serde_json::Error| StoreError::Unreadable {
+        name: PACKED_KEY.to_owned(),
+        why: e.to_string(),
+    };
+    let packings: BTreeMap<String, Packing> = packings
+        .map_or(Ok(BTreeMap::new()), |text| serde_json::from_str(text))
+        .map_err(unreadable)?;
+    let bytes = packings.values().map(Packing::unpacked_bytes).fold(0, u64::saturating_add);
+    if bytes > most {
+        return Err(ContentError::TooLarge(bytes, most));
+    }
+    let views: BTreeMap<_, _> = tensors.iter().collect();
+    let mut arrays = BTreeMap::new();
+    for (name, view) in views {
+        let found = match packings.get(name) {
+            Some(packing) => Some(packing.unpack(name, view.data(), &arrays)?),
+            None => array(&view),
+        };
+        found.map(|array| arrays.insert(name.to_owned(), array));
+    }
+    Ok(arrays)
 }
 
 /// Parses the texts of a checkpoint of `size` bytes from its start, which contains the header; the
@@ -261,7 +311,8 @@ fn texts_of(
                 "a safetensors file of another program"
             })
         })?;
-    if [FORMAT, FORMAT_WITHOUT_WORLD, FORMAT_WITHOUT_CHECKSUM].contains(&format.as_str()) {
+    let known = [FORMAT, FORMAT_WITHOUT_PACKING, FORMAT_WITHOUT_WORLD, FORMAT_WITHOUT_CHECKSUM];
+    if known.contains(&format.as_str()) {
         return Ok(texts);
     }
     let version = texts.get("version").map_or("unknown", String::as_str).to_owned();
@@ -282,4 +333,16 @@ pub fn with_updated_checksum(bytes: &[u8]) -> Option<Vec<u8>> {
         texts,
     )
     .ok()
+}
+
+/// Returns the checkpoint with all arrays as plain tensors, for other programs and for tests; it
+/// can be loaded too.
+///
+/// # Errors
+/// The bytes are not a valid checkpoint.
+pub fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, ContentError> {
+    let (arrays, mut texts) = from_bytes(bytes, u64::MAX)?.into_parts();
+    texts.remove(CHECKSUM_KEY);
+    let tensors = arrays.iter().map(|(name, array)| (name.clone(), array.into())).collect();
+    serialized_with_checksum(&tensors, texts)
 }
