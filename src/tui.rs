@@ -81,6 +81,7 @@ pub use config::{
 };
 pub use export::{PageColours, picture_of, png_of};
 use gdg::engine::Engine;
+use gdg::learn::Threads;
 use gdg::map;
 use gdg::train::{Limits, Registry, Trainer};
 use gdg::viewer::Viewer;
@@ -196,10 +197,10 @@ fn is_first_run() -> bool {
 ///
 /// # Errors
 /// The run needs more memory than is left.
-pub fn prepare_tour(threads: Option<u16>, registry: &Arc<Registry>) -> Result<Trainer, Report> {
+pub fn prepare_tour(threads: Threads, registry: &Arc<Registry>) -> Result<Trainer, Report> {
     let run = app::tour_run();
     let maze = setup::open_maze(Path::new(app::TOUR_MAP), &run, registry)?;
-    setup::begin(run, &maze, registry, setup::threads(threads))
+    setup::begin(run, &maze, registry, threads)
 }
 
 /// Runs the trainer with the guided tour and returns the exit status.

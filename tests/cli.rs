@@ -176,8 +176,11 @@ fn without_times(mut records: Vec<Value>) -> Vec<Value> {
 fn the_same_seed_prints_the_same_records_on_any_number_of_threads() {
     let args = ["trap", "--seed", "9", "--max-updates", "1200", "--eval-tasks", "2"];
     let once = without_times(run(&[&args[..], &["--threads", "1"]].concat()));
-    let again = without_times(run(&[&args[..], &["--threads", "2"]].concat()));
-    assert_eq!(once, again);
+    for (threads, reported) in [("2", Value::from(2)), ("auto", "auto".into())] {
+        let again = run(&[&args[..], &["--threads", threads]].concat());
+        assert_eq!(again[0]["threads"], reported);
+        assert_eq!(once, without_times(again), "{threads}");
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod baseline;
 mod cases;
 mod checkpoint;
 mod interface;
+mod loads;
 mod time_to;
 
 use std::fmt::Display;
@@ -20,7 +21,7 @@ use serde::Serialize;
 
 use gdg::text::counted;
 use gdg::train::TrainError;
-use gdg_tui::host::setup;
+use gdg_tui::host::setup::parallel_jobs;
 
 /// Shapes at which updates are measured: batch and width.
 const SHAPES: [(usize, usize); 4] = [(64, 64), (64, 128), (64, 256), (256, 256)];
@@ -40,6 +41,8 @@ pub enum Part {
     Default,
     /// Updates per second on built-in maps
     Training,
+    /// Threads beside other programs
+    Loads,
     /// Time to a success rate
     TimeTo,
     /// What the interface costs
@@ -59,6 +62,7 @@ struct Measurements {
     updates: Vec<UpdateTimes>,
     default_update: Option<DefaultUpdateTimes>,
     default_preset: Vec<DefaultTimes>,
+    loads: Vec<LoadTimes>,
     time_to_success: Vec<TimeToSuccess>,
     /// For each kind of screen.
     interface: Vec<InterfaceTimes>,
@@ -106,6 +110,21 @@ struct DefaultTimes {
     one_thread: f64,
     all_threads: f64,
     phases: Vec<PhaseTimes>,
+}
+
+/// Training beside a load of all cores but one, in updates per second.
+#[derive(Debug, Serialize)]
+struct LoadTimes {
+    load: &'static str,
+    /// Whether it has the lower priority of training in the interface.
+    lowered: bool,
+    runs: usize,
+    /// On one thread, on all threads, and on an automatic number of them.
+    one: f64,
+    fixed: f64,
+    auto: f64,
+    /// Speed of the automatic number, as a share of that of the best fixed one.
+    ratio: f64,
 }
 
 /// Training from scratch until planned success first reaches a rate, for each seed; null if it
@@ -207,7 +226,7 @@ fn main() -> Result<(), Report> {
         std::process::exit(status.code().unwrap_or(1));
     }
     let args = Args::parse();
-    let found = measure(&args.only, setup::threads(args.threads), args.runs.into())?;
+    let found = measure(&args.only, parallel_jobs(args.threads), args.runs.into())?;
     let text = if args.json {
         serde_json::to_string_pretty(&found).into_diagnostic()? + "\n"
     } else {
@@ -234,6 +253,11 @@ fn measure(only: &[Part], threads: usize, runs: usize) -> Result<Measurements, R
         default_preset: of_maps(wanted(Part::Training), &|map| {
             cases::default_preset(map, threads, runs)
         })?,
+        loads: if wanted(Part::Loads) {
+            loads::measure(threads, runs).into_diagnostic()?
+        } else {
+            Vec::new()
+        },
         time_to_success: of_maps(wanted(Part::TimeTo), &|map| {
             time_to::measure(map, threads, runs)
         })?,
@@ -270,6 +294,7 @@ impl Measurements {
         let mut out = format!("multiply-add peak of one core: {:.0} GFLOP/s\n\n", self.peak_gflops);
         self.add_updates(&mut out);
         self.add_default_preset(&mut out);
+        self.add_loads(&mut out);
         out += "\n";
         self.add_times_to_success(&mut out);
         out += "\n";
@@ -317,6 +342,21 @@ impl Measurements {
                 let (one, all) = (p.one_thread_us, p.all_threads_us);
                 *out += &format!("  {:<36}{one:>8.1} us{all:>8.1} us\n", p.phase);
             }
+        }
+    }
+
+    fn add_loads(&self, out: &mut String) {
+        if let Some(first) = self.loads.first() {
+            let (on_threads, runs) = (self.on_threads(), first.runs);
+            *out +=
+                "\nfour rooms without bridges beside another program: updates/s on one thread, ";
+            *out +=
+                &format!("{on_threads}, an automatic number, ratio to the best ({runs} runs)\n");
+        }
+        for LoadTimes { load, lowered, one, fixed, auto, ratio, .. } in &self.loads {
+            let what =
+                format!("other cores {load}{}", if *lowered { ", low priority" } else { "" });
+            *out += &format!("  {what:<46}{one:>8.0}{fixed:>8.0}{auto:>8.0}{ratio:>8.2}\n");
         }
     }
 

@@ -6,8 +6,9 @@ use clap::Args;
 
 use super::ScreenArgs;
 use super::method::MethodParser;
-use super::values::counts;
+use super::values::{counts, parse_threads};
 use crate::tui::ComparisonOptions;
+use gdg::learn::Threads;
 use gdg::train::Method;
 
 const EXAMPLES: &str = "\
@@ -46,10 +47,10 @@ pub struct CompareArgs {
     #[arg(long, value_name = "[A:|B:]NAME=VALUE")]
     pub set: Vec<String>,
 
-    /// Threads per side; results do not depend on their number [default: half of this machine's
-    /// cores]
-    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
-    pub threads: Option<u16>,
+    /// Threads that share each update of a side: a number, or auto for as many as make it faster at
+    /// the moment, up to half of this machine's cores; results do not depend on it
+    #[arg(long, value_name = "N", default_value = "auto", value_parser = parse_threads)]
+    pub threads: Threads,
 
     /// Options of what is shown and recorded.
     #[command(flatten)]

@@ -3,7 +3,8 @@
 use clap::Args;
 
 use super::ScreenArgs;
-use super::values::counts;
+use super::values::parse_threads;
+use gdg::learn::Threads;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -19,9 +20,10 @@ Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct TourArgs {
-    /// Threads per update; results do not depend on their number [default: this machine's cores]
-    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
-    pub threads: Option<u16>,
+    /// Threads that share each update: a number, or auto for as many as make it faster at the moment,
+    /// up to this machine's cores; results do not depend on it
+    #[arg(long, value_name = "N", default_value = "auto", value_parser = parse_threads)]
+    pub threads: Threads,
 
     /// Options of what is shown and recorded.
     #[command(flatten)]

@@ -7,10 +7,13 @@ use clap::Args;
 use super::RunArgs;
 #[cfg(feature = "tui")]
 use super::screen::InterfaceArgs;
-use super::values::{counts, edits, output, parse_minutes, parse_seconds, parse_share};
+use super::values::{
+    counts, edits, output, parse_minutes, parse_seconds, parse_share, parse_threads,
+};
 use crate::headless;
 use crate::host::logging::LogLevel;
 use crate::host::setup::{EditAt, Request};
+use gdg::learn::Threads;
 use gdg::train::Limits;
 
 /// The map to train on unless another is given.
@@ -71,9 +74,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     pub scen: Option<PathBuf>,
 
-    /// Threads per update; results do not depend on their number [default: this machine's cores]
-    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
-    pub threads: Option<u16>,
+    /// Threads that share each update: a number, or auto for as many as make it faster at the moment,
+    /// up to this machine's cores; results do not depend on it
+    #[arg(long, value_name = "N", default_value = "auto", value_parser = parse_threads)]
+    pub threads: Threads,
 
     /// Save checkpoints to this file during training and at the end, or beside it if it belongs to
     /// another run

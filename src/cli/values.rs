@@ -8,6 +8,7 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap_lex::OsStrExt as _;
 
 use crate::host::setup::EditAt;
+use gdg::learn::Threads;
 use gdg::text::{NumberError, parse_count, parse_real};
 
 /// Returns the parser of a count within `range`, as people write them: 60000, 60_000, 60,000, 6e4.
@@ -48,6 +49,15 @@ fn parse_edit_at(text: &OsStr) -> Result<EditAt, String> {
     let updates = parse_count(&updates)
         .map_err(|error| format!("{updates:?} is not a number of updates: {error}"))?;
     Ok(EditAt { updates, file: PathBuf::from(file) })
+}
+
+/// Parses how many threads share an update.
+pub fn parse_threads(text: &str) -> Result<Threads, String> {
+    if text == "auto" {
+        return Ok(Threads::auto());
+    }
+    let number = counts::<usize>(1..=256)(text).map_err(|error| format!("{error}, or auto"))?;
+    Ok(Threads::Fixed(number))
 }
 
 /// Parses a time in seconds.

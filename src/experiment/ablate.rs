@@ -15,7 +15,7 @@ use super::suite::{any_failed, print};
 use super::world::JobWorld;
 use crate::host::maps::{find_map, warn};
 use crate::host::report::from_config_error;
-use crate::host::setup::{refuse_existing, refuse_input, threads};
+use crate::host::setup::{parallel_jobs, refuse_existing, refuse_input};
 use crate::host::status::EXIT_FAILURE;
 use gdg::files::{check_writable, write_atomically};
 use gdg::map::Grid;
@@ -175,7 +175,7 @@ pub fn run(options: &Options, registry: &Arc<Registry>) -> Result<u8, Report> {
     let folder = Folder::new(&options.out);
     folder.check_writable(&["jobs/NAME.json"])?;
     let jobs = runs.iter().map(|(_, job)| job);
-    let outcome = Runner::run_open(&folder, registry, jobs, threads(options.jobs), false)?;
+    let outcome = Runner::run_open(&folder, registry, jobs, parallel_jobs(options.jobs), false)?;
     // This reports which.
     any_failed(&outcome);
     let result = |(case, job): &(&Case, Job)| {

@@ -26,7 +26,7 @@ use super::runner::Runner;
 use super::suite::{any_failed, print, print_raw};
 use super::world::JobWorld;
 use crate::host::report::from_config_error;
-use crate::host::setup::{settings_of, split_prefix, threads};
+use crate::host::setup::{parallel_jobs, settings_of, split_prefix};
 use crate::host::status::EXIT_FAILURE;
 pub use figures::{Budget, FIGURES, Figure};
 use gdg::printing::eprint_line;
@@ -215,7 +215,7 @@ impl Reproduction<'_> {
             return self.draw();
         }
         let jobs = self.chosen()?.into_iter();
-        let (parallel, keep) = (threads(self.options.jobs), self.options.keep);
+        let (parallel, keep) = (parallel_jobs(self.options.jobs), self.options.keep);
         let outcome = Runner::run_open(&self.folder, &self.registry, jobs, parallel, keep)?;
         let failed = any_failed(&outcome);
         if let Some(status) = outcome.interrupted {

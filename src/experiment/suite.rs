@@ -15,7 +15,7 @@ use super::table::{Row, table};
 use super::world::JobWorld;
 use crate::host::maps::{find_map, warn};
 use crate::host::report::from_map_error;
-use crate::host::setup::{self, RunChoice, threads};
+use crate::host::setup::{self, RunChoice, parallel_jobs};
 use crate::host::status::{EXIT_FAILURE, EXIT_NOT_REACHED};
 use gdg::env::maze;
 use gdg::files::{has_extension, is_hidden};
@@ -168,7 +168,7 @@ impl Suite<'_> {
         let chosen =
             |job: &&Job| self.options.job.is_empty() || self.options.job.contains(&job.name);
         let jobs = self.jobs().filter(chosen);
-        let (parallel, keep) = (threads(self.options.jobs), self.options.keep);
+        let (parallel, keep) = (parallel_jobs(self.options.jobs), self.options.keep);
         let outcome = Runner::run_open(&self.folder, &self.registry, jobs, parallel, keep)?;
         let rows = self.rows();
         let text = report(&self.groups, &rows, &self.folder);

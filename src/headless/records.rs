@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 
 use super::updates_per_second;
 use crate::host::setup::Setup;
-use gdg::learn::Losses;
+use gdg::learn::{Losses, Threads};
 use gdg::train::{
     BridgeFacts, DistanceError, EndReason, Evaluation, MarkedTask, Recovery, Score, Trainer,
     WorldChange,
@@ -28,7 +28,8 @@ pub enum Record {
         /// Settings that differ from the preset's.
         settings: Map<String, Value>,
         seed: u64,
-        threads: usize,
+        /// A number, or "auto".
+        threads: Value,
         updates: u64,
     },
     Progress {
@@ -92,7 +93,10 @@ impl Record {
             preset: run.preset.name(),
             settings: run.changed_settings(),
             seed: run.seed,
-            threads: setup.threads,
+            threads: match setup.threads {
+                Threads::Fixed(number) => number.into(),
+                Threads::Auto { .. } => "auto".into(),
+            },
             updates: setup.trainer.counters().updates,
         }
     }

@@ -13,6 +13,7 @@ use crate::host::report::{from_checkpoint_error, from_config_error, from_map_err
 use crate::host::runs::{self, SAVES};
 use gdg::env::{Environment, PointMaze, Restart};
 use gdg::files;
+use gdg::learn::Threads;
 use gdg::map::{self, Grid, MapError};
 use gdg::text::{safe_file_name, sanitized};
 use gdg::train::{
@@ -66,8 +67,8 @@ pub struct Request {
     pub edits: Vec<EditAt>,
     /// The scenario to evaluate on.
     pub scenario: Option<PathBuf>,
-    /// Threads per update; otherwise one a core.
-    pub threads: Option<u16>,
+    /// Threads that share the work of each update.
+    pub threads: Threads,
     /// The checkpoint to write.
     pub save: Option<PathBuf>,
     /// The table to write.
@@ -94,8 +95,8 @@ pub struct Setup {
     pub trainer: Trainer,
     /// Scheduled edits of the world.
     pub edits: Vec<Edit>,
-    /// Threads that share an update's work.
-    pub threads: usize,
+    /// Threads that share the work of each update.
+    pub threads: Threads,
     /// Limits of the run; seconds count from the start of training.
     pub limits: Limits,
     /// Where to save the run, if given.
@@ -173,7 +174,7 @@ pub fn run(
 /// # Errors
 /// A file or setting is invalid; the report is meant for the user.
 pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Report> {
-    let threads = threads(request.threads);
+    let threads = request.threads;
     // Checked before training: otherwise, what was learned might be impossible to save.
     let resumed = resumed_file(request, registry)?;
     let save = request
@@ -290,7 +291,7 @@ pub fn begin(
     run: Run,
     world: &dyn Environment,
     registry: &Arc<Registry>,
-    threads: usize,
+    threads: impl Into<Threads>,
 ) -> Result<Trainer, Report> {
     train::memory::check(&run, world, registry).map_err(|error| match error {
         TrainError::Memory { .. } | TrainError::AddressSpace { .. } => {
@@ -390,10 +391,9 @@ fn is_same_file(a: &Path, b: &Path) -> bool {
     a.is_file() && b.is_file() && same_file::is_same_file(a, b).unwrap_or(false)
 }
 
-/// Returns the requested number of threads, else the number of cores.
-pub fn threads(requested: Option<u16>) -> usize {
-    requested
-        .map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
+/// Returns the requested number of parallel jobs, else the number of cores.
+pub fn parallel_jobs(requested: Option<u16>) -> usize {
+    requested.map_or_else(|| Threads::auto().most(), usize::from)
 }
 
 /// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their

@@ -72,6 +72,8 @@ fn counts_are_accepted_as_people_write_them_or_it_is_said_how() {
         (&["--no-ui", "--edit-at", "1.5:x"], &["is not a number of updates", "whole number"]),
         (&["suite", "trap", "--budget", "1e20"], &["too large"]),
         (&["suite", "trap", "--jobs", "1e3"], &["from 1 to 256"]),
+        (&["--no-ui", "trap", "--threads", "0"], &["from 1 to 256, or auto"]),
+        (&["--no-ui", "trap", "--threads", "all"], &["whole number", "or auto"]),
         (
             &["--print-config", "--set", "batch_size=100.5"],
             &["batch_size needs a whole number, not 100.5"],

@@ -197,9 +197,9 @@ fn session() -> Session {
     Session::new(Schedule { evaluate, ..Schedule::default() })
 }
 
-/// Lowers the priority of this thread, and of those that it starts, so that the front end draws
-/// without delay. Only Linux has a priority per thread.
-fn lower_priority() {
+/// Lowers the priority of this thread, and of those that it starts, to that of training: the front
+/// end draws without delay. Only Linux has a priority per thread.
+pub fn lower_priority() {
     #[cfg(target_os = "linux")]
     if let Err(error) = rustix::process::nice(NICENESS) {
         tracing::warn!("training at the priority of the interface: {error}");

@@ -40,6 +40,7 @@ pub use update::gradient::FullGradient;
 pub use update::losses::Losses;
 pub use update::profile::{Profile, Stage};
 pub use update::reference::{Layers, Reference};
+pub use update::threads::Threads;
 
 /// The built-in learners.
 pub const LEARNERS: [LearnerKind; 6] =

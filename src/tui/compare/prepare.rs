@@ -10,6 +10,7 @@ use crate::host::maps::warn;
 use crate::host::report::from_config_error;
 use crate::host::setup;
 use gdg::env::PointMaze;
+use gdg::learn::Threads;
 use gdg::train::{Method, Overrides, Registry, Run, Trainer, settings_from};
 
 /// What to compare.
@@ -24,7 +25,7 @@ pub struct ComparisonOptions {
     /// Changes of settings of both, or of one side, `[A:|B:]NAME=VALUE`.
     pub set: Vec<String>,
     /// Threads per side; otherwise half of the cores.
-    pub threads: Option<u16>,
+    pub threads: Threads,
     /// The recording to write.
     pub recording: Option<PathBuf>,
 }
@@ -83,8 +84,7 @@ fn contestant(
         .map_err(from_config_error)?;
     let run = Run { method: method.clone(), preset, seed: options.seed, settings };
     let maze = setup::open_maze(&options.map, &run, registry)?;
-    let threads =
-        options.threads.map_or((setup::threads(None) / LETTERS.len()).max(1), usize::from);
+    let threads = options.threads.share(LETTERS.len());
     let own = options.set.iter().filter_map(|setting| match setup::split_prefix(setting) {
         (Some(prefix), setting) if prefix == side => Some(format!(" {setting}")),
         _ => None,

@@ -27,6 +27,7 @@ use crate::learn::phased::PhasedLearner;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::objective::count_parameters;
 use crate::learn::update::tape::refuse_tape;
+use crate::learn::update::threads::Threads;
 use crate::learn::update::training::Training;
 use batch::{Sampler, Transitions};
 use losses::Shapes;
@@ -98,13 +99,13 @@ struct Ddpg {
 }
 
 impl Ddpg {
-    /// Creates networks for an environment of `spec`. Updates run on `threads` threads, which does
-    /// not change their results.
+    /// Creates networks for an environment of `spec`. `threads` share the work of each update, which
+    /// does not change its result.
     fn new(
         variant: Variant,
         spec: &Spec,
         settings: &LearnSettings,
-        threads: usize,
+        threads: impl Into<Threads>,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self> {
         refuse_tape(settings.backend, variant.name)?;

@@ -27,6 +27,7 @@ use crate::learn::update::objective::count_parameters;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::reference::{Layers, Parameters, Reference};
 use crate::learn::update::tape::Tape;
+use crate::learn::update::threads::Threads;
 use crate::learn::update::training::Training;
 use crate::pulse::Parts;
 use graph_paths::GraphPaths;
@@ -55,15 +56,15 @@ pub struct Gdg {
 }
 
 impl Gdg {
-    /// Creates networks for an environment of `spec`. Updates run on `threads` threads, which does
-    /// not change their results.
+    /// Creates networks for an environment of `spec`. `threads` share the work of each update, which
+    /// does not change its result.
     ///
     /// # Errors
     /// Returns an error if states are too large, or a tensor operation fails.
     pub fn new(
         spec: &Spec,
         settings: &LearnSettings,
-        threads: usize,
+        threads: impl Into<Threads>,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self> {
         let training = Training::new(Shapes::new(spec, settings), settings, threads, rng)?;

@@ -14,6 +14,7 @@ use crate::learn::networks::policy::Policy;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::losses::Losses;
 use crate::learn::update::profile::Profile;
+use crate::learn::update::threads::Threads;
 use crate::pulse::Parts;
 use crate::store::Store;
 
@@ -34,10 +35,10 @@ pub struct LearnerKind {
     pub parameters: fn(&Spec, &LearnSettings) -> u64,
 }
 
-/// Creates a learner whose updates run on this many threads, with parameters drawn from the random
+/// Creates a learner whose updates these threads share, with parameters drawn from the random
 /// stream. Returns an error for a [`Spec`] or settings that the learner cannot handle.
 pub type CreateLearner =
-    fn(&Spec, &LearnSettings, usize, &mut ChaCha8Rng) -> Result<Box<dyn Learner>, LearnError>;
+    fn(&Spec, &LearnSettings, Threads, &mut ChaCha8Rng) -> Result<Box<dyn Learner>, LearnError>;
 
 /// What an update learns from.
 pub struct TrainingData<'a> {

@@ -13,4 +13,5 @@ pub mod rows;
 pub mod step;
 pub mod straight;
 pub mod tape;
+pub mod threads;
 pub mod training;

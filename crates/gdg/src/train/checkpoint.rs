@@ -26,6 +26,7 @@ use super::run::Run;
 use super::score::Success;
 use super::trainer::{LEARNED, Trainer, TrainerState};
 use crate::files::{self, Format, Mismatch, Wanted};
+use crate::learn::Threads;
 use crate::text::{safe_file_name, sanitized, truncated};
 pub use content::{ContentError, unpacked, with_updated_checksum};
 use content::{MAX_HEADER_BYTES, texts_from_start};
@@ -327,9 +328,10 @@ pub struct Loaded {
 pub fn load(
     path: &Path,
     registry: &Arc<Registry>,
-    threads: usize,
+    threads: impl Into<Threads>,
 ) -> Result<Loaded, CheckpointError> {
     let facts = FileFacts::of(path);
+    let threads = threads.into();
     let parse = |bytes: Vec<u8>| from_bytes(&bytes, registry, threads).map_err(|e| e.to_string());
     let bytes = read(path);
     let contents = bytes.as_ref().map_or(0, |bytes| crc32fast::hash(bytes));
@@ -370,7 +372,7 @@ pub enum LoadError {
 pub fn from_bytes(
     bytes: &[u8],
     registry: &Arc<Registry>,
-    threads: usize,
+    threads: impl Into<Threads>,
 ) -> Result<Trainer, LoadError> {
     Ok(Trainer::load(&content::from_bytes(bytes, most_bytes())?, registry, threads)?)
 }

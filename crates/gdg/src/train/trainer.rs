@@ -27,7 +27,7 @@ use crate::bridge::{Candidates, Guide, SearchOutcome};
 use crate::env::{Environment, Episodes, Scene, Spec, TaskSet};
 use crate::learn::{
     Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, ReplaySizes,
-    Scratch, Stage, TrainingData,
+    Scratch, Stage, Threads, TrainingData,
 };
 use crate::pulse::{Parts, Pulse};
 pub use change::{KeptState, WorldChange};
@@ -62,7 +62,7 @@ pub struct Trainer {
     counters: Counters,
     seconds: f64,
     profile: Profile,
-    threads: usize,
+    threads: Threads,
     history: History,
     film: Film,
     /// The networks to roll back to when numbers are no longer finite, and the latest rollback.
@@ -88,7 +88,7 @@ fn new_learner(
     run: &Run,
     spec: &Spec,
     registry: &Registry,
-    threads: usize,
+    threads: Threads,
 ) -> Result<Box<dyn Learner>> {
     let kind = registry.learner(&run.method.learner)?;
     Ok((kind.create)(spec, &run.settings.learn, threads, &mut stream(run.seed, Stream::Initial))?)
@@ -122,8 +122,9 @@ impl Trainer {
         run: Run,
         world: &dyn Environment,
         registry: &Arc<Registry>,
-        threads: usize,
+        threads: impl Into<Threads>,
     ) -> Result<Self> {
+        let threads = threads.into();
         let (world, spec) = (fork_world(&run, world), world.spec());
         let learner = new_learner(&run, spec, registry, threads)?;
         Ok(Self {
@@ -150,8 +151,8 @@ impl Trainer {
         })
     }
 
-    /// Returns the number of threads that share an update's work.
-    pub fn threads(&self) -> usize {
+    /// Returns how many threads share the work of an update.
+    pub fn threads(&self) -> Threads {
         self.threads
     }
 

@@ -171,7 +171,8 @@ fn distances_are_straight_lines_before_any_update() {
 #[test]
 fn other_backends_are_refused_by_name() {
     let settings = LearnSettings { backend: Backend::Tape, ..LearnSettings::default() };
-    let refused = (KIND.create)(&spec(2, 2, true), &settings, 1, &mut ChaCha8Rng::seed_from_u64(1));
+    let refused =
+        (KIND.create)(&spec(2, 2, true), &settings, 1.into(), &mut ChaCha8Rng::seed_from_u64(1));
     let message = refused.err().unwrap().to_string();
     assert!(message.contains("gdg-distance") && message.contains("backend=fused"), "{message}");
 }

@@ -1,24 +1,25 @@
 //! A thread pool for short pieces of work.
 //!
-//! An update consists of a few pieces of some hundred microseconds each. Waking a thread through
-//! the operating system takes a considerable part of that, so helpers spin for a while waiting for
-//! the next piece before they sleep.
+//! An update consists of a few pieces of some hundred microseconds each. Whoever has nothing to do
+//! sleeps almost at once: waking costs a few microseconds, while a thread that spins uses up its
+//! share of a contended core, and keeps suspended threads from the core that it spins on.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::thread::JoinHandle;
+use std::thread::{JoinHandle, Thread};
 use std::time::{Duration, Instant};
 
-use parking_lot::{Condvar, Mutex};
+use parking_lot::Mutex;
 
+use crate::learn::update::threads::{Chooser, Threads};
 use crate::pulse::Parts;
 
-/// How long a helper spins before it sleeps: longer than the gap between two pieces of an update.
-const SPIN_DURATION: Duration = Duration::from_micros(300);
+/// How long a thread spins before it sleeps: about as long as waking it takes.
+const SPIN_DURATION: Duration = Duration::from_micros(20);
 
 /// Spin iterations between two clock reads.
-const SPINS_PER_CLOCK_READ: usize = 64;
+const SPINS_PER_CLOCK_READ: usize = 32;
 
 /// A piece of work: `tasks` calls, each with its own index.
 struct Job {
@@ -29,6 +30,8 @@ struct Job {
     /// Number of finished tasks.
     done: AtomicUsize,
     panicked: AtomicBool,
+    /// The thread that waits for the last task.
+    caller: Thread,
 }
 
 impl Job {
@@ -48,35 +51,65 @@ impl Job {
             if catch_unwind(AssertUnwindSafe(work)).is_err() {
                 self.panicked.store(true, Ordering::Relaxed);
             }
-            self.done.fetch_add(1, Ordering::Release);
+            if self.done.fetch_add(1, Ordering::Release) + 1 == self.tasks {
+                self.caller.unpark();
+            }
         }
+    }
+}
+
+/// Waits until `is_done`: spins for a while, then sleeps. Who makes it true must unpark this thread.
+fn wait_until(is_done: impl Fn() -> bool) {
+    let began = Instant::now();
+    while began.elapsed() < SPIN_DURATION {
+        for _ in 0..SPINS_PER_CLOCK_READ {
+            if is_done() {
+                return;
+            }
+            std::hint::spin_loop();
+        }
+    }
+    while !is_done() {
+        std::thread::park();
     }
 }
 
 #[derive(Default)]
 struct JobSlot {
-    /// Number of pieces announced; helpers poll it.
+    /// Number of pieces announced.
     generation: AtomicUsize,
     job: Mutex<Option<Arc<Job>>>,
-    /// Number of helpers that sleep or are about to.
-    sleeping: AtomicUsize,
-    wake: Condvar,
     shutdown: AtomicBool,
 }
 
 /// The caller and its helpers.
 pub struct ThreadPool {
     slot: Arc<JobSlot>,
-    threads: usize,
+    /// Maximum number of threads, including the caller.
+    most: usize,
+    /// Number of threads that work at present.
+    active: AtomicUsize,
+    /// Chooses this number, unless it is fixed.
+    chooser: Option<Mutex<Chooser>>,
+    created: Instant,
     /// Started by the first piece of work, so that they have the priority of the thread that works.
     helpers: OnceLock<Vec<JoinHandle<()>>>,
 }
 
 impl ThreadPool {
-    /// Creates a pool of `threads` threads, including the caller; of fewer if the system refuses to
-    /// start as many.
-    pub fn new(threads: usize) -> Self {
-        Self { slot: Arc::default(), threads, helpers: OnceLock::new() }
+    /// Creates a pool of `threads`, including the caller; of fewer if the system refuses to start
+    /// as many. More than `tasks` are of no use.
+    pub fn new(threads: Threads, tasks: usize) -> Self {
+        let most = threads.most().clamp(1, tasks.max(1));
+        let chooses = matches!(threads, Threads::Auto { .. }) && most > 1;
+        Self {
+            slot: Arc::default(),
+            most,
+            active: AtomicUsize::new(most),
+            chooser: chooses.then(|| Mutex::new(Chooser::new(most))),
+            created: Instant::now(),
+            helpers: OnceLock::new(),
+        }
     }
 
     fn start_helpers(&self) -> Vec<JoinHandle<()>> {
@@ -87,16 +120,38 @@ impl ThreadPool {
                 .spawn(move || slot.run_helper());
             helper.inspect_err(|error| tracing::warn!("training with fewer threads: {error}")).ok()
         };
-        (1..self.threads).map_while(start).collect()
+        (1..self.most).map_while(start).collect()
     }
 
-    /// Calls `work` with each index below `tasks`, on all threads of the pool; returns when all
-    /// calls are done.
+    /// Returns the helpers that work at present.
+    fn active_helpers(&self) -> &[JoinHandle<()>] {
+        let helpers = self.helpers.get_or_init(|| self.start_helpers());
+        &helpers[..helpers.len().min(self.active.load(Ordering::Relaxed) - 1)]
+    }
+
+    /// Lets this many threads work.
+    #[cfg(test)]
+    pub fn use_threads(&self, number: usize) {
+        self.active.store(number, Ordering::Relaxed);
+    }
+
+    /// Adjusts the number of threads, unless it is fixed, to an update that has taken `took`.
+    pub fn record(&self, took: Duration) {
+        if let Some(chooser) = &self.chooser {
+            let mut chooser = chooser.lock();
+            chooser.record(self.created.elapsed(), took);
+            self.active.store(chooser.threads(), Ordering::Relaxed);
+        }
+    }
+
+    /// Calls `work` with each index below `tasks`, on several threads; returns when all calls are
+    /// done.
     ///
     /// # Panics
     /// Panics if a call panicked.
     pub fn run(&self, tasks: usize, work: impl Fn(usize) + Send + Sync + 'static) {
-        if self.helpers.get_or_init(|| self.start_helpers()).is_empty() {
+        let helpers = self.active_helpers();
+        if helpers.is_empty() {
             return (0..tasks).for_each(work);
         }
         let job = Arc::new(Job {
@@ -105,13 +160,13 @@ impl ThreadPool {
             next: AtomicUsize::new(0),
             done: AtomicUsize::new(0),
             panicked: AtomicBool::new(false),
+            caller: std::thread::current(),
         });
         *self.slot.job.lock() = Some(job.clone());
-        self.slot.wake_helpers();
+        self.slot.generation.fetch_add(1, Ordering::Release);
+        helpers.iter().take(tasks.saturating_sub(1)).for_each(|helper| helper.thread().unpark());
         job.run_tasks();
-        while job.done.load(Ordering::Acquire) < tasks {
-            std::hint::spin_loop();
-        }
+        wait_until(|| job.done.load(Ordering::Acquire) >= tasks);
         assert!(!job.panicked.load(Ordering::Relaxed), "a task of the thread pool panicked");
     }
 }
@@ -148,9 +203,10 @@ impl ThreadPool {
 
 impl Drop for ThreadPool {
     fn drop(&mut self) {
-        self.slot.shutdown.store(true, Ordering::SeqCst);
-        self.slot.wake_helpers();
-        for helper in self.helpers.take().into_iter().flatten() {
+        self.slot.shutdown.store(true, Ordering::Release);
+        let helpers = self.helpers.take().into_iter().flatten();
+        for helper in helpers {
+            helper.thread().unpark();
             // A helper catches the panics of its tasks, so there is nothing to report.
             let _ = helper.join();
         }
@@ -158,47 +214,18 @@ impl Drop for ThreadPool {
 }
 
 impl JobSlot {
-    /// Signals all helpers, waking those that sleep.
-    fn wake_helpers(&self) {
-        // Sequentially consistent with a helper's increment of `sleeping`: either the helper sees
-        // the new number, or it is seen here as sleeping.
-        self.generation.fetch_add(1, Ordering::SeqCst);
-        if self.sleeping.load(Ordering::SeqCst) > 0 {
-            let _awake = self.job.lock();
-            self.wake.notify_all();
-        }
-    }
-
     /// Runs a helper until the pool is dropped.
     fn run_helper(&self) {
+        let is_over = || self.shutdown.load(Ordering::Acquire);
         let mut seen = 0;
-        while !self.shutdown.load(Ordering::SeqCst) {
-            seen = self.await_generation_after(seen);
+        while !is_over() {
+            wait_until(|| self.generation.load(Ordering::Acquire) != seen || is_over());
+            seen = self.generation.load(Ordering::Acquire);
             let job = self.job.lock().clone();
             if let Some(job) = job {
                 job.run_tasks();
             }
         }
-    }
-
-    fn await_generation_after(&self, seen: usize) -> usize {
-        let began = Instant::now();
-        while began.elapsed() < SPIN_DURATION {
-            for _ in 0..SPINS_PER_CLOCK_READ {
-                let generation = self.generation.load(Ordering::SeqCst);
-                if generation != seen {
-                    return generation;
-                }
-                std::hint::spin_loop();
-            }
-        }
-        let mut guard = self.job.lock();
-        self.sleeping.fetch_add(1, Ordering::SeqCst);
-        while self.generation.load(Ordering::SeqCst) == seen {
-            self.wake.wait(&mut guard);
-        }
-        self.sleeping.fetch_sub(1, Ordering::SeqCst);
-        self.generation.load(Ordering::SeqCst)
     }
 }
 
@@ -209,8 +236,9 @@ mod tests {
     #[test]
     fn every_task_runs_once_whether_helpers_sleep_or_not() {
         for threads in [1, 2, 4] {
-            let pool = ThreadPool::new(threads);
+            let pool = ThreadPool::new(Threads::Fixed(threads), 7);
             for round in 0..300 {
+                pool.use_threads(1 + round / 10 % threads);
                 let counts: Arc<Vec<AtomicUsize>> =
                     Arc::new((0..7).map(|_| AtomicUsize::new(0)).collect());
                 let shared = counts.clone();
@@ -227,9 +255,30 @@ mod tests {
 
     #[test]
     fn a_panic_in_a_task_reaches_the_caller_and_the_pool_stays_usable() {
-        let pool = ThreadPool::new(2);
+        let pool = ThreadPool::new(Threads::Fixed(2), 4);
         let outcome = catch_unwind(AssertUnwindSafe(|| pool.run(4, |i| assert!(i != 2, "task 2"))));
         assert!(outcome.is_err());
         pool.run(4, |_| {});
+    }
+
+    #[test]
+    fn a_caller_waits_for_a_helper_that_takes_longer() {
+        let pool = ThreadPool::new(Threads::Fixed(2), 2);
+        let (seen, at_work) = (Arc::new(Mutex::new(Vec::new())), Arc::new(AtomicUsize::new(0)));
+        let shared = seen.clone();
+        pool.run(2, move |i| {
+            at_work.fetch_add(1, Ordering::Relaxed);
+            // Each thread gets one of the two tasks.
+            while at_work.load(Ordering::Relaxed) < 2 {
+                std::thread::yield_now();
+            }
+            let is_helper = std::thread::current().name().is_some_and(|n| n.starts_with("helper"));
+            std::thread::sleep(if is_helper { 50 * SPIN_DURATION } else { Duration::ZERO });
+            shared.lock().push((i, is_helper));
+        });
+        let mut seen = seen.lock().clone();
+        assert_eq!(seen.last().map(|(_, is_helper)| *is_helper), Some(true));
+        seen.sort_unstable();
+        assert_eq!(seen.iter().map(|(i, _)| *i).collect::<Vec<_>>(), [0, 1]);
     }
 }

@@ -24,6 +24,7 @@ use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::rows::parts_of;
 use crate::learn::update::step::{Half, step_half};
+use crate::learn::update::threads::Threads;
 use crate::pulse::Parts;
 
 /// Networks with all that is needed to train them. The number of threads does not change results.
@@ -48,15 +49,15 @@ struct Shared<O: Objective> {
 type Work<O> = fn(&Shared<O>, usize) -> Result<()>;
 
 impl<O: Objective> Training<O> {
-    /// Creates the networks of `objective` with random parameters. Updates run on `threads`
-    /// threads.
+    /// Creates the networks of `objective` with random parameters. `threads` share the work of
+    /// each update.
     ///
     /// # Errors
     /// Returns an error if states are too large, or a tensor operation fails.
     pub fn new(
         objective: O,
         settings: &LearnSettings,
-        threads: usize,
+        threads: impl Into<Threads>,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self> {
         check_state_dim(objective.encoder().spec())?;
@@ -78,7 +79,10 @@ impl<O: Objective> Training<O> {
             touched: (0..O::POSITION_SETS).map(|_| RwLock::default()).collect(),
             objective: Arc::new(objective),
         };
-        Ok(Self { shared: Arc::new(shared), pool: ThreadPool::new(threads) })
+        // No phase has more tasks.
+        let tasks = (O::POSITION_SETS + shared.parts.len()).max(2 * shared.actor());
+        let pool = ThreadPool::new(threads.into(), tasks);
+        Ok(Self { shared: Arc::new(shared), pool })
     }
 
     /// Returns what the networks compute and learn.
@@ -133,11 +137,13 @@ impl<O: Objective> Training<O> {
             (Stage::ActorGradient, self.shared.parts.len(), Shared::actor_gradient),
             (Stage::ActorStep, 2, Shared::step_actor),
         ];
-        let mut began = Instant::now();
+        let first_began = Instant::now();
+        let mut began = first_began;
         for (stage, tasks, work) in phases {
             self.pool.try_run(tasks, &self.shared, parts, work)?;
             began = profile.lap(stage, began);
         }
+        self.pool.record(began - first_began);
         Ok(self.losses())
     }
 
@@ -167,6 +173,12 @@ impl<O: Objective> Training<O> {
     #[cfg(test)]
     pub fn parts(&self) -> &[Mutex<Part<O::Buffers>>] {
         &self.shared.parts
+    }
+
+    /// Shares the next updates among this many threads.
+    #[cfg(test)]
+    pub fn use_threads(&self, number: usize) {
+        self.pool.use_threads(number);
     }
 
     /// Returns the number of tasks of the first phase.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::recovery::LastGood;
 use super::{Result, Trainer};
 use crate::bridge::CandidatesState;
-use crate::learn::ReplayState;
+use crate::learn::{ReplayState, Threads};
 use crate::settings::Setting;
 use crate::store::{Store, StoreError};
 use crate::train::error::TrainError;
@@ -83,7 +83,11 @@ impl Trainer {
     ///
     /// # Errors
     /// The store is incomplete or inconsistent, or the run does not fit into memory.
-    pub fn load(store: &Store, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
+    pub fn load(
+        store: &Store,
+        registry: &Arc<Registry>,
+        threads: impl Into<Threads>,
+    ) -> Result<Self> {
         let run: Run = store.json("run")?;
         let range = |OutOfRange(Setting { name, values, .. }): OutOfRange| {
             StoreError::inconsistent(format!("its setting {name} must be {values}"))
