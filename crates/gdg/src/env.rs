@@ -8,6 +8,7 @@ mod abilities;
 pub mod fetch_reach;
 pub mod maze;
 mod probes;
+mod region;
 mod task;
 
 use std::any::Any;
@@ -24,6 +25,7 @@ pub use abilities::{
 pub use fetch_reach::{ArmScene, FetchReach};
 pub use maze::PointMaze;
 pub use probes::{MAX_PROBES, Probes};
+pub use region::Region;
 pub(crate) use task::{BUDGET_FACTOR, MAX_BUDGET_STEPS};
 pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
 
@@ -121,7 +123,7 @@ impl Spec {
     }
 
     /// Returns the components of the goal that `state` achieves.
-    pub fn achieved<'a>(&'a self, state: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
+    pub fn achieved<'a>(&'a self, state: &'a [f32]) -> impl Iterator<Item = f32> + Clone + 'a {
         self.achieved.iter().map(|i| state[*i])
     }
 

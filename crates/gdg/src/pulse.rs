@@ -9,6 +9,33 @@ use parking_lot::Mutex;
 /// What a run does unless it says otherwise.
 const TRAINING: &str = "training";
 
+/// Tells work in the background that its result is no longer wanted. Clones share it.
+#[derive(Clone, Debug, Default)]
+pub struct Cancelled(Arc<AtomicBool>);
+
+impl Cancelled {
+    /// Returns whether the work should end.
+    pub fn is_set(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Held by whoever wants the result of work in the background: dropping it cancels the work.
+#[derive(Debug)]
+pub struct Wanted(Cancelled);
+
+impl From<&Cancelled> for Wanted {
+    fn from(cancelled: &Cancelled) -> Self {
+        Self(cancelled.clone())
+    }
+}
+
+impl Drop for Wanted {
+    fn drop(&mut self) {
+        self.0.0.store(true, Ordering::Relaxed);
+    }
+}
+
 /// Shared by all clones.
 #[derive(Clone, Debug)]
 pub struct Pulse(Arc<State>);

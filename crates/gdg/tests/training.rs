@@ -175,6 +175,59 @@ fn continues_bitwise(settings: impl Fn() -> Settings) {
     assert_same(&straight, &resumed);
 }
 
+/// Returns the map with the door between its two rooms closed or open.
+fn with_door(map: &Grid, open: bool) -> Arc<Grid> {
+    Arc::new(map.with_cells([7, 8].map(|y| (Cell::new(10, y), open))).unwrap())
+}
+
+/// Returns the numbers of edges of the bridge graph from either room to the other, and of all.
+fn edges_through_the_door(run: &Trainer) -> (usize, usize) {
+    let graph = run.graph().expect("the run has a graph by now");
+    let is_left = |i: usize| graph.point(i)[0] < 10.0;
+    let through = graph.edges().iter().filter(|edge| is_left(edge.from) != is_left(edge.to));
+    (through.count(), graph.edges().len())
+}
+
+#[test]
+fn an_edit_changes_the_bridge_graph_at_once_and_only_where_it_matters() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 700);
+    let map = map_of(&run).clone();
+    let before = edges_through_the_door(&run);
+    assert!(before.0 > 0, "{before:?}");
+    change_map(&mut run, &with_door(&map, false)).unwrap();
+    let closed = edges_through_the_door(&run);
+    assert!(closed.0 == 0 && 2 * closed.1 > before.1, "{before:?} {closed:?}");
+    train_to(&mut run, 720);
+    assert_eq!(edges_through_the_door(&run).0, 0);
+    change_map(&mut run, &with_door(&map, true)).unwrap();
+    let opened = edges_through_the_door(&run);
+    assert!(2 * opened.0 > before.0, "the replay shows ways through the door: {opened:?}");
+}
+
+#[test]
+fn a_run_saved_after_an_edit_continues_as_if_it_had_not_been_interrupted() {
+    let edited = || {
+        let mut run = trainer(settings(), 5, 1);
+        train_to(&mut run, 333);
+        let map = with_door(map_of(&run), false);
+        change_map(&mut run, &map).unwrap();
+        run
+    };
+    let mut straight = edited();
+    train_to(&mut straight, 700);
+    // At once, while the graph's distances are not known yet, and when they are.
+    for saved_at in [333, 380, 450] {
+        let mut first = edited();
+        train_to(&mut first, saved_at);
+        let store = first.save().unwrap();
+        let mut resumed = Trainer::load(&store, &Registry::builtin(), 2).unwrap();
+        assert_same(&first, &resumed);
+        train_to(&mut resumed, 700);
+        assert_same(&straight, &resumed);
+    }
+}
+
 #[test]
 fn the_film_shows_distances_growing_with_what_is_learned() {
     let mut run = trainer(settings(), 5, 1);

@@ -1,5 +1,6 @@
 //! Bridge candidates, and the step counts that trajectories show between them.
 
+mod edit;
 mod spacing;
 mod state;
 
@@ -222,7 +223,7 @@ impl Candidates {
     }
 
     /// Returns the index of the candidate with this id, unless it has retired.
-    fn index_of(&self, id: u32) -> Option<usize> {
+    pub(super) fn index_of(&self, id: u32) -> Option<usize> {
         self.ids.binary_search(&id).ok()
     }
 
@@ -286,6 +287,11 @@ impl Candidates {
             KnownPaths::observe(&mut self.paths[*from as usize], to as u32, (clock - step) as u16);
         }
         visits.push_back((clock, to as u32));
+    }
+
+    /// Skips the next state of `agent`'s episode.
+    pub fn pass(&mut self, agent: usize) {
+        self.clocks[agent] += 1;
     }
 
     /// Ends `agent`'s episode: its next state does not follow from the previous one.

@@ -2,9 +2,9 @@
 
 mod routes;
 
-pub(super) use routes::HopOptions;
 pub(crate) use routes::UNVERIFIED_FACTOR;
 pub use routes::{DistilledDistances, LINK_CANDIDATES, Route};
+pub(super) use routes::{FirstHop, HopOptions};
 
 use std::sync::Arc;
 
@@ -12,6 +12,7 @@ use super::candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 use super::settings::BridgeSettings;
 use crate::env::Spec;
 use crate::learn::{Policy, Scratch};
+use crate::pulse::Cancelled;
 use crate::store::{Store, StoreError};
 
 /// A directed edge between two candidates.
@@ -141,7 +142,7 @@ struct Incoming {
 impl BridgeGraph {
     /// Builds the graph from the current candidates and critics: an edge i -> j where D(i,j) is
     /// below the cut-off and, if edges need verification, some trajectory led from i to j in about
-    /// D steps.
+    /// D steps, for the candidates j nearest to i.
     pub fn build(
         spec: &Spec,
         settings: &BridgeSettings,
@@ -149,43 +150,57 @@ impl BridgeGraph {
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Self {
-        let mut edges = Vec::new();
-        let s = spec.state_dim();
-        let (mut states, mut goals, mut distances) = (Vec::new(), Vec::new(), Vec::new());
-        for (from, reversed) in candidates.observed_into().into_iter().enumerate() {
-            let state = &candidates.states()[from * s..(from + 1) * s];
-            let to: Vec<usize> = if settings.verify_edges {
-                let back = reversed.into_iter().map(|to| to as usize);
-                let back = back.filter(|to| {
-                    settings.keep_observed_edges && candidates.observed(from, *to) == UNOBSERVED
-                });
-                let mut to: Vec<usize> = candidates.observed_from(from).chain(back).collect();
-                to.sort_unstable();
-                to
-            } else {
-                let near = candidates
-                    .goal_index()
-                    .nearest_few(candidates.goal_index().goal(from), LINK_CANDIDATES);
-                near.into_iter().filter(|to| *to != from).collect()
-            };
-            states.clear();
-            goals.clear();
-            for to in &to {
-                states.extend(state);
-                goals.extend(candidates.goal_index().goal(*to));
+        Self::build_unless(&Cancelled::default(), spec, settings, candidates, policy, scratch)
+            .unwrap_or_else(|| unreachable!("nothing cancels it"))
+    }
+
+    /// Like [`Self::build`]; returns `None` once `cancelled` is true.
+    pub fn build_unless(
+        cancelled: &Cancelled,
+        spec: &Spec,
+        settings: &BridgeSettings,
+        candidates: &Arc<Candidates>,
+        policy: &dyn Policy,
+        scratch: &mut Scratch,
+    ) -> Option<Self> {
+        let mut rows = Rows::new(spec, settings, candidates);
+        for from in 0..candidates.len() {
+            if cancelled.is_set() {
+                return None;
             }
-            distances.resize(to.len(), 0.0);
-            policy.distances(&states, &goals, &mut distances, scratch);
-            let found = to.iter().zip(&distances).filter_map(|(to, distance)| {
-                let Link { length, cost } = Link::new(settings, candidates, from, *to, *distance)?;
-                let status = EdgeStatus::from(candidates.walk_record(from, *to));
-                let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
-                let (length, cost) = (length + settings.hop_steps, cost + settings.hop_steps);
-                Some(Edge { from, to: *to, distance: *distance, length, cost, status })
-            });
-            edges.extend(found);
+            rows.add(from, policy, scratch);
         }
-        Self::from_edges(spec, settings, candidates.clone(), edges)
+        Some(Self::from_edges(spec, settings, candidates.clone(), rows.edges))
+    }
+
+    /// Returns the graph of the current `candidates`: edges from those that are new, or for which
+    /// `is_due` holds, are built anew like [`Self::build`] does; others keep their D. Returns
+    /// `None` once `cancelled` is set.
+    pub fn renewed(
+        &self,
+        cancelled: &Cancelled,
+        candidates: &Arc<Candidates>,
+        is_due: impl Fn(usize) -> bool,
+        policy: &dyn Policy,
+        scratch: &mut Scratch,
+    ) -> Option<Self> {
+        let before = self.candidates();
+        let mut rows = Rows::new(&self.spec, &self.settings, candidates);
+        for from in 0..candidates.len() {
+            if cancelled.is_set() {
+                return None;
+            }
+            let Some(old) = before.index_of(candidates.id(from)).filter(|_| !is_due(from)) else {
+                rows.add(from, policy, scratch);
+                continue;
+            };
+            let first = self.edges.partition_point(|edge| edge.from < old);
+            for edge in self.edges[first..].iter().take_while(|edge| edge.from == old) {
+                let to = candidates.index_of(before.id(edge.to));
+                rows.edges.extend(to.and_then(|to| rows.edge(from, to, edge.distance)));
+            }
+        }
+        Some(Self::from_edges(&self.spec, &self.settings, candidates.clone(), rows.edges))
     }
 
     /// Builds the graph from `edges`, which are sorted by source.
@@ -294,6 +309,87 @@ impl BridgeGraph {
         distance: f32,
     ) -> Option<Link> {
         Link::new(&self.settings, &self.candidates, from?, to?, distance)
+    }
+}
+
+/// The edges of a graph under construction, from one candidate after the other.
+struct Rows<'a> {
+    spec: &'a Spec,
+    settings: &'a BridgeSettings,
+    candidates: &'a Candidates,
+    /// For each candidate, those from which some trajectory reached it.
+    observed_into: Vec<Vec<u32>>,
+    edges: Vec<Edge>,
+    states: Vec<f32>,
+    goals: Vec<f32>,
+    distances: Vec<f32>,
+}
+
+impl<'a> Rows<'a> {
+    fn new(spec: &'a Spec, settings: &'a BridgeSettings, candidates: &'a Candidates) -> Self {
+        let verified = settings.verify_edges && settings.keep_observed_edges;
+        Self {
+            spec,
+            settings,
+            candidates,
+            observed_into: if verified { candidates.observed_into() } else { Vec::new() },
+            edges: Vec::new(),
+            states: Vec::new(),
+            goals: Vec::new(),
+            distances: Vec::new(),
+        }
+    }
+
+    /// Adds the edges from candidate `from`.
+    fn add(&mut self, from: usize, policy: &dyn Policy, scratch: &mut Scratch) {
+        let (s, to) = (self.spec.state_dim(), self.nearest(from));
+        let state = &self.candidates.states()[from * s..(from + 1) * s];
+        self.states.clear();
+        self.goals.clear();
+        for to in &to {
+            self.states.extend(state);
+            self.goals.extend(self.candidates.goal_index().goal(*to));
+        }
+        self.distances.resize(to.len(), 0.0);
+        policy.distances(&self.states, &self.goals, &mut self.distances, scratch);
+        for (to, distance) in to.iter().zip(&self.distances) {
+            let edge = self.edge(from, *to, *distance);
+            self.edges.extend(edge);
+        }
+    }
+
+    /// Returns the candidates to which there may be an edge from `from`, in ascending order: where
+    /// edges need verification, those with the shortest observed paths.
+    fn nearest(&self, from: usize) -> Vec<usize> {
+        let Self { settings, candidates, .. } = self;
+        if !settings.verify_edges {
+            let index = candidates.goal_index();
+            let near = index.nearest_few(index.goal(from), LINK_CANDIDATES);
+            return near.into_iter().filter(|to| *to != from).collect();
+        }
+        let back = self.observed_into.get(from).into_iter().flatten().map(|to| *to as usize);
+        let back = back.map(|to| (candidates.observed(to, from), to));
+        let back = back.filter(|(_, to)| candidates.observed(from, *to) == UNOBSERVED);
+        let ahead = candidates.observed_from(from).map(|to| (candidates.observed(from, to), to));
+        let mut near: Vec<(u16, usize)> = ahead.chain(back).collect();
+        if near.len() > settings.edges_per_candidate {
+            near.select_nth_unstable(settings.edges_per_candidate);
+            near.truncate(settings.edges_per_candidate);
+        }
+        let mut near: Vec<usize> = near.into_iter().map(|(_, to)| to).collect();
+        near.sort_unstable();
+        near
+    }
+
+    /// Returns the edge between two candidates that is `distance` steps long by D, if it may be
+    /// used.
+    fn edge(&self, from: usize, to: usize, distance: f32) -> Option<Edge> {
+        let Self { settings, candidates, .. } = self;
+        let Link { length, cost } = Link::new(settings, candidates, from, to, distance)?;
+        let status = EdgeStatus::from(candidates.walk_record(from, to));
+        let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
+        let (length, cost) = (length + settings.hop_steps, cost + settings.hop_steps);
+        Some(Edge { from, to, distance, length, cost, status })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::graph::{BridgeGraph, HopOptions, LINK_CANDIDATES, Route, UNVERIFIED_FACTOR};
+use super::graph::{BridgeGraph, FirstHop, HopOptions, LINK_CANDIDATES, Route, UNVERIFIED_FACTOR};
 use crate::learn::{Policy, Scratch};
 use crate::store::StoreError;
 
@@ -11,6 +11,12 @@ pub(crate) const MAX_STRIKES: u32 = 2;
 
 /// Consecutive late targets after which bans grow by another `ban_steps`.
 pub(crate) const BAN_STRIKES: u32 = 4;
+
+/// Candidates around an agent for which D is asked when it chooses a waypoint: the nearest ones ...
+pub(crate) const NEAREST_CANDIDATES: usize = 3;
+
+/// ... and those with the shortest ways to the goal.
+pub(crate) const PROMISING_CANDIDATES: usize = 8;
 
 /// What a walker heads for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -287,14 +293,27 @@ impl Walker {
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> (Target, f32) {
-        let options = &graph.options(&[state], &self.route, LINK_CANDIDATES, policy, scratch)[0];
-        let mut waypoint = self.best_waypoint(state, options, graph);
+        let nearby = graph.nearby(state, LINK_CANDIDATES);
+        let promising = self.promising(state, &nearby, graph);
+        let narrowed = promising.len() < nearby.len();
+        let mut ask = |walker: &Self, near: Vec<usize>| {
+            graph.options(&[(state, near)], &walker.route, policy, scratch).swap_remove(0)
+        };
+        let mut options = ask(self, promising);
+        let mut waypoint = self.best_waypoint(state, &options, graph, true);
+        if waypoint.is_none() && narrowed {
+            options = ask(self, nearby);
+            waypoint = self.best_waypoint(state, &options, graph, true);
+        }
+        let unverified = |walker: &Self| walker.best_waypoint(state, &options, graph, false);
+        waypoint = waypoint.or_else(|| unverified(self));
         if waypoint.is_none()
             && options.direct.is_none()
             && let Some(route) = graph.route_by_unverified_links(&self.route, policy, scratch)
         {
             self.route = route;
-            waypoint = self.best_waypoint(state, options, graph);
+            waypoint =
+                self.best_waypoint(state, &options, graph, true).or_else(|| unverified(self));
         }
         let direct = options.direct.filter(|_| self.is_allowed(Target::Goal));
         match (waypoint, direct) {
@@ -309,37 +328,58 @@ impl Walker {
         }
     }
 
-    /// Returns the best hop to a candidate, if any may be used.
+    /// Returns those of the `nearby` candidates, nearest first, for which D is worth asking: the
+    /// nearest ones, which tell where `state` is, and those with the shortest ways to the goal as
+    /// far as trajectories show. All of them if edges need no trajectory, or if the agent is stuck.
+    fn promising(&self, state: &[f32], nearby: &[usize], graph: &BridgeGraph) -> Vec<usize> {
+        let Some(here) = nearby.first().filter(|_| graph.settings().verify_edges) else {
+            return nearby.to_vec();
+        };
+        if self.strikes >= MAX_STRIKES {
+            return nearby.to_vec();
+        }
+        let ahead = nearby.iter().filter(|i| self.may_head_for(state, **i, graph)).map(|i| {
+            let steps = f32::from(graph.candidates().observed(*here, *i)) + self.route.costs[*i];
+            // Costs are not negative, so they are in the same order as their bits.
+            (steps.to_bits(), *i)
+        });
+        let mut ahead: Vec<(u32, usize)> = ahead.collect();
+        ahead.sort_unstable();
+        let best = |i: &usize| ahead.iter().take(PROMISING_CANDIDATES).any(|(_, own)| own == i);
+        let own = nearby.iter().enumerate().filter(|(k, i)| *k < NEAREST_CANDIDATES || best(i));
+        own.map(|(_, i)| *i).collect()
+    }
+
+    /// Whether the way over candidate `i` leads on towards the goal, and is not banned.
+    fn may_head_for(&self, state: &[f32], i: usize, graph: &BridgeGraph) -> bool {
+        self.route.costs[i] < self.remaining
+            && self.is_allowed(Target::Candidate(i))
+            && !graph.spec().reached(state, graph.point(i))
+    }
+
+    /// Returns the best hop to a candidate, if any may be used; only `verified` ones, or any.
     fn best_waypoint(
         &self,
         state: &[f32],
         options: &HopOptions,
         graph: &BridgeGraph,
+        verified: bool,
     ) -> Option<PlannedHop> {
-        let best = |verified: bool| {
-            let usable = options.candidates.iter().filter_map(|hop| {
-                let cost = hop.link.map(|link| link.cost);
-                let cost =
-                    if verified { cost? } else { cost.unwrap_or(UNVERIFIED_FACTOR * hop.distance) };
-                let (candidate, ahead) = (hop.candidate, self.route.costs[hop.candidate]);
-                let usable = (cost + ahead).is_finite()
-                    && ahead < self.remaining
-                    && self.is_allowed(Target::Candidate(candidate))
-                    && !graph.spec().reached(state, graph.point(candidate));
-                usable.then_some(PlannedHop {
-                    candidate,
-                    distance: hop.distance,
-                    total: cost + ahead,
-                })
-            });
-            // A stuck agent is where the actor makes no progress: take the shortest hop away from
-            // there.
-            let key = |hop: &PlannedHop| {
-                if self.strikes >= MAX_STRIKES { hop.distance } else { hop.total }
-            };
-            usable.min_by(|a, b| key(a).total_cmp(&key(b)))
+        let usable = options.candidates.iter().filter_map(|hop| {
+            let cost = hop.link.map(|link| link.cost);
+            let cost =
+                if verified { cost? } else { cost.unwrap_or(UNVERIFIED_FACTOR * hop.distance) };
+            let FirstHop { candidate, distance, .. } = *hop;
+            let total = cost + self.route.costs[candidate];
+            let usable = total.is_finite() && self.may_head_for(state, candidate, graph);
+            usable.then_some(PlannedHop { candidate, distance, total })
+        });
+        // A stuck agent is where the actor makes no progress: take the shortest hop away from
+        // there.
+        let key = |hop: &PlannedHop| {
+            if self.strikes >= MAX_STRIKES { hop.distance } else { hop.total }
         };
-        best(true).or_else(|| best(false))
+        usable.min_by(|a, b| key(a).total_cmp(&key(b)))
     }
 
     fn is_allowed(&self, target: Target) -> bool {

@@ -15,6 +15,14 @@ pub(crate) const MAX_FACTOR: usize = 8;
 /// ... and where any two close ones are joined by an edge.
 pub(crate) const MAX_UNVERIFIED_FACTOR: usize = 3;
 
+/// Maximum number of edges from a candidate: no limit in practice.
+const MAX_EDGES: u64 = 100_000;
+
+/// Returns the number of edges from a candidate in checkpoints that do not say.
+fn all_edges() -> usize {
+    MAX_EDGES as usize
+}
+
 /// How agents plan on the learned distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Planner {
@@ -90,6 +98,12 @@ settings! {
             verify_edges: bool = true, Paper => false;
                 "require a stored trajectory along an edge in about D steps",
                 ablation: without("unverified edges", "false");
+            /// Shorter paths make up longer ones: more edges cost time and bring little.
+            #[serde(default = "all_edges")]
+            edges_per_candidate: usize = 24;
+                "maximum number of edges from a candidate where trajectories verify them, the \
+                 nearest ones",
+                values: Values::count(1, MAX_EDGES), unit: "edges";
             keep_observed_edges: bool = true, Paper => false;
                 "keep pairs connected by trajectories as costly edges if D is above the cut-off",
                 ablation: without("no edges from trajectories alone", "false");

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value};
 
-use super::{Environment, GroundTruth, Probes, Scene, Task, TaskSet};
+use super::{Environment, GroundTruth, Probes, Region, Scene, Task, TaskSet};
 use crate::store::Store;
 
 /// The abilities of a world; by default none.
@@ -132,6 +132,8 @@ pub trait Drawn {
 pub struct Change {
     /// Whether distances may have grown, so that the learned ones are too short.
     pub may_lengthen: bool,
+    /// Where steps may lead elsewhere than before; [`Region::everything`] if unknown.
+    pub region: Region,
     /// Short description of the change.
     pub summary: String,
     /// Warning for the user, if any.

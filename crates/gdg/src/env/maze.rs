@@ -14,8 +14,8 @@ use serde_json::{Map, Value, json};
 
 use super::{
     Abilities, Change, Drawn, Editable, EnvError, EnvSettings, Environment, Episodes, Evaluated,
-    Explored, GroundTruth, MazeScene, Probes, Recorded, Restart, Scene, Spec, Task, TaskSet,
-    WorldKind,
+    Explored, GroundTruth, MazeScene, Probes, Recorded, Region, Restart, Scene, Spec, Task,
+    TaskSet, WorldKind,
 };
 use crate::map::{Cell, Diameter, Grid, ScenarioTask, StepSearch, parse_map, print_ascii};
 use crate::store::{Store, StoreError};
@@ -41,6 +41,9 @@ const GOAL_RADIUS_CELLS: f32 = 1.0;
 
 /// Positions closer than this, in cells, count as the same.
 const POSITION_TOLERANCE_CELLS: f32 = 1e-3;
+
+/// Changed cells closer together than this share a box of the region of an edit.
+const CHANGED_GAP_CELLS: f32 = 8.0;
 
 /// Memory per cell: searches, visits, components, rendering.
 const BYTES_PER_CELL: u64 = 120;
@@ -396,8 +399,14 @@ impl Editable for PointMaze {
         let cells = || self.map.free().iter().zip(before.map.free());
         let changed = |to: bool| cells().filter(|(new, old)| new != old && **new == to).count();
         let (walled, opened, pieces) = (changed(false), changed(true), self.components.len());
+        let mut region = Region::nothing();
+        for (i, _) in cells().enumerate().filter(|(_, (new, old))| new != old) {
+            let (x, y) = ((i % self.map.width()) as f32, (i / self.map.width()) as f32);
+            region.add(&[x, y], &[x + 1.0, y + 1.0], CHANGED_GAP_CELLS);
+        }
         Ok(Change {
             may_lengthen: walled > 0,
+            region,
             summary: match (walled as u64, opened as u64) {
                 (0, 0) => "starts and goals changed".to_owned(),
                 (0, opened) => format!("{} opened", counted(opened, "cell")),

@@ -185,7 +185,11 @@ impl PhasedLearner for Gdg {
         let first = self.sampler.add_known(known, data.rng, batch);
         let Some(paths) = &mut self.graph_paths else { return Ok(()) };
         paths.collect(self.training.objective().encoder.spec(), known, batch, first);
-        self.training.with_nets(true, |nets| paths.apply(&nets, known, batch))
+        self.training.with_nets(true, |mut nets| {
+            // The second critic would double the cost and change little.
+            nets.critics.truncate(1);
+            paths.apply(&nets, known, batch);
+        })
     }
 
     fn update_networks(

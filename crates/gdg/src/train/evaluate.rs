@@ -14,8 +14,9 @@ use super::score::Score;
 use crate::bridge::{BridgeGraph, Candidates, Guide};
 use crate::env::{Environment, Evaluated, GroundTruth, Spec, TaskSet};
 use crate::learn::{Acting, Policy, Scratch};
+use crate::pulse::Cancelled;
 pub use results::{BridgeFacts, ComposedError, DistanceError, Evaluation, MarkedTask, TaskOutcome};
-use tasks::{Actor, run_tasks};
+use tasks::{Actor, run_tasks, run_tasks_watched};
 use truth::{bridge_facts, distance_error};
 pub use walk::TaskWalk;
 
@@ -52,17 +53,29 @@ impl EvaluationJob {
 
     /// Evaluates on `tasks` against ground truth.
     pub fn run(&self, tasks: &TaskSet) -> Evaluation {
+        self.run_unless(&Cancelled::default(), tasks)
+            .unwrap_or_else(|| unreachable!("nothing cancels it"))
+    }
+
+    /// Like [`Self::run`]; returns `None` once `cancelled` is set.
+    pub fn run_unless(&self, cancelled: &Cancelled, tasks: &TaskSet) -> Option<Evaluation> {
         crate::faults::point("evaluation");
         let graph = self.graph();
         let greedy = self.actor(None);
         let planned = graph.as_ref().map(|graph| self.actor(Some(graph)));
         let (world, rng) = (&*self.world, &mut self.rng.clone());
-        let mut score =
-            |actor: &Actor| Score::new(tasks, &run_tasks(world, &tasks.tasks, actor, rng).taken);
-        let planned_score = planned.as_ref().map(&mut score);
-        let greedy_score = score(&greedy);
+        let mut score = |actor: &Actor| {
+            let mut watch = |_: &[f32]| !cancelled.is_set();
+            let runs = run_tasks_watched(world, &tasks.tasks, actor, rng, &mut watch);
+            (!cancelled.is_set()).then(|| Score::new(tasks, &runs.taken))
+        };
+        let planned_score = match &planned {
+            Some(planned) => Some(score(planned)?),
+            None => None,
+        };
+        let greedy_score = score(&greedy)?;
         let mut truth = world.abilities().evaluated.and_then(Evaluated::ground_truth);
-        Evaluation {
+        Some(Evaluation {
             distance_error: truth
                 .as_mut()
                 .and_then(|truth| distance_error(&truth.pairs(rng), &*self.policy, graph.as_ref())),
@@ -72,7 +85,7 @@ impl EvaluationJob {
             greedy: greedy_score,
             planned: planned_score,
             straight: self.straight_score(tasks),
-        }
+        })
     }
 
     /// Scores walking straight at the goals.

@@ -5,14 +5,16 @@
 //! networks and candidates at that time, and takes effect at a fixed later update, no matter when
 //! it finishes in between: the same seed gives the same run.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use rand_chacha::ChaCha8Rng;
 
 use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, DistilledDistances, GraphState};
 use crate::env::Spec;
 use crate::learn::{ChangedDistances, Policy, Scratch};
+use crate::pulse::{Cancelled, Wanted};
 use crate::store::{Store, StoreError};
 
 /// Number of pairs of candidates per build whose graph distances are distilled, ...
@@ -20,7 +22,7 @@ pub(crate) const DISTILLED_PAIRS: usize = 300_000;
 
 /// ... by following about this many edges: graphs of open maps have hundreds for each candidate,
 /// ...
-pub(crate) const DISTILLED_EDGES: usize = 8_000_000;
+pub(crate) const DISTILLED_EDGES: usize = 4_000_000;
 
 /// ... to at most as many goals as this, ...
 pub(crate) const MAX_DISTILLED_GOALS: usize = 256;
@@ -31,9 +33,24 @@ pub(crate) const MIN_DISTILLED_GOALS: usize = 32;
 /// A build takes effect after the interval between builds divided by this.
 pub(crate) const ACTIVATION_DIVISOR: u64 = 4;
 
-/// The same after an edit: plans and what has to be relearned depend on the graph, so training
-/// waits for it.
-pub(crate) const EDIT_ACTIVATION_DIVISOR: u64 = 20;
+/// The same after an edit, when distances that have changed must be found as well.
+pub(crate) const EDIT_ACTIVATION_DIVISOR: u64 = 2;
+
+/// A build asks D again for the edges from one in so many candidates.
+pub(crate) const RENEWAL_ROUNDS: u64 = 2;
+
+/// How often a build is asked whether it is done.
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
+
+/// Where the graph of a build comes from.
+pub enum GraphSource {
+    /// It is built from nothing.
+    New,
+    /// From the graph before; the round says whose edges are due.
+    Renewed { before: Arc<BridgeGraph>, round: u64 },
+    /// It exists, and only its distances are wanted.
+    Edited(Arc<BridgeGraph>),
+}
 
 /// Inputs of a build.
 pub struct GraphJob {
@@ -41,10 +58,13 @@ pub struct GraphJob {
     pub settings: BridgeSettings,
     pub policy: Arc<dyn Policy>,
     pub candidates: Arc<Candidates>,
+    pub source: GraphSource,
     /// Whether to find the distances that have changed.
     pub finds_changed: bool,
     /// RNG for the distilled distances.
     pub rng: ChaCha8Rng,
+    /// Ends the build without a result.
+    pub cancelled: Cancelled,
 }
 
 /// A graph and its distilled distances.
@@ -56,8 +76,11 @@ pub struct BuiltGraph {
     pub graph: Arc<BridgeGraph>,
     /// Sample of its distances to distil.
     pub distilled: Arc<DistilledDistances>,
-    /// The longest of these distances.
+    /// The longest of these distances, or of those of the graph before an edit.
     pub longest_steps: f32,
+    /// Whether an edit of the world has changed the graph since it was built: its distances are
+    /// not known again until the next one.
+    pub edited: bool,
     /// The distances that have changed, if requested.
     pub changed: Option<Arc<ChangedDistances>>,
 }
@@ -71,8 +94,44 @@ pub struct Graphs {
 }
 
 enum PendingGraph {
-    Building { at: u64, job: Arc<GraphJob>, result: JoinHandle<BuiltGraph> },
+    Building(Building),
     Ready(BuiltGraph),
+}
+
+/// A build in the background; dropping it ends the build.
+struct Building {
+    at: u64,
+    job: Arc<GraphJob>,
+    /// What the thread leaves behind.
+    result: Arc<OnceLock<BuiltGraph>>,
+    thread: JoinHandle<()>,
+    _wanted: Wanted,
+}
+
+impl Building {
+    /// Starts `job` on a thread of its own.
+    fn start(at: u64, job: &Arc<GraphJob>) -> std::io::Result<Self> {
+        let (job, wanted) = (job.clone(), Wanted::from(&job.cancelled));
+        let result = Arc::new(OnceLock::new());
+        let (own, place) = (job.clone(), result.clone());
+        let build = move || {
+            if let Some(built) = own.run(at, &own.cancelled) {
+                // The place is this thread's alone.
+                let _ = place.set(built);
+            }
+        };
+        let thread = std::thread::Builder::new().name("bridge graph".to_owned()).spawn(build)?;
+        Ok(Self { at, job, result, thread, _wanted: wanted })
+    }
+
+    /// Waits for the graph.
+    fn wait(&self) -> BuiltGraph {
+        while !self.thread.is_finished() {
+            std::thread::sleep(POLL_INTERVAL);
+        }
+        // Without a result the thread has panicked: so will this one, and say why.
+        self.result.get().cloned().unwrap_or_else(|| self.job.finish(self.at))
+    }
 }
 
 /// A graph in a checkpoint, with the updates at which its build began and it takes effect.
@@ -86,6 +145,8 @@ pub struct StoredGraph {
     pub state: GraphState,
     /// The distances that have changed, if requested.
     pub changed: Option<ChangedDistances>,
+    /// The longest distance along the graph before the edit that has changed it since, if any.
+    pub edited: Option<f32>,
 }
 
 impl StoredGraph {
@@ -93,6 +154,9 @@ impl StoredGraph {
     pub fn write(self, store: &mut Store, prefix: &str) {
         store.put(format!("{prefix}.when"), vec![self.at, self.due]);
         self.state.write(store, prefix);
+        if let Some(longest_steps) = self.edited {
+            store.put(format!("{prefix}.edited"), vec![longest_steps]);
+        }
         if let Some(ChangedDistances { goals, lower, upper }) = self.changed {
             store.put(format!("{prefix}.changed.goals"), goals);
             store.put(format!("{prefix}.changed.lower"), lower);
@@ -121,41 +185,70 @@ impl StoredGraph {
             })
         });
         let changed = changed.transpose()?;
-        Ok(Some(Self { at: *at, due: *due, state: GraphState::read(store, prefix)?, changed }))
+        let name = format!("{prefix}.edited");
+        let edited = if store.has(&name) { store.f32(&name)?.first().copied() } else { None };
+        let state = GraphState::read(store, prefix)?;
+        Ok(Some(Self { at: *at, due: *due, state, changed, edited }))
     }
 }
 
 impl GraphJob {
-    fn run(&self, at: u64) -> BuiltGraph {
+    /// Builds the graph; returns `None` if `cancelled` becomes true.
+    fn run(&self, at: u64, cancelled: &Cancelled) -> Option<BuiltGraph> {
         crate::faults::point("graph");
-        let (mut scratch, mut rng) = (Scratch::default(), self.rng.clone());
-        let graph = BridgeGraph::build(
-            &self.spec,
-            &self.settings,
-            &self.candidates,
-            &*self.policy,
-            &mut scratch,
-        );
-        let built = BuiltGraph::new(at, graph, &mut rng);
-        let changed =
-            || Arc::new(built.graph.changed_distances(&*self.policy, &mut rng, &mut scratch));
-        BuiltGraph { changed: self.finds_changed.then(changed), ..built }
+        let (mut scratch, policy) = (Scratch::default(), &*self.policy);
+        let Self { spec, settings, candidates, .. } = self;
+        let graph = match &self.source {
+            GraphSource::Edited(graph) => graph.clone(),
+            GraphSource::Renewed { before, round } => {
+                let is_due =
+                    |i| (u64::from(candidates.id(i)) + round).is_multiple_of(RENEWAL_ROUNDS);
+                let s = &mut scratch;
+                Arc::new(before.renewed(cancelled, candidates, is_due, policy, s)?)
+            }
+            GraphSource::New => {
+                let s = &mut scratch;
+                Arc::new(BridgeGraph::build_unless(
+                    cancelled, spec, settings, candidates, policy, s,
+                )?)
+            }
+        };
+        let mut built = BuiltGraph::new(at, graph, &mut self.rng.clone());
+        if self.finds_changed {
+            let BuiltGraph { graph, distilled, .. } = &built;
+            let changed = graph.changed_distances(distilled, policy, &mut scratch, cancelled)?;
+            built.changed = Some(Arc::new(changed));
+        }
+        Some(built)
+    }
+
+    /// Builds the graph even if the job has been cancelled.
+    fn finish(&self, at: u64) -> BuiltGraph {
+        self.run(at, &Cancelled::default()).unwrap_or_else(|| unreachable!("nobody cancels it"))
     }
 }
 
 impl BuiltGraph {
-    fn new(at: u64, graph: BridgeGraph, rng: &mut ChaCha8Rng) -> Self {
+    fn new(at: u64, graph: Arc<BridgeGraph>, rng: &mut ChaCha8Rng) -> Self {
         let goals = DISTILLED_PAIRS / graph.candidates().len().max(1);
         let goals = goals.min(DISTILLED_EDGES / graph.edges().len().max(1));
         let distilled = graph.distil(goals.clamp(MIN_DISTILLED_GOALS, MAX_DISTILLED_GOALS), rng);
         let longest_steps = distilled.longest_steps();
         Self {
             at,
-            graph: Arc::new(graph),
+            graph,
             longest_steps,
+            edited: false,
             distilled: Arc::new(distilled),
             changed: None,
         }
+    }
+
+    /// Returns the `graph` that an edit has changed, without its distances. Episodes stay as long
+    /// as they were.
+    fn edited(at: u64, graph: Arc<BridgeGraph>, longest_steps: f32) -> Self {
+        let (distilled, changed) = (Arc::default(), None);
+        Self { at, graph, distilled, longest_steps, edited: true, changed }
     }
 
     fn stored(&self, due: u64) -> StoredGraph {
@@ -164,6 +257,7 @@ impl BuiltGraph {
             due,
             state: self.graph.state(),
             changed: self.changed.as_deref().cloned(),
+            edited: self.edited.then_some(self.longest_steps),
         }
     }
 
@@ -175,7 +269,15 @@ impl BuiltGraph {
         stored: &StoredGraph,
         mut rng: ChaCha8Rng,
     ) -> Result<Self, StoreError> {
-        let graph = BridgeGraph::from_state(spec, settings, &stored.state)?;
+        let graph = Arc::new(BridgeGraph::from_state(spec, settings, &stored.state)?);
+        if let Some(longest_steps) = stored.edited {
+            if !(0.0..f32::INFINITY).contains(&longest_steps) {
+                return Err(StoreError::inconsistent(
+                    "the longest distance of the stored bridge graph is out of range",
+                ));
+            }
+            return Ok(Self::edited(stored.at, graph, longest_steps));
+        }
         let count = graph.candidates().len();
         if let Some(ChangedDistances { goals, lower, upper }) = &stored.changed
             && (lower.len() != goals.len() * count
@@ -205,17 +307,25 @@ impl Graphs {
     /// own or, where none can be started, at once.
     pub fn start_build(&mut self, at: u64, delay: u64, job: GraphJob) {
         let job = Arc::new(job);
-        let own = job.clone();
-        let result =
-            std::thread::Builder::new().name("bridge graph".to_owned()).spawn(move || own.run(at));
-        let next = match result {
-            Ok(result) => PendingGraph::Building { at, job, result },
+        let next = match Building::start(at, &job) {
+            Ok(building) => PendingGraph::Building(building),
             Err(error) => {
                 tracing::warn!("the bridge graph is built without a thread of its own: {error}");
-                PendingGraph::Ready(job.run(at))
+                PendingGraph::Ready(job.finish(at))
             }
         };
         self.next = Some((at + delay.max(1), next));
+    }
+
+    /// Replaces the current graph with `graph`, the same one after an edit at update `at`.
+    pub fn edit(&mut self, at: u64, graph: Arc<BridgeGraph>) {
+        let longest_steps = self.current.as_ref().map_or(0.0, |built| built.longest_steps);
+        self.current = Some(BuiltGraph::edited(at, graph, longest_steps));
+    }
+
+    /// Returns whether a graph is being built or waits to take effect.
+    pub fn has_next(&self) -> bool {
+        self.next.is_some()
     }
 
     /// Returns whether the next graph is due at update `now`.
@@ -228,9 +338,7 @@ impl Graphs {
         let Some((_, next)) = self.next.take_if(|(due, _)| *due <= now) else { return false };
         self.current = Some(match next {
             PendingGraph::Ready(built) => built,
-            PendingGraph::Building { result, .. } => {
-                result.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-            }
+            PendingGraph::Building(building) => building.wait(),
         });
         true
     }
@@ -239,8 +347,7 @@ impl Graphs {
     pub fn state(&self) -> [Option<StoredGraph>; 2] {
         let next = self.next.as_ref().map(|(due, next)| match next {
             PendingGraph::Ready(built) => built.stored(*due),
-            // Repeats the build, with the same result: saving can wait for it, training cannot.
-            PendingGraph::Building { at, job, .. } => job.run(*at).stored(*due),
+            PendingGraph::Building(building) => building.wait().stored(*due),
         });
         [self.current.as_ref().map(|built| built.stored(built.at)), next]
     }

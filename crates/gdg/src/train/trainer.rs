@@ -23,7 +23,7 @@ use super::rollout::{Rollout, StepContext};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
 use super::settings::UpdateWhen;
 use super::visits::Visits;
-use crate::bridge::{Candidates, Guide, SearchOutcome};
+use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
 use crate::env::{Environment, Episodes, Scene, Spec, TaskSet};
 use crate::learn::{
     Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, ReplaySizes,
@@ -251,6 +251,11 @@ impl Trainer {
     /// Returns the bridge candidates and observed paths between them.
     pub fn candidates(&self) -> &Candidates {
         &self.candidates
+    }
+
+    /// Returns the bridge graph that agents plan on, once there is one.
+    pub fn graph(&self) -> Option<&BridgeGraph> {
+        self.graphs.current().map(|built| &*built.graph)
     }
 
     /// Returns the latest bridge search.

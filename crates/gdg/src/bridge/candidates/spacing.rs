@@ -104,7 +104,6 @@ impl Candidates {
     /// unless trajectories show that a wall separates them and there is room.
     pub(super) fn move_apart(&mut self) {
         self.spacing *= SPACING_GROWTH;
-        let s = self.spec.state_dim();
         let full = self.len() >= self.max_count;
         let (mut kept, mut places) = (Vec::new(), GoalIndex::new(&self.spec));
         for i in 0..self.len() {
@@ -115,8 +114,16 @@ impl Candidates {
                 places.push(place);
             }
         }
+        self.keep(&kept);
+    }
+
+    /// Keeps only these candidates, given in ascending order.
+    pub(super) fn keep(&mut self, kept: &[usize]) {
+        let s = self.spec.state_dim();
         let mut new_index = vec![None; self.len()];
         kept.iter().enumerate().for_each(|(new, old)| new_index[*old] = Some(new as u32));
+        let mut places = GoalIndex::new(&self.spec);
+        kept.iter().for_each(|i| places.push(self.goal_index.goal(*i)));
         let ids: Vec<u32> = kept.iter().map(|i| self.ids[*i]).collect();
         let paths = kept.iter().map(|i| {
             let KnownPaths { observed, practice } = &*self.paths[*i];

@@ -10,6 +10,7 @@ use super::{BridgeGraph, Incoming, Link};
 use crate::learn::{
     ChangedDistances, DistancesByGoal, GoalIndex, KnownPair, Policy, Scratch, WAYPOINT_STEPS,
 };
+use crate::pulse::Cancelled;
 
 /// Resolution of path costs: as integers in this many parts of a step, they make shortest paths
 /// exact and identical on every machine.
@@ -24,9 +25,6 @@ pub(crate) const UNVERIFIED_FACTOR: f32 = 2.0;
 
 /// States per batch when composing distances.
 const DISTANCE_BATCH: usize = 64;
-
-/// Candidates whose distances, as goals, are checked for changes.
-pub(crate) const CHANGED_GOALS: usize = 128;
 
 /// A distance has changed if D is longer or shorter than its bound by more than this factor.
 pub(crate) const CHANGED_MARGIN: f32 = 1.15;
@@ -284,9 +282,10 @@ impl BridgeGraph {
             self.lengths(route, |i| last.get(&i).map_or(f32::INFINITY, |distance| distance + hop));
         let states: Vec<&[f32]> = states.chunks_exact(self.spec.state_dim()).collect();
         // Batched, as the networks are more efficient on large batches.
-        let batches = states
-            .chunks(DISTANCE_BATCH)
-            .flat_map(|states| self.options(states, route, links, policy, scratch));
+        let batches = states.chunks(DISTANCE_BATCH).flat_map(|states| {
+            let starts = states.iter().map(|state| (*state, self.nearby(state, links)));
+            self.options(&starts.collect::<Vec<_>>(), route, policy, scratch)
+        });
         let distances = batches.map(|options| {
             let over = options
                 .candidates
@@ -300,23 +299,23 @@ impl BridgeGraph {
         distances.collect()
     }
 
-    /// Returns the options for walking to `route`'s goal from each of `states`: the nearest `links`
-    /// candidates and the goal.
+    /// Returns the `count` candidates nearest to `state` in a straight line, nearest first.
+    pub(in crate::bridge) fn nearby(&self, state: &[f32], count: usize) -> Vec<usize> {
+        let at: Vec<f32> = self.spec.achieved(state).collect();
+        self.candidates.goal_index().nearest_few(&at, count)
+    }
+
+    /// Returns the options for walking to `route`'s goal from each of `starts`: a state with some
+    /// candidates around it, and the goal.
     pub(in crate::bridge) fn options(
         &self,
-        states: &[&[f32]],
+        starts: &[(&[f32], Vec<usize>)],
         route: &Route,
-        links: usize,
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Vec<HopOptions> {
-        let near = |state: &&[f32]| {
-            let at: Vec<f32> = self.spec.achieved(state).collect();
-            self.candidates.goal_index().nearest_few(&at, links)
-        };
-        let nearby: Vec<Vec<usize>> = states.iter().map(near).collect();
         let (mut from, mut to) = (Vec::new(), Vec::new());
-        for (state, nearby) in states.iter().zip(&nearby) {
+        for (state, nearby) in starts {
             from.extend(state.repeat(nearby.len() + 1));
             to.extend(nearby.iter().flat_map(|i| self.point(*i)));
             to.extend(&route.goal);
@@ -324,7 +323,7 @@ impl BridgeGraph {
         let mut distances = vec![0.0; to.len() / route.goal.len()];
         policy.distances(&from, &to, &mut distances, scratch);
         let mut rest = &distances[..];
-        let options = nearby.into_iter().map(|nearby| {
+        let options = starts.iter().map(|(_, nearby)| {
             let (own, others) = rest.split_at(nearby.len() + 1);
             rest = others;
             let to_goal = own[nearby.len()];
@@ -373,28 +372,27 @@ impl BridgeGraph {
         DistilledDistances { by_goal: (!pairs.is_empty()).then_some(by_goal), pairs }
     }
 
-    /// Finds the distances that have changed since the networks learned them: those to a few random
-    /// goals that are far longer or shorter along the graph than D says.
+    /// Finds the distances that have changed since the networks learned them: those of `distilled`
+    /// that are far longer or shorter along the graph than D says. Returns `None` once `cancelled`
+    /// is true.
     pub fn changed_distances(
         &self,
+        distilled: &DistilledDistances,
         policy: &dyn Policy,
-        rng: &mut ChaCha8Rng,
         scratch: &mut Scratch,
-    ) -> ChangedDistances {
+        cancelled: &Cancelled,
+    ) -> Option<ChangedDistances> {
         let count = self.candidates.len();
-        let goals = (0..CHANGED_GOALS.min(count)).map(|_| rng.random_range(0..count) as u32);
-        let mut changed =
-            ChangedDistances { goals: goals.collect(), ..ChangedDistances::default() };
+        let mut changed = ChangedDistances::default();
+        let Some(by_goal) = &distilled.by_goal else { return Some(changed) };
         let mut distances = vec![0.0; count];
-        for goal in &changed.goals {
-            let route = self.route_to_candidate(*goal as usize);
-            policy.distances(
-                self.candidates.states(),
-                &route.goal.repeat(count),
-                &mut distances,
-                scratch,
-            );
-            let lengths = self.lengths(&route, |_| 0.0);
+        for (goal, lengths) in by_goal.places.iter().zip(by_goal.steps.chunks_exact(count)) {
+            if cancelled.is_set() {
+                return None;
+            }
+            changed.goals.push(*goal);
+            let goals = self.point(*goal as usize).repeat(count);
+            policy.distances(self.candidates.states(), &goals, &mut distances, scratch);
             for (steps, distance) in lengths.iter().zip(&distances) {
                 // These paths start exactly at a candidate, so their first hop has no overhead.
                 let steps = (steps - self.settings.hop_steps).max(0.0);
@@ -405,7 +403,7 @@ impl BridgeGraph {
                 changed.upper.push(if shrunk { steps } else { f32::MAX });
             }
         }
-        changed
+        Some(changed)
     }
 }
 

@@ -114,11 +114,12 @@ impl Replay {
     }
 
     /// Removes transitions (state, action, next state) that are not `possible`, splitting their
-    /// episodes there, and restores transitions removed earlier that are possible again. Every
-    /// agent's episode must have ended. Returns the numbers of transitions removed and restored.
+    /// episodes there, and restores transitions removed earlier that are possible again; leaves
+    /// those alone for which `possible` returns `None`. Every agent's episode must have ended.
+    /// Returns the numbers of transitions removed and restored.
     pub fn retain_possible(
         &mut self,
-        possible: impl Fn(&[f32], &[f32], &[f32]) -> bool,
+        possible: impl Fn(&[f32], &[f32], &[f32]) -> Option<bool>,
     ) -> (usize, usize) {
         let (mut removed, mut restored) = (0, 0);
         for agent in 0..self.agents {
@@ -132,7 +133,8 @@ impl Replay {
                     slot + 1 < self.written[agent] && self.action(moment).iter().any(|a| *a != 0.0);
                 let next = Moment { agent, slot: slot + 1 };
                 let kept = (before || moved)
-                    && possible(self.state(moment), self.action(moment), self.state(next));
+                    && possible(self.state(moment), self.action(moment), self.state(next))
+                        .unwrap_or(before);
                 removed += usize::from(before && !kept);
                 restored += usize::from(!before && kept);
                 self.left[at] = if kept { left_behind.saturating_add(1) } else { 0 };
@@ -193,6 +195,11 @@ impl Replay {
             .max(self.written[agent].saturating_sub(count as u64))
             .max(self.oldest(agent));
         (from..self.written[agent]).map(move |slot| self.state(Moment { agent, slot }))
+    }
+
+    /// Returns the number of agents.
+    pub fn agents(&self) -> usize {
+        self.agents
     }
 
     /// Returns the number of filled slots.
@@ -443,10 +450,11 @@ mod tests {
         };
         let before = left(&replay);
         assert_eq!(before, [5, 4, 3, 2, 1, 0, 2, 1, 0]);
-        assert_eq!(replay.retain_possible(|s, _, _| s[0] != 2.0), (1, 0));
+        assert_eq!(replay.retain_possible(|s, _, _| Some(s[0] != 2.0)), (1, 0));
+        assert_eq!(replay.retain_possible(|_, _, _| None), (0, 0));
         assert_eq!(left(&replay), [2, 1, 0, 2, 1, 0, 2, 1, 0]);
-        assert_eq!(replay.retain_possible(|s, _, _| s[0] != 7.0), (1, 1));
-        assert_eq!(replay.retain_possible(|_, _, _| true), (0, 1));
+        assert_eq!(replay.retain_possible(|s, _, _| Some(s[0] != 7.0)), (1, 1));
+        assert_eq!(replay.retain_possible(|_, _, _| Some(true)), (0, 1));
         assert_eq!(left(&replay), before, "ends of episodes stay ends");
     }
 

@@ -8,6 +8,10 @@ use crate::learn::networks::shapes::Shapes;
 /// Minimum gain over the actor's action, in steps: smaller differences are noise of D.
 pub const MIN_GAIN_STEPS: f32 = 0.1;
 
+/// Least progress D(s, g) - D(f(s, a), g) of an action for which no other is tried, in steps; a step
+/// on the shortest path makes 1.
+pub const GOOD_PROGRESS_STEPS: f32 = 0.8;
+
 /// An action is blocked if it changes every component by less than this, as a share of its change
 /// scale.
 pub const BLOCKED_CHANGE: f32 = 0.5;
@@ -23,6 +27,7 @@ pub struct LookaheadBuffers {
     actions: Vec<f32>,
     next: Vec<f32>,
     distances: Vec<f32>,
+    before: Vec<f32>,
     plain: SharedFeatures,
     model: Workspace,
     critic: Workspace,
@@ -70,13 +75,60 @@ fn keep_shortest(actions: &mut [f32], tried: &[f32], distances: &[f32], a: usize
 }
 
 impl Shapes {
+    /// Finds the rows whose `actions` `(rows, action_dim)` in `states` make less than
+    /// [`GOOD_PROGRESS_STEPS`] towards `goals`, by f and by D of all `critics`.
+    fn slow_rows(
+        &self,
+        model: Weights,
+        critics: &[Weights],
+        Steps { states, actions, .. }: Steps,
+        goals: &[f32],
+        buffers: &mut LookaheadBuffers,
+    ) -> Vec<usize> {
+        let rows = goals.len() / self.encoder.spec().goal_dim();
+        let LookaheadBuffers { next, distances, before, plain, model: ws, critic, .. } = buffers;
+        next.resize(states.len(), 0.0);
+        self.next_states(model, states, actions, next, ws);
+        for (states, out) in [(states, &mut *before), (next, distances)] {
+            out.resize(rows, 0.0);
+            self.encoder.plain_pairs(states, goals, plain);
+            self.joint_distances(critics, Pairs { plain, states, goals }, out, critic);
+        }
+        let progress = before.iter().zip(distances).map(|(before, after)| before - *after);
+        progress.enumerate().filter(|(_, p)| *p < GOOD_PROGRESS_STEPS).map(|(i, _)| i).collect()
+    }
+
     /// Replaces `actions` `(rows, action_dim)`, the actor's in `states` towards `goals`, by those
     /// of [`Shapes::tried_actions`] with a smaller D(f(s, a), g) by all `critics`, where there is
-    /// one.
+    /// one and the actor's makes little progress.
     ///
     /// The actor descends the same objective along its gradient (Algorithm 1), which does not help
     /// where a wall blocks all similar actions.
     pub fn improve_actions(
+        &self,
+        model: Weights,
+        critics: &[Weights],
+        states: &[f32],
+        goals: &[f32],
+        actions: &mut [f32],
+        buffers: &mut LookaheadBuffers,
+    ) {
+        let spec = self.encoder.spec();
+        let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
+        let steps = Steps { states, actions, next: &[] };
+        let rows = self.slow_rows(model, critics, steps, goals, buffers);
+        let chosen = |numbers: &[f32], width: usize| -> Vec<f32> {
+            rows.iter().flat_map(|row| &numbers[row * width..(row + 1) * width]).copied().collect()
+        };
+        let (states, goals, mut best) = (chosen(states, s), chosen(goals, g), chosen(actions, a));
+        self.try_actions(model, critics, &states, &goals, &mut best, buffers);
+        for (row, best) in rows.iter().zip(best.chunks_exact(a)) {
+            actions[row * a..(row + 1) * a].copy_from_slice(best);
+        }
+    }
+
+    /// Replaces `actions` like [`Shapes::improve_actions`], but tries others in every row.
+    fn try_actions(
         &self,
         model: Weights,
         critics: &[Weights],
@@ -155,7 +207,7 @@ impl Shapes {
             rows.iter().for_each(|row| chosen.extend(&all[row * width..(row + 1) * width]));
         }
         best.clone_from(own);
-        self.improve_actions(model, &[critic], from, to, best, lookahead);
+        self.try_actions(model, &[critic], from, to, best, lookahead);
         found.clear();
         found.resize(actions.len(), f32::NAN);
         for ((row, own), best) in rows.iter().zip(own.chunks_exact(a)).zip(best.chunks_exact(a)) {

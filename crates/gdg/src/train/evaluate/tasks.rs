@@ -67,16 +67,17 @@ pub fn run_tasks(
     actor: &Actor,
     rng: &mut ChaCha8Rng,
 ) -> TaskRuns {
-    run_tasks_watched(world, tasks, actor, rng, &mut |_| {})
+    run_tasks_watched(world, tasks, actor, rng, &mut |_| true)
 }
 
-/// Like [`run_tasks`]; calls `watch` with all agents' states at the start and after every step.
+/// Like [`run_tasks`]; calls `watch` with all agents' states at the start and after every step,
+/// and ends when it returns `false`.
 pub fn run_tasks_watched(
     world: &dyn Environment,
     tasks: &[Task],
     actor: &Actor,
     rng: &mut ChaCha8Rng,
-    watch: &mut dyn FnMut(&[f32]),
+    watch: &mut dyn FnMut(&[f32]) -> bool,
 ) -> TaskRuns {
     let mut env = world.fork(tasks.len());
     let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
@@ -96,7 +97,9 @@ pub fn run_tasks_watched(
     let mut taken: Vec<Option<u32>> = vec![None; tasks.len()];
     let mut actions = vec![0.0; a * tasks.len()];
     for clock in 0.. {
-        watch(env.states());
+        if !watch(env.states()) {
+            break;
+        }
         active.retain(|agent| {
             if env.spec().reached(&env.states()[agent.row(s)], agent.goal) {
                 taken[agent.index] = Some(clock);

@@ -28,7 +28,10 @@ impl EvaluationJob {
     pub fn walk(&self, task: &Task) -> TaskWalk {
         let (graph, mut states) = (self.graph(), Vec::new());
         let tasks = std::slice::from_ref(task);
-        let mut watch = |state: &[f32]| states.push(state.to_vec());
+        let mut watch = |state: &[f32]| {
+            states.push(state.to_vec());
+            true
+        };
         let actor = self.actor(graph.as_ref());
         let runs =
             run_tasks_watched(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch);

@@ -5,7 +5,9 @@ use serde_json::{Map, Value};
 
 use super::recovery::LastGood;
 use super::{Result, Stream, Trainer, fork_world, new_candidates, new_learner, new_replay, stream};
-use crate::env::{Change, EnvError, Environment};
+use crate::bridge::Candidates;
+use crate::env::{Change, EnvError, Environment, Region, Spec};
+use crate::learn::Replay;
 use crate::settings::Effect;
 use crate::store::Store;
 use crate::train::config::list_settings;
@@ -13,6 +15,9 @@ use crate::train::history::UsedMethod;
 use crate::train::rollout::Rollout;
 use crate::train::run::Run;
 use crate::train::settings::{SETTINGS, Settings};
+
+/// An edit may affect the steps that begin this near to its region, in steps.
+const AFFECTED_STEPS: f32 = 2.0;
 
 /// Result of a change of the world.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -55,16 +60,25 @@ impl Trainer {
         self.rollout.enter_environment(fork_world(&self.run, world), &mut self.replay);
         self.visits.enter(self.rollout.env());
         let edited = self.rollout.env().abilities().editable;
-        let (transitions_removed, transitions_restored) = self
-            .replay
-            .retain_possible(|s, a, next| edited.is_none_or(|world| world.is_possible(s, a, next)));
-        self.rebuild_candidates();
+        let possible =
+            |s: &[f32], a: &[f32], next: &[f32]| edited.is_none_or(|e| e.is_possible(s, a, next));
+        // A step may end in the region or be stopped by it.
+        let (spec, region) = (self.rollout.env().spec(), &change.region);
+        let step = AFFECTED_STEPS * spec.goal_radius;
+        let affected = |s: &[f32]| region.distance(spec.achieved(s)) <= step;
+        let (transitions_removed, transitions_restored) =
+            self.replay.retain_possible(|s, a, next| affected(s).then(|| possible(s, a, next)));
+        let idle = vec![0.0; spec.action_dim];
+        self.candidates.forget(region, change.may_lengthen, |state| possible(state, &idle, state));
+        if change.may_lengthen || transitions_restored > 0 {
+            revisit(&self.replay, &mut self.candidates, spec, region);
+        }
         if change.may_lengthen || transitions_restored > 0 {
             self.counters.relearns_until =
                 self.counters.updates.saturating_add(self.run.settings.learn.relearn_updates);
         }
         self.counters.changed_at_step = self.counters.env_steps;
-        self.replace_graph()?;
+        self.edit_graph(&change.region)?;
         let Change { summary, warning, facts, .. } = change;
         Ok(WorldChange { summary, warning, facts, transitions_removed, transitions_restored })
     }
@@ -146,34 +160,44 @@ impl Trainer {
 
     /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.
     fn rebuild_candidates(&mut self) {
-        let settings = &self.run.settings;
-        let fresh = new_candidates(&self.run, self.spec());
-        let Self { candidates, replay, .. } = self;
-        candidates.reset_to(fresh);
-        // An episode that begins where the agent's last one ended continues its trajectory.
-        let mut ends: Vec<Option<Vec<f32>>> = vec![None; settings.train.agents];
-        let mut last: Vec<Vec<f32>> = vec![Vec::new(); settings.train.agents];
-        replay.visit_episodes(|agent, state| {
-            let Some(state) = state else {
-                ends[agent] = Some(std::mem::take(&mut last[agent]));
-                return;
-            };
-            match ends[agent].take() {
-                Some(end) if end == state => {}
-                ended => {
-                    if ended.is_some() {
-                        candidates.end_episode(agent);
-                    }
-                    candidates.visit(agent, state);
-                }
-            }
-            last[agent].clear();
-            last[agent].extend(state);
-        });
-        (0..settings.train.agents).for_each(|agent| candidates.end_episode(agent));
+        self.candidates.reset_to(new_candidates(&self.run, self.spec()));
+        let everything = Region::everything(self.spec().goal_dim());
+        let Self { candidates, replay, rollout, .. } = self;
+        revisit(replay, candidates, rollout.env().spec(), &everything);
         // The whole replay shows more paths than were known before.
         candidates.adapt_spacing();
     }
+}
+
+/// Lets the candidates visit again what the replay buffer has seen within their reach of `region`.
+/// Ends all episodes.
+fn revisit(replay: &Replay, candidates: &mut Candidates, spec: &Spec, region: &Region) {
+    let reach = candidates.reach();
+    // An episode that begins where the agent's last one ended continues its trajectory.
+    let mut ends: Vec<Option<Vec<f32>>> = vec![None; replay.agents()];
+    let mut last: Vec<Vec<f32>> = vec![Vec::new(); replay.agents()];
+    replay.visit_episodes(|agent, state| {
+        let Some(state) = state else {
+            ends[agent] = Some(std::mem::take(&mut last[agent]));
+            return;
+        };
+        match ends[agent].take() {
+            Some(end) if end == state => {}
+            ended => {
+                if ended.is_some() {
+                    candidates.end_episode(agent);
+                }
+                if region.distance(spec.achieved(state)) <= reach {
+                    candidates.visit(agent, state);
+                } else {
+                    candidates.pass(agent);
+                }
+            }
+        }
+        last[agent].clear();
+        last[agent].extend(state);
+    });
+    (0..replay.agents()).for_each(|agent| candidates.end_episode(agent));
 }
 
 /// Whether the networks can be kept after a change of settings. Matching shapes are not enough:

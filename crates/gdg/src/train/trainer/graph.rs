@@ -1,9 +1,16 @@
 //! When bridge graphs are built and take effect.
 
+use std::sync::Arc;
+
 use rand_chacha::ChaCha8Rng;
 
 use super::{Result, Stream, Trainer, stream};
-use crate::train::graphs::{ACTIVATION_DIVISOR, EDIT_ACTIVATION_DIVISOR, GraphJob, Graphs};
+use crate::env::Region;
+use crate::learn::Scratch;
+use crate::pulse::Cancelled;
+use crate::train::graphs::{
+    ACTIVATION_DIVISOR, EDIT_ACTIVATION_DIVISOR, GraphJob, GraphSource, Graphs,
+};
 use crate::train::settings::Settings;
 
 impl Trainer {
@@ -34,34 +41,54 @@ impl Trainer {
         if self.graphs.activate_due(now) {
             self.with_step_context(|rollout, context| rollout.replan(context))?;
         }
-        if now.is_multiple_of(self.run.settings.bridge.graph_every_updates) {
+        let is_time = now.is_multiple_of(self.run.settings.bridge.graph_every_updates);
+        if is_time && !self.graphs.has_next() {
             self.candidates.adapt_spacing();
-            self.start_graph(ACTIVATION_DIVISOR)?;
+            let round = now / self.run.settings.bridge.graph_every_updates;
+            let source = self.graphs.current().map_or(GraphSource::New, |built| {
+                GraphSource::Renewed { before: built.graph.clone(), round }
+            });
+            self.start_graph(ACTIVATION_DIVISOR, source)?;
         }
         Ok(())
     }
 
-    /// Drops the bridge graph, and starts to build another one if needed, which soon takes its
-    /// place.
+    /// Adapts the bridge graph to an edit of the world in `region`: at once what depends on that
+    /// alone, and in the background its distances and those that have changed.
+    pub(super) fn edit_graph(&mut self, region: &Region) -> Result<()> {
+        let Some(current) = self.graphs.current() else { return self.replace_graph() };
+        let (candidates, policy) = (self.candidates.frozen(), self.policy()?);
+        let near = candidates.near(region);
+        let mut scratch = Scratch::default();
+        let never = Cancelled::default();
+        let graph = current.graph.renewed(&never, &candidates, |i| near[i], &*policy, &mut scratch);
+        let graph = Arc::new(graph.unwrap_or_else(|| unreachable!("nothing cancels it")));
+        self.graphs.edit(self.counters.updates, graph.clone());
+        self.start_graph(EDIT_ACTIVATION_DIVISOR, GraphSource::Edited(graph))
+    }
+
+    /// Drops the bridge graph, and starts to build another one if needed.
     pub(super) fn replace_graph(&mut self) -> Result<()> {
         self.graphs = Graphs::default();
         if self.needs_graph() {
-            self.start_graph(EDIT_ACTIVATION_DIVISOR)?;
+            self.start_graph(ACTIVATION_DIVISOR, GraphSource::New)?;
         }
         Ok(())
     }
 
-    /// Starts building a bridge graph, which takes effect after the interval between builds divided
-    /// by `activation_divisor`.
-    fn start_graph(&mut self, activation_divisor: u64) -> Result<()> {
+    /// Starts building a bridge graph and finding the distances along it, which take effect after
+    /// the interval between builds divided by `activation_divisor`.
+    fn start_graph(&mut self, activation_divisor: u64, source: GraphSource) -> Result<()> {
         let now = self.counters.updates;
         let job = GraphJob {
             spec: self.spec().clone(),
             settings: self.run.bridge(),
             policy: self.policy()?,
             candidates: self.candidates.frozen(),
+            source,
             finds_changed: self.relearns(),
             rng: self.graph_rng(now),
+            cancelled: Cancelled::default(),
         };
         self.graphs.start_build(
             now,
