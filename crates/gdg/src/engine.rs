@@ -29,7 +29,7 @@ use publish::PublishTimer;
 pub use snapshot::{FollowedAgent, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
 
 /// Minimum updates between evaluations.
-const EVALUATE_EVERY_UPDATES: u64 = 1_000;
+const EVALUATE_EVERY_UPDATES: u64 = 500;
 
 /// Maximum pace of a learner that does not learn, in updates counted per second, unless the user
 /// chooses another: at full speed, random steps would fill the replay buffer and be too fast to
@@ -112,6 +112,7 @@ impl Engine {
             current: first,
             evaluation: None,
             next_evaluation_at: None,
+            evaluation_is_due: false,
             evaluation_pause: EVALUATION_PAUSE_FACTOR,
             follow: None,
             next_update_at: None,
@@ -177,6 +178,8 @@ struct Worker {
     evaluation: Option<RunningEvaluation>,
     /// Earliest start of the next evaluation.
     next_evaluation_at: Option<Instant>,
+    /// Whether an evaluation has become due since the latest one began.
+    evaluation_is_due: bool,
     /// The pause after an evaluation, as a multiple of its duration.
     evaluation_pause: u32,
     /// The followed agent.
@@ -298,15 +301,11 @@ impl Worker {
         while let Some(due) = self.session.next_due() {
             match due {
                 Due::Recovery(recovery) => self.on_recovery(recovery),
-                Due::Evaluation => {
-                    if self.next_evaluation_at.is_none_or(|at| Instant::now() >= at) {
-                        self.start_evaluation()?;
-                    }
-                }
+                Due::Evaluation => self.evaluation_is_due = true,
                 Due::Progress | Due::Edit(_) | Due::Save => {}
             }
         }
-        Ok(())
+        self.start_due_evaluation()
     }
 
     /// Returns the maximum updates per second, if limited.

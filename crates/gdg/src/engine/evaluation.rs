@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::snapshot::{NextEvaluation, next_multiple};
 use super::{EVALUATE_EVERY_UPDATES, Worker};
+use crate::pulse::{Cancelled, Wanted};
 use crate::train::{Evaluation, TrainError};
 
 /// Tasks at each distance.
@@ -14,16 +15,19 @@ const EVALUATION_TASKS: usize = 10;
 /// but on the same cores.
 pub const EVALUATION_PAUSE_FACTOR: u32 = 15;
 
-/// While most walks fail, an evaluation takes long, and so would the pause: beyond this, it is as
-/// short as [`LEAST_PAUSE_FACTOR`] allows.
-const LONG_EVALUATION_PAUSE: Duration = Duration::from_secs(20);
-const LEAST_PAUSE_FACTOR: u32 = 3;
+/// Results are replaced before they are older than this ...
+const MAX_AGE: Duration = Duration::from_secs(10);
+
+/// ... or than this many updates, whichever is later; but the pause after an evaluation is at least
+/// as long as the evaluation.
+const MAX_AGE_UPDATES: f64 = 1_500.0;
 
 /// An evaluation running on its own thread.
 pub struct RunningEvaluation {
     updates: u64,
     began: Instant,
-    result: JoinHandle<Evaluation>,
+    result: JoinHandle<Option<Evaluation>>,
+    wanted: Wanted,
 }
 
 impl Worker {
@@ -33,16 +37,27 @@ impl Worker {
             return Ok(false);
         }
         let job = self.trainer.evaluation()?;
-        let began = Instant::now();
+        let (began, cancelled) = (Instant::now(), Cancelled::default());
+        let wanted = Wanted::from(&cancelled);
         let result =
             std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || {
                 let tasks = job.tasks(EVALUATION_TASKS);
-                job.run(&tasks)
+                job.run_unless(&cancelled, &tasks)
             })?;
-        self.evaluation =
-            Some(RunningEvaluation { updates: self.trainer.counters().updates, began, result });
+        let updates = self.trainer.counters().updates;
+        self.evaluation = Some(RunningEvaluation { updates, began, result, wanted });
+        self.evaluation_is_due = false;
         self.current.next_evaluation = NextEvaluation::Running;
         Ok(true)
+    }
+
+    /// Starts an evaluation if one is due, unless the latest one ended only recently.
+    pub(super) fn start_due_evaluation(&mut self) -> Result<(), TrainError> {
+        let is_time = self.next_evaluation_at.is_none_or(|at| Instant::now() >= at);
+        if self.evaluation_is_due && is_time {
+            self.start_evaluation()?;
+        }
+        Ok(())
     }
 
     /// Returns when the next evaluation comes.
@@ -65,15 +80,18 @@ impl Worker {
 
     /// Collects the evaluation if it has finished.
     pub(super) fn collect_evaluation(&mut self) {
-        let Some(RunningEvaluation { updates, began, result }) =
+        let Some(RunningEvaluation { updates, began, result, wanted }) =
             self.evaluation.take_if(|e| e.result.is_finished())
         else {
             return;
         };
+        drop(wanted);
         let now = Instant::now();
-        self.next_evaluation_at = Some(now + pause_after(now - began, self.evaluation_pause));
+        let pause = pause_after(now - began, self.evaluation_pause, self.current.rates.0);
+        self.next_evaluation_at = Some(now + pause);
         match result.join() {
-            Ok(evaluation) if evaluation.is_finite() => {
+            Ok(None) => {}
+            Ok(Some(evaluation)) if evaluation.is_finite() => {
                 self.trainer.record_evaluation(updates, evaluation);
                 self.current.evaluations = self.trainer.history().evaluations().clone();
             }
@@ -86,10 +104,12 @@ impl Worker {
     }
 }
 
-/// Returns the pause after an evaluation that took `duration`, `factor` times as long unless that
-/// is very long.
-fn pause_after(duration: Duration, factor: u32) -> Duration {
-    (factor * duration).min(LONG_EVALUATION_PAUSE.max(factor.min(LEAST_PAUSE_FACTOR) * duration))
+/// Returns the pause after an evaluation that took `duration`: `factor` times as long, but so short
+/// that the next one, if it takes as long, ends before the result is too old at `rate` updates per
+/// second.
+fn pause_after(duration: Duration, factor: u32, rate: f64) -> Duration {
+    let age = Duration::try_from_secs_f64(MAX_AGE_UPDATES / rate).unwrap_or(MAX_AGE).max(MAX_AGE);
+    (factor * duration).min(age.saturating_sub(2 * duration).max(duration))
 }
 
 #[cfg(test)]
@@ -97,9 +117,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_evaluations_are_followed_by_shorter_pauses() {
-        let pause = |seconds, factor| pause_after(Duration::from_secs(seconds), factor).as_secs();
-        assert_eq!([1, 4, 10].map(|seconds| pause(seconds, 15)), [15, 20, 30]);
-        assert_eq!([1, 10, 60].map(|seconds| pause(seconds, 2)), [2, 20, 120]);
+    fn results_are_replaced_before_they_are_old_unless_that_takes_most_of_the_time() {
+        let pause = |seconds: f64, factor, rate| {
+            pause_after(Duration::from_secs_f64(seconds), factor, rate).as_secs_f64()
+        };
+        assert_eq!([0.2, 1.0, 4.0].map(|seconds| pause(seconds, 15, 200.0)), [3.0, 8.0, 4.0]);
+        assert_eq!(pause(1.0, 2, 200.0), 2.0, "the user wants them sooner");
+        assert_eq!(pause(4.0, 15, 50.0), 22.0, "1,500 updates take 30 seconds");
+        assert_eq!(pause(4.0, 15, 0.0), 4.0, "nothing is known of the speed");
     }
 }
