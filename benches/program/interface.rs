@@ -93,7 +93,7 @@ impl Alone {
 }
 
 /// Returns a map as large as the open one, of 31 x 31 rooms with doors.
-fn rooms() -> Arc<Grid> {
+pub fn rooms() -> Arc<Grid> {
     let wall = |x: usize, y: usize| x % 32 == 31 && y % 32 != 15 || y % 32 == 31 && x % 32 != 15;
     let free = (0..OPEN_MAP_SIDE * OPEN_MAP_SIDE)
         .map(|i| !wall(i % OPEN_MAP_SIDE, i / OPEN_MAP_SIDE))

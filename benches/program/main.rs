@@ -7,18 +7,21 @@
 mod baseline;
 mod cases;
 mod checkpoint;
+mod edits;
 mod interface;
 mod loads;
 mod time_to;
 
 use std::fmt::Display;
 use std::process::Command;
+use std::sync::Arc;
 use std::time::Instant;
 
 use clap::{Parser, ValueEnum};
 use miette::{IntoDiagnostic, Report};
 use serde::Serialize;
 
+use gdg::map::builtin;
 use gdg::text::counted;
 use gdg::train::TrainError;
 use gdg_tui::host::setup::parallel_jobs;
@@ -49,6 +52,8 @@ pub enum Part {
     Interface,
     /// What a checkpoint consists of
     Checkpoint,
+    /// How long an edit of the map holds training up
+    Edits,
     /// Single operations
     Other,
 }
@@ -67,6 +72,7 @@ struct Measurements {
     /// For each kind of screen.
     interface: Vec<InterfaceTimes>,
     checkpoint: Option<CheckpointSize>,
+    edits: Vec<EditTimes>,
     other: Vec<TimedOperation>,
 }
 
@@ -183,6 +189,20 @@ struct CheckpointPart {
     stored_bytes: usize,
 }
 
+/// The longest that edits of the map hold training up.
+#[derive(Debug, Serialize)]
+struct EditTimes {
+    map: String,
+    threads: usize,
+    edits: usize,
+    /// Edges of the bridge graph.
+    edges: usize,
+    /// The longest edit.
+    edit_ms: f64,
+    /// The longest time without an update, in an edit or later.
+    stall_ms: f64,
+}
+
 /// Another timed operation.
 #[derive(Debug, Serialize)]
 struct TimedOperation {
@@ -269,8 +289,17 @@ fn measure(only: &[Part], threads: usize, runs: usize) -> Result<Measurements, R
         checkpoint: wanted(Part::Checkpoint)
             .then(|| checkpoint::measure(MAPS[0], threads))
             .transpose()?,
+        edits: if wanted(Part::Edits) { of_edits(threads).into_diagnostic()? } else { Vec::new() },
         other: if wanted(Part::Other) { cases::other().into_diagnostic()? } else { Vec::new() },
     })
+}
+
+/// Measures edits of a small and of a large map, on one thread and on all.
+fn of_edits(threads: usize) -> Result<Vec<EditTimes>, TrainError> {
+    let small = builtin(MAPS[0]).map(Arc::new);
+    let maps = small.into_iter().chain([interface::rooms()]);
+    let cases = maps.flat_map(|map| [1, threads].map(|threads| (map.clone(), threads)));
+    cases.map(|(map, threads)| edits::measure(&map, threads)).collect()
 }
 
 /// Measures each of [`MAPS`], if `wanted`.
@@ -301,6 +330,15 @@ impl Measurements {
         self.add_interface(&mut out);
         out += "\n";
         self.add_checkpoint(&mut out);
+        for e in &self.edits {
+            let on_threads = counted(e.threads as u64, "thread");
+            let edits = counted(e.edits as u64, "edit");
+            let edges = counted(e.edges as u64, "edge");
+            out += &format!(
+                "{}, {edges}, {on_threads}: longest of {edits} {:.0} ms, longest stall {:.0} ms\n",
+                e.map, e.edit_ms, e.stall_ms
+            );
+        }
         for t in &self.other {
             out += &format!("{:<56}{:>10.1} us{:>7} runs\n", t.what, t.us, t.runs);
         }
