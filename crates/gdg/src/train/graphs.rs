@@ -124,13 +124,19 @@ impl Building {
         Ok(Self { at, job, result, thread, _wanted: wanted })
     }
 
-    /// Waits for the graph.
+    /// Waits for the graph; builds it if its thread has panicked.
     fn wait(&self) -> BuiltGraph {
         while !self.thread.is_finished() {
             std::thread::sleep(POLL_INTERVAL);
         }
-        // Without a result the thread has panicked: so will this one, and say why.
         self.result.get().cloned().unwrap_or_else(|| self.job.finish(self.at))
+    }
+
+    /// Waits for the graph. If its thread panics, so does this one.
+    fn join(self) -> BuiltGraph {
+        let Self { at, job, result, thread, _wanted } = self;
+        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        result.get().cloned().unwrap_or_else(|| job.finish(at))
     }
 }
 
@@ -338,7 +344,7 @@ impl Graphs {
         let Some((_, next)) = self.next.take_if(|(due, _)| *due <= now) else { return false };
         self.current = Some(match next {
             PendingGraph::Ready(built) => built,
-            PendingGraph::Building(building) => building.wait(),
+            PendingGraph::Building(building) => building.join(),
         });
         true
     }
