@@ -37,7 +37,7 @@ pub fn measure(map: &'static str, threads: usize) -> Result<CheckpointSize, Repo
     let began = Instant::now();
     let again = train::from_bytes(&bytes, &registry, threads).into_diagnostic()?;
     let loaded = began.elapsed();
-    // The first save may have repeated the build of a bridge graph.
+    // The first save may have waited for a bridge graph.
     let began = Instant::now();
     train::save(&again, &to).into_diagnostic()?;
     let saved = began.elapsed();

@@ -20,7 +20,7 @@ impl Cancelled {
     }
 }
 
-/// Held by whoever wants the result of work in the background: dropping it cancels the work.
+/// A claim on the result of background work: dropping it cancels the work.
 #[derive(Debug)]
 pub struct Wanted(Cancelled);
 

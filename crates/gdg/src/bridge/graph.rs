@@ -150,32 +150,21 @@ impl BridgeGraph {
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Self {
-        Self::build_unless(&Cancelled::default(), spec, settings, candidates, policy, scratch)
+        let (now, never) = (|_| true, Cancelled::default());
+        Self::empty(spec, settings)
+            .renewed(&never, candidates, now, policy, scratch)
             .unwrap_or_else(|| unreachable!("nothing cancels it"))
     }
 
-    /// Like [`Self::build`]; returns `None` once `cancelled` is true.
-    pub fn build_unless(
-        cancelled: &Cancelled,
-        spec: &Spec,
-        settings: &BridgeSettings,
-        candidates: &Arc<Candidates>,
-        policy: &dyn Policy,
-        scratch: &mut Scratch,
-    ) -> Option<Self> {
-        let mut rows = Rows::new(spec, settings, candidates);
-        for from in 0..candidates.len() {
-            if cancelled.is_set() {
-                return None;
-            }
-            rows.add(from, policy, scratch);
-        }
-        Some(Self::from_edges(spec, settings, candidates.clone(), rows.edges))
+    /// Returns a graph without candidates.
+    pub fn empty(spec: &Spec, settings: &BridgeSettings) -> Self {
+        let candidates = Arc::new(Candidates::new(spec, 0, settings));
+        Self::from_edges(spec, settings, candidates, Vec::new())
     }
 
-    /// Returns the graph of the current `candidates`: edges from those that are new, or for which
-    /// `is_due` holds, are built anew like [`Self::build`] does; others keep their D. Returns
-    /// `None` once `cancelled` is set.
+    /// Returns the graph of the current `candidates`: rebuilds the edges from those that are new or
+    /// `is_due`, see [`Self::build`]; the others keep their D. Returns `None` once `cancelled` is
+    /// set.
     pub fn renewed(
         &self,
         cancelled: &Cancelled,

@@ -36,7 +36,7 @@ pub(crate) const ACTIVATION_DIVISOR: u64 = 4;
 /// The same after an edit, when distances that have changed must be found as well.
 pub(crate) const EDIT_ACTIVATION_DIVISOR: u64 = 2;
 
-/// A build asks D again for the edges from one in so many candidates.
+/// A build updates D of the edges from one in this many candidates.
 pub(crate) const RENEWAL_ROUNDS: u64 = 2;
 
 /// How often a build is asked whether it is done.
@@ -44,9 +44,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
 /// Where the graph of a build comes from.
 pub enum GraphSource {
-    /// It is built from nothing.
-    New,
-    /// From the graph before; the round says whose edges are due.
+    /// From the graph before, or an empty one; the round says whose edges are due.
     Renewed { before: Arc<BridgeGraph>, round: u64 },
     /// It exists, and only its distances are wanted.
     Edited(Arc<BridgeGraph>),
@@ -54,8 +52,6 @@ pub enum GraphSource {
 
 /// Inputs of a build.
 pub struct GraphJob {
-    pub spec: Spec,
-    pub settings: BridgeSettings,
     pub policy: Arc<dyn Policy>,
     pub candidates: Arc<Candidates>,
     pub source: GraphSource,
@@ -203,7 +199,7 @@ impl GraphJob {
     fn run(&self, at: u64, cancelled: &Cancelled) -> Option<BuiltGraph> {
         crate::faults::point("graph");
         let (mut scratch, policy) = (Scratch::default(), &*self.policy);
-        let Self { spec, settings, candidates, .. } = self;
+        let candidates = &self.candidates;
         let graph = match &self.source {
             GraphSource::Edited(graph) => graph.clone(),
             GraphSource::Renewed { before, round } => {
@@ -211,12 +207,6 @@ impl GraphJob {
                     |i| (u64::from(candidates.id(i)) + round).is_multiple_of(RENEWAL_ROUNDS);
                 let s = &mut scratch;
                 Arc::new(before.renewed(cancelled, candidates, is_due, policy, s)?)
-            }
-            GraphSource::New => {
-                let s = &mut scratch;
-                Arc::new(BridgeGraph::build_unless(
-                    cancelled, spec, settings, candidates, policy, s,
-                )?)
             }
         };
         let mut built = BuiltGraph::new(at, graph, &mut self.rng.clone());

@@ -1,12 +1,12 @@
-//! What candidates and the paths between them are worth after an edit of the world.
+//! What candidates forget after an edit of the world.
 
 use std::sync::Arc;
 
 use super::Candidates;
 use crate::env::Region;
 
-/// Steps that a path may take before the candidate it starts from and beyond the one it leads to,
-/// in steps: trajectories pass near candidates, not through them.
+/// Slack on the steps of a path, for both ends together: trajectories pass near candidates, not
+/// through them.
 const NEAR_STEPS: f32 = 2.0;
 
 impl Candidates {

@@ -74,6 +74,25 @@ fn keep_shortest(actions: &mut [f32], tried: &[f32], distances: &[f32], a: usize
     }
 }
 
+/// Calls `improve` with these `rows` of states, goals and actions, each given with its width, and
+/// puts the improved actions in their places.
+pub fn improve_rows(
+    rows: &[usize],
+    (states, s): (&[f32], usize),
+    (goals, g): (&[f32], usize),
+    (actions, a): (&mut [f32], usize),
+    improve: impl FnOnce(&[f32], &[f32], &mut [f32]),
+) {
+    let chosen = |numbers: &[f32], width: usize| -> Vec<f32> {
+        rows.iter().flat_map(|row| &numbers[row * width..(row + 1) * width]).copied().collect()
+    };
+    let mut best = chosen(actions, a);
+    improve(&chosen(states, s), &chosen(goals, g), &mut best);
+    for (row, action) in rows.iter().zip(best.chunks_exact(a)) {
+        actions[row * a..(row + 1) * a].copy_from_slice(action);
+    }
+}
+
 impl Shapes {
     /// Finds the rows whose `actions` `(rows, action_dim)` in `states` make less than
     /// [`GOOD_PROGRESS_STEPS`] towards `goals`, by f and by D of all `critics`.
@@ -117,14 +136,9 @@ impl Shapes {
         let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
         let steps = Steps { states, actions, next: &[] };
         let rows = self.slow_rows(model, critics, steps, goals, buffers);
-        let chosen = |numbers: &[f32], width: usize| -> Vec<f32> {
-            rows.iter().flat_map(|row| &numbers[row * width..(row + 1) * width]).copied().collect()
-        };
-        let (states, goals, mut best) = (chosen(states, s), chosen(goals, g), chosen(actions, a));
-        self.try_actions(model, critics, &states, &goals, &mut best, buffers);
-        for (row, best) in rows.iter().zip(best.chunks_exact(a)) {
-            actions[row * a..(row + 1) * a].copy_from_slice(best);
-        }
+        improve_rows(&rows, (states, s), (goals, g), (actions, a), |states, goals, actions| {
+            self.try_actions(model, critics, states, goals, actions, buffers);
+        });
     }
 
     /// Replaces `actions` like [`Shapes::improve_actions`], but tries others in every row.

@@ -2,7 +2,7 @@
 
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::features::{Pairs, SharedFeatures, Workspace};
-use crate::learn::networks::lookahead::LookaheadBuffers;
+use crate::learn::networks::lookahead::{LookaheadBuffers, improve_rows};
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::shapes::Shapes;
 
@@ -90,14 +90,9 @@ pub fn look_ahead(
     }
     let width = |numbers: &[f32]| numbers.len() / ahead.len();
     let (s, g, a) = (width(states), width(goals), width(actions));
-    let chosen = |numbers: &[f32], width: usize| -> Vec<f32> {
-        rows.iter().flat_map(|row| &numbers[row * width..(row + 1) * width]).copied().collect()
-    };
-    let mut best = chosen(actions, a);
-    policy.improve_actions(&chosen(states, s), &chosen(goals, g), &mut best, scratch);
-    for (row, action) in rows.iter().zip(best.chunks_exact(a)) {
-        actions[row * a..(row + 1) * a].copy_from_slice(action);
-    }
+    improve_rows(&rows, (states, s), (goals, g), (actions, a), |states, goals, actions| {
+        policy.improve_actions(states, goals, actions, scratch);
+    });
 }
 
 /// Borrowed weights of critics, dynamics model and actor.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use rand_chacha::ChaCha8Rng;
 
 use super::{Result, Stream, Trainer, stream};
+use crate::bridge::BridgeGraph;
 use crate::env::Region;
 use crate::learn::Scratch;
 use crate::pulse::Cancelled;
@@ -45,10 +46,11 @@ impl Trainer {
         if is_time && !self.graphs.has_next() {
             self.candidates.adapt_spacing();
             let round = now / self.run.settings.bridge.graph_every_updates;
-            let source = self.graphs.current().map_or(GraphSource::New, |built| {
-                GraphSource::Renewed { before: built.graph.clone(), round }
-            });
-            self.start_graph(ACTIVATION_DIVISOR, source)?;
+            let before = match self.graphs.current() {
+                Some(built) => built.graph.clone(),
+                None => self.empty_graph(),
+            };
+            self.start_graph(ACTIVATION_DIVISOR, GraphSource::Renewed { before, round })?;
         }
         Ok(())
     }
@@ -71,9 +73,14 @@ impl Trainer {
     pub(super) fn replace_graph(&mut self) -> Result<()> {
         self.graphs = Graphs::default();
         if self.needs_graph() {
-            self.start_graph(ACTIVATION_DIVISOR, GraphSource::New)?;
+            let before = self.empty_graph();
+            self.start_graph(ACTIVATION_DIVISOR, GraphSource::Renewed { before, round: 0 })?;
         }
         Ok(())
+    }
+
+    fn empty_graph(&self) -> Arc<BridgeGraph> {
+        Arc::new(BridgeGraph::empty(self.spec(), &self.run.bridge()))
     }
 
     /// Starts building a bridge graph and finding the distances along it, which take effect after
@@ -81,8 +88,6 @@ impl Trainer {
     fn start_graph(&mut self, activation_divisor: u64, source: GraphSource) -> Result<()> {
         let now = self.counters.updates;
         let job = GraphJob {
-            spec: self.spec().clone(),
-            settings: self.run.bridge(),
             policy: self.policy()?,
             candidates: self.candidates.frozen(),
             source,
