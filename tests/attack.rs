@@ -1,9 +1,6 @@
 //! Stress tests that attack the program and count their attempts. The short form runs with the
-//! other tests, the long one with `ATTACK=long cargo test --release --test attack -- --nocapture`.
-#![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
-mod support;
+//! other tests, the long one with
+//! `ATTACK=long cargo test --release --test program attack:: -- --nocapture`.
 
 use std::collections::BTreeMap;
 use std::os::unix::process::ExitStatusExt;
@@ -12,14 +9,14 @@ use std::process::Stdio;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::support::{
+    Session, checkpoints, headless, isolated_command, non_zero, outcome, size,
+    with_updated_checksum,
+};
 use gdg::train::Registry;
 use gdg::{map, train};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use support::{
-    Session, checkpoints, headless, isolated_command, non_zero, outcome, size,
-    with_updated_checksum,
-};
 
 /// Returns the number of attempts: `short`, or `long` in the long form.
 fn times(short: usize, long: usize) -> usize {

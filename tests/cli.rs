@@ -1,7 +1,5 @@
 //! The program as run from a shell: records, exit statuses, errors.
 
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};

@@ -1,10 +1,6 @@
 //! Comparisons by the real program, in a pseudo-terminal and without one.
-#![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
-mod support;
-
-use support::{Session, non_zero, size};
+use crate::support::{Session, non_zero, size};
 
 #[test]
 fn two_methods_train_side_by_side_and_the_terminal_is_restored() {

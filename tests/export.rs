@@ -3,8 +3,6 @@
 //! What needs Python is ignored otherwise: set `GDG_PYTHON` to an interpreter (default `python3`) that
 //! has numpy, gymnasium-robotics 1.4.2 and mujoco 3.3.7, as `.ci/run` does.
 
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

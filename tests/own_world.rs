@@ -1,11 +1,9 @@
 //! A custom world and a custom learner go through the same trainer as the built-in ones.
 
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
 #[allow(dead_code, reason = "its main function is the example's")]
 #[path = "../examples/own_world.rs"]
-mod own_world;
-#[path = "../crates/gdg/tests/support/runs.rs"]
+mod example;
+#[path = "../crates/gdg/tests/runs.rs"]
 mod runs;
 
 use clap::Parser;
@@ -14,7 +12,7 @@ use gdg_tui::cli::Cli;
 use gdg_tui::headless;
 use gdg_tui::host::setup;
 
-use own_world::registry;
+use example::registry;
 use runs::{state, train_to};
 
 fn trainer(method: &str) -> Trainer {

@@ -1,16 +1,11 @@
 //! `gdg-tui reproduce`: figures from jobs that run anywhere, in any order, and resume.
 
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
-#[path = "support/ran.rs"]
-mod ran;
-
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use ran::{Ran, SMALL, has_parts, isolated, program_in, ran};
+use crate::ran::{Ran, SMALL, has_parts, isolated, program_in, ran};
 use serde_json::Value;
 use tempfile::TempDir;
 

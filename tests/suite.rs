@@ -1,15 +1,10 @@
 //! `gdg-tui suite`: jobs, their results, and what happens when they are interrupted.
 
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
-#[path = "support/ran.rs"]
-mod ran;
-
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use ran::{Ran, SMALL, has_parts, program_in, ran};
+use crate::ran::{Ran, SMALL, has_parts, program_in, ran};
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -1,14 +1,10 @@
 //! The real program in a pseudo-terminal: what a user sees and presses, and what remains on the
 //! terminal.
-#![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
-mod support;
 
 use std::time::Duration;
 
+use crate::support::{Session, kill, non_zero, size};
 use portable_pty::{CommandBuilder, native_pty_system};
-use support::{Session, kill, non_zero, size};
 
 #[test]
 fn the_interface_opens_pauses_shows_help_saves_and_leaves_a_summary() {

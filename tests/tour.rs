@@ -1,10 +1,6 @@
 //! The guided tour by the real program, in a pseudo-terminal and without one.
-#![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
-mod support;
-
-use support::Session;
+use crate::support::Session;
 
 #[test]
 fn the_tour_is_recorded_and_goes_on_by_enter() {

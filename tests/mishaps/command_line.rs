@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::support::{headless, isolated_command, outcome};
 use super::{checkpoint, events, folder};
+use crate::support::{headless, isolated_command, outcome};
 
 /// Runs the program with what is typed; returns exit status, output and errors.
 pub fn typed(folder: &Path, args: &[&str]) -> (i32, String, String) {

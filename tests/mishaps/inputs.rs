@@ -1,7 +1,7 @@
 //! What people type and bring, in the ways of many places.
 
-use crate::command_line::{one_line, typed};
-use crate::*;
+use super::command_line::{one_line, typed};
+use super::*;
 
 #[test]
 fn tables_with_other_line_ends_are_continued_and_links_are_not() {

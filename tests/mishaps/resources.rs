@@ -3,8 +3,8 @@
 use std::process::Command;
 use std::time::Duration;
 
-use super::support::{Session, headless, isolated_command, outcome};
 use super::{events, folder};
+use crate::support::{Session, headless, isolated_command, outcome};
 
 const SHORT: [&str; 5] = ["trap", "--max-updates", "5", "--eval-tasks", "1"];
 

@@ -1,16 +1,11 @@
 //! A world of nothing but the seven methods without a default goes through the whole trainer.
 
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
-#[path = "support/runs.rs"]
-mod runs;
-
 use gdg::env::{Environment, Spec, WorldKind};
 use gdg::train::{Preset, Registry, Run, Trainer};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use runs::train_to;
+use crate::runs::train_to;
 
 /// Length of the line, in steps.
 const LENGTH: f32 = 20.0;

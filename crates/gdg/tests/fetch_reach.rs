@@ -1,19 +1,14 @@
 //! The arm against recordings and facts of the reference, FetchReach-v4 of gymnasium-robotics
 //! 1.4.2.
 
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
-#[path = "support/runs.rs"]
-mod runs;
-
 use std::path::Path;
 
+use crate::runs::{state, train_to};
 use gdg::env::fetch_reach::WALL;
 use gdg::env::{Environment, FetchReach};
 use gdg::train::{self, Preset, Registry, Run, SaveTo, Trainer};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use runs::{state, train_to};
 
 fn rng() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(1)

@@ -1,8 +1,6 @@
 //! Maps and scenarios: folders of valid and invalid files, properties of parsing and geometry, the
 //! built-in maps.
 
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

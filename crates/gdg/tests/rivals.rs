@@ -1,18 +1,13 @@
 //! Rivals that learn from rewards: they learn what they can, reproducibly, and planners work over
 //! them. Whether runs repeat is also tested for the goal-distance gradient with D given.
 
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
-#[path = "support/runs.rs"]
-mod runs;
-
 use std::sync::Arc;
 
+use crate::runs::{state, train_to};
 use gdg::env::PointMaze;
 use gdg::learn::Scratch;
 use gdg::map::{Grid, parse_map};
 use gdg::train::{self, Method, Registry, Run, SaveTo, Settings, Trainer};
-use runs::{state, train_to};
 
 const RIVALS: [&str; 3] = ["ddpg", "her", "ddpg-distance"];
 

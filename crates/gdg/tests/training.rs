@@ -1,13 +1,9 @@
 //! Training: runs are reproducible, and learning works.
 
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-
-#[path = "support/runs.rs"]
-mod runs;
-
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::runs::train_to;
 use gdg::bridge::BridgeSettings;
 use gdg::env::{PointMaze, Restart};
 use gdg::learn::{LearnSettings, Scratch, Threads};
@@ -15,7 +11,6 @@ use gdg::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
 use gdg::settings::{Auto, Effect};
 use gdg::store::{Array, Store};
 use gdg::train::{self, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
-use runs::train_to;
 
 /// Two rooms joined by a door: most straight lines between them hit the wall.
 const TWO_ROOMS: &str = "\

@@ -1,7 +1,5 @@
 //! Runs in the library.
 
-#![allow(dead_code, reason = "not every test uses all of it")]
-
 use gdg::store::Store;
 use gdg::train::Trainer;
 

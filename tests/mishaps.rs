@@ -1,6 +1,4 @@
 //! Failure handling: nothing is lost, and every failure is reported.
-#![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 mod command_line;
 mod foreign_files;
@@ -8,8 +6,6 @@ mod inputs;
 mod resources;
 mod saving;
 mod signals;
-#[path = "../support/mod.rs"]
-mod support;
 mod terminal;
 
 use std::io::{BufRead, BufReader, Read};
@@ -18,11 +14,11 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use gdg::train::{self, Registry, SaveTo, Trainer};
-use serde_json::Value;
-use support::{
+use crate::support::{
     Session, checkpoints, headless, isolated_command, kill, outcome, with_updated_checksum,
 };
+use gdg::train::{self, Registry, SaveTo, Trainer};
+use serde_json::Value;
 
 /// The environment variable that injects faults.
 const FAULTS: &str = "GDG_TUI_FAULTS";

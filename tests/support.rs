@@ -1,8 +1,5 @@
 //! Runs the real program, with or without a pseudo-terminal, and modifies checkpoints.
 
-#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
-#![allow(dead_code, reason = "not every test uses all of it")]
-
 use std::io::{Read, Write};
 use std::num::NonZero;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,10 @@
+//! All tests of the library's interface in one binary.
+
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
+
+mod core_world;
+mod fetch_reach;
+mod maps;
+mod rivals;
+mod runs;
+mod training;

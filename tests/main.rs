@@ -1,0 +1,24 @@
+//! All tests of the program in one binary, as each binary would link the whole library: file by
+//! file with `cargo test --release --test program mishaps::`. Only the tests of the layout, which
+//! link nothing, have their own.
+
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
+
+#[cfg(unix)]
+mod attack;
+mod cli;
+#[cfg(unix)]
+mod compare;
+mod export;
+#[cfg(unix)]
+mod mishaps;
+mod own_world;
+mod ran;
+mod reproduce;
+mod suite;
+#[cfg(unix)]
+mod support;
+#[cfg(unix)]
+mod terminal;
+#[cfg(unix)]
+mod tour;
