@@ -242,7 +242,7 @@ impl HeadlessRun<'_> {
     /// Saves in the middle of a run: a failure is only reported, as the next save may succeed.
     fn save_periodically(&mut self) {
         if let Err(error) = self.save() {
-            tracing::warn!("{error}");
+            log::warn!("{error}");
             crate::host::report::print_error(
                 error.wrap_err("training continues; saving will be tried again"),
             );

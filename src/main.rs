@@ -59,7 +59,7 @@ fn usage(error: &clap::Error) -> u8 {
 }
 
 fn fail(error: Report, status: u8) -> u8 {
-    tracing::error!("{error}");
+    log::error!("{error}");
     report::print_error(error);
     status
 }

@@ -302,7 +302,7 @@ fn rescue(job: &Job, trainer: &mut Trainer, saver: &mut Saver, at: &At) {
 
 /// Prints why a job failed.
 fn failed(job: &Job, error: Report) -> End {
-    tracing::error!("{}: {error}", job.name);
+    log::error!("{}: {error}", job.name);
     print_error(error.wrap_err(format!("job {} failed", job.name)));
     End::Failed
 }

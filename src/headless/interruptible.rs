@@ -31,7 +31,7 @@ pub fn run_interruptibly<T: Send + 'static>(
         own.into_iter().for_each(|work| work());
     };
     if let Err(error) = std::thread::Builder::new().name(name.to_owned()).spawn(run) {
-        tracing::warn!("no thread for the {name}: {error}");
+        log::warn!("no thread for the {name}: {error}");
         let own = work.lock().take();
         own.into_iter().for_each(|work| work());
     }

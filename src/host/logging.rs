@@ -1,19 +1,22 @@
 //! The log file, for diagnosing failures afterwards.
 
+use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use clap::ValueEnum;
 use directories::ProjectDirs;
-use tracing::level_filters::LevelFilter;
-use tracing_appender::rolling::{RollingFileAppender, Rotation};
+use jiff::Timestamp;
+use log::{LevelFilter, Log, Metadata, Record};
+use parking_lot::Mutex;
 
 /// Number of days to keep.
 const KEPT_DAYS: usize = 5;
 
 /// Beginning and end of the files' names, with the date between.
-const PREFIX: &str = "gdg-tui";
-const SUFFIX: &str = "log";
+const PREFIX: &str = "gdg-tui.";
+const SUFFIX: &str = ".log";
 
 static FOLDER: OnceLock<PathBuf> = OnceLock::new();
 
@@ -32,50 +35,96 @@ pub enum LogLevel {
     Debug,
 }
 
+/// Writes into a file for each day, in UTC. Programs that share a folder add to the same file.
+struct DailyFile {
+    folder: PathBuf,
+    open: Mutex<(String, File)>,
+}
+
+impl DailyFile {
+    fn new(folder: PathBuf) -> Option<Self> {
+        let today = date(Timestamp::now());
+        let file = open(&folder, &today)?;
+        Some(Self { folder, open: Mutex::new((today, file)) })
+    }
+}
+
+impl Log for DailyFile {
+    fn enabled(&self, metadata: &Metadata) -> bool {
+        // Nothing of other libraries.
+        metadata.target().starts_with("gdg")
+    }
+
+    fn log(&self, record: &Record) {
+        if !self.enabled(record.metadata()) {
+            return;
+        }
+        let now = Timestamp::now();
+        let (level, target) = (record.level(), record.target());
+        let line = format!("{now:.6} {level:>5} {target}: {}\n", record.args());
+        let mut open_file = self.open.lock();
+        let today = date(now);
+        if open_file.0 != today
+            && let Some(file) = open(&self.folder, &today)
+        {
+            *open_file = (today, file);
+        }
+        // Without space for a log, the program goes on.
+        let _ = open_file.1.write_all(line.as_bytes());
+    }
+
+    fn flush(&self) {}
+}
+
+fn date(time: Timestamp) -> String {
+    time.strftime("%F").to_string()
+}
+
+/// Opens the file of a day and removes the oldest ones. Returns nothing if that fails, or if there
+/// is something other than a file: opening a FIFO would block.
+fn open(folder: &Path, date: &str) -> Option<File> {
+    let path = folder.join(format!("{PREFIX}{date}{SUFFIX}"));
+    if path.metadata().is_ok_and(|found| !found.is_file()) {
+        return None;
+    }
+    let file = File::options().append(true).create(true).open(path).ok()?;
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries
+        .filter(|entry| {
+            let name = entry.file_name();
+            let is_log =
+                name.to_str().is_some_and(|n| n.starts_with(PREFIX) && n.ends_with(SUFFIX));
+            is_log && entry.file_type().is_ok_and(|kind| kind.is_file())
+        })
+        .map(|entry| entry.path())
+        .collect();
+    files.sort();
+    for oldest in &files[..files.len().saturating_sub(KEPT_DAYS)] {
+        let _ = std::fs::remove_file(oldest);
+    }
+    Some(file)
+}
+
 /// Opens today's log file. If that fails, the program continues without a log.
 pub fn start(level: LogLevel) {
     let level = match level {
         LogLevel::Off => return,
-        LogLevel::Error => LevelFilter::ERROR,
-        LogLevel::Warn => LevelFilter::WARN,
-        LogLevel::Info => LevelFilter::INFO,
-        LogLevel::Debug => LevelFilter::DEBUG,
+        LogLevel::Error => LevelFilter::Error,
+        LogLevel::Warn => LevelFilter::Warn,
+        LogLevel::Info => LevelFilter::Info,
+        LogLevel::Debug => LevelFilter::Debug,
     };
     let Some(dirs) = ProjectDirs::from("", "", "gdg-tui") else { return };
     let folder = dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("log");
-    // The library would report a missing folder on standard error.
-    if std::fs::create_dir_all(&folder).is_err() || !holds_only_files(&folder) {
+    if std::fs::create_dir_all(&folder).is_err() {
         return;
     }
-    let file = RollingFileAppender::builder()
-        .rotation(Rotation::DAILY)
-        .filename_prefix(PREFIX)
-        .filename_suffix(SUFFIX);
-    let Ok(file) = file.max_log_files(KEPT_DAYS).build(&folder) else { return };
-    let log =
-        tracing_subscriber::fmt().with_max_level(level).with_ansi(false).log_internal_errors(false);
-    if log.with_writer(std::sync::Mutex::new(file)).try_init().is_ok() {
+    let Some(log) = DailyFile::new(folder.clone()) else { return };
+    if log::set_boxed_logger(Box::new(log)).is_ok() {
+        log::set_max_level(level);
         let _ = FOLDER.set(folder);
-        tracing::info!(
-            "gdg-tui {} started, process {}",
-            env!("CARGO_PKG_VERSION"),
-            std::process::id()
-        );
+        log::info!("gdg-tui {} started, process {}", env!("CARGO_PKG_VERSION"), std::process::id());
     }
-}
-
-/// Returns whether everything named like a log file is a regular file: opening a FIFO would block.
-fn holds_only_files(folder: &Path) -> bool {
-    let has_name = |path: &Path| {
-        path.extension().is_some_and(|end| end == SUFFIX)
-            && path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(PREFIX))
-    };
-    let mut entries =
-        std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    // A dangling link does no harm.
-    entries.all(|path| {
-        !has_name(&path) || path.metadata().is_ok_and(|file| file.is_file()) || !path.exists()
-    })
 }
 
 /// Returns the folder of the log files, if logging is active.
@@ -86,4 +135,49 @@ pub fn folder() -> Option<&'static Path> {
 /// Returns the location of the log, to append to an error; empty if there is none.
 pub fn hint() -> String {
     folder().map_or(String::new(), |folder| format!("log: {}", folder.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_day_has_a_file_and_only_the_newest_are_kept() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().join(name);
+        for day in 1..=7 {
+            let mut file = open(folder.path(), &format!("2026-03-0{day}")).expect("a file");
+            file.write_all(b"x").expect("space");
+            std::fs::write(path("gdg-tui.txt"), "not a log").expect("space");
+        }
+        let kept: Vec<bool> =
+            (1..=7).map(|day| path(&format!("gdg-tui.2026-03-0{day}.log")).exists()).collect();
+        assert_eq!(kept, [false, false, true, true, true, true, true]);
+        assert!(path("gdg-tui.txt").exists());
+        // A file is continued.
+        open(folder.path(), "2026-03-07").expect("a file").write_all(b"y").expect("space");
+        assert_eq!(std::fs::read(path("gdg-tui.2026-03-07.log")).expect("a file"), b"xy");
+        std::fs::create_dir(path("gdg-tui.2026-03-08.log")).expect("a folder");
+        assert!(open(folder.path(), "2026-03-08").is_none());
+    }
+
+    #[test]
+    fn a_new_day_begins_a_new_file_and_other_libraries_are_left_out() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let log = DailyFile::new(folder.path().to_owned()).expect("a file");
+        let old = open(folder.path(), "2026-03-01").expect("a file");
+        *log.open.lock() = ("2026-03-01".to_owned(), old);
+        for (target, text) in [("gdg_tui::host", "ours"), ("mio::poll", "theirs")] {
+            log.log(&Record::builder().target(target).args(format_args!("{text}")).build());
+        }
+        let read =
+            |name: String| std::fs::read_to_string(folder.path().join(name)).expect("a file");
+        assert_eq!(read("gdg-tui.2026-03-01.log".to_owned()), "");
+        let today = log.open.lock().0.clone();
+        let today = read(format!("{PREFIX}{today}{SUFFIX}"));
+        assert!(
+            today.contains(" INFO gdg_tui::host: ours") && !today.contains("theirs"),
+            "{today}"
+        );
+    }
 }

@@ -87,7 +87,7 @@ impl TerminationSignal {
         let listen = move || {
             let (mut arrivals, mut waiting) = (Arrivals::default(), None);
             for number in signals.forever() {
-                tracing::info!("signal {number}");
+                log::info!("signal {number}");
                 if arrivals.is_repeated_request(number, Instant::now()) {
                     end_at_once(restore_terminal, own.number().unwrap_or(number));
                 }

@@ -49,7 +49,7 @@ impl InputStream {
         let (sender, inputs) = tokio::sync::mpsc::channel(WAITING);
         let read = move || {
             if let Err(error) = read_all(&terminal, &stopped, &sender) {
-                tracing::info!("reading from the terminal: {error}");
+                log::info!("reading from the terminal: {error}");
             }
         };
         std::thread::Builder::new().name("terminal input".to_owned()).spawn(read)?;

@@ -59,7 +59,7 @@ impl Log {
         if self.entries.len() >= MAX_LOG_ENTRIES {
             self.entries.remove(0);
         }
-        tracing::info!("{}", gdg::text::sanitized(text));
+        log::info!("{}", gdg::text::sanitized(text));
         self.entries.push(LogEntry::new(seconds, updates, text));
     }
 

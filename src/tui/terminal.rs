@@ -172,7 +172,7 @@ impl Terminal {
         if answer.is_complete && self.graphics.is_none() {
             self.graphics = choose(answer);
             if let Some(graphics) = self.graphics {
-                tracing::info!(?graphics, "the terminal shows pictures");
+                log::info!("the terminal shows pictures: {graphics:?}");
                 self.patches = Some(Patches::new(graphics.protocol));
             }
         }

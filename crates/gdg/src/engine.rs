@@ -205,7 +205,7 @@ fn session() -> Session {
 pub fn lower_priority() {
     #[cfg(target_os = "linux")]
     if let Err(error) = rustix::process::nice(NICENESS) {
-        tracing::warn!("training at the priority of the interface: {error}");
+        log::warn!("training at the priority of the interface: {error}");
     }
 }
 

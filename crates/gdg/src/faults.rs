@@ -46,7 +46,7 @@ pub fn install_panic_hook() {
         let thread = std::thread::current();
         let name = thread.name().unwrap_or("unnamed");
         let failure = Failure { thread: name.to_owned(), message: panic_message(info) };
-        tracing::error!(thread = name, "panicked: {}", failure.message);
+        log::error!("thread {name} panicked: {}", failure.message);
         if name == "main" || !SHOWN_BY_INTERFACE.load(Ordering::Relaxed) {
             crate::printing::eprint_line(&format!(
                 "internal error in thread {name}: {}",
@@ -59,7 +59,7 @@ pub fn install_panic_hook() {
         }
         drop(failures);
         // Last, because resolving the names of functions takes a second or more.
-        tracing::error!(thread = name, "{}", Backtrace::force_capture());
+        log::error!("thread {name}: {}", Backtrace::force_capture());
     }));
 }
 

@@ -285,7 +285,7 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
     let store = trainer.save().map_err(|e| failed(e.to_string()))?;
     let bytes = content::to_bytes(store).map_err(|e| failed(e.to_string()))?;
     let path = write(to, &bytes).map_err(|e| failed(e.to_string()))?;
-    tracing::info!("saved {} at update {}", path.display(), trainer.counters().updates);
+    log::info!("saved {} at update {}", path.display(), trainer.counters().updates);
     Ok(path)
 }
 
@@ -350,7 +350,7 @@ pub fn load(
     let problem = truncated(&problem, MAX_REASON_CHARS);
     let [name, previous] = [path, &backup].map(|path| sanitized(&path.to_string_lossy()));
     let warning = format!("{name} {problem}; loaded the previous save, {previous}");
-    tracing::warn!("{warning}");
+    log::warn!("{warning}");
     Ok(Loaded { trainer, warning: Some(warning) })
 }
 

@@ -306,7 +306,7 @@ impl Graphs {
         let next = match Building::start(at, &job) {
             Ok(building) => PendingGraph::Building(building),
             Err(error) => {
-                tracing::warn!("the bridge graph is built without a thread of its own: {error}");
+                log::warn!("the bridge graph is built without a thread of its own: {error}");
                 PendingGraph::Ready(job.finish(at))
             }
         };

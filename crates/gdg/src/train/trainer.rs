@@ -363,7 +363,7 @@ impl Trainer {
         let _activity = is_long.then(|| self.pulse.begin("the update in progress"));
         let undo = if is_long { self.undo_for_update()? } else { None };
         if is_long {
-            tracing::debug!("update {} begins", self.counters.updates + 1);
+            log::debug!("update {} begins", self.counters.updates + 1);
         }
         let parts = is_long.then(|| Arc::new(Parts::new(&self.pulse, undo.is_some())));
         self.counters.owed_steps -= self.run.settings.train.env_steps_per_update;

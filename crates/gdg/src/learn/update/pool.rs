@@ -118,7 +118,7 @@ impl ThreadPool {
             let helper = std::thread::Builder::new()
                 .name(format!("helper {i}"))
                 .spawn(move || slot.run_helper());
-            helper.inspect_err(|error| tracing::warn!("training with fewer threads: {error}")).ok()
+            helper.inspect_err(|error| log::warn!("training with fewer threads: {error}")).ok()
         };
         (1..self.most).map_while(start).collect()
     }

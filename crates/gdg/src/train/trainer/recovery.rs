@@ -141,7 +141,7 @@ impl Trainer {
             learning_rate: self.run.settings.learn.learning_rate,
         };
         self.replace_graph()?;
-        tracing::warn!("{recovery}");
+        log::warn!("{recovery}");
         self.recovery = Some(recovery);
         Ok(())
     }
