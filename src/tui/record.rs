@@ -6,7 +6,7 @@
 //! going on.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -47,7 +47,9 @@ const CLEAR: &str = "\u{1b}[?25l\u{1b}[0m\u{1b}[2J";
 /// A recording in progress.
 pub struct Recorder {
     path: PathBuf,
-    file: BufWriter<File>,
+    file: File,
+    /// Bytes of all lines that are in the file.
+    whole: u64,
     began: Instant,
     /// The screen as recorded so far.
     recorded: Buffer,
@@ -83,7 +85,8 @@ impl Recorder {
             "env": env });
         let mut recorder = Self {
             path: path.to_owned(),
-            file: BufWriter::new(file),
+            file,
+            whole: 0,
             began: Instant::now(),
             recorded: Buffer::empty(Rect::new(0, 0, width, height)),
             pending: None,
@@ -177,11 +180,17 @@ impl Recorder {
         self.line(&line)
     }
 
+    /// Adds a line at once, as the program may be killed. Where it cannot be written as a whole,
+    /// as on a full disk, its beginning is removed: players refuse files that end within a line.
     fn line(&mut self, line: &str) -> std::io::Result<()> {
-        self.file.write_all(line.as_bytes())?;
-        self.file.write_all(b"\n")?;
-        // Keep the file complete at any moment, as the program may be killed.
-        self.file.flush()
+        let line = format!("{line}\n");
+        let result = self.file.write_all(line.as_bytes());
+        match result {
+            Ok(()) => self.whole += line.len() as u64,
+            // Pipes have no length to set.
+            Err(_) => _ = self.file.set_len(self.whole),
+        }
+        result
     }
 }
 
