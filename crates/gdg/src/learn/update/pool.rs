@@ -273,7 +273,13 @@ mod tests {
                 std::thread::yield_now();
             }
             let is_helper = std::thread::current().name().is_some_and(|n| n.starts_with("helper"));
-            std::thread::sleep(if is_helper { 50 * SPIN_DURATION } else { Duration::ZERO });
+            if is_helper {
+                // The caller, done with its task, sleeps.
+                while shared.lock().is_empty() {
+                    std::thread::yield_now();
+                }
+                std::thread::sleep(50 * SPIN_DURATION);
+            }
             shared.lock().push((i, is_helper));
         });
         let mut seen = seen.lock().clone();
