@@ -56,7 +56,7 @@ fn main() {
         ("with the wall, pressing on it", Some(WALL), Pull::Sideways),
     ] {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut world = FetchReach::new(wall, 0).fork(1);
+        let mut world = FetchReach::new(wall, 1);
         let (mut of_step, mut of_product) = (Vec::new(), Vec::new());
         for _ in 0..TURNS {
             world.restart(0, &mut rng);

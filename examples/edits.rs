@@ -124,7 +124,7 @@ fn report(
     other: &Arc<Grid>,
     tasks: usize,
 ) -> Result<()> {
-    let tasks = trainer.tasks(tasks);
+    let tasks = trainer.tasks(tasks).into_diagnostic()?;
     let evaluation = trainer.evaluate(&tasks).into_diagnostic()?;
     let rate = |score: Option<f64>| score.map_or("-".to_owned(), |rate| format!("{rate:.3}"));
     let greedy = rate(evaluation.greedy.success);

@@ -11,7 +11,7 @@
 use std::error::Error;
 use std::sync::Arc;
 
-use gdg::env::{Environment, Spec, WorldKind};
+use gdg::env::{EnvError, Environment, Spec, WorldKind};
 use gdg::learn::{
     LearnError, Learner, LearnerKind, Losses, Moment, Policy, Profile, Scratch, TrainingData,
 };
@@ -29,7 +29,8 @@ pub fn registry() -> Arc<Registry> {
         name: "bead",
         about: "a bead on a wire",
         create: Some(|| Box::new(Bead::new(0))),
-        load: |_| Ok(Box::new(Bead::new(0))),
+        open: None,
+        load: |_, _| Ok(Box::new(Bead::new(0))),
         // A short wire needs less than a maze before learning starts.
         defaults: &["learning_starts=1000"],
     };
@@ -82,25 +83,27 @@ impl Environment for Bead {
         &self.positions
     }
 
-    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
+    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
         (self.positions[agent], self.speeds[agent]) = (rng.random_range(0.0..LENGTH), 0.0);
+        Ok(())
     }
 
     fn sample_goal(&self, _: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
         goal[0] = rng.random_range(0.0..LENGTH);
     }
 
-    fn step(&mut self, actions: &[f32], _: &mut ChaCha8Rng) {
+    fn step(&mut self, actions: &[f32], _: &mut ChaCha8Rng) -> Result<(), EnvError> {
         for ((position, speed), action) in
             self.positions.iter_mut().zip(&mut self.speeds).zip(actions)
         {
             *speed = 0.5 * (*speed + action.clamp(-1.0, 1.0));
             *position = (*position + *speed).clamp(0.0, LENGTH);
         }
+        Ok(())
     }
 
-    fn fork(&self, agents: usize) -> Box<dyn Environment> {
-        Box::new(Self::new(agents))
+    fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError> {
+        Ok(Box::new(Self::new(agents)))
     }
 
     // Optional: with these two, resumed runs go on exactly where they were, and evaluations begin
@@ -110,12 +113,12 @@ impl Environment for Bead {
         vec![f64::from(self.positions[agent]), f64::from(self.speeds[agent])]
     }
 
-    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> bool {
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool, EnvError> {
         // The numbers may come from a file: keep the bead on the wire, and its speed within what
         // actions can reach.
         self.positions[agent] = (full_state[0] as f32).clamp(0.0, LENGTH);
         self.speeds[agent] = (full_state[1] as f32).clamp(-1.0, 1.0);
-        true
+        Ok(true)
     }
 }
 
@@ -246,7 +249,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut trainer = Trainer::new(run, &Bead::new(0), &registry, 1)?;
     while trainer.counters().updates < UPDATES {
         if trainer.tick()? == Tick::Update && trainer.counters().updates.is_multiple_of(1_000) {
-            let found = trainer.evaluate(&trainer.tasks(20))?;
+            let found = trainer.evaluate(&trainer.tasks(20)?)?;
             let planned = found.planned.and_then(|planned| planned.success);
             println!(
                 "{} updates: {:.2} reach their goals",

@@ -8,6 +8,7 @@ mod export_policy;
 mod film;
 #[cfg(feature = "tui")]
 mod frames;
+mod gym;
 mod method;
 mod reproduce;
 #[cfg(feature = "tui")]
@@ -55,6 +56,7 @@ Examples:
   gdg-tui film saves/my.safetensors          how that run learned distance, as an animation
   gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
   gdg-tui fetch-reach --method gdg           watch a 7-joint arm learn to reach for points in space
+  gdg-tui --no-ui gym:gymnasium_robotics:PointMaze_UMaze-v3    a Gymnasium environment, in Python
   gdg-tui compare gdg-bridge gdg             two methods side by side: with bridge points and without
   gdg-tui suite maps/ --seeds 3              train on every map of a folder: a table, and a report with pictures
   gdg-tui reproduce all                      the paper's figures, with our default beside its methods

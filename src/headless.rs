@@ -167,7 +167,7 @@ impl HeadlessRun<'_> {
     /// Returns facts about the world, some of which are slow to compute; `None` if a signal arrives
     /// first.
     fn facts(&self) -> Result<Option<Map<String, Value>>, Report> {
-        let world = self.setup.trainer.world().fork(0);
+        let world = self.setup.trainer.world().fork(0).into_diagnostic()?;
         run_interruptibly("world", &self.termination, move || {
             world.abilities().recorded.map_or_else(Map::new, Recorded::facts)
         })
@@ -323,7 +323,7 @@ impl HeadlessRun<'_> {
 /// handled at once; returns `None` if one arrives.
 ///
 /// # Errors
-/// The learner or the evaluation fails.
+/// The learner, the world or the evaluation fails.
 pub fn evaluate(
     trainer: &mut Trainer,
     per_group: usize,
@@ -331,8 +331,9 @@ pub fn evaluate(
     termination: &TerminationSignal,
 ) -> Result<Option<Evaluation>, Report> {
     let job = trainer.evaluation().into_diagnostic()?.within(max_steps);
-    let work = move || job.run(&job.tasks(per_group));
+    let work = move || job.run(&job.tasks(per_group)?);
     let evaluation = run_interruptibly("evaluation", termination, work)?;
+    let evaluation = evaluation.transpose().into_diagnostic()?;
     if let Some(evaluation) = evaluation.as_ref().filter(|evaluation| evaluation.is_finite()) {
         trainer.record_evaluation(trainer.counters().updates, evaluation.clone());
     }

@@ -31,7 +31,7 @@ fn trainer(method: &str) -> Trainer {
 fn a_custom_learner_learns_a_custom_world() {
     let mut run = trainer("table+bridges");
     train_to(&mut run, 3_000);
-    let found = run.evaluate(&run.tasks(40)).unwrap();
+    let found = run.evaluate(&run.tasks(40).unwrap()).unwrap();
     let (planned, greedy) =
         (found.planned.unwrap().success.unwrap(), found.greedy.success.unwrap());
     assert!(planned >= 0.9 && greedy >= 0.9, "planned {planned}, greedy {greedy}");
@@ -57,7 +57,7 @@ fn random_actions_take_far_longer_ways_in_a_custom_world() {
     let spl = |method: &str| {
         let mut run = trainer(method);
         train_to(&mut run, 3_000);
-        let mut tasks = run.tasks(40);
+        let mut tasks = run.tasks(40).unwrap();
         for task in &mut tasks.tasks {
             task.shortest = Some((task.start[0] as f32 - task.goal[0]).abs().ceil() as u32);
         }
@@ -90,7 +90,10 @@ fn any_learner_and_planner_combine_and_resume_bitwise() {
         assert_eq!(state(&first), state(&resumed), "{method}");
         train_to(&mut resumed, 700);
         assert_eq!(state(&straight), state(&resumed), "{method}");
-        let (a, b) = (straight.evaluate(&straight.tasks(3)), resumed.evaluate(&resumed.tasks(3)));
+        let (a, b) = (
+            straight.evaluate(&straight.tasks(3).unwrap()),
+            resumed.evaluate(&resumed.tasks(3).unwrap()),
+        );
         assert_eq!(a.unwrap(), b.unwrap(), "{method}");
     }
 }

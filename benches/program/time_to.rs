@@ -44,7 +44,7 @@ pub fn measure(
         while !reached && trainer.counters().updates < MAX_UPDATES {
             let updated = trainer.tick()? == Tick::Update;
             if updated && trainer.counters().updates.is_multiple_of(EVALUATE_EVERY) {
-                let evaluation = trainer.evaluate(&trainer.tasks(TASKS_PER_DISTANCE))?;
+                let evaluation = trainer.evaluate(&trainer.tasks(TASKS_PER_DISTANCE)?)?;
                 reached = evaluation.success_rate().is_some_and(|rate| rate >= SUCCESS);
             }
         }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::RunArgs;
+use super::gym::GymArgs;
 #[cfg(feature = "tui")]
 use super::screen::InterfaceArgs;
 use super::values::{
@@ -22,7 +23,8 @@ const DEFAULT_MAP: &str = "fourrooms";
 /// Options of a training run.
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// Built-in map, map file, or world: fetch-reach or fetch-reach-wall [default: fourrooms]
+    /// Built-in map, map file, or world: fetch-reach, fetch-reach-wall, or a Gymnasium environment,
+    /// gym:ID or gym:PACKAGE:ID [default: fourrooms]
     #[arg(value_name = "MAP")]
     pub map: Option<PathBuf>,
 
@@ -106,6 +108,10 @@ pub struct TrainArgs {
     /// newest in saves/, of the map if one is named, before or after (city --resume, --resume city)
     #[arg(long, value_name = "FILE|MAP", num_args = 0..=1, conflicts_with_all = ["method", "preset", "seed", "config", "set"])]
     pub resume: Option<Option<PathBuf>>,
+
+    /// Options of environments in Python.
+    #[command(flatten)]
+    pub gym: GymArgs,
 
     /// Options of the interface.
     #[cfg(feature = "tui")]

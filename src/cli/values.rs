@@ -65,6 +65,16 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
     number(text, 0.0..=1e9, "a number of seconds from 0 to 1e9")
 }
 
+/// Parses the distance below which a goal is reached.
+pub fn parse_radius(text: &str) -> Result<f64, String> {
+    number(text, 1e-9..=1e9, "a distance from 1e-9 to 1e9")
+}
+
+/// Parses how long to wait for an environment, in seconds.
+pub fn parse_timeout(text: &str) -> Result<f64, String> {
+    number(text, 0.1..=1e6, "a number of seconds from 0.1 to 1e6")
+}
+
 /// Parses how many times as fast an animation plays.
 #[cfg(feature = "tui")]
 pub fn parse_speed(text: &str) -> Result<f64, String> {

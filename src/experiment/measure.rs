@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
 use gdg::bridge::{self, BridgePoint, Candidates, SearchSpace};
-use gdg::env::{PointMaze, Task};
+use gdg::env::{EnvError, PointMaze, Task};
 use gdg::learn::{Policy, Scratch};
 use gdg::map::{Cell, Grid};
 use gdg::train::{EvaluationJob, Trainer};
@@ -109,7 +109,7 @@ pub struct Found {
 /// skipped without one.
 ///
 /// # Errors
-/// The learner fails.
+/// The learner or the world fails.
 pub fn measure(
     plan: &Plan,
     trainer: &Trainer,
@@ -119,11 +119,12 @@ pub fn measure(
         return Ok(None);
     }
     let job = trainer.evaluation().into_diagnostic()?.within(plan.max_steps);
-    let walks = map.map_or(Vec::new(), |map| {
-        plan.walks.iter().filter_map(|d| walk_at(&job, map, *d)).collect()
+    let walks = map.map_or(Ok(Vec::new()), |map| {
+        plan.walks.iter().filter_map(|d| walk_at(&job, map, *d).transpose()).collect()
     });
+    let walks: Vec<Walked> = walks.into_diagnostic()?;
     let bridge = map.filter(|_| plan.bridge).map(|map| search(trainer, &job, map)).transpose()?;
-    let long_walk = plan.long_walk.then(|| long_walk(trainer, &job)).flatten();
+    let long_walk = if plan.long_walk { long_walk(trainer, &job).into_diagnostic()? } else { None };
     let counters = trainer.counters();
     Ok(Some(Measured {
         env_steps: counters.env_steps,
@@ -135,37 +136,41 @@ pub fn measure(
 }
 
 /// Walks a task of this length, in steps; `None` if the map has none.
-fn walk_at(job: &EvaluationJob, map: &Arc<Grid>, distance: u32) -> Option<Walked> {
+fn walk_at(
+    job: &EvaluationJob,
+    map: &Arc<Grid>,
+    distance: u32,
+) -> Result<Option<Walked>, EnvError> {
     let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
     let tasks = PointMaze::new(map.clone(), 0).tasks_at(&[distance], 1, &mut rng).tasks;
-    tasks.first().map(|task| walk(job, task, distance))
+    tasks.first().map(|task| walk(job, task, distance)).transpose()
 }
 
 /// Walks the longest task of one in each group of distances; `None` if the world has no tasks.
-fn long_walk(trainer: &Trainer, job: &EvaluationJob) -> Option<GoalWalk> {
+fn long_walk(trainer: &Trainer, job: &EvaluationJob) -> Result<Option<GoalWalk>, EnvError> {
     let (world, mut rng) = (trainer.world(), ChaCha8Rng::seed_from_u64(TASK_SEED));
-    let tasks = world.tasks(1, &mut rng).tasks;
-    let task = tasks.last()?;
-    let (walked, spec) = (job.walk(task), world.spec());
-    Some(GoalWalk {
+    let tasks = world.tasks(1, &mut rng)?.tasks;
+    let Some(task) = tasks.last() else { return Ok(None) };
+    let (walked, spec) = (job.walk(task)?, world.spec());
+    Ok(Some(GoalWalk {
         goal: task.goal.clone(),
         goal_radius: spec.goal_radius,
         reached: walked.reached,
         plan: walked.plan,
         path: walked.states.iter().map(|state| spec.achieved(state).collect()).collect(),
-    })
+    }))
 }
 
-fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Walked {
-    let walked = job.walk(task);
-    Walked {
+fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Result<Walked, EnvError> {
+    let walked = job.walk(task)?;
+    Ok(Walked {
         distance,
         shortest: task.shortest.unwrap_or(0),
         goal: position(&task.goal),
         reached: walked.reached,
         plan: walked.plan.iter().map(|stop| position(stop)).collect(),
         path: walked.states.iter().map(|state| position(state)).collect(),
-    }
+    })
 }
 
 /// Searches as published for a bridge point and shows it with the distances to both ends.
@@ -208,7 +213,7 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
         tried,
         from_start: of_cells(&start.repeat(cells.len()), places.as_flattened()),
         to_goal: of_cells(places.as_flattened(), &task.goal.repeat(cells.len())),
-        walk: walk(job, &task, task.shortest.unwrap_or(0)),
+        walk: walk(job, &task, task.shortest.unwrap_or(0)).into_diagnostic()?,
     })
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use miette::{IntoDiagnostic, Report};
 
 use gdg::draw::{Picture, Raster, Rgb, WALL, contour_interval, distance_colour};
-use gdg::env::{PointMaze, Task};
+use gdg::env::{EnvError, PointMaze, Task};
 use gdg::learn::{Policy, Scratch};
 use gdg::map::Grid;
 use gdg::train::{EvaluationJob, TaskWalk, Trainer};
@@ -30,13 +30,13 @@ const GOAL: Rgb = (230, 159, 0);
 /// far as possible from the start.
 ///
 /// # Errors
-/// The learner fails, or the picture cannot be encoded.
+/// The learner or the world fails, or the picture cannot be encoded.
 pub fn draw(trainer: &Trainer, map: &Arc<Grid>) -> Result<Vec<u8>, Report> {
     let job = trainer.evaluation().into_diagnostic()?;
     let task = PointMaze::new(map.clone(), 0).longest_task();
     let raster = Raster::of_map(map, MAX_PIXELS, MAX_PIXELS_PER_CELL);
     let mut picture = field(map, raster, &task.goal, job.policy());
-    paths(&mut picture, raster, &task, &job);
+    paths(&mut picture, raster, &task, &job).into_diagnostic()?;
     picture.to_png().into_diagnostic()
 }
 
@@ -63,10 +63,15 @@ fn field(map: &Grid, raster: Raster, goal: &[f32], policy: &dyn Policy) -> Pictu
 }
 
 /// Draws the plan, the path walked and both ends.
-fn paths(picture: &mut Picture, raster: Raster, task: &Task, job: &EvaluationJob) {
+fn paths(
+    picture: &mut Picture,
+    raster: Raster,
+    task: &Task,
+    job: &EvaluationJob,
+) -> Result<(), EnvError> {
     let scale = raster.pixels.0 as f32 / raster.window[2];
     let at = |position: &[f32]| [position[0] * scale, position[1] * scale];
-    let TaskWalk { plan, states, .. } = job.walk(task);
+    let TaskWalk { plan, states, .. } = job.walk(task)?;
     let walked: Vec<[f32; 2]> = states.iter().map(|state| at(state)).collect();
     let start: Vec<[f32; 2]> = walked.first().copied().into_iter().collect();
     let planned: Vec<[f32; 2]> =
@@ -87,4 +92,5 @@ fn paths(picture: &mut Picture, raster: Raster, task: &Task, job: &EvaluationJob
             picture.disc(position, radius, colour);
         }
     }
+    Ok(())
 }

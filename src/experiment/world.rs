@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use miette::{Report, miette};
+use miette::{IntoDiagnostic, Report, miette};
 
 use crate::host::maps::find_map;
 use gdg::env::{Environment, PointMaze};
@@ -39,7 +39,9 @@ impl JobWorld {
     /// `name` is neither a world of `registry` nor a map.
     pub fn find(name: &str, seed: u64, registry: &Registry) -> Result<Self, Report> {
         match registry.world_opened_by(name) {
-            Some(kind) if kind.create.is_some() => Ok(Self::Named(name.to_owned())),
+            Some(kind) if kind.create.is_some() || kind.open.is_some() => {
+                Ok(Self::Named(name.to_owned()))
+            }
             _ => Ok(Self::maze(&find_map(Path::new(name), registry)?, seed)),
         }
     }
@@ -72,8 +74,8 @@ impl JobWorld {
     pub fn create(&self, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
         match self {
             Self::Maze { map, .. } => Ok(Box::new(PointMaze::new(map.clone(), 0))),
-            Self::Named(name) => match registry.world(name).and_then(|kind| kind.create) {
-                Some(create) => Ok(create()),
+            Self::Named(name) => match registry.open(name) {
+                Some(opened) => opened.into_diagnostic(),
                 None => Err(miette!("{name}: this build has no such world")),
             },
         }
@@ -84,7 +86,10 @@ impl JobWorld {
         match self {
             Self::Maze { .. } => PointMaze::downcast_ref(world)
                 .is_some_and(|maze| print_ascii(maze.map()) == self.content()),
-            Self::Named(name) => world.kind() == name,
+            Self::Named(name) => match name.split_once(':') {
+                Some((kind, argument)) => world.kind() == kind && argument.ends_with(world.title()),
+                None => world.kind() == name,
+            },
         }
     }
 }

@@ -96,7 +96,7 @@ pub fn find_map(path: &Path, registry: &Registry) -> Result<Grid, Report> {
     if let Some(grid) = map::builtin(name) {
         return Ok(grid);
     }
-    if registry.world(name).is_some_and(|kind| kind.create.is_some()) && !path.exists() {
+    if registry.world_without_file(name).is_some() && !path.exists() {
         let help = "give a map: a built-in name or a file";
         return Err(miette!(
             help = help,
@@ -123,7 +123,7 @@ pub fn is_unknown_name(path: &Path, registry: &Registry) -> bool {
         && path.extension().is_none()
         && path.components().count() == 1
         && map::builtin(name).is_none()
-        && registry.world(name).is_none_or(|kind| kind.create.is_none())
+        && registry.world_without_file(name).is_none()
 }
 
 /// Reports an unknown name, with the nearest of those that are known, among them `others`.

@@ -202,6 +202,12 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
         Loaded { trainer: begin(run, &*world, registry, threads)?, warning: None }
     };
     let mut warnings = Vec::from_iter(warning);
+    if trainer.rollout().has_restarted() {
+        let title = sanitized(trainer.world().title());
+        warnings.push(format!(
+            "{title}: the agents begin new episodes, as their environments could not be put back"
+        ));
+    }
     if let Some(path) = &request.scenario {
         let maze =
             PointMaze::downcast_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
@@ -253,8 +259,8 @@ fn resumed_file(request: &Request, registry: &Registry) -> Result<Option<PathBuf
         }
         (Some(file), None) => {
             let name = known_name(file);
-            let is_name = map::builtin(name).is_some()
-                || registry.worlds().iter().any(|kind| kind.create.is_some() && kind.name == name);
+            let is_name =
+                map::builtin(name).is_some() || registry.world_without_file(name).is_some();
             let is_map =
                 || ["map", "txt"].iter().any(|extension| files::has_extension(file, extension));
             if train::is_checkpoint(file) || !is_name && !is_map() {
@@ -275,9 +281,11 @@ fn resumed_file(request: &Request, registry: &Registry) -> Result<Option<PathBuf
 
 /// Returns the title of the world called `name`, as in its checkpoints.
 fn title_of(name: &Path, registry: &Registry) -> Result<String, Report> {
-    let kind = registry.worlds().iter().find(|kind| kind.name == known_name(name));
-    match kind.and_then(|kind| kind.create) {
-        Some(create) => Ok(create().title().to_owned()),
+    let given = known_name(name);
+    match registry.world_without_file(given).map(|kind| kind.create) {
+        Some(Some(create)) => Ok(create().title().to_owned()),
+        // Its argument ends with its title.
+        Some(None) => Ok(given.rsplit(':').next().unwrap_or_default().to_owned()),
         None => Ok(find_map(name, registry)?.name().to_owned()),
     }
 }
@@ -304,8 +312,8 @@ pub fn begin(
 
 /// Opens the world called `name`: a kind that needs no file, or the maze on that map.
 fn open_world(name: &Path, run: &Run, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
-    if let Some(create) = registry.world(known_name(name)).and_then(|kind| kind.create) {
-        return Ok(create());
+    if let Some(opened) = registry.open(known_name(name)) {
+        return opened.into_diagnostic();
     }
     open_maze(name, run, registry).map(|maze| Box::new(maze) as _)
 }

@@ -6,6 +6,7 @@
 
 mod abilities;
 pub mod fetch_reach;
+pub mod gym;
 pub mod maze;
 mod probes;
 mod region;
@@ -18,19 +19,25 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::map::Grid;
-use crate::store::{Store, StoreError};
+use crate::store::Store;
 pub use abilities::{
     Abilities, Change, Drawn, Editable, EnvError, Episodes, Evaluated, Explored, Recorded,
 };
 pub use fetch_reach::{ArmScene, FetchReach};
+pub use gym::GymOptions;
 pub use maze::PointMaze;
 pub use probes::{MAX_PROBES, Probes};
 pub use region::Region;
 pub(crate) use task::{BUDGET_FACTOR, MAX_BUDGET_STEPS};
 pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
 
+/// Largest magnitude of a component of a stored state or goal: sums of squares beyond it may
+/// overflow.
+pub(crate) const MAX_MAGNITUDE: f32 = 1e9;
+
 /// The built-in worlds.
-pub const WORLDS: [WorldKind; 3] = [maze::KIND, fetch_reach::KIND, fetch_reach::WALL_KIND];
+pub const WORLDS: [WorldKind; 4] =
+    [maze::KIND, fetch_reach::KIND, fetch_reach::WALL_KIND, gym::KIND];
 
 /// Registry entry of a kind of world.
 ///
@@ -44,12 +51,21 @@ pub struct WorldKind {
     pub about: &'static str,
     /// Creates the world, if it needs no file.
     pub create: Option<fn() -> Box<dyn Environment>>,
+    /// Opens the world that the command line names by `NAME:ARGUMENT`, without agents, if it takes
+    /// an argument.
+    pub open: Option<OpenWorld>,
     /// Loads the world from what [`Recorded::save`] wrote, without agents.
-    pub load: fn(&Store) -> Result<Box<dyn Environment>, StoreError>,
+    pub load: LoadWorld,
     /// Settings of a run in this world that differ from the preset's, as `--set` takes them
     /// (`name=value`). They do not apply to published presets; what the user gives wins.
     pub defaults: &'static [&'static str],
 }
+
+/// Opens a world, given what follows its name and a colon on the command line.
+pub type OpenWorld = fn(&str, &GymOptions) -> Result<Box<dyn Environment>, EnvError>;
+
+/// Loads a world from a checkpoint. The options are those of the present command line.
+pub type LoadWorld = fn(&Store, &GymOptions) -> Result<Box<dyn Environment>, EnvError>;
 
 /// Where episodes begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -157,7 +173,10 @@ pub trait Environment: Any + Send + Sync {
     fn states(&self) -> &[f32];
 
     /// Moves `agent` to a start state.
-    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng);
+    ///
+    /// # Errors
+    /// The world fails, which those that this program computes itself never do.
+    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError>;
 
     /// Draws a random goal that `agent` could be asked to reach from its place, into `goal`
     /// (`goal_dim`).
@@ -165,11 +184,23 @@ pub trait Environment: Any + Send + Sync {
 
     /// Steps every agent by one action; `actions` is `(agents, action_dim)`. The world clips them
     /// to [-1, 1]: the trainer has done so during exploration, but not in evaluation and display.
-    fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng);
+    ///
+    /// # Errors
+    /// The world fails; the agents' states are then those before the step.
+    fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError>;
 
     /// Returns a copy of the world with the same settings and `agents` new agents. The agents'
     /// states are unspecified: callers restart them or set their full states.
-    fn fork(&self, agents: usize) -> Box<dyn Environment>;
+    ///
+    /// # Errors
+    /// The world fails.
+    fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError>;
+
+    /// Returns whether the world itself has ended the episode of `agent`, which must restart before
+    /// its next step; never by default.
+    fn has_ended(&self, _agent: usize) -> bool {
+        false
+    }
 
     /// Switches to new settings. A world must honour both, or document that it ignores them; the
     /// default ignores them.
@@ -189,8 +220,11 @@ pub trait Environment: Any + Send + Sync {
     ///
     /// Returns whether the world can do this, which the default cannot. In a world that cannot,
     /// resumed agents and those of evaluations begin at start states.
-    fn set_full_state(&mut self, _agent: usize, _full_state: &[f64]) -> bool {
-        false
+    ///
+    /// # Errors
+    /// The world fails.
+    fn set_full_state(&mut self, _agent: usize, _full_state: &[f64]) -> Result<bool, EnvError> {
+        Ok(false)
     }
 
     /// Returns what the world offers beyond training; nothing by default.
@@ -212,7 +246,10 @@ impl dyn Environment {
 
     /// Returns evaluation tasks, `per_group` in each group: the world's own, or else random starts
     /// and goals at unknown distances. The first call may take seconds.
-    pub fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError> {
         match self.abilities().evaluated {
             Some(world) => world.tasks(per_group, rng),
             None => TaskSet::random(self, per_group, rng),

@@ -23,7 +23,6 @@ pub use data::batch::{Batch, BatchSampler};
 pub use data::goal_index::GoalIndex;
 pub(crate) use data::known::WAYPOINT_STEPS;
 pub use data::known::{ChangedDistances, DistancesByGoal, KnownDistances, KnownPair, Relearning};
-pub(crate) use data::replay::MAX_MAGNITUDE;
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub use error::LearnError;
 pub use gdg::Gdg;

@@ -1,6 +1,6 @@
 //! A world of nothing but the seven methods without a default goes through the whole trainer.
 
-use gdg::env::{Environment, Spec, WorldKind};
+use gdg::env::{EnvError, Environment, Spec, WorldKind};
 use gdg::train::{Preset, Registry, Run, Trainer};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -17,7 +17,8 @@ const KIND: WorldKind = WorldKind {
     name: "line",
     about: "points on a line",
     create: Some(|| Box::new(Line::new(0))),
-    load: |_| Ok(Box::new(Line::new(0))),
+    open: None,
+    load: |_, _| Ok(Box::new(Line::new(0))),
     defaults: &[],
 };
 
@@ -54,22 +55,24 @@ impl Environment for Line {
         &self.positions
     }
 
-    fn restart(&mut self, agent: usize, _: &mut ChaCha8Rng) {
+    fn restart(&mut self, agent: usize, _: &mut ChaCha8Rng) -> Result<(), EnvError> {
         self.positions[agent] = START;
+        Ok(())
     }
 
     fn sample_goal(&self, _: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
         goal[0] = rng.random_range(0.0..LENGTH);
     }
 
-    fn step(&mut self, actions: &[f32], _: &mut ChaCha8Rng) {
+    fn step(&mut self, actions: &[f32], _: &mut ChaCha8Rng) -> Result<(), EnvError> {
         for (position, action) in self.positions.iter_mut().zip(actions) {
             *position = (*position + action.clamp(-1.0, 1.0)).clamp(0.0, LENGTH);
         }
+        Ok(())
     }
 
-    fn fork(&self, agents: usize) -> Box<dyn Environment> {
-        Box::new(Self::new(agents))
+    fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError> {
+        Ok(Box::new(Self::new(agents)))
     }
 }
 
@@ -91,7 +94,7 @@ fn trainer() -> Trainer {
 fn it_is_trained_and_evaluated_from_its_own_starts() {
     let mut run = trainer();
     train_to(&mut run, 300);
-    let found = run.evaluate(&run.tasks(5)).unwrap();
+    let found = run.evaluate(&run.tasks(5).unwrap()).unwrap();
     assert!(found.greedy.success.is_some() && found.planned.is_some());
     assert!(found.coverage.is_none() && found.distance_error.is_none() && found.marked.is_none());
     assert_eq!(run.world().title(), "line");
@@ -122,5 +125,5 @@ fn after_a_resume_its_agents_begin_new_episodes() {
     };
     train_to(&mut resumed, 200);
     assert!(jump(resumed.replay()) <= 1.001);
-    assert!(resumed.evaluate(&resumed.tasks(2)).is_ok());
+    assert!(resumed.evaluate(&resumed.tasks(2).unwrap()).is_ok());
 }

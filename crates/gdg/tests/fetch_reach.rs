@@ -152,7 +152,10 @@ fn runs_resume_bitwise_from_a_checkpoint() {
         train_to(&mut straight, 300);
         train_to(&mut resumed, 300);
         assert_eq!(state(&straight), state(&resumed), "{method}");
-        let (a, b) = (straight.evaluate(&straight.tasks(2)), resumed.evaluate(&resumed.tasks(2)));
+        let (a, b) = (
+            straight.evaluate(&straight.tasks(2).unwrap()),
+            resumed.evaluate(&resumed.tasks(2).unwrap()),
+        );
         assert_eq!(a.unwrap(), b.unwrap(), "{method}");
     }
 }
@@ -183,7 +186,7 @@ fn train_steps(steps: u32) -> gdg::settings::Auto<u32> {
 fn evaluation_groups_tasks_by_centimetres_and_gives_each_50_steps() {
     let mut run = trainer(&FetchReach::new(None, 0), "gdg");
     train_to(&mut run, 5);
-    let tasks = run.tasks(8);
+    let tasks = run.tasks(8).unwrap();
     let score = run.evaluate(&tasks).unwrap().greedy;
     assert_eq!(score.by_distance.len(), 5);
     let distances: Vec<f64> =
@@ -207,7 +210,7 @@ fn the_learned_distance_solves_all_tasks_after_a_thousand_steps() {
     let mut run = Trainer::new(run, &FetchReach::new(None, 0), &Registry::builtin(), 2).unwrap();
     train_to(&mut run, 800);
     assert!(run.counters().env_steps <= 1_008);
-    let success = run.evaluate(&run.tasks(20)).unwrap().greedy.success.unwrap();
+    let success = run.evaluate(&run.tasks(20).unwrap()).unwrap().greedy.success.unwrap();
     assert!(success >= 0.95, "{success}");
 }
 
@@ -219,7 +222,7 @@ fn the_given_distance_solves_the_tasks_after_fifteen_hundred_steps() {
     let run =
         Run { method: "gdg-distance".parse().unwrap(), preset: Preset::Default, seed: 1, settings };
     let mut run = Trainer::new(run, &FetchReach::new(None, 0), &Registry::builtin(), 2).unwrap();
-    let tasks = run.tasks(10);
+    let tasks = run.tasks(10).unwrap();
     let before = run.evaluate(&tasks).unwrap().greedy.success.unwrap();
     while run.counters().env_steps < 1_500 {
         run.tick().unwrap();

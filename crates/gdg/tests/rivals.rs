@@ -45,7 +45,7 @@ fn every_rival_learns_a_small_empty_map() {
     for rival in RIVALS {
         let mut run = trainer(rival, empty(8), 1, 2);
         train_to(&mut run, 2_500);
-        let found = run.evaluate(&run.tasks(20)).unwrap();
+        let found = run.evaluate(&run.tasks(20).unwrap()).unwrap();
         let (success, straight) =
             (found.greedy.success.unwrap(), found.straight.unwrap().success.unwrap());
         assert_eq!(straight, 1.0, "nothing is in the way");
@@ -59,7 +59,7 @@ fn every_rival_learns_a_small_empty_map() {
 #[test]
 fn the_floor_is_lower_where_walls_are_in_the_way() {
     let run = trainer("her", two_rooms(), 1, 1);
-    let found = run.evaluate(&run.tasks(40)).unwrap();
+    let found = run.evaluate(&run.tasks(40).unwrap()).unwrap();
     let straight = found.straight.unwrap().success.unwrap();
     assert!((0.1..0.9).contains(&straight), "{straight}");
 }
@@ -99,7 +99,7 @@ fn planners_work_over_a_rival() {
     for (planner, least) in [("sorb", 0.45), ("bridges", 0.9)] {
         let mut run = trainer(&format!("her+{planner}"), two_rooms(), 1, 2);
         train_to(&mut run, 4_000);
-        let found = run.evaluate(&run.tasks(15)).unwrap();
+        let found = run.evaluate(&run.tasks(15).unwrap()).unwrap();
         let (planned, bridges) = (found.planned.unwrap().success.unwrap(), found.bridges.unwrap());
         assert!(
             bridges.candidates > 30 && bridges.edges > bridges.candidates,

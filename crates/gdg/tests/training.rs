@@ -112,7 +112,7 @@ fn evaluation_does_not_change_the_run() {
     let (mut watched, mut alone) = (trainer(settings(), 4, 1), trainer(settings(), 4, 1));
     for updates in [150, 300, 450] {
         train_to(&mut watched, updates);
-        let tasks = watched.tasks(3);
+        let tasks = watched.tasks(3).unwrap();
         watched.evaluate(&tasks).unwrap();
     }
     train_to(&mut alone, 450);
@@ -292,7 +292,7 @@ fn a_checkpoint_is_described_without_being_loaded() {
     let path = folder.path().join("some.safetensors");
     let mut run = trainer(settings(), 5, 1);
     train_to(&mut run, 120);
-    let evaluation = run.evaluate(&run.tasks(2)).unwrap();
+    let evaluation = run.evaluate(&run.tasks(2).unwrap()).unwrap();
     run.record_evaluation(100, evaluation.clone());
     train::save(&run, &SaveTo::Replace(path.clone())).unwrap();
     let found = train::describe(&path).unwrap();
@@ -445,7 +445,7 @@ fn files_that_are_not_checkpoints_are_refused() {
 fn success(settings: Settings, updates: u64) -> (f64, f64) {
     let mut run = trainer(settings, 11, 2);
     train_to(&mut run, updates);
-    let tasks = run.tasks(20);
+    let tasks = run.tasks(20).unwrap();
     let found = run.evaluate(&tasks).unwrap();
     let bridges = found.bridges.unwrap();
     assert_eq!(bridges.false_edges, Some(0));
@@ -592,7 +592,7 @@ fn the_same_networks_learn_a_moved_door() {
     assert!(run.world().states().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
     assert!(run.candidates().points().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
     train_to(&mut run, 6_000);
-    let found = run.evaluate(&run.tasks(20)).unwrap();
+    let found = run.evaluate(&run.tasks(20).unwrap()).unwrap();
     let planned = found.planned.unwrap().success.unwrap();
     assert!(
         planned >= 0.9 && found.bridges.unwrap().false_edges == Some(0),
@@ -714,7 +714,7 @@ fn from_one_start_everything_is_explored() {
         run.world().states()
     );
     train_to(&mut run, 3_000);
-    let found = run.evaluate(&run.tasks(20)).unwrap();
+    let found = run.evaluate(&run.tasks(20).unwrap()).unwrap();
     assert!(
         found.coverage.unwrap() > 0.95 && found.planned.unwrap().success > Some(0.9),
         "coverage {:?}",
@@ -741,7 +741,7 @@ fn a_maze_with_corridors_one_cell_wide_is_learned_from_one_cell() {
     let mut run =
         Trainer::new(run, &PointMaze::new(perfect_maze(21), 0), &Registry::builtin(), 2).unwrap();
     train_to(&mut run, 4_000);
-    let found = run.evaluate(&run.tasks(20)).unwrap();
+    let found = run.evaluate(&run.tasks(20).unwrap()).unwrap();
     let planned = found.planned.unwrap().success.unwrap();
     assert!(planned >= 0.85, "planned {planned}");
 }
@@ -755,7 +755,7 @@ fn greedy_after(updates: u64, map: &Arc<Grid>, change: impl Fn(&mut LearnSetting
     let mut run =
         Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
     train_to(&mut run, updates);
-    run.evaluate(&run.tasks(20)).unwrap().greedy.success.unwrap()
+    run.evaluate(&run.tasks(20).unwrap()).unwrap().greedy.success.unwrap()
 }
 
 #[test]

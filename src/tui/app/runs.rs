@@ -83,7 +83,7 @@ fn start_in(name: &str, screen: &mut Screen, link: &Link) {
         && let Some(create) = kind.create
     {
         let run = Box::new(adapted_to(kind, screen));
-        link.command(Command::StartRun(run, Box::new(move |_| create())), screen);
+        link.command(Command::StartRun(run, Box::new(move |_| Ok(create()))), screen);
     }
 }
 

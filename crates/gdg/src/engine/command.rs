@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::snapshot::{Phase, Snapshot, Step};
 use super::{Worker, session};
-use crate::env::Environment;
+use crate::env::{EnvError, Environment};
 use crate::files;
 use crate::text::{counted, grouped, sanitized};
 use crate::train::{
@@ -21,7 +21,8 @@ const MAX_AUTOSAVES: usize = 3;
 const MAX_NAMED_CHANGES: usize = 3;
 
 /// Makes a world from the run's, on the trainer's thread, as preparing a large map is slow.
-pub type MakeWorld = Box<dyn FnOnce(&dyn Environment) -> Box<dyn Environment> + Send>;
+pub type MakeWorld =
+    Box<dyn FnOnce(&dyn Environment) -> Result<Box<dyn Environment>, EnvError> + Send>;
 
 /// A command from a front end.
 pub enum Command {
@@ -294,11 +295,16 @@ impl Worker {
             Command::Save(to, notes) => self.save(to, notes).map(Some),
             Command::Autosave(named_after, notes) => self.autosave(&named_after, notes).map(Some),
             Command::ChangeWorld(make, done) => {
-                self.change_world(&*make(self.trainer.world()), done).map(Some)
+                let edited = make(self.trainer.world()).map_err(TrainError::from);
+                edited
+                    .map_err(Into::into)
+                    .and_then(|world| self.change_world(&*world, done))
+                    .map(Some)
             }
             Command::Change(run) => self.change(*run).map(Some),
             Command::StartRun(run, make) => {
-                self.start_run(*run, &*make(self.trainer.world())).map(Some)
+                let made = make(self.trainer.world()).map_err(TrainError::from);
+                made.map_err(Into::into).and_then(|world| self.start_run(*run, &*world)).map(Some)
             }
             Command::Load(path) => self.load(path).map(Some),
         };

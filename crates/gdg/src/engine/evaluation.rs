@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::snapshot::{NextEvaluation, next_multiple};
 use super::{EVALUATE_EVERY_UPDATES, Worker};
+use crate::env::EnvError;
 use crate::pulse::{Cancelled, Wanted};
 use crate::train::{Evaluation, TrainError};
 
@@ -26,7 +27,7 @@ const MAX_AGE_UPDATES: f64 = 1_500.0;
 pub struct RunningEvaluation {
     updates: u64,
     began: Instant,
-    result: JoinHandle<Option<Evaluation>>,
+    result: JoinHandle<Result<Option<Evaluation>, EnvError>>,
     wanted: Wanted,
 }
 
@@ -41,7 +42,7 @@ impl Worker {
         let wanted = Wanted::from(&cancelled);
         let result =
             std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || {
-                let tasks = job.tasks(EVALUATION_TASKS);
+                let tasks = job.tasks(EVALUATION_TASKS)?;
                 job.run_unless(&cancelled, &tasks)
             })?;
         let updates = self.trainer.counters().updates;
@@ -90,13 +91,14 @@ impl Worker {
         let pause = pause_after(now - began, self.evaluation_pause, self.current.rates.0);
         self.next_evaluation_at = Some(now + pause);
         match result.join() {
-            Ok(None) => {}
-            Ok(Some(evaluation)) if evaluation.is_finite() => {
+            Ok(Ok(None)) => {}
+            Ok(Ok(Some(evaluation))) if evaluation.is_finite() => {
                 self.trainer.record_evaluation(updates, evaluation);
                 self.current.evaluations = self.trainer.history().evaluations().clone();
             }
-            Ok(_) => self
+            Ok(Ok(_)) => self
                 .report(format!("the evaluation at update {updates} returned non-finite values")),
+            Ok(Err(error)) => self.report(format!("the evaluation at update {updates}: {error}")),
             Err(_) => self.report("an evaluation failed with an internal error".to_owned()),
         }
         self.current.next_evaluation = self.next_evaluation();

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value};
 
 use super::{Environment, GroundTruth, Probes, Region, Scene, Task, TaskSet};
-use crate::store::Store;
+use crate::store::{Store, StoreError};
 
 /// The abilities of a world; by default none.
 ///
@@ -74,7 +74,15 @@ pub trait Episodes {
 /// A world with evaluation tasks of its own.
 pub trait Evaluated: Sync {
     /// Returns evaluation tasks, `per_group` in each group; the first call may take seconds.
-    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet;
+    ///
+    /// # Errors
+    /// The world fails.
+    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError>;
+
+    /// Returns how many tasks may run at once, where each agent takes memory and time of its own.
+    fn tasks_at_once(&self) -> usize {
+        usize::MAX
+    }
 
     /// Returns the true distances if they are known; for evaluation and display only.
     fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
@@ -142,7 +150,7 @@ pub struct Change {
     pub facts: Map<String, Value>,
 }
 
-/// Why a world cannot replace another in a run.
+/// Why a world fails, or cannot replace another in a run.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EnvError {
     /// The world cannot be edited.
@@ -155,6 +163,19 @@ pub enum EnvError {
         run: &'static str,
         /// Kind of the other world.
         other: &'static str,
+    },
+    /// What is stored of the world cannot be loaded.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// It is computed by another program, which has failed.
+    #[error("{world}: {problem}{}", .details.iter().map(|line| format!("\n  {line}")).collect::<String>())]
+    Failed {
+        /// Title of the world, safe to display.
+        world: String,
+        /// What has happened, safe to display.
+        problem: String,
+        /// The last lines that the other program has written, safe to display.
+        details: Vec<String>,
     },
     /// The map has another size.
     #[error("the map is {} x {}, but the run's map is {} x {}", map.0, map.1, run.0, run.1)]

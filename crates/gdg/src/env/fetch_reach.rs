@@ -28,8 +28,8 @@ use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
 use super::{
-    Abilities, DistanceUnit, Drawn, EnvSettings, Environment, Episodes, Evaluated, Probes,
-    Recorded, Scene, Spec, Task, TaskSet, WorldKind,
+    Abilities, DistanceUnit, Drawn, EnvError, EnvSettings, Environment, Episodes, Evaluated,
+    Probes, Recorded, Scene, Spec, Task, TaskSet, WorldKind,
 };
 use arm::{Arm, STEP_SECS};
 use constraints::Rows;
@@ -44,7 +44,8 @@ pub const KIND: WorldKind = WorldKind {
     name: "fetch-reach",
     about: "a 7-joint arm that reaches for points in space",
     create: Some(|| Box::new(FetchReach::new(None, 0))),
-    load: |_| Ok(Box::new(FetchReach::new(None, 0))),
+    open: None,
+    load: |_, _| Ok(Box::new(FetchReach::new(None, 0))),
     // As measured in docs/experiments.md: a few thousand steps are enough, so each is worth an
     // update.
     defaults: &["agents=8", "learning_starts=200", "env_steps_per_update=1"],
@@ -55,7 +56,8 @@ pub const WALL_KIND: WorldKind = WorldKind {
     name: "fetch-reach-wall",
     about: "the same arm with a wall between the halves of its goals",
     create: Some(|| Box::new(FetchReach::new(Some(WALL), 0))),
-    load: |_| Ok(Box::new(FetchReach::new(Some(WALL), 0))),
+    open: None,
+    load: |_, _| Ok(Box::new(FetchReach::new(Some(WALL), 0))),
     // No goal lies in most of the space that excursions would explore.
     defaults: &["agents=8", "learning_starts=500", "env_steps_per_update=1", "frontier_epsilon=0"],
 };
@@ -206,32 +208,18 @@ fn starts(wall: Option<&Wall>) -> Vec<Arm> {
     beside.to_vec()
 }
 
-impl Environment for FetchReach {
-    fn kind(&self) -> &'static str {
-        if self.wall.is_some() { WALL_KIND.name } else { KIND.name }
-    }
-
-    fn spec(&self) -> &Spec {
-        &self.spec
-    }
-
-    fn states(&self) -> &[f32] {
-        &self.states
-    }
-
-    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
+/// What cannot fail in this world.
+impl FetchReach {
+    /// Moves `agent` to a start state, as [`Environment::restart`].
+    pub fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
         // Without a choice, no random number is drawn.
         let start = if self.starts.len() > 1 { rng.random_range(0..self.starts.len()) } else { 0 };
         self.arms[agent] = self.starts[start];
         self.observe(agent);
     }
 
-    fn sample_goal(&self, _: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
-        goal.copy_from_slice(&random_goal(self.wall.as_ref(), rng).as_vec3().to_array());
-    }
-
     /// Steps all arms. Noise is added to the action's first three components.
-    fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) {
+    pub fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) {
         let noise = self.noise;
         for (agent, action) in actions.chunks_exact(ACTION).enumerate() {
             let mut pull = [action[0], action[1], action[2]].map(|v| v.clamp(-1.0, 1.0));
@@ -246,7 +234,57 @@ impl Environment for FetchReach {
         }
     }
 
-    fn fork(&self, agents: usize) -> Box<dyn Environment> {
+    /// Puts `agent` into a full state, as [`Environment::set_full_state`].
+    pub fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
+        self.arms[agent] = Arm::from_full_state(full_state);
+        self.observe(agent);
+    }
+
+    /// Draws five times `per_group` tasks, in groups of equal size by start-goal distance. With the
+    /// wall, start and goal are on different sides.
+    pub fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
+        let mut drawn: Vec<(f64, Task)> =
+            (0..DISTANCE_GROUPS * per_group).map(|_| self.random_task(rng)).collect();
+        drawn.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut set = TaskSet { unit: DistanceUnit::Centimetres, ..TaskSet::default() };
+        for (group, of_group) in drawn.chunks(per_group.max(1)).enumerate() {
+            let mean = of_group.iter().map(|(distance, _)| 100.0 * distance).sum::<f64>()
+                / of_group.len() as f64;
+            set.distances.push(Some((10.0 * mean).round() / 10.0));
+            set.tasks.extend(of_group.iter().map(|(_, task)| Task { group, ..task.clone() }));
+        }
+        set
+    }
+}
+
+impl Environment for FetchReach {
+    fn kind(&self) -> &'static str {
+        if self.wall.is_some() { WALL_KIND.name } else { KIND.name }
+    }
+
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn states(&self) -> &[f32] {
+        &self.states
+    }
+
+    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
+        self.restart(agent, rng);
+        Ok(())
+    }
+
+    fn sample_goal(&self, _: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
+        goal.copy_from_slice(&random_goal(self.wall.as_ref(), rng).as_vec3().to_array());
+    }
+
+    fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
+        self.step(actions, rng);
+        Ok(())
+    }
+
+    fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError> {
         let mut world = Self {
             wall: self.wall,
             spec: self.spec.clone(),
@@ -257,7 +295,7 @@ impl Environment for FetchReach {
             rows: Rows::new(),
         };
         world.place(agents);
-        Box::new(world)
+        Ok(Box::new(world))
     }
 
     /// Honours the noise; see [`FetchReach`] for where episodes begin.
@@ -269,10 +307,9 @@ impl Environment for FetchReach {
         self.arms[agent].full_state().to_vec()
     }
 
-    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> bool {
-        self.arms[agent] = Arm::from_full_state(full_state);
-        self.observe(agent);
-        true
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool, EnvError> {
+        self.set_full_state(agent, full_state);
+        Ok(true)
     }
 
     fn abilities(&self) -> Abilities<'_> {
@@ -312,20 +349,8 @@ impl Episodes for FetchReach {
 }
 
 impl Evaluated for FetchReach {
-    /// Draws five times `per_group` tasks, in groups of equal size by start-goal distance. With the
-    /// wall, start and goal are on different sides.
-    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
-        let mut drawn: Vec<(f64, Task)> =
-            (0..DISTANCE_GROUPS * per_group).map(|_| self.random_task(rng)).collect();
-        drawn.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut set = TaskSet { unit: DistanceUnit::Centimetres, ..TaskSet::default() };
-        for (group, of_group) in drawn.chunks(per_group.max(1)).enumerate() {
-            let mean = of_group.iter().map(|(distance, _)| 100.0 * distance).sum::<f64>()
-                / of_group.len() as f64;
-            set.distances.push(Some((10.0 * mean).round() / 10.0));
-            set.tasks.extend(of_group.iter().map(|(_, task)| Task { group, ..task.clone() }));
-        }
-        set
+    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError> {
+        Ok(self.tasks(per_group, rng))
     }
 }
 

@@ -27,7 +27,8 @@ pub const KIND: WorldKind = WorldKind {
     name: NAME,
     about: "a point on a grid map that slides along walls",
     create: None,
-    load: |store| Ok(Box::new(PointMaze::load(store)?)),
+    open: None,
+    load: |store, _| Ok(Box::new(PointMaze::load(store)?)),
     defaults: &[],
 };
 
@@ -220,20 +221,10 @@ fn full_state_at([x, y]: [f32; 2]) -> [f64; 2] {
     [f64::from(x), f64::from(y)]
 }
 
-impl Environment for PointMaze {
-    fn kind(&self) -> &'static str {
-        NAME
-    }
-
-    fn spec(&self) -> &Spec {
-        &self.spec
-    }
-
-    fn states(&self) -> &[f32] {
-        &self.positions
-    }
-
-    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
+/// What cannot fail in this world.
+impl PointMaze {
+    /// Moves `agent` to a start state, as [`Environment::restart`].
+    pub fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
         let position = match (self.settings.restart, self.map.starts()) {
             (Restart::Auto | Restart::StartCell | Restart::Never, starts @ [_, ..]) => {
                 Self::random_position_in(starts, rng)
@@ -243,13 +234,8 @@ impl Environment for PointMaze {
         self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
     }
 
-    fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
-        goal.copy_from_slice(
-            &self.random_position(self.component_at(agent).unwrap_or(self.largest), rng),
-        );
-    }
-
-    fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) {
+    /// Steps all agents, as [`Environment::step`].
+    pub fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) {
         let noise = self.settings.noise;
         for (position, action) in self.positions.chunks_exact_mut(2).zip(actions.chunks_exact(2)) {
             let mut a = [action[0].clamp(-1.0, 1.0), action[1].clamp(-1.0, 1.0)];
@@ -263,17 +249,8 @@ impl Environment for PointMaze {
         }
     }
 
-    /// Places all agents at the first free cell of the largest component.
-    fn fork(&self, agents: usize) -> Box<dyn Environment> {
-        let first = self.components[self.largest as usize][0].centre();
-        Box::new(Self { positions: first.repeat(agents), ..self.clone() })
-    }
-
-    fn configure(&mut self, settings: &EnvSettings) {
-        self.settings = *settings;
-    }
-
-    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> bool {
+    /// Puts `agent` into a full state, as [`Environment::set_full_state`].
+    pub fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
         let mut position = [full_state[0] as f32, full_state[1] as f32];
         if !self.map.is_free_at(position[0], position[1]) {
             let cell = Cell::new(position[0].max(0.0) as usize, position[1].max(0.0) as usize);
@@ -282,7 +259,62 @@ impl Environment for PointMaze {
             }
         }
         self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
-        true
+    }
+
+    /// Returns tasks of the scenario if there is one: six times `per_group`, evenly spaced through
+    /// it. Otherwise draws random tasks at six distances, the farthest at 0.9 of the map's
+    /// diameter.
+    pub fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
+        if self.scenario.is_empty() {
+            self.tasks_at(&tasks::distances(self.diameter()), per_group, rng)
+        } else {
+            tasks::from_scenario(&self.map, &self.scenario, per_group)
+        }
+    }
+}
+
+impl Environment for PointMaze {
+    fn kind(&self) -> &'static str {
+        NAME
+    }
+
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn states(&self) -> &[f32] {
+        &self.positions
+    }
+
+    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
+        self.restart(agent, rng);
+        Ok(())
+    }
+
+    fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
+        goal.copy_from_slice(
+            &self.random_position(self.component_at(agent).unwrap_or(self.largest), rng),
+        );
+    }
+
+    fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
+        self.step(actions, rng);
+        Ok(())
+    }
+
+    /// Places all agents at the first free cell of the largest component.
+    fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError> {
+        let first = self.components[self.largest as usize][0].centre();
+        Ok(Box::new(Self { positions: first.repeat(agents), ..self.clone() }))
+    }
+
+    fn configure(&mut self, settings: &EnvSettings) {
+        self.settings = *settings;
+    }
+
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool, EnvError> {
+        self.set_full_state(agent, full_state);
+        Ok(true)
     }
 
     fn abilities(&self) -> Abilities<'_> {
@@ -339,15 +371,8 @@ impl Episodes for PointMaze {
 }
 
 impl Evaluated for PointMaze {
-    /// Returns tasks of the scenario if there is one: six times `per_group`, evenly spaced through
-    /// it. Otherwise draws random tasks at six distances, the farthest at 0.9 of the map's
-    /// diameter.
-    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
-        if self.scenario.is_empty() {
-            self.tasks_at(&tasks::distances(self.diameter()), per_group, rng)
-        } else {
-            tasks::from_scenario(&self.map, &self.scenario, per_group)
-        }
+    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError> {
+        Ok(self.tasks(per_group, rng))
     }
 
     fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {

@@ -2,12 +2,13 @@
 
 use rand_chacha::ChaCha8Rng;
 
-use super::Environment;
+use super::{EnvError, Environment};
 
 /// An evaluation task: reach a goal from a start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Task {
-    /// Full state in which the agent starts, if the world can set it; otherwise, it restarts.
+    /// Full state in which the agent starts, if the world can set it, or what else the world itself
+    /// takes for one; otherwise, it restarts.
     pub start: Vec<f64>,
     /// The goal, `(goal_dim)`.
     pub goal: Vec<f32>,
@@ -67,15 +68,23 @@ pub struct TaskSet {
 
 impl TaskSet {
     /// Draws `count` tasks in one group, from random starts to random goals, at unknown distances.
-    pub fn random(world: &dyn Environment, count: usize, rng: &mut ChaCha8Rng) -> Self {
-        let mut world = world.fork(1);
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn random(
+        world: &dyn Environment,
+        count: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Self, EnvError> {
+        let mut world = world.fork(1)?;
         let tasks = (0..count).map(|_| {
-            world.restart(0, rng);
+            world.restart(0, rng)?;
             let mut goal = vec![0.0; world.spec().goal_dim()];
             world.sample_goal(0, rng, &mut goal);
-            Task { start: world.full_state(0), goal, shortest: None, group: 0 }
+            Ok(Task { start: world.full_state(0), goal, shortest: None, group: 0 })
         });
-        Self { tasks: tasks.collect(), distances: vec![None], ..Self::default() }
+        let tasks = tasks.collect::<Result<_, EnvError>>()?;
+        Ok(Self { tasks, distances: vec![None], ..Self::default() })
     }
 }
 

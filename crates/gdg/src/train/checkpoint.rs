@@ -25,6 +25,7 @@ use super::registry::Registry;
 use super::run::Run;
 use super::score::Success;
 use super::trainer::{LEARNED, Trainer, TrainerState};
+use crate::env::EnvError;
 use crate::files::{self, Format, Mismatch, Wanted};
 use crate::learn::Threads;
 use crate::text::{safe_file_name, sanitized, truncated};
@@ -162,6 +163,15 @@ fn unreadable(path: &Path, problem: &str) -> CheckpointError {
         file: path.to_owned(),
         problem: truncated(&found.problem, MAX_REASON_CHARS),
         help: found.help,
+    }
+}
+
+/// Returns the error about a sound checkpoint whose world fails.
+fn without_world(path: &Path, error: &EnvError) -> CheckpointError {
+    CheckpointError {
+        file: path.to_owned(),
+        problem: format!("cannot be resumed here: {error}"),
+        help: "the checkpoint itself is sound: resume it where its environment works".to_owned(),
     }
 }
 
@@ -332,18 +342,22 @@ pub fn load(
 ) -> Result<Loaded, CheckpointError> {
     let facts = FileFacts::of(path);
     let threads = threads.into();
-    let parse = |bytes: Vec<u8>| from_bytes(&bytes, registry, threads).map_err(|e| e.to_string());
+    let parse = |bytes: Vec<u8>| from_bytes(&bytes, registry, threads);
     let bytes = read(path);
     let contents = bytes.as_ref().map_or(0, |bytes| crc32fast::hash(bytes));
-    let problem = match bytes.and_then(parse) {
-        Ok(trainer) => {
+    let problem = match bytes.map(parse) {
+        Ok(Ok(trainer)) => {
             FileIdentity::record(path, facts, contents);
             return Ok(Loaded { trainer, warning: None });
         }
+        Ok(Err(LoadError::Train(TrainError::Env(error)))) => {
+            return Err(without_world(path, &error));
+        }
+        Ok(Err(error)) => error.to_string(),
         Err(problem) => problem,
     };
     let backup = files::backup_path(path);
-    let Some(Ok(trainer)) = backup.is_file().then(|| read(&backup).and_then(parse)) else {
+    let Some(Ok(Ok(trainer))) = backup.is_file().then(|| read(&backup).map(parse)) else {
         return Err(unreadable(path, &problem));
     };
     FileIdentity::record(path, facts, contents);

@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use super::run::Run;
 use super::score::Score;
 use crate::bridge::{BridgeGraph, Candidates, Guide};
-use crate::env::{Environment, Evaluated, GroundTruth, Spec, TaskSet};
+use crate::env::{EnvError, Environment, Episodes, Evaluated, GroundTruth, Spec, TaskSet};
 use crate::learn::{Acting, Policy, Scratch};
 use crate::pulse::Cancelled;
 pub use results::{BridgeFacts, ComposedError, DistanceError, Evaluation, MarkedTask, TaskOutcome};
@@ -47,18 +47,31 @@ impl EvaluationJob {
 
     /// Draws `per_group` tasks at each distance, independently of the number of earlier
     /// evaluations.
-    pub fn tasks(&self, per_group: usize) -> TaskSet {
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn tasks(&self, per_group: usize) -> Result<TaskSet, EnvError> {
         self.world.tasks(per_group, &mut self.task_rng.clone())
     }
 
     /// Evaluates on `tasks` against ground truth.
-    pub fn run(&self, tasks: &TaskSet) -> Evaluation {
-        self.run_unless(&Cancelled::default(), tasks)
-            .unwrap_or_else(|| unreachable!("nothing cancels it"))
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn run(&self, tasks: &TaskSet) -> Result<Evaluation, EnvError> {
+        let done = self.run_unless(&Cancelled::default(), tasks)?;
+        Ok(done.unwrap_or_else(|| unreachable!("nothing cancels it")))
     }
 
     /// Like [`Self::run`]; returns `None` once `cancelled` is set.
-    pub fn run_unless(&self, cancelled: &Cancelled, tasks: &TaskSet) -> Option<Evaluation> {
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn run_unless(
+        &self,
+        cancelled: &Cancelled,
+        tasks: &TaskSet,
+    ) -> Result<Option<Evaluation>, EnvError> {
         crate::faults::point("evaluation");
         let graph = self.graph();
         let greedy = self.actor(None);
@@ -66,47 +79,50 @@ impl EvaluationJob {
         let (world, rng) = (&*self.world, &mut self.rng.clone());
         let mut score = |actor: &Actor| {
             let mut watch = |_: &[f32]| !cancelled.is_set();
-            let runs = run_tasks_watched(world, &tasks.tasks, actor, rng, &mut watch);
-            (!cancelled.is_set()).then(|| Score::new(tasks, &runs.taken))
+            let runs = run_tasks_watched(world, &tasks.tasks, actor, rng, &mut watch)?;
+            Ok::<_, EnvError>(Score::new(tasks, &runs.taken))
         };
-        let planned_score = match &planned {
-            Some(planned) => Some(score(planned)?),
-            None => None,
+        let planned_score = planned.as_ref().map(&mut score).transpose()?;
+        let greedy_score = if cancelled.is_set() { None } else { Some(score(&greedy)?) };
+        let Some(greedy_score) = greedy_score.filter(|_| !cancelled.is_set()) else {
+            return Ok(None);
         };
-        let greedy_score = score(&greedy)?;
         let mut truth = world.abilities().evaluated.and_then(Evaluated::ground_truth);
-        Some(Evaluation {
+        Ok(Some(Evaluation {
             distance_error: truth
                 .as_mut()
                 .and_then(|truth| distance_error(&truth.pairs(rng), &*self.policy, graph.as_ref())),
             bridges: graph.as_ref().map(|graph| bridge_facts(graph, truth.as_deref_mut())),
             coverage: self.coverage,
-            marked: marked_task(world, truth.as_deref_mut(), &greedy, planned.as_ref(), rng),
+            marked: marked_task(world, truth.as_deref_mut(), &greedy, planned.as_ref(), rng)?,
             greedy: greedy_score,
             planned: planned_score,
-            straight: self.straight_score(tasks),
-        })
+            straight: self.straight_score(tasks)?,
+        }))
     }
 
     /// Scores walking straight at the goals.
-    fn straight_score(&self, tasks: &TaskSet) -> Option<Score> {
-        let world = &*self.world;
-        let policy = Straight { spec: world.spec(), world: world.abilities().evaluated? };
+    fn straight_score(&self, tasks: &TaskSet) -> Result<Option<Score>, EnvError> {
+        let (world, mut rng) = (&*self.world, self.rng.clone());
+        let (Some(evaluated), Some(task)) = (world.abilities().evaluated, tasks.tasks.first())
+        else {
+            return Ok(None);
+        };
+        let policy = Straight { spec: world.spec(), world: evaluated };
         let mut action = vec![0.0; world.spec().action_dim];
-        let goal = &tasks.tasks.first()?.goal;
-        if !policy.world.straight_action(world.fork(1).states(), goal, &mut action) {
-            return None;
+        let state = vec![0.0; world.spec().state_dim()];
+        if !policy.world.straight_action(&state, &task.goal, &mut action) {
+            return Ok(None);
         }
         // The second half of the evaluation's stream, so that other results do not depend on this
         // one.
-        let mut rng = self.rng.clone();
         rng.set_word_pos(rng.get_word_pos() + (1 << 33));
         let actor = Actor {
             guide: Guide { policy: &policy, graph: None },
             hold_steps: None,
             max_steps: self.max_steps,
         };
-        Some(Score::new(tasks, &run_tasks(world, &tasks.tasks, &actor, &mut rng).taken))
+        Ok(Some(Score::new(tasks, &run_tasks(world, &tasks.tasks, &actor, &mut rng)?.taken)))
     }
 
     /// Builds the graph to plan on, for methods that plan.
@@ -156,19 +172,22 @@ fn marked_task(
     greedy: &Actor,
     planned: Option<&Actor>,
     rng: &mut ChaCha8Rng,
-) -> Option<MarkedTask> {
-    let task = world.abilities().episodes?.default_task()?;
+) -> Result<Option<MarkedTask>, EnvError> {
+    let Some(task) = world.abilities().episodes.and_then(Episodes::default_task) else {
+        return Ok(None);
+    };
     let mut journey = |actor: &Actor| {
-        let walked = run_tasks(world, std::slice::from_ref(&task), actor, rng);
+        let walked = run_tasks(world, std::slice::from_ref(&task), actor, rng)?;
         let end: Vec<f32> = world.spec().achieved(walked.env.states()).collect();
         let left = truth.as_mut().and_then(|truth| truth.steps(&end, &task.goal, u32::MAX)?[0]);
         let taken = walked.taken[0];
-        TaskOutcome {
+        Ok::<_, EnvError>(TaskOutcome {
             reached: taken.is_some(),
             steps: taken.unwrap_or_else(|| actor.budget(world, &task)),
             left_steps: left.unwrap_or(u32::MAX),
             left_straight: Some(world.spec().goal_distance(walked.env.states(), &task.goal)),
-        }
+        })
     };
-    Some(MarkedTask { greedy: journey(greedy), planned: planned.map(journey) })
+    let greedy = journey(greedy)?;
+    Ok(Some(MarkedTask { greedy, planned: planned.map(journey).transpose()? }))
 }

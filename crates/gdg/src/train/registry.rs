@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::error::TrainError;
 use super::method::{Method, method_names};
-use crate::env::{Environment, WORLDS, WorldKind};
+use crate::env::{EnvError, Environment, GymOptions, WORLDS, WorldKind};
 use crate::learn::{LEARNERS, LearnerKind};
 use crate::settings::Preset;
 use crate::store::{Store, StoreError};
@@ -17,12 +17,24 @@ const MAPS: &str = "maze";
 pub struct Registry {
     worlds: Vec<WorldKind>,
     learners: Vec<LearnerKind>,
+    options: GymOptions,
 }
 
 impl Registry {
     /// Returns a registry of the built-in worlds and learners.
     pub fn builtin() -> Arc<Self> {
-        Arc::new(Self { worlds: WORLDS.to_vec(), learners: LEARNERS.to_vec() })
+        Arc::new(Self {
+            worlds: WORLDS.to_vec(),
+            learners: LEARNERS.to_vec(),
+            options: GymOptions::default(),
+        })
+    }
+
+    /// Sets the options of Gymnasium's environments.
+    #[must_use]
+    pub fn with_gym(self: Arc<Self>, options: GymOptions) -> Arc<Self> {
+        let registry = Arc::unwrap_or_clone(self);
+        Arc::new(Self { options, ..registry })
     }
 
     /// Adds a world; it replaces an earlier one of the same name.
@@ -56,7 +68,28 @@ impl Registry {
     /// Returns the world kind that `name` opens on the command line: one that needs no file, or
     /// else the maze on the map of that name.
     pub fn world_opened_by(&self, name: &str) -> Option<&WorldKind> {
-        self.world(name).filter(|kind| kind.create.is_some()).or_else(|| self.world(MAPS))
+        self.world_without_file(name).or_else(|| self.world(MAPS))
+    }
+
+    /// Returns the world kind that `name` opens without a file: `NAME`, or `NAME:ARGUMENT`.
+    pub fn world_without_file(&self, name: &str) -> Option<&WorldKind> {
+        match name.split_once(':') {
+            Some((kind, _)) => self.world(kind).filter(|kind| kind.open.is_some()),
+            None => self.world(name).filter(|kind| kind.create.is_some()),
+        }
+    }
+
+    /// Opens the world called `name`, without agents; `None` unless it needs no file.
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn open(&self, name: &str) -> Option<Result<Box<dyn Environment>, EnvError>> {
+        let kind = self.world_without_file(name)?;
+        match (name.split_once(':'), kind.open, kind.create) {
+            (Some((_, argument)), Some(open), _) => Some(open(argument, &self.options)),
+            (None, _, Some(create)) => Some(Ok(create())),
+            _ => None,
+        }
     }
 
     /// Returns the learner kinds.
@@ -89,15 +122,19 @@ impl Registry {
     /// Loads the world saved in `store`, without agents.
     ///
     /// # Errors
-    /// The kind of world is not registered, or the stored world is invalid.
-    pub fn load_world(&self, store: &Store) -> Result<Box<dyn Environment>, StoreError> {
+    /// The kind of world is not registered, the stored world is invalid, or the world fails.
+    pub fn load_world(&self, store: &Store) -> Result<Box<dyn Environment>, TrainError> {
         // Old checkpoints do not name their world: mazes were the only kind.
         let name = store.text("world").unwrap_or(MAPS);
         match self.world(name) {
-            Some(kind) => (kind.load)(store),
+            Some(kind) => (kind.load)(store, &self.options).map_err(|error| match error {
+                EnvError::Store(error) => error.into(),
+                failed => failed.into(),
+            }),
             None => Err(StoreError::inconsistent(format!(
                 "uses the world {name:?}, which this program does not have"
-            ))),
+            ))
+            .into()),
         }
     }
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::settings::Settings;
 use crate::bridge::{Candidates, Excursions, Guide, Hop, SearchOutcome, Walker};
-use crate::env::Environment;
+use crate::env::{EnvError, Environment};
 use crate::learn::{Acting, Replay, Scratch};
 pub use state::RolloutState;
 
@@ -66,10 +66,14 @@ pub struct Rollout {
     rng: ChaCha8Rng,
     actions: Vec<f32>,
     goals: Vec<f32>,
+    /// States before the step, `(agents, state_dim)`.
+    before: Vec<f32>,
     /// A world with one agent, for the walks to near goals.
     aside: Option<Box<dyn Environment>>,
     scratch: Scratch,
     excursions: Excursions,
+    /// Whether agents began new episodes when the run was resumed.
+    restarted: bool,
     last_search: Option<Arc<SearchOutcome>>,
 }
 
@@ -84,17 +88,20 @@ pub struct RoundResult {
 
 impl Rollout {
     /// Places agents at random starts with random goals.
-    pub fn new(mut env: Box<dyn Environment>, mut rng: ChaCha8Rng) -> Self {
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn new(mut env: Box<dyn Environment>, mut rng: ChaCha8Rng) -> Result<Self, EnvError> {
         let goal_dim = env.spec().goal_dim();
         let agents = (0..env.agents()).map(|i| {
-            env.restart(i, &mut rng);
+            env.restart(i, &mut rng)?;
             let mut goal = vec![0.0; goal_dim];
             env.sample_goal(i, &mut rng, &mut goal);
             // Without a policy, the distance is unknown: the first step chooses another goal.
-            Agent { goal, after_bridge: None, steps: 0, held: None, give_up_at: 0 }
+            Ok(Agent { goal, after_bridge: None, steps: 0, held: None, give_up_at: 0 })
         });
-        let agents: Vec<_> = agents.collect();
-        Self {
+        let agents = agents.collect::<Result<Vec<_>, EnvError>>()?;
+        Ok(Self {
             excursions: Excursions::new(env.spec(), agents.len()),
             plans: agents.iter().map(|_| None).collect(),
             env,
@@ -102,10 +109,12 @@ impl Rollout {
             rng,
             actions: Vec::new(),
             goals: Vec::new(),
+            before: Vec::new(),
             aside: None,
             scratch: Scratch::default(),
+            restarted: false,
             last_search: None,
-        }
+        })
     }
 
     /// Returns the environment.
@@ -133,6 +142,12 @@ impl Rollout {
         }
     }
 
+    /// Returns whether agents began new episodes when the run was resumed, as the world could not
+    /// put them back.
+    pub fn has_restarted(&self) -> bool {
+        self.restarted
+    }
+
     /// Returns the excursions beyond the frontier.
     pub fn excursions(&self) -> &Excursions {
         &self.excursions
@@ -155,44 +170,69 @@ impl Rollout {
 
     /// Steps every agent once and stores the transitions in replay buffer and candidates. Returns
     /// `None` without stepping if the actor's actions are not finite.
-    pub fn step(&mut self, context: &mut StepContext) -> Option<RoundResult> {
-        let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
+    ///
+    /// # Errors
+    /// The world fails. What is stored then holds no transition that has not happened, and the run
+    /// can be saved; agents that could not restart are at the ends of their episodes.
+    pub fn step(&mut self, context: &mut StepContext) -> Result<Option<RoundResult>, EnvError> {
+        let a = self.env.spec().action_dim;
         // In this order, a plan that begins as an excursion ends has a waypoint at once.
-        self.follow_excursions(context);
+        self.follow_excursions(context)?;
         self.follow_plans(context);
         self.choose_actions(context);
         if !self.actions.iter().all(|a| a.is_finite()) {
-            return None;
+            return Ok(None);
         }
+        self.before.clear();
+        self.before.extend_from_slice(self.env.states());
+        self.env.step(&self.actions, &mut self.rng)?;
         self.excursions.count_steps();
-        for (i, agent) in self.agents.iter().enumerate() {
-            let state = &self.env.states()[i * s..(i + 1) * s];
+        let before = self.before.chunks_exact(self.env.spec().state_dim());
+        for (i, (agent, state)) in self.agents.iter().zip(before).enumerate() {
             context.replay.push(i, state, &self.actions[i * a..(i + 1) * a], &agent.goal);
             context.candidates.visit(i, state);
         }
-        self.env.step(&self.actions, &mut self.rng);
         let mut round = RoundResult::default();
-        for i in 0..self.agents.len() {
-            let state = &self.env.states()[i * s..(i + 1) * s];
-            self.agents[i].steps = self.agents[i].steps.saturating_add(1);
-            if self.agents[i].steps >= context.episode_steps {
-                context.replay.end_episode(i, state);
-                // An agent that stays continues its trajectory.
-                if !self.stays(i, context) {
-                    context.candidates.visit(i, state);
-                    context.candidates.end_episode(i);
-                }
-                round.episodes += 1;
-                self.start_episode(i, context);
-            } else if !self.excursions.is_on(i) {
-                self.end_pursuit(i, context, &mut round);
+        // The others' steps are kept even if one agent cannot go on.
+        let went_on: Vec<Result<(), EnvError>> =
+            (0..self.agents.len()).map(|i| self.go_on(i, context, &mut round)).collect();
+        went_on.into_iter().collect::<Result<(), EnvError>>()?;
+        Ok(Some(round))
+    }
+
+    /// Ends the episode of agent `i` after a step if it is over, or its pursuit of a goal.
+    fn go_on(
+        &mut self,
+        i: usize,
+        context: &mut StepContext,
+        round: &mut RoundResult,
+    ) -> Result<(), EnvError> {
+        let s = self.env.spec().state_dim();
+        let state = &self.env.states()[i * s..(i + 1) * s];
+        self.agents[i].steps = self.agents[i].steps.saturating_add(1);
+        if self.agents[i].steps >= context.episode_steps || self.env.has_ended(i) {
+            context.replay.end_episode(i, state);
+            // An agent that stays continues its trajectory.
+            if !self.stays(i, context) {
+                context.candidates.visit(i, state);
+                context.candidates.end_episode(i);
             }
+            round.episodes += 1;
+            self.start_episode(i, context)
+        } else if self.excursions.is_on(i) {
+            Ok(())
+        } else {
+            self.end_pursuit(i, context, round)
         }
-        Some(round)
     }
 
     /// Gives agent `i` its next goal if it has reached its own or gives up on it.
-    fn end_pursuit(&mut self, i: usize, context: &StepContext, round: &mut RoundResult) {
+    fn end_pursuit(
+        &mut self,
+        i: usize,
+        context: &StepContext,
+        round: &mut RoundResult,
+    ) -> Result<(), EnvError> {
         let s = self.env.spec().state_dim();
         let agent = &mut self.agents[i];
         let pursued = self.plans[i].as_ref().map_or(&agent.goal, |plan| &plan.goal);
@@ -205,8 +245,9 @@ impl Rollout {
             && (reached || agent.steps >= agent.give_up_at)
         {
             round.reached += u64::from(reached);
-            self.choose_goal(i, context);
+            self.choose_goal(i, context)?;
         }
+        Ok(())
     }
 
     /// Drops all plans, whose agents pursue the plans' goals directly, and ends all excursions.
@@ -221,17 +262,25 @@ impl Rollout {
 
     /// Moves all agents at their current states to another environment of the same kind, ending
     /// their episodes and starting new ones.
-    pub fn enter_environment(&mut self, env: Box<dyn Environment>, replay: &mut Replay) {
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn enter_environment(
+        &mut self,
+        env: Box<dyn Environment>,
+        replay: &mut Replay,
+    ) -> Result<(), EnvError> {
         self.end_episodes(replay);
         let before = std::mem::replace(&mut self.env, env);
         self.aside = None;
         for i in 0..self.agents.len() {
-            if !self.env.set_full_state(i, &before.full_state(i)) {
-                self.env.restart(i, &mut self.rng);
+            if !self.env.set_full_state(i, &before.full_state(i))? {
+                self.env.restart(i, &mut self.rng)?;
             }
             self.begin_episode(i);
         }
         self.excursions.forget_outcomes();
+        Ok(())
     }
 
     /// Ends the episodes under way in the replay buffer, for agents that do not continue them.
@@ -278,17 +327,18 @@ impl Rollout {
     }
 
     /// Tells agents on an excursion where they are; those whose excursion ends get a goal.
-    fn follow_excursions(&mut self, context: &StepContext) {
+    fn follow_excursions(&mut self, context: &StepContext) -> Result<(), EnvError> {
         if !context.bridges {
-            return;
+            return Ok(());
         }
         let s = self.env.spec().state_dim();
         for i in 0..self.agents.len() {
             let was_on = self.excursions.is_on(i);
             self.excursions.arrive(i, &self.env.states()[i * s..(i + 1) * s]);
             if was_on && !self.excursions.is_on(i) {
-                self.choose_goal(i, context);
+                self.choose_goal(i, context)?;
             }
         }
+        Ok(())
     }
 }

@@ -227,7 +227,8 @@ mod tests {
         assert!((0..2).all(|i| all[i].0 == 0) && all[2].0 == trainer.counters().updates);
         assert!(reason == EndReason::MaxSteps && !trainer.is_update_due());
         let updates = trainer.counters().updates;
-        let evaluation = trainer.evaluate(&trainer.tasks(1)).expect("an evaluation");
+        let evaluation =
+            trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("an evaluation");
         trainer.record_evaluation(updates, evaluation);
         let mut resumed = Session::resume(schedule, &trainer);
         assert_eq!(std::iter::from_fn(|| resumed.next_due()).count(), 2, "one of three is made");
@@ -249,7 +250,8 @@ mod tests {
             std::iter::from_fn(|| session.next_due()).collect::<Vec<_>>()
         };
         assert_eq!(due(&trainer), [Due::Edit(0), Due::Evaluation]);
-        let evaluation = trainer.evaluate(&trainer.tasks(1)).expect("an evaluation");
+        let evaluation =
+            trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("an evaluation");
         trainer.record_evaluation(3, evaluation);
         assert_eq!(due(&trainer), [Due::Edit(0)]);
         trainer.pulse().stop();

@@ -95,10 +95,15 @@ fn new_learner(
 }
 
 /// Forks and configures `world` for the agents of `run`.
-fn fork_world(run: &Run, world: &dyn Environment) -> Box<dyn Environment> {
-    let mut world = world.fork(run.settings.train.agents);
+fn fork_world(run: &Run, world: &dyn Environment) -> Result<Box<dyn Environment>> {
+    let mut world = world.fork(run.settings.train.agents)?;
     world.configure(&run.settings.train.env());
-    world
+    Ok(world)
+}
+
+/// Places new agents for `run` in a fork of `world`.
+fn new_rollout(run: &Run, world: &dyn Environment) -> Result<Rollout> {
+    Ok(Rollout::new(fork_world(run, world)?, stream(run.seed, Stream::Explore))?)
 }
 
 fn new_replay(run: &Run, spec: &Spec) -> Replay {
@@ -117,7 +122,7 @@ impl Trainer {
     /// result.
     ///
     /// # Errors
-    /// The method's learner is not registered or cannot be created.
+    /// The method's learner is not registered or cannot be created, or the world fails.
     pub fn new(
         run: Run,
         world: &dyn Environment,
@@ -125,11 +130,11 @@ impl Trainer {
         threads: impl Into<Threads>,
     ) -> Result<Self> {
         let threads = threads.into();
-        let (world, spec) = (fork_world(&run, world), world.spec());
+        let (rollout, spec) = (new_rollout(&run, world)?, world.spec());
         let learner = new_learner(&run, spec, registry, threads)?;
         Ok(Self {
-            visits: Visits::none(&*world),
-            rollout: Rollout::new(world, stream(run.seed, Stream::Explore)),
+            visits: Visits::none(world),
+            rollout,
             replay: new_replay(&run, spec),
             batch_rng: stream(run.seed, Stream::Batch),
             candidates: new_candidates(&run, spec),
@@ -279,7 +284,8 @@ impl Trainer {
     /// [`Self::pulse`]), a long update is undone.
     ///
     /// # Errors
-    /// The learner fails, or the run has diverged with no rollbacks left.
+    /// The learner fails, the run has diverged with no rollbacks left, or the world fails: the run
+    /// can then be saved.
     pub fn tick(&mut self) -> Result<Tick> {
         let began = Instant::now();
         self.pulse.beat();
@@ -302,7 +308,7 @@ impl Trainer {
     }
 
     fn step(&mut self) -> Result<Tick> {
-        let Some(round) = self.with_step_context(Rollout::step)? else {
+        let Some(round) = self.with_step_context(Rollout::step)?? else {
             self.roll_back()?;
             return Ok(Tick::Step);
         };
@@ -438,8 +444,11 @@ impl Trainer {
 
     /// Draws `per_group` tasks at each distance for an evaluation of the current state,
     /// independently of the number of earlier evaluations.
-    pub fn tasks(&self, per_group: usize) -> TaskSet {
-        self.world().tasks(per_group, &mut self.evaluation_rng(1))
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn tasks(&self, per_group: usize) -> Result<TaskSet> {
+        Ok(self.world().tasks(per_group, &mut self.evaluation_rng(1))?)
     }
 
     fn evaluation_rng(&self, purpose: u64) -> ChaCha8Rng {
@@ -452,11 +461,11 @@ impl Trainer {
     /// Prepares an evaluation of the current state, which does not affect training.
     ///
     /// # Errors
-    /// The learner fails.
+    /// The learner or the world fails.
     pub fn evaluation(&self) -> Result<EvaluationJob> {
         Ok(EvaluationJob {
             run: self.run.clone(),
-            world: self.world().fork(0),
+            world: self.world().fork(0)?,
             policy: self.policy()?,
             acting: self.learner.acting(),
             candidates: self.run.method.plans().then(|| self.candidates.frozen()),
@@ -470,9 +479,9 @@ impl Trainer {
     /// Evaluates against ground truth.
     ///
     /// # Errors
-    /// The learner fails.
+    /// The learner or the world fails.
     pub fn evaluate(&self, tasks: &TaskSet) -> Result<Evaluation> {
-        Ok(self.evaluation()?.run(tasks))
+        Ok(self.evaluation()?.run(tasks)?)
     }
 
     /// Returns the history: curves, evaluations and event log.

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{RefreshTimer, pause_factor};
 use crate::bridge::{BridgeGraph, BridgeSettings, EdgeStatus, Guide, Walker};
 use crate::engine::{Networks, Snapshot};
-use crate::env::{Environment, Spec};
+use crate::env::{EnvError, Environment, Spec};
 use crate::learn::Scratch;
 use crate::train::Run;
 
@@ -147,12 +147,15 @@ impl Pilot {
 
     /// Moves the agent of `world` by one step towards `goal`; returns the waypoints that were ahead
     /// of it, the next one first and the goal last.
+    ///
+    /// # Errors
+    /// The world fails.
     pub fn step<const N: usize>(
         &mut self,
         world: &mut dyn Environment,
         goal: &[f32; N],
         rng: &mut ChaCha8Rng,
-    ) -> Vec<[f32; N]> {
+    ) -> Result<Vec<[f32; N]>, EnvError> {
         let guide = Guide { policy: &*self.networks.policy, graph: self.graph.as_ref() };
         let (walker, scratch) = (&mut self.walker, &mut self.scratch);
         if walker.is_none() {
@@ -162,7 +165,7 @@ impl Pilot {
         let mut action = vec![0.0; world.spec().action_dim];
         let walkers = std::iter::once(walker.as_ref());
         guide.act(walkers, world.states(), &aim, &mut action, scratch);
-        world.step(&action, rng);
+        world.step(&action, rng)?;
         let mut waypoints = match (walker, guide.graph) {
             (Some(walker), Some(graph)) => {
                 walker.waypoints_ahead().into_iter().map(|i| position(graph.point(i))).collect()
@@ -170,7 +173,7 @@ impl Pilot {
             _ => Vec::new(),
         };
         waypoints.push(*goal);
-        waypoints
+        Ok(waypoints)
     }
 }
 

@@ -26,9 +26,11 @@ const EDITS_DROPPED: &str = "older edits can no longer be undone: the history to
 
 /// Returns a function that builds the maze on `map` with the run's settings and scenario.
 pub fn maze_on(map: Arc<Grid>) -> MakeWorld {
-    Box::new(|world| match PointMaze::downcast_ref(world) {
-        Some(maze) => Box::new(maze.with_map(map)),
-        None => Box::new(PointMaze::new(map, 0)),
+    Box::new(|world| {
+        Ok(match PointMaze::downcast_ref(world) {
+            Some(maze) => Box::new(maze.with_map(map)),
+            None => Box::new(PointMaze::new(map, 0)),
+        })
     })
 }
 

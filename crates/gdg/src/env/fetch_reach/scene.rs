@@ -11,7 +11,6 @@ use super::kinematics::Frames;
 use super::model::{BASE, GOAL_CENTRE, JOINTS};
 use super::wall::Wall;
 use super::{EPISODE_STEPS, FetchReach, GOAL_RADIUS, GOAL_RANGE, POSITION_RANGE, WALL_CLEARANCE};
-use crate::env::Environment;
 
 /// A box: its lowest and its highest corner in metres.
 pub type Corners = [[f32; 3]; 2];
@@ -187,6 +186,7 @@ mod tests {
 
     use super::super::WALL;
     use super::*;
+    use crate::env::Environment;
 
     fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
         (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt()

@@ -110,13 +110,13 @@ fn a_full_state_continues_bitwise() {
             // Held pulls lead to limits, table and wall, where the warm start matters.
             let actions: Vec<f32> =
                 (0..12).map(|i| if (i + step / 20) % 3 == 0 { 1.0 } else { -1.0 }).collect();
-            let mut other = world.fork(3);
+            let mut other = world.fork(3).expect("it never fails");
             for agent in 0..3 {
-                other.set_full_state(agent, &world.full_state(agent));
+                other.set_full_state(agent, &world.full_state(agent)).expect("it never fails");
             }
             assert_eq!(world.states(), other.states());
             world.step(&actions, &mut rng);
-            other.step(&actions, &mut rng);
+            other.step(&actions, &mut rng).expect("it never fails");
             assert!((0..3).all(|i| world.full_state(i) == other.full_state(i)), "step {step}");
         }
     }

@@ -135,7 +135,7 @@ mod tests {
         let moves = search.steps_from(half_cells.middle(goal));
         let mut around = StepSearch::new(half_cells.points());
         let by_cells = StepSearch::new(&map).steps_from(goal).to_vec();
-        let mut env = PointMaze::new(std::sync::Arc::new(map.clone()), 0).fork(1);
+        let mut env = PointMaze::new(std::sync::Arc::new(map.clone()), 1);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let [goal_x, goal_y] = goal.centre();
         let (mut walked, mut true_steps, mut cell_steps) = (0, 0, 0);

@@ -5,6 +5,7 @@ mod state;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use crate::env::MAX_MAGNITUDE;
 use crate::store::StoreError;
 pub use state::ReplayState;
 
@@ -59,10 +60,6 @@ pub struct Moment {
     /// The number of its slot, counted from the start of training.
     pub slot: u64,
 }
-
-/// Largest magnitude of a component of a stored state or goal: sums of squares beyond it may
-/// overflow.
-pub(crate) const MAX_MAGNITUDE: f32 = 1e9;
 
 impl Replay {
     /// Creates a replay with room for about `capacity` transitions of `agents` agents.

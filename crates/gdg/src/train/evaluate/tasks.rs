@@ -1,4 +1,4 @@
-//! Tasks run in lockstep, one agent per task.
+//! Tasks run in lockstep, one agent per task, as many at once as the world allows.
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::bridge::{Guide, Walker};
-use crate::env::{Environment, Episodes, Task};
+use crate::env::{EnvError, Environment, Episodes, Evaluated, Task};
 use crate::learn::Scratch;
 
 /// How the evaluated agents act.
@@ -32,7 +32,7 @@ impl Actor<'_> {
 pub struct TaskRuns {
     /// Steps per task; `None` if the goal was not reached in time.
     pub taken: Vec<Option<u32>>,
-    /// The environment with the agents in their final states.
+    /// The environment with the agents of the tasks that ran last, in their final states.
     pub env: Box<dyn Environment>,
 }
 
@@ -66,25 +66,46 @@ pub fn run_tasks(
     tasks: &[Task],
     actor: &Actor,
     rng: &mut ChaCha8Rng,
-) -> TaskRuns {
+) -> Result<TaskRuns, EnvError> {
     run_tasks_watched(world, tasks, actor, rng, &mut |_| true)
 }
 
-/// Like [`run_tasks`]; calls `watch` with all agents' states at the start and after every step,
-/// and ends when it returns `false`.
+/// Like [`run_tasks`]; calls `watch` with the states of all agents that walk together, at the start
+/// and after every step, and ends when it returns `false`.
 pub fn run_tasks_watched(
     world: &dyn Environment,
     tasks: &[Task],
     actor: &Actor,
     rng: &mut ChaCha8Rng,
     watch: &mut dyn FnMut(&[f32]) -> bool,
-) -> TaskRuns {
-    let mut env = world.fork(tasks.len());
+) -> Result<TaskRuns, EnvError> {
+    let at_once = world.abilities().evaluated.map_or(usize::MAX, Evaluated::tasks_at_once).max(1);
+    let (mut taken, mut last) = (Vec::new(), None);
+    for together in tasks.chunks(at_once) {
+        // Its agents can be used again.
+        drop(last.take());
+        let runs = run_together(world, together, actor, rng, watch)?;
+        taken.extend(runs.taken);
+        last = Some(runs.env);
+    }
+    let env = last.map_or_else(|| world.fork(0), Ok)?;
+    Ok(TaskRuns { taken, env })
+}
+
+/// Runs tasks in lockstep.
+fn run_together(
+    world: &dyn Environment,
+    tasks: &[Task],
+    actor: &Actor,
+    rng: &mut ChaCha8Rng,
+    watch: &mut dyn FnMut(&[f32]) -> bool,
+) -> Result<TaskRuns, EnvError> {
+    let mut env = world.fork(tasks.len())?;
     let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
     let mut buffers = Buffers::default();
     for (i, task) in tasks.iter().enumerate() {
-        if !env.set_full_state(i, &task.start) {
-            env.restart(i, rng);
+        if !env.set_full_state(i, &task.start)? {
+            env.restart(i, rng)?;
         }
     }
     let active = tasks.iter().enumerate().map(|(index, task)| ActiveAgent {
@@ -104,7 +125,8 @@ pub fn run_tasks_watched(
             if env.spec().reached(&env.states()[agent.row(s)], agent.goal) {
                 taken[agent.index] = Some(clock);
             }
-            let goes_on = taken[agent.index].is_none() && clock < agent.budget;
+            let goes_on =
+                taken[agent.index].is_none() && clock < agent.budget && !env.has_ended(agent.index);
             if !goes_on {
                 actions[agent.row(a)].fill(0.0);
             }
@@ -123,9 +145,9 @@ pub fn run_tasks_watched(
                 }
             }
         }
-        env.step(&actions, rng);
+        env.step(&actions, rng)?;
     }
-    TaskRuns { taken, env }
+    Ok(TaskRuns { taken, env })
 }
 
 /// Chooses the actions of the active agents by the policy and their plans. `actions` has rows

@@ -3,7 +3,7 @@
 use super::EvaluationJob;
 use super::tasks::run_tasks_watched;
 use crate::bridge::Guide;
-use crate::env::Task;
+use crate::env::{EnvError, Task};
 use crate::learn::{Policy, Scratch};
 
 /// The plan for a task, and the walk that followed it.
@@ -25,7 +25,10 @@ impl EvaluationJob {
     }
 
     /// Walks `task` as in an evaluation, with planning if the method plans.
-    pub fn walk(&self, task: &Task) -> TaskWalk {
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn walk(&self, task: &Task) -> Result<TaskWalk, EnvError> {
         let (graph, mut states) = (self.graph(), Vec::new());
         let tasks = std::slice::from_ref(task);
         let mut watch = |state: &[f32]| {
@@ -34,9 +37,9 @@ impl EvaluationJob {
         };
         let actor = self.actor(graph.as_ref());
         let runs =
-            run_tasks_watched(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch);
+            run_tasks_watched(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch)?;
         let plan = states.first().map_or(Vec::new(), |start| plan(actor.guide, start, &task.goal));
-        TaskWalk { plan, states, reached: runs.taken[0].is_some() }
+        Ok(TaskWalk { plan, states, reached: runs.taken[0].is_some() })
     }
 }
 

@@ -6,7 +6,7 @@ use rand::RngExt;
 
 use super::{Plan, Rollout, StepContext};
 use crate::bridge::{SearchSpace, search};
-use crate::env::{EnvSettings, Restart};
+use crate::env::{EnvError, EnvSettings, Restart};
 
 /// An agent gives up on a goal after this multiple of D to it ...
 const GIVE_UP_FACTOR: f32 = 3.0;
@@ -17,6 +17,9 @@ const GIVE_UP_SLACK_STEPS: f32 = 50.0;
 impl Rollout {
     /// Whether agent `i` begins its next episode where it is.
     pub(super) fn stays(&self, i: usize, context: &StepContext) -> bool {
+        if self.env.has_ended(i) {
+            return false;
+        }
         match context.settings.train.restart {
             Restart::Never => true,
             Restart::Auto => {
@@ -28,12 +31,17 @@ impl Rollout {
 
     /// Starts an episode with a new start and goal. With probability `bridge_epsilon`, a bridge
     /// point is the first goal (Algorithm 1).
-    pub(super) fn start_episode(&mut self, i: usize, context: &StepContext) {
-        if !self.stays(i, context) {
-            self.env.restart(i, &mut self.rng);
-        }
+    pub(super) fn start_episode(
+        &mut self,
+        i: usize,
+        context: &StepContext,
+    ) -> Result<(), EnvError> {
+        let restarted =
+            if self.stays(i, context) { Ok(()) } else { self.env.restart(i, &mut self.rng) };
+        // Even without a start, the episode that has ended in the replay is over.
         self.begin_episode(i);
-        self.choose_goal(i, context);
+        restarted?;
+        self.choose_goal(i, context)?;
         if context.bridges
             && self.chance(context.settings.bridge.bridge_epsilon)
             && !self.excursions.is_on(i)
@@ -46,17 +54,18 @@ impl Rollout {
             }
             self.set_deadline(i, context);
         }
+        Ok(())
     }
 
     /// Gives agent `i` a random goal. With given probabilities, it first goes on an excursion
     /// beyond the frontier, or follows a plan through the bridge graph.
-    pub(super) fn choose_goal(&mut self, i: usize, context: &StepContext) {
+    pub(super) fn choose_goal(&mut self, i: usize, context: &StepContext) -> Result<(), EnvError> {
         let agent = &mut self.agents[i];
         agent.after_bridge = None;
         self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
         self.plans[i] = None;
         if self.chance(context.settings.train.near_goals) {
-            self.choose_near_goal(i, context.settings.train.near_goal_steps);
+            self.choose_near_goal(i, context.settings.train.near_goal_steps)?;
         }
         if context.bridges {
             let bridge = &context.settings.bridge;
@@ -67,26 +76,31 @@ impl Rollout {
             }
         }
         self.set_deadline(i, context);
+        Ok(())
     }
 
     /// Makes the goal of agent `i` the place where a straight walk of at most `longest` steps from
     /// its own place ends, if the world can put another agent there.
-    fn choose_near_goal(&mut self, i: usize, longest: u32) {
-        let aside = self.aside.get_or_insert_with(|| {
-            let mut world = self.env.fork(1);
-            // The walk is straight even where actions are noisy.
-            world.configure(&EnvSettings::default());
-            world
-        });
+    fn choose_near_goal(&mut self, i: usize, longest: u32) -> Result<(), EnvError> {
+        let aside = match &mut self.aside {
+            Some(world) => world,
+            none => {
+                let mut world = self.env.fork(1)?;
+                // The walk is straight even where actions are noisy.
+                world.configure(&EnvSettings::default());
+                none.insert(world)
+            }
+        };
         let action: Vec<f32> =
             (0..self.env.spec().action_dim).map(|_| self.rng.random_range(-1.0..=1.0)).collect();
-        if !aside.set_full_state(0, &self.env.full_state(i)) {
-            return;
+        if !aside.set_full_state(0, &self.env.full_state(i))? {
+            return Ok(());
         }
         for _ in 0..self.rng.random_range(1..=longest) {
-            aside.step(&action, &mut self.rng);
+            aside.step(&action, &mut self.rng)?;
         }
         self.agents[i].goal = self.env.spec().achieved(aside.states()).collect();
+        Ok(())
     }
 
     /// Returns `true` with a probability.

@@ -5,8 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{Agent, Plan, Rollout};
 use crate::bridge::{BridgeGraph, Candidates, Walker, WalkerState};
-use crate::learn::{MAX_MAGNITUDE, Replay};
+use crate::env::MAX_MAGNITUDE;
+use crate::learn::Replay;
 use crate::store::StoreError;
+use crate::train::error::TrainError;
 
 /// Checkpointed state of a [`Plan`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -48,19 +50,26 @@ impl Rollout {
     }
 
     /// Restores the state that [`Self::state`] returned. In a world that cannot set full states,
-    /// the agents begin new episodes, and those in `replay` and `candidates` end where they were.
+    /// or failed before they were saved, the agents begin new episodes, and those in `replay` and
+    /// `candidates` end where they were.
     ///
     /// # Errors
-    /// The state does not match the number of agents or the environment.
+    /// The state does not match the number of agents or the environment, or the world fails.
     pub fn restore(
         &mut self,
         state: RolloutState,
         graph: Option<&BridgeGraph>,
         replay: &mut Replay,
         candidates: &mut Candidates,
-    ) -> Result<(), StoreError> {
-        let (size, g) = (self.env.full_state(0).len(), self.env.spec().goal_dim());
+    ) -> Result<(), TrainError> {
+        let (s, g) = (self.env.spec().state_dim(), self.env.spec().goal_dim());
         let a = self.env.spec().action_dim;
+        // Only the states of a world that failed.
+        let size = if state.states.len() == self.agents.len() * s {
+            s
+        } else {
+            self.env.full_state(0).len()
+        };
         let within = |numbers: &[f32]| numbers.iter().all(|v| v.abs() <= MAX_MAGNITUDE);
         let sound = |numbers: &[f32], length: usize| numbers.len() == length && within(numbers);
         let agents = state.agents.iter().all(|agent| {
@@ -72,10 +81,11 @@ impl Rollout {
         let states = state.states.len() == self.agents.len() * size
             && state.states.iter().all(|v| v.is_finite());
         if state.agents.len() != self.agents.len() || !states || !agents || !plans {
-            return Err(StoreError::inconsistent("the stored agents do not fit these settings"));
+            let problem = "the stored agents do not fit these settings";
+            return Err(StoreError::inconsistent(problem).into());
         }
         if state.plans.len() != self.agents.len() {
-            return Err(StoreError::inconsistent("the stored plans do not fit the agents"));
+            return Err(StoreError::inconsistent("the stored plans do not fit the agents").into());
         }
         let plans = state.plans.into_iter().map(|plan| {
             let Some(PlanState { walker, goal, disturbed }) = plan else { return Ok(None) };
@@ -86,17 +96,19 @@ impl Rollout {
         self.plans = plans.collect::<Result<_, StoreError>>()?;
         self.agents = state.agents;
         self.rng = state.rng;
+        self.restarted = false;
         for (i, full_state) in state.states.chunks_exact(size).enumerate() {
-            if !self.env.set_full_state(i, full_state) {
-                // Then the full state is the state.
-                let state: Vec<f32> = full_state.iter().map(|v| *v as f32).collect();
+            if !self.env.set_full_state(i, full_state)? {
+                // Then the full state begins with the state.
+                let state: Vec<f32> = full_state[..s].iter().map(|v| *v as f32).collect();
                 if self.agents[i].steps > 0 {
                     replay.end_episode(i, &state);
                 }
                 candidates.visit(i, &state);
                 candidates.end_episode(i);
-                self.env.restart(i, &mut self.rng);
+                self.env.restart(i, &mut self.rng)?;
                 self.begin_episode(i);
+                self.restarted = true;
             }
         }
         Ok(())

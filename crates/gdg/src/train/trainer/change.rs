@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::recovery::LastGood;
-use super::{Result, Stream, Trainer, fork_world, new_candidates, new_learner, new_replay, stream};
+use super::{Result, Trainer, fork_world, new_candidates, new_learner, new_replay, new_rollout};
 use crate::bridge::Candidates;
 use crate::env::{Change, EnvError, Environment, Region, Spec};
 use crate::learn::Replay;
@@ -57,7 +57,7 @@ impl Trainer {
         let _activity = self.pulse.begin("the edit of the world");
         let editable = world.abilities().editable.ok_or(EnvError::NotEditable(world.kind()))?;
         let change = editable.change_from(self.world())?;
-        self.rollout.enter_environment(fork_world(&self.run, world), &mut self.replay);
+        self.rollout.enter_environment(fork_world(&self.run, world)?, &mut self.replay)?;
         self.visits.enter(self.rollout.env());
         let edited = self.rollout.env().abilities().editable;
         let possible =
@@ -87,7 +87,7 @@ impl Trainer {
     /// and networks, agents and bridge graph where they fit.
     ///
     /// # Errors
-    /// The learner fails; nothing has changed then.
+    /// The learner or the world fails; nothing has changed then.
     pub fn change_run(&mut self, run: Run) -> Result<KeptState> {
         let _activity = self.pulse.begin("the change of settings");
         let spec = self.spec();
@@ -103,6 +103,8 @@ impl Trainer {
             }
         }
         let last_good = LastGood::capture(self.counters.updates, self.counters.losses, &*learner)?;
+        let agents = keeps_agents(&self.run.settings, &run.settings);
+        let fresh_agents = if agents { None } else { Some(new_rollout(&run, self.world())?) };
         let used_before = self.used_method();
         let before = std::mem::replace(&mut self.run, run);
         (self.learner, self.last_good) = (learner, last_good);
@@ -112,7 +114,7 @@ impl Trainer {
         }
         // The change may have fixed the cause of earlier divergence.
         self.counters.recoveries = 0;
-        let agents = self.fit_agents(&before);
+        self.fit_agents(&before, fresh_agents);
         let same_graph = self.run.bridge() == before.bridge()
             && self.run.method.planner == before.method.planner;
         if !(networks && agents && same_graph) {
@@ -127,33 +129,26 @@ impl Trainer {
     }
 
     /// Adapts world, agents, replay buffer and candidates to settings changed from `before`;
-    /// returns whether the agents were kept.
-    fn fit_agents(&mut self, before: &Run) -> bool {
-        let (now, then) = (&self.run.settings, &before.settings);
-        let same_agents = now.train.agents == then.train.agents;
-        let same_replay = same_agents && now.learn.buffer_size == then.learn.buffer_size;
-        let agents = same_replay && now.train.restart == then.train.restart;
-        if agents {
-            self.rollout.env_mut().configure(&now.train.env());
-        } else {
-            self.restart_agents(same_replay);
+    /// replaces the agents by `fresh` ones, if there are any.
+    fn fit_agents(&mut self, before: &Run, fresh: Option<Rollout>) {
+        let are_fresh = fresh.is_some();
+        match fresh {
+            None => self.rollout.env_mut().configure(&self.run.settings.train.env()),
+            Some(rollout) => self.replace_agents(rollout, &before.settings),
         }
-        if !agents || !self.run.bridge().makes_same_candidates(&before.bridge()) {
+        if are_fresh || !self.run.bridge().makes_same_candidates(&before.bridge()) {
             self.rebuild_candidates();
         }
-        agents
     }
 
-    /// Restarts the agents in the same world; keeps the replay buffer, reshaped if necessary.
-    fn restart_agents(&mut self, same_replay: bool) {
+    /// Replaces the agents; keeps the replay buffer, reshaped if necessary.
+    fn replace_agents(&mut self, rollout: Rollout, before: &Settings) {
         self.rollout.end_episodes(&mut self.replay);
-        if !same_replay {
+        if !keeps_replay(before, &self.run.settings) {
             let mut replay = new_replay(&self.run, self.spec());
             self.replay.copy_episodes_into(&mut replay);
             self.replay = replay;
         }
-        let world = fork_world(&self.run, self.world());
-        let rollout = Rollout::new(world, stream(self.run.seed, Stream::Explore));
         let before = std::mem::replace(&mut self.rollout, rollout);
         self.rollout.excursions_mut().keep_places(before.into_excursions());
     }
@@ -198,6 +193,16 @@ fn revisit(replay: &Replay, candidates: &mut Candidates, spec: &Spec, region: &R
         last[agent].extend(state);
     });
     (0..replay.agents()).for_each(|agent| candidates.end_episode(agent));
+}
+
+/// Whether the replay buffer can be kept as it is after a change of settings.
+fn keeps_replay(before: &Settings, now: &Settings) -> bool {
+    now.train.agents == before.train.agents && now.learn.buffer_size == before.learn.buffer_size
+}
+
+/// Whether the agents can be kept after a change of settings.
+fn keeps_agents(before: &Settings, now: &Settings) -> bool {
+    keeps_replay(before, now) && now.train.restart == before.train.restart
 }
 
 /// Whether the networks can be kept after a change of settings. Matching shapes are not enough:

@@ -91,7 +91,9 @@ impl ArmWorker {
             reach.finished.1 += 1;
             return self.restart(None);
         }
-        self.view.path = self.pilot.step(&mut self.world, &goal, &mut self.rng);
+        // An arm of this program never fails.
+        let Ok(path) = self.pilot.step(&mut self.world, &goal, &mut self.rng) else { return };
+        self.view.path = path;
         let target = self.view.path[0];
         let state = self.state();
         self.view.pose = self.world.pose(0);

@@ -122,7 +122,8 @@ impl MazeWorker {
             }
             return;
         }
-        let waypoints = self.pilot.step(&mut self.world, &goal, &mut self.rng);
+        // A maze never fails.
+        let Ok(waypoints) = self.pilot.step(&mut self.world, &goal, &mut self.rng) else { return };
         let target = waypoints[0];
         // The straight line to a goal that no path leads to is no plan.
         self.view.path = if self.view.walk.shortest.is_some() { waypoints } else { Vec::new() };

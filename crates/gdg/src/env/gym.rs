@@ -1,0 +1,407 @@
+//! Any Gymnasium environment with continuous actions and goals, in a Python process of its own.
+//!
+//! A [`process`] steps several environments and exchanges one message a step with the program
+//! ([`frames`]); what the learner needs is found out once ([`facts`]). Environments are reset with
+//! seeds from the run's random numbers, so that the same seed gives the same run wherever the
+//! environment itself is deterministic.
+
+mod description;
+mod facts;
+mod frames;
+mod options;
+mod pool;
+#[cfg_attr(not(unix), path = "gym/no_process.rs")]
+mod process;
+mod slots;
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use parking_lot::Mutex;
+use rand::{Rng, RngExt};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+
+use super::{
+    Abilities, EnvError, EnvSettings, Environment, Episodes, Evaluated, Recorded, Spec, Task,
+    TaskSet, WorldKind,
+};
+use crate::store::{Store, StoreError};
+use facts::Found;
+use frames::{Expected, Request, f64_bytes, f64_numbers};
+pub use options::{Address, GymOptions};
+use pool::Pool;
+use process::{Worker, failed};
+
+/// Registry entry of the environments of Gymnasium.
+pub const KIND: WorldKind = WorldKind {
+    name: "gym",
+    about: "a Gymnasium environment with goals, in Python: gym:ID or gym:PACKAGE:ID",
+    create: None,
+    open: Some(|argument, options| {
+        let address = argument.parse().map_err(|why| failed(argument, why, Vec::new()))?;
+        Ok(Box::new(Gym::open(&address, options)?))
+    }),
+    load: |store, options| Ok(Box::new(Gym::load(store, options)?)),
+    // Steps are slow, so each is worth an update, as of the arm.
+    defaults: &["agents=8", "learning_starts=500", "env_steps_per_update=1", "near_goals=0"],
+};
+
+/// Name in the store.
+const STORED: &str = "gym";
+
+/// Tasks of an evaluation that run at once: each takes an environment.
+const TASKS_AT_ONCE: usize = 16;
+
+/// Largest answer with full states.
+const MAX_STATE_BYTES: usize = 64 << 20;
+
+/// What follows the state in a full state: numbers that restore it, or a seed and a task to begin
+/// with. A full state without either is only a state, which no environment can be put into.
+const RESTORED: f64 = 1.0;
+const SEEDED: f64 = 2.0;
+
+/// Seeds and tasks lie below this in a stored number.
+const NO_TASK: f64 = 0.0;
+
+/// What a checkpoint keeps of a world: no path of an interpreter, which belongs to a machine.
+#[derive(Serialize, Deserialize)]
+struct Stored {
+    address: Address,
+    found: Found,
+}
+
+/// Agents in environments of Gymnasium.
+pub struct Gym {
+    pool: Arc<Pool>,
+    noise: f32,
+    /// Workers, and the agents in the environments of each.
+    workers: Mutex<Vec<(Worker, Range<usize>)>>,
+    /// `(agents, state_dim)`.
+    states: Vec<f32>,
+    ended: Vec<bool>,
+    /// The numbers that restore each agent's environment, once asked for; none if that cannot be.
+    saved: Mutex<Option<Vec<Vec<f64>>>>,
+    /// Whether a worker has failed: the environments may differ from the states.
+    has_failed: bool,
+}
+
+impl Gym {
+    /// Opens an environment, without agents, and finds out what the learner needs.
+    ///
+    /// # Errors
+    /// There is no interpreter, package or environment, or it is not supported.
+    pub fn open(address: &Address, options: &GymOptions) -> Result<Self, EnvError> {
+        Ok(Self::without_agents(Arc::new(Pool::open(address, options)?)))
+    }
+
+    fn load(store: &Store, options: &GymOptions) -> Result<Self, EnvError> {
+        let Stored { address, found } = store.json(STORED)?;
+        let address: Address = address.to_string().parse().map_err(StoreError::inconsistent)?;
+        Ok(Self::without_agents(Arc::new(Pool::resume(&address, options, found)?)))
+    }
+
+    fn without_agents(pool: Arc<Pool>) -> Self {
+        Self {
+            pool,
+            noise: 0.0,
+            workers: Mutex::default(),
+            states: Vec::new(),
+            ended: Vec::new(),
+            saved: Mutex::default(),
+            has_failed: false,
+        }
+    }
+
+    /// Returns how the environment is called and where it comes from.
+    pub fn address(&self) -> &Address {
+        &self.pool.address
+    }
+
+    /// Returns whether a resumed run goes on exactly where it stopped; otherwise agents restart.
+    pub fn resumes_exactly(&self) -> bool {
+        self.pool.about.restorable
+    }
+
+    /// Returns the components of a row that form the state.
+    fn state<'a>(&'a self, row: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
+        self.pool.found.columns.iter().map(|column| row[*column])
+    }
+
+    /// Begins an episode of `agent`; returns its goal.
+    fn begin(&mut self, agent: usize, seed: u32, task: Option<u32>) -> Result<Vec<f32>, EnvError> {
+        let pool = self.pool.clone();
+        let begun = self.with_worker(agent, |worker, environment| {
+            slots::reset(worker, &pool.about, environment, seed, task)
+        })?;
+        self.set_state(agent, &self.state(&begun.row).collect::<Vec<_>>());
+        let goal = self.pool.found.goal_columns.iter().map(|column| begun.goal[*column]);
+        Ok(goal.collect())
+    }
+
+    fn set_state(&mut self, agent: usize, state: &[f32]) {
+        let s = state.len();
+        self.states[agent * s..(agent + 1) * s].copy_from_slice(state);
+        self.ended[agent] = false;
+        *self.saved.get_mut() = None;
+    }
+
+    /// Calls `act` with the worker of `agent` and the number of its environment there.
+    fn with_worker<R>(
+        &mut self,
+        agent: usize,
+        act: impl FnOnce(&mut Worker, usize) -> Result<R, EnvError>,
+    ) -> Result<R, EnvError> {
+        self.check()?;
+        let found = self.workers.get_mut().iter_mut().find(|(_, agents)| agents.contains(&agent));
+        let Some((worker, agents)) = found else { unreachable!("every agent has a worker") };
+        let done = act(worker, agent - agents.start);
+        self.has_failed |= done.is_err();
+        done
+    }
+
+    /// Checks that no worker has failed before.
+    fn check(&self) -> Result<(), EnvError> {
+        if self.has_failed {
+            let problem = "it has failed before: resume the run from its checkpoint".to_owned();
+            return Err(failed(&self.pool.address.id, problem, Vec::new()));
+        }
+        Ok(())
+    }
+
+    /// Steps all environments; returns their rows, and which have ended.
+    fn step_all(&mut self, actions: &[f32]) -> Result<(Vec<Vec<f32>>, Vec<bool>), EnvError> {
+        let (about, a) = (&self.pool.about, self.pool.found.spec.action_dim);
+        let workers = self.workers.get_mut();
+        for (worker, agents) in &mut *workers {
+            slots::begin_step(worker, about, &actions[a * agents.start..a * agents.end])?;
+        }
+        let (mut rows, mut ended) = (Vec::new(), Vec::new());
+        for (worker, agents) in workers {
+            let (more, are_ended) = slots::end_step(worker, about, agents.len())?;
+            rows.extend(more);
+            ended.extend(are_ended);
+        }
+        Ok((rows, ended))
+    }
+
+    /// Returns the numbers that restore each agent's environment; none if that cannot be.
+    fn save_all(&self) -> Vec<Vec<f64>> {
+        if self.has_failed || !self.resumes_exactly() {
+            return Vec::new();
+        }
+        let mut all = Vec::new();
+        for (worker, agents) in self.workers.lock().iter_mut() {
+            let count = (agents.len() as u32).to_le_bytes();
+            let numbers: Vec<f64> =
+                match worker.ask(Request::Save, &count, Expected::AtMost(MAX_STATE_BYTES)) {
+                    Ok(reply) => f64_numbers(&reply).collect(),
+                    Err(error) => {
+                        log::warn!("agents will restart when the run is resumed: {error}");
+                        return Vec::new();
+                    }
+                };
+            let each = numbers.len() / agents.len();
+            all.extend((0..agents.len()).map(|i| numbers[i * each..(i + 1) * each].to_vec()));
+        }
+        let is_sound = |numbers: &Vec<f64>| {
+            numbers.len() == all[0].len() && numbers.iter().all(|number| number.is_finite())
+        };
+        if all.iter().all(is_sound) { all } else { Vec::new() }
+    }
+
+    /// Returns the state of `agent`.
+    fn state_of(&self, agent: usize) -> Vec<f64> {
+        let s = self.pool.found.spec.state_dim();
+        self.states[agent * s..(agent + 1) * s].iter().map(|v| f64::from(*v)).collect()
+    }
+}
+
+impl Environment for Gym {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn spec(&self) -> &Spec {
+        &self.pool.found.spec
+    }
+
+    fn states(&self) -> &[f32] {
+        &self.states
+    }
+
+    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
+        self.begin(agent, rng.next_u32(), None).map(drop)
+    }
+
+    /// Draws one of the goals that the environment itself has asked for.
+    fn sample_goal(&self, _: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
+        let goals = &self.pool.found.goals;
+        let at = goal.len() * rng.random_range(0..goals.len() / goal.len());
+        goal.copy_from_slice(&goals[at..at + goal.len()]);
+    }
+
+    fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
+        self.check()?;
+        let mut noisy = actions.to_vec();
+        if self.noise > 0.0 {
+            for action in &mut noisy {
+                let sample: f32 = StandardNormal.sample(rng);
+                *action = action.clamp(-1.0, 1.0) + self.noise * sample;
+            }
+        }
+        let stepped = self.step_all(&noisy);
+        self.has_failed = stepped.is_err();
+        let (rows, ended) = stepped?;
+        self.states = rows.iter().flat_map(|row| self.state(row)).collect();
+        self.ended = ended;
+        *self.saved.get_mut() = None;
+        Ok(())
+    }
+
+    fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError> {
+        let mut world = Self::without_agents(self.pool.clone());
+        world.noise = self.noise;
+        world.states = vec![0.0; agents * self.spec().state_dim()];
+        world.ended = vec![false; agents];
+        let each = agents.div_ceil(self.pool.options.workers.max(1)).max(1);
+        for start in (0..agents).step_by(each) {
+            let range = start..(start + each).min(agents);
+            let worker = self.pool.take(range.len())?;
+            world.workers.get_mut().push((worker, range));
+        }
+        Ok(Box::new(world))
+    }
+
+    fn has_ended(&self, agent: usize) -> bool {
+        self.ended[agent]
+    }
+
+    /// Honours the noise; the environment itself knows where episodes begin.
+    fn configure(&mut self, settings: &EnvSettings) {
+        self.noise = settings.noise;
+    }
+
+    fn full_state(&self, agent: usize) -> Vec<f64> {
+        let mut full = self.state_of(agent);
+        let mut saved = self.saved.lock();
+        if let Some(numbers) = saved.get_or_insert_with(|| self.save_all()).get(agent) {
+            full.push(RESTORED);
+            full.extend(numbers);
+        }
+        full
+    }
+
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool, EnvError> {
+        let (state, rest) = full_state.split_at(self.spec().state_dim().min(full_state.len()));
+        match rest {
+            [SEEDED, seed, task] => {
+                let tasks = self.pool.about.tasks.unwrap_or(0);
+                let task = Some(*task as u32).filter(|task| (1..=tasks).contains(task));
+                self.begin(agent, *seed as u32, task)?;
+                Ok(true)
+            }
+            [RESTORED, numbers @ ..] if self.full_state(agent).len() == full_state.len() => {
+                let numbers = f64_bytes(numbers);
+                self.with_worker(agent, |worker, environment| {
+                    let body = [&(environment as u32).to_le_bytes(), &numbers[..]].concat();
+                    worker.ask(Request::Restore, &body, Expected::Exactly(0))
+                })?;
+                self.set_state(agent, &state.iter().map(|v| *v as f32).collect::<Vec<_>>());
+                Ok(true)
+            }
+            _ => Ok(false),
+        }
+    }
+
+    fn abilities(&self) -> Abilities<'_> {
+        Abilities {
+            recorded: Some(self),
+            episodes: Some(self),
+            evaluated: Some(self),
+            ..Abilities::default()
+        }
+    }
+}
+
+impl Drop for Gym {
+    /// Leaves the workers to the next fork: Python takes seconds to start.
+    fn drop(&mut self) {
+        for (worker, _) in self.workers.get_mut().drain(..) {
+            self.pool.give_back(worker);
+        }
+    }
+}
+
+impl Recorded for Gym {
+    fn title(&self) -> &str {
+        &self.pool.address.id
+    }
+
+    fn facts(&self) -> Map<String, Value> {
+        let (Address { package, id }, about) = (&self.pool.address, &self.pool.about);
+        let spec = self.spec();
+        let facts = json!({
+            "id": id,
+            "package": package,
+            "versions": about.versions,
+            "state": spec.state_dim(),
+            "actions": spec.action_dim,
+            "achieved": spec.achieved,
+            "goal_radius": spec.goal_radius,
+            "episode_steps": about.time_limit,
+            "tasks": about.tasks,
+            "centre": spec.state_centre,
+            "half_range": spec.state_half_range,
+            "change_per_step": spec.change_scale,
+            "goals_are_positions": spec.goals_are_positions,
+            "workers": self.pool.options.workers,
+            "resumes": if about.restorable { "exactly" } else { "with new episodes" },
+        });
+        Map::from_iter([("gym".to_owned(), facts)])
+    }
+
+    fn save(&self, store: &mut Store) {
+        let (address, found) = (self.pool.address.clone(), self.pool.found.clone());
+        // All its numbers are finite, so this cannot fail.
+        let _ = store.put_json(STORED, &Stored { address, found });
+    }
+}
+
+impl Episodes for Gym {
+    fn episode_steps(&self) -> Option<u32> {
+        self.pool.about.time_limit
+    }
+}
+
+impl Evaluated for Gym {
+    /// Takes the starts and goals of the environment's own resets: all in one group, or `per_group`
+    /// of each of its tasks.
+    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError> {
+        let groups = self.pool.about.tasks.unwrap_or(1);
+        let mut world = Self::without_agents(self.pool.clone());
+        let s = self.spec().state_dim();
+        (world.states, world.ended) = (vec![0.0; s], vec![false]);
+        // As many environments as its tasks need later.
+        let together = TASKS_AT_ONCE.min(per_group * groups as usize).max(1);
+        world.workers.get_mut().push((self.pool.take(together)?, 0..1));
+        let mut set = TaskSet { distances: vec![None; groups as usize], ..TaskSet::default() };
+        for group in 0..groups {
+            let task = self.pool.about.tasks.map(|_| 1 + group);
+            for _ in 0..per_group {
+                let seed = rng.next_u32();
+                let goal = world.begin(0, seed, task)?;
+                let mut start = world.state_of(0);
+                start.extend([SEEDED, f64::from(seed), task.map_or(NO_TASK, f64::from)]);
+                set.tasks.push(Task { start, goal, shortest: None, group: group as usize });
+            }
+        }
+        Ok(set)
+    }
+
+    fn tasks_at_once(&self) -> usize {
+        TASKS_AT_ONCE
+    }
+}

@@ -1,0 +1,72 @@
+//! What a worker says of its environment.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::frames::{Expected, MAX_TEXT_BYTES, Request};
+use super::process::Worker;
+use crate::env::EnvError;
+
+/// What a worker says of its environment.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Description {
+    /// Length of an observation.
+    pub observed: usize,
+    /// Length of the achieved goal that comes beside it; 0 if it is part of the observation.
+    pub achieved: usize,
+    /// Length of a desired goal.
+    pub goal: usize,
+    /// Lowest and highest action; `None` where there is no bound.
+    pub low: Vec<Option<f32>>,
+    /// See `low`.
+    pub high: Vec<Option<f32>>,
+    /// Length of an episode, if it is limited.
+    pub time_limit: Option<u32>,
+    /// Number of tasks of its own, chosen by `task_id` from 1.
+    pub tasks: Option<u32>,
+    /// Distance below which a goal is reached, if it says so.
+    pub goal_radius: Option<f32>,
+    /// Whether it has `compute_reward`.
+    pub has_reward: bool,
+    /// Whether its full state can be saved and restored exactly, which has been tried.
+    pub restorable: bool,
+    /// Versions of Python and of packages.
+    pub versions: BTreeMap<String, String>,
+}
+
+impl Description {
+    /// Returns the length of a row: an observation and what is achieved.
+    pub fn row(&self) -> usize {
+        self.observed + self.achieved
+    }
+
+    /// Returns whether the numbers make sense.
+    fn is_sound(&self) -> bool {
+        const MOST: usize = 4096;
+        let sizes = [self.observed, self.goal, self.low.len()];
+        sizes.iter().all(|size| (1..=MOST).contains(size))
+            && [0, self.goal].contains(&self.achieved)
+            && self.low.len() == self.high.len()
+            && self.tasks.is_none_or(|tasks| (1..=1_000).contains(&tasks))
+    }
+}
+
+/// Asks a worker to open its environment and describe it.
+///
+/// # Errors
+/// The environment cannot be opened, or is not supported.
+pub fn describe(
+    worker: &mut Worker,
+    package: Option<&str>,
+    id: &str,
+) -> Result<Description, EnvError> {
+    let config = serde_json::json!({ "package": package.unwrap_or_default(), "id": id });
+    let expected = Expected::AtMost(MAX_TEXT_BYTES);
+    let reply = worker.ask(Request::Open, config.to_string().as_bytes(), expected)?;
+    worker.environments = 1;
+    let found: Option<Description> = serde_json::from_slice(&reply).ok();
+    found.filter(Description::is_sound).ok_or_else(|| {
+        worker.fail("its worker describes it in a way that makes no sense".to_owned())
+    })
+}

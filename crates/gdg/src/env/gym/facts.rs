@@ -1,0 +1,317 @@
+//! Finds out what the learner needs to know of an environment: which part of the state is achieved,
+//! the scales of states and steps, the goals that there are, and when one is reached.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::GymOptions;
+use super::description::Description;
+use super::frames::{Expected, Request, f64_bytes, f64_numbers};
+use super::process::Worker;
+use super::slots::{Begun, reset, step};
+use crate::env::{EnvError, MAX_MAGNITUDE, Spec};
+use crate::store::StoreError;
+
+/// Episodes begun to see starts and goals.
+const RESETS: usize = 256;
+
+/// Episodes of random actions, their length, and how long an action is held on average: what is
+/// typical of exploration.
+const WALKS: usize = 8;
+const WALK_STEPS: u32 = 50;
+const HOLD_STEPS: f32 = 6.0;
+
+/// Share of the numbers seen that lie below the range of a component, and above.
+const TAIL: f64 = 0.01;
+
+/// A range is wider than what was seen of it by this factor.
+const MARGIN: f32 = 1.5;
+
+/// A component whose numbers differ by less than this share of their size is constant.
+const CONSTANT: f32 = 1e-6;
+
+/// Share of the steps that change a component by less than its typical change.
+const TYPICAL: f64 = 0.9;
+
+/// Goal spaces of at most three dimensions and at least this many goal radii across are grids'
+/// business: smaller ones are learned faster without.
+const POSITIONS_RADII: f32 = 12.0;
+
+/// Radii along different axes that differ by more than this share are not those of a ball.
+const BALL_TOLERANCE: f64 = 0.05;
+
+/// What has been found out. A checkpoint keeps it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Found {
+    /// Sizes and scales.
+    pub spec: Spec,
+    /// Which number of a row is each component of the state.
+    pub columns: Vec<usize>,
+    /// Which number of a desired goal is each component of the goal.
+    pub goal_columns: Vec<usize>,
+    /// Goals that the environment has asked for, `(goals, goal_dim)`.
+    pub goals: Vec<f32>,
+}
+
+impl Found {
+    /// Checks what a checkpoint has kept.
+    ///
+    /// # Errors
+    /// It is inconsistent, or does not fit the environment.
+    pub fn check(&self, about: &Description) -> Result<(), StoreError> {
+        let (spec, within) = (&self.spec, |v: &f32| v.abs() <= MAX_MAGNITUDE);
+        let (s, g) = (spec.state_dim(), spec.goal_dim());
+        let scales = [&spec.state_centre, &spec.state_half_range, &spec.change_scale];
+        let sound = s > 0
+            && g > 0
+            && scales.iter().all(|scale| scale.len() == s && scale.iter().all(within))
+            && spec.state_half_range.iter().chain(&spec.change_scale).all(|v| *v >= 0.0)
+            && spec.achieved.iter().all(|i| *i < s)
+            && spec.goal_radius > 0.0
+            && within(&spec.goal_radius)
+            && self.columns.len() == s
+            && self.goal_columns.len() == g
+            && self.goals.len() >= g
+            && self.goals.len() % g == 0
+            && self.goals.iter().all(within);
+        let fits = self.columns.iter().all(|column| *column < about.row())
+            && self.goal_columns.iter().all(|column| *column < about.goal)
+            && spec.action_dim == about.low.len();
+        match (sound, fits) {
+            (false, _) => {
+                Err(StoreError::inconsistent("what it stores of its world is inconsistent"))
+            }
+            (true, false) => Err(StoreError::inconsistent(
+                "its environment has other observations, goals or actions now: install the \
+                 version that the run began with",
+            )),
+            (true, true) => Ok(()),
+        }
+    }
+}
+
+/// What has been seen of an environment.
+#[derive(Clone, Debug, Default)]
+pub struct Seen {
+    /// Rows at the starts of episodes.
+    pub starts: Vec<Vec<f32>>,
+    /// Desired goals of the same episodes.
+    pub goals: Vec<Vec<f32>>,
+    /// Rows of walks.
+    pub walks: Vec<Vec<Vec<f32>>>,
+}
+
+/// Finds out what the learner needs.
+///
+/// # Errors
+/// The environment fails, or does not say when a goal is reached.
+pub fn find(
+    worker: &mut Worker,
+    about: &Description,
+    options: &GymOptions,
+) -> Result<Found, EnvError> {
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let mut seen = Seen::default();
+    for i in 0..RESETS {
+        let task = about.tasks.map(|tasks| 1 + i as u32 % tasks);
+        let Begun { row, goal } = reset(worker, about, 0, rng.random(), task)?;
+        seen.starts.push(row);
+        seen.goals.push(goal);
+    }
+    for _ in 0..WALKS {
+        let rows = walk(worker, about, &mut rng)?;
+        seen.walks.push(rows);
+    }
+    let (columns, achieved, goal_columns) =
+        columns(&seen, about, options.goal.as_deref()).map_err(|why| worker.fail(why))?;
+    let radius = match options.goal_radius.or(about.goal_radius) {
+        Some(radius) => radius,
+        None => asked_radius(worker, about, &seen)?,
+    };
+    Ok(scales(&seen, about, (columns, achieved, goal_columns), radius))
+}
+
+/// Walks at random for an episode; returns its rows.
+fn walk(
+    worker: &mut Worker,
+    about: &Description,
+    rng: &mut ChaCha8Rng,
+) -> Result<Vec<Vec<f32>>, EnvError> {
+    let mut rows = vec![reset(worker, about, 0, rng.random(), None)?.row];
+    let mut action = vec![0.0; about.low.len()];
+    for i in 0..about.time_limit.map_or(WALK_STEPS, |limit| limit.min(WALK_STEPS)) {
+        if i == 0 || rng.random::<f32>() < 1.0 / HOLD_STEPS {
+            action.fill_with(|| rng.random_range(-1.0..=1.0));
+        }
+        let (mut next, ended) = step(worker, about, &action)?;
+        rows.append(&mut next);
+        if ended[0] {
+            break;
+        }
+    }
+    Ok(rows)
+}
+
+/// The columns of a row that form the state, which components of the state are achieved, and which
+/// of a desired goal they are to equal.
+type Columns = (Vec<usize>, Vec<usize>, Vec<usize>);
+
+/// Finds the achieved goal within the observation; what is not found there is added to the state.
+/// `given` are the components of the observation that are the goal, for environments that have
+/// their goal in `info`; the first two by default.
+fn columns(seen: &Seen, about: &Description, given: Option<&[usize]>) -> Result<Columns, String> {
+    if about.achieved == 0 {
+        let first: Vec<usize> = (0..about.observed.min(2)).collect();
+        let own = given.unwrap_or(&first);
+        if let Some(wrong) = own.iter().find(|i| **i >= about.observed) {
+            let last = about.observed - 1;
+            return Err(format!("--goal {wrong}: its observations have components 0 to {last}"));
+        }
+        // A goal is an observation, or only what has to be achieved of one.
+        let of_goal = if about.goal == about.observed {
+            own.to_vec()
+        } else if about.goal == own.len() {
+            (0..own.len()).collect()
+        } else {
+            let (goal, own) = (about.goal, own.len());
+            return Err(format!("its goals have {goal} components, but --goal names {own}"));
+        };
+        return Ok(((0..about.observed).collect(), own.to_vec(), of_goal));
+    }
+    if given.is_some() {
+        return Err("--goal is for environments without an achieved_goal: it has one".to_owned());
+    }
+    let rows = || seen.starts.iter().chain(seen.walks.iter().flatten());
+    let mut columns: Vec<usize> = (0..about.observed).collect();
+    let mut achieved: Vec<usize> = Vec::new();
+    for own in about.observed..about.row() {
+        let is_same = |column: &usize| rows().all(|row| row[*column] == row[own]);
+        let after_last = achieved.last().map_or(0, |last| last + 1);
+        let mut likely = (after_last..about.observed).chain(0..after_last.min(about.observed));
+        let found = likely.find(|column| !achieved.contains(column) && is_same(column));
+        achieved.push(found.unwrap_or_else(|| {
+            columns.push(own);
+            columns.len() - 1
+        }));
+    }
+    Ok((columns, achieved, (0..about.goal).collect()))
+}
+
+/// Computes scales from what has been seen.
+fn scales(
+    seen: &Seen,
+    about: &Description,
+    (columns, achieved, goal_columns): Columns,
+    goal_radius: f32,
+) -> Found {
+    let pick = |numbers: &[f32], columns: &[usize]| -> Vec<f32> {
+        columns.iter().map(|column| numbers[*column]).collect()
+    };
+    let mut goals: Vec<Vec<f32>> =
+        seen.goals.iter().map(|goal| pick(goal, &goal_columns)).collect();
+    if about.tasks.is_some() {
+        // A few tasks show a few goals; where the others begin can be reached as well.
+        goals.extend(seen.starts.iter().map(|row| pick(&pick(row, &columns), &achieved)));
+    }
+    let mut spec = Spec {
+        state_centre: Vec::new(),
+        state_half_range: Vec::new(),
+        change_scale: Vec::new(),
+        action_dim: about.low.len(),
+        goal_radius,
+        goals_are_positions: false,
+        achieved,
+    };
+    for (i, column) in columns.iter().enumerate() {
+        let rows = seen.starts.iter().chain(seen.walks.iter().flatten());
+        let walked = share(rows.map(|row| row[*column]).collect(), TAIL);
+        let of_goals = spec.achieved.iter().position(|own| *own == i).map(|j| {
+            let starts = seen.starts.iter().map(|row| row[*column]);
+            share(goals.iter().map(|goal| goal[j]).chain(starts).collect(), 0.0)
+        });
+        // Where no goal is, agents need not go, however far a random walk leads.
+        let range = of_goals.filter(|[low, high]| high > low).unwrap_or(walked);
+        let [centre, half] = [0.5 * (range[0] + range[1]), 0.5 * (range[1] - range[0])];
+        let is_constant = half <= CONSTANT * centre.abs().max(1.0);
+        let changes = seen.walks.iter().flat_map(|walk| walk.windows(2));
+        let changes = changes.map(|pair| (pair[1][*column] - pair[0][*column]).abs()).collect();
+        spec.state_centre.push(centre);
+        spec.state_half_range.push(if is_constant { 0.0 } else { MARGIN * half });
+        spec.change_scale.push(if is_constant { 0.0 } else { share(changes, 1.0 - TYPICAL)[1] });
+    }
+    let widest = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
+    spec.goals_are_positions =
+        spec.goal_dim() <= 3 && 2.0 * widest >= POSITIONS_RADII * MARGIN * spec.goal_radius;
+    Found { spec, columns, goal_columns, goals: goals.concat() }
+}
+
+/// Returns the range of `numbers` without the share `tail` of them below it and above it.
+fn share(mut numbers: Vec<f32>, tail: f64) -> [f32; 2] {
+    numbers.sort_by(f32::total_cmp);
+    let last = numbers.len().saturating_sub(1);
+    let at = |share: f64| numbers.get((share * last as f64).round() as usize).copied();
+    [at(tail), at(1.0 - tail)].map(Option::unwrap_or_default)
+}
+
+/// Finds the goal radius by asking for rewards: how far along each axis a goal may be from what is
+/// achieved until the reward changes.
+fn asked_radius(worker: &mut Worker, about: &Description, seen: &Seen) -> Result<f32, EnvError> {
+    let unknown = "does not say when a goal is reached: give --goal-radius";
+    let goal: Vec<f64> = seen.goals[0].iter().map(|v| f64::from(*v)).collect();
+    if !about.has_reward || about.achieved == 0 {
+        return Err(worker.fail(unknown.to_owned()));
+    }
+    let radii = (0..goal.len()).map(|axis| {
+        let mut differs = |distance: f64| {
+            let mut desired = goal.clone();
+            desired[axis] += distance;
+            rewards(worker, &[&goal, &goal], &[&goal, &desired]).map(|r| r[0] != r[1])
+        };
+        radius_along(&mut differs)
+    });
+    let radii: Vec<Option<f64>> = radii.collect::<Result<_, EnvError>>()?;
+    ball(&radii).map(|radius| radius as f32).ok_or_else(|| worker.fail(unknown.to_owned()))
+}
+
+/// Returns the distance from which on rewards differ from that of a reached goal; `None` if they do
+/// at any distance, or at none.
+fn radius_along<E>(differs: &mut impl FnMut(f64) -> Result<bool, E>) -> Result<Option<f64>, E> {
+    const SMALLEST: f64 = 1e-6;
+    const LARGEST: f64 = 1e6;
+    let (mut within, mut beyond) = (SMALLEST, SMALLEST);
+    if differs(within)? {
+        return Ok(None);
+    }
+    while !differs(beyond)? {
+        within = beyond;
+        beyond *= 2.0;
+        if beyond > LARGEST {
+            return Ok(None);
+        }
+    }
+    for _ in 0..30 {
+        let middle = 0.5 * (within + beyond);
+        if differs(middle)? { beyond = middle } else { within = middle }
+    }
+    Ok(Some(0.5 * (within + beyond)))
+}
+
+/// Returns the radius of a ball with these radii along the axes, if it is one.
+fn ball(radii: &[Option<f64>]) -> Option<f64> {
+    let radii: Vec<f64> = radii.iter().copied().collect::<Option<_>>()?;
+    let least = radii.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = radii.iter().copied().fold(0.0, f64::max);
+    (most <= (1.0 + BALL_TOLERANCE) * least).then_some(0.5 * (least + most))
+}
+
+/// Returns the rewards for pairs of achieved and desired goals.
+fn rewards(
+    worker: &mut Worker,
+    achieved: &[&[f64]],
+    desired: &[&[f64]],
+) -> Result<Vec<f64>, EnvError> {
+    let body = f64_bytes(&[achieved.concat(), desired.concat()].concat());
+    let expected = Expected::Exactly(8 * achieved.len());
+    Ok(f64_numbers(&worker.ask(Request::Reward, &body, expected)?).collect())
+}

@@ -1,0 +1,87 @@
+//! The workers of one environment that no world uses at the moment.
+
+use parking_lot::Mutex;
+
+use super::description::{Description, describe};
+use super::facts::{self, Found};
+use super::options::{Address, GymOptions};
+use super::process::Worker;
+use super::slots;
+use crate::env::EnvError;
+
+/// What all worlds of one environment share.
+pub struct Pool {
+    pub address: Address,
+    pub options: GymOptions,
+    /// What its workers say of it.
+    pub about: Description,
+    /// What has been found out.
+    pub found: Found,
+    idle: Mutex<Vec<Worker>>,
+}
+
+impl Pool {
+    /// Opens an environment and finds out what the learner needs.
+    ///
+    /// # Errors
+    /// It cannot be opened, is not supported, or fails.
+    pub fn open(address: &Address, options: &GymOptions) -> Result<Self, EnvError> {
+        let (mut worker, about) = start(address, options)?;
+        let found = facts::find(&mut worker, &about, options)?;
+        Ok(Self::new(address, options, about, found, worker))
+    }
+
+    /// Opens an environment that has been found out about before.
+    ///
+    /// # Errors
+    /// It cannot be opened, is not supported, or has changed.
+    pub fn resume(address: &Address, options: &GymOptions, found: Found) -> Result<Self, EnvError> {
+        let (worker, about) = start(address, options)?;
+        found.check(&about)?;
+        Ok(Self::new(address, options, about, found, worker))
+    }
+
+    fn new(
+        address: &Address,
+        options: &GymOptions,
+        about: Description,
+        found: Found,
+        worker: Worker,
+    ) -> Self {
+        let (address, options) = (address.clone(), options.clone());
+        Self { address, options, about, found, idle: Mutex::new(vec![worker]) }
+    }
+
+    /// Returns a worker with at least this number of environments.
+    ///
+    /// # Errors
+    /// None can be started.
+    pub fn take(&self, environments: usize) -> Result<Worker, EnvError> {
+        let idle = {
+            let mut idle = self.idle.lock();
+            let enough = idle.iter().position(|worker| worker.environments >= environments);
+            let found = enough.or_else(|| idle.len().checked_sub(1));
+            found.map(|i| idle.swap_remove(i))
+        };
+        let mut worker = match idle {
+            Some(worker) => worker,
+            None => start(&self.address, &self.options)?.0,
+        };
+        slots::make(&mut worker, environments)?;
+        Ok(worker)
+    }
+
+    /// Takes a worker back, unless it has failed.
+    pub fn give_back(&self, worker: Worker) {
+        if !worker.is_broken {
+            self.idle.lock().push(worker);
+        }
+    }
+}
+
+/// Starts a worker and has it open its environment.
+fn start(address: &Address, options: &GymOptions) -> Result<(Worker, Description), EnvError> {
+    let mut worker = Worker::start(&options.interpreter(), &address.id, options.timeout)?;
+    let about = describe(&mut worker, address.package.as_deref(), &address.id)?;
+    Ok((worker, about))
+}

@@ -1,0 +1,145 @@
+//! What a worker's environments are asked for: to begin episodes and to step.
+
+use super::description::Description;
+use super::frames::{Expected, Request, f32_bytes, f32_numbers};
+use super::process::Worker;
+use crate::env::{EnvError, MAX_MAGNITUDE};
+
+/// How an episode begins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Begun {
+    /// The observation, and what is achieved.
+    pub row: Vec<f32>,
+    /// The desired goal.
+    pub goal: Vec<f32>,
+}
+
+/// Has a worker create environments until it has `count`.
+///
+/// # Errors
+/// The worker fails.
+pub fn make(worker: &mut Worker, count: usize) -> Result<(), EnvError> {
+    if worker.environments < count {
+        worker.ask(Request::Make, &(count as u32).to_le_bytes(), Expected::Exactly(0))?;
+        worker.environments = count;
+    }
+    Ok(())
+}
+
+/// Begins an episode in an environment of a worker: everything random in it follows from `seed`.
+///
+/// # Errors
+/// The worker fails, or numbers are not finite.
+pub fn reset(
+    worker: &mut Worker,
+    about: &Description,
+    environment: usize,
+    seed: u32,
+    task: Option<u32>,
+) -> Result<Begun, EnvError> {
+    let task = task.map_or(-1, |task| task as i32);
+    let body =
+        [(environment as u32).to_le_bytes(), seed.to_le_bytes(), task.to_le_bytes()].concat();
+    let expected = Expected::Exactly(4 * (about.row() + about.goal));
+    let reply = worker.ask(Request::Reset, &body, expected)?;
+    let mut row: Vec<f32> = f32_numbers(&reply).collect();
+    let goal = row.split_off(about.row());
+    check(worker, about, "reset", &row)?;
+    if !goal.iter().all(|v| v.abs() <= MAX_MAGNITUDE) {
+        return Err(worker.fail("a goal that it asks for is not finite, or huge".to_owned()));
+    }
+    Ok(Begun { row, goal })
+}
+
+/// Steps the first environments of a worker by `actions`, `(environments, action_dim)`; returns a
+/// row for each, and whether its episode has ended.
+///
+/// # Errors
+/// The worker fails, or numbers are not finite.
+pub fn step(
+    worker: &mut Worker,
+    about: &Description,
+    actions: &[f32],
+) -> Result<(Vec<Vec<f32>>, Vec<bool>), EnvError> {
+    begin_step(worker, about, actions)?;
+    end_step(worker, about, actions.len() / about.low.len())
+}
+
+/// Asks for a step, as [`step`] does; [`end_step`] returns its result. Actions lie in [-1, 1].
+///
+/// # Errors
+/// The worker fails.
+pub fn begin_step(
+    worker: &mut Worker,
+    about: &Description,
+    actions: &[f32],
+) -> Result<(), EnvError> {
+    let bounds = about.low.iter().zip(&about.high).cycle();
+    let actions: Vec<f32> =
+        actions.iter().zip(bounds).map(|(a, (low, high))| scaled(*a, *low, *high)).collect();
+    worker.send(Request::Step, &f32_bytes(&actions))
+}
+
+/// Scales an action in [-1, 1] to its bounds, if it has any.
+fn scaled(action: f32, low: Option<f32>, high: Option<f32>) -> f32 {
+    let action = action.clamp(-1.0, 1.0);
+    match (low, high) {
+        (Some(low), Some(high)) if (low, high) != (-1.0, 1.0) => {
+            (low + 0.5 * (action + 1.0) * (high - low)).clamp(low, high.max(low))
+        }
+        _ => action,
+    }
+}
+
+/// Returns the result of a step of `count` environments.
+///
+/// # Errors
+/// The worker fails, or numbers are not finite.
+pub fn end_step(
+    worker: &mut Worker,
+    about: &Description,
+    count: usize,
+) -> Result<(Vec<Vec<f32>>, Vec<bool>), EnvError> {
+    let numbers = 4 * count * about.row();
+    let reply = worker.answer(Request::Step, Expected::Exactly(numbers + count))?;
+    let (rows, ended) = reply.split_at(numbers);
+    let rows: Vec<Vec<f32>> =
+        rows.chunks_exact(4 * about.row()).map(|row| f32_numbers(row).collect()).collect();
+    for row in &rows {
+        check(worker, about, "step", row)?;
+    }
+    Ok((rows, ended.iter().map(|ended| *ended != 0).collect()))
+}
+
+/// Checks that numbers are finite and can be computed with.
+fn check(
+    worker: &mut Worker,
+    about: &Description,
+    during: &str,
+    row: &[f32],
+) -> Result<(), EnvError> {
+    let Some(i) = row.iter().position(|v| v.is_nan() || v.abs() > MAX_MAGNITUDE) else {
+        return Ok(());
+    };
+    let (part, component) = match i.checked_sub(about.observed) {
+        Some(component) => ("achieved_goal", component),
+        None => ("observation", i),
+    };
+    let value = row[i];
+    Err(worker.fail(format!("{during} returned {value} as component {component} of its {part}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::scaled;
+
+    #[test]
+    fn actions_are_scaled_to_their_bounds_and_kept_without() {
+        assert_eq!(scaled(0.3, Some(-1.0), Some(1.0)), 0.3);
+        assert_eq!(
+            [-1.0, 0.0, 1.0, 7.0].map(|a| scaled(a, Some(0.0), Some(3.0))),
+            [0.0, 1.5, 3.0, 3.0]
+        );
+        assert_eq!(scaled(0.3, None, Some(5.0)), 0.3);
+    }
+}

@@ -1,0 +1,407 @@
+"""Runs Gymnasium environments for gdg-tui. Needs only Python, numpy and gymnasium.
+
+The program starts an interpreter with this file and exchanges frames with it over `channel`, a
+socket of its own: standard output and error are the environments'. A frame is a kind and a length
+in bytes, both u32, and that many bytes; all numbers are little-endian. Each request gets one reply:
+OK with what was asked for, or FAILED with JSON that says why.
+"""
+
+import ctypes
+import importlib
+import json
+import os
+import random
+import select
+import struct
+import sys
+import threading
+import traceback
+
+OK, FAILED = 0, 1
+OPEN, MAKE, RESET, STEP, SAVE, RESTORE, REWARD = range(1, 8)
+
+# Modules that register well-known environments, for IDs without a package.
+KNOWN_PACKAGES = ("gymnasium_robotics", "ogbench")
+
+# Most numbers of a state: an observation with more is an image or the like.
+MAX_NUMBERS = 4096
+
+# Steps taken twice from the same full state, to find out whether it is one.
+TRIAL_STEPS = 12
+
+
+class Unsupported(Exception):
+    """The environment is not one that the program can use."""
+
+
+def end_with_the_program():
+    """Ends this process when the program has ended, however that was and whatever runs here."""
+
+    def watch():
+        hang_up = select.poll()
+        hang_up.register(channel.fileno(), 0)
+        hang_up.poll()
+        os._exit(0)
+
+    threading.Thread(target=watch, daemon=True).start()
+    if sys.platform == "linux":
+        # Also while an extension holds the interpreter's lock.
+        pr_set_pdeathsig, sigkill = 1, 9
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, sigkill)
+
+
+def flat_numbers(space, what):
+    """Returns the length of a one-dimensional Box."""
+    if not isinstance(space, gym.spaces.Box):
+        raise Unsupported(f"{what} {space}: only vectors of numbers (Box) are supported")
+    if len(space.shape) != 1 or space.dtype.kind not in "fiu":
+        kind = "images" if len(space.shape) == 3 else f"arrays of shape {space.shape}"
+        raise Unsupported(f"{what} {kind}: only vectors of numbers are supported")
+    if space.shape[0] > MAX_NUMBERS:
+        raise Unsupported(f"{what} {space.shape[0]} numbers: at most {MAX_NUMBERS} are supported")
+    return space.shape[0]
+
+
+class Slot:
+    """One environment, and what is known of its state."""
+
+    def __init__(self):
+        self.env = make()
+        self.ended = False
+        self.layout = None
+
+
+class Goals:
+    """Where an environment has its goals: in the observation, or in `info` as OGBench does."""
+
+    def __init__(self, slot):
+        space = slot.env.observation_space
+        observation, info = reset(slot, 0, None)
+        self.in_observation = isinstance(space, gym.spaces.Dict) and {
+            "observation",
+            "achieved_goal",
+            "desired_goal",
+        } <= set(space.spaces)
+        if self.in_observation:
+            self.observed = flat_numbers(space["observation"], "its observations are")
+            self.achieved = flat_numbers(space["achieved_goal"], "its goals are")
+            self.goal = flat_numbers(space["desired_goal"], "its goals are")
+            if self.goal != self.achieved:
+                raise Unsupported("its achieved and desired goals differ in length")
+        elif isinstance(info, dict) and "goal" in info:
+            self.observed, self.achieved = flat_numbers(space, "its observations are"), 0
+            self.goal = int(np.asarray(info["goal"]).size)
+        else:
+            raise Unsupported(
+                "it has no goals: its observations need observation, achieved_goal and"
+                f" desired_goal, or its info a goal, as in OGBench; they are {space}"
+            )
+
+    def write(self, observation, row):
+        """Writes an observation, followed by the achieved goal if it is apart, to `row`."""
+        if self.in_observation:
+            row[: self.observed] = observation["observation"]
+            row[self.observed :] = observation["achieved_goal"]
+        else:
+            row[:] = observation
+
+    def desired(self, observation, info):
+        goal = observation["desired_goal"] if self.in_observation else info["goal"]
+        return np.asarray(goal, dtype=np.float32).reshape(-1)
+
+
+def make():
+    return gym.make(environment_id, disable_env_checker=True)
+
+
+def reset(slot, seed, task):
+    """Begins an episode; everything random in it follows from `seed`."""
+    random.seed(seed)
+    np.random.seed(seed)
+    slot.ended = False
+    options = None if task is None else {"task_id": task}
+    begun = slot.env.reset(seed=seed, options=options)
+    if slot.layout is None:
+        slot.layout = find_layout(slot.env)
+    return begun
+
+
+def objects(env):
+    """Returns the environment and those in it that may have a state of their own."""
+    own = env.unwrapped
+    inner = [value for value in vars(own).values() if isinstance(value, gym.Env)]
+    return [own] + inner
+
+
+def pcg64(generator):
+    """Returns a generator's state as numbers of 32 bits, if it is numpy's usual one."""
+    state = generator.bit_generator.state
+    if state["bit_generator"] != "PCG64":
+        raise Unsupported("random numbers of an unusual kind")
+    words = [
+        state["state"][name] >> shift & 0xFFFFFFFF
+        for name in ("state", "inc")
+        for shift in range(0, 128, 32)
+    ]
+    return words + [state["has_uint32"], state["uinteger"]]
+
+
+def set_pcg64(generator, words):
+    words = [int(word) for word in words]
+    whole = lambda part: sum(word << 32 * i for i, word in enumerate(part))
+    generator.bit_generator.state = {
+        "bit_generator": "PCG64",
+        "state": {"state": whole(words[:4]), "inc": whole(words[4:8])},
+        "has_uint32": words[8],
+        "uinteger": words[9],
+    }
+
+
+def find_layout(env):
+    """Returns the parts of an environment's full state: MuJoCo's, random numbers, attributes."""
+    parts = []
+    for item in objects(env):
+        model, data = getattr(item, "model", None), getattr(item, "data", None)
+        if type(model).__name__ == "MjModel" and not any(part[1] is data for part in parts):
+            parts.append(("mujoco", data, model))
+        if getattr(item, "_np_random", None) is not None:
+            parts.append(("random", item, None))
+        for name, value in sorted(vars(item).items()):
+            if isinstance(value, (bool, int, float)):
+                parts.append(("number", item, name))
+            elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.size <= MAX_NUMBERS:
+                parts.append(("array", item, name))
+    return parts
+
+
+def save(slot):
+    """Returns the full state of an environment as numbers."""
+    numbers = []
+    for kind, item, name in slot.layout:
+        if kind == "mujoco":
+            mujoco = importlib.import_module("mujoco")
+            whole = mujoco.mjtState.mjSTATE_INTEGRATION
+            state = np.empty(mujoco.mj_stateSize(name, whole))
+            mujoco.mj_getState(name, item, state, whole)
+            numbers.append(state)
+        elif kind == "random":
+            numbers.append(np.array(pcg64(item.np_random), dtype=np.float64))
+        else:
+            numbers.append(np.asarray(vars(item)[name], dtype=np.float64).reshape(-1))
+    return np.concatenate(numbers) if numbers else np.empty(0)
+
+
+def restore(slot, numbers):
+    """Puts an environment into the full state that `save` returned."""
+    rest = numbers
+
+    def take(count):
+        nonlocal rest
+        if len(rest) < count:
+            raise Unsupported("its stored state is of another version of the environment")
+        part, rest = rest[:count], rest[count:]
+        return part
+
+    for kind, item, name in slot.layout:
+        if kind == "mujoco":
+            mujoco = importlib.import_module("mujoco")
+            whole = mujoco.mjtState.mjSTATE_INTEGRATION
+            state = np.ascontiguousarray(take(mujoco.mj_stateSize(name, whole)))
+            mujoco.mj_setState(name, item, state, whole)
+            # Computes what follows from the state, and changes where the solver begins.
+            mujoco.mj_forward(name, item)
+            mujoco.mj_setState(name, item, state, whole)
+        elif kind == "random":
+            set_pcg64(item.np_random, take(10))
+        elif kind == "number":
+            setattr(item, name, type(vars(item)[name])(take(1)[0]))
+        else:
+            value = vars(item)[name]
+            value[...] = take(value.size).reshape(value.shape)
+    if len(rest):
+        raise Unsupported("its stored state is of another version of the environment")
+    slot.ended = False
+
+
+def is_restorable(slot):
+    """Finds out by trying whether full states bring back exactly what follows."""
+
+    def walk():
+        rows = []
+        for action in actions:
+            observation, _, terminated, _, _ = slot.env.step(action.copy())
+            row = np.empty(goals.observed + goals.achieved, dtype=np.float64)
+            goals.write(observation, row)
+            rows.append(row)
+            if terminated:
+                break
+        return np.array(rows)
+
+    used = lambda: (random.getstate(), str(np.random.get_state(legacy=False)))
+    try:
+        space = slot.env.action_space
+        low, high = np.maximum(space.low, -1.0), np.minimum(space.high, 1.0)
+        draws = np.random.default_rng(0).random((TRIAL_STEPS, len(low)))
+        actions = (low + draws * (high - low)).astype(space.dtype)
+        reset(slot, 1, None)
+        before = used()
+        slot.env.step(actions[0])
+        state = save(slot)
+        first = walk()
+        # Other random numbers than the environment's own are no part of its state.
+        own_randomness = used() == before
+        reset(slot, 2, None)
+        restore(slot, state)
+        is_same = np.array_equal(first, walk())
+        return is_same and own_randomness and bool(np.isfinite(state).all())
+    except Exception:  # Whatever it is, states cannot be saved.
+        traceback.print_exc()
+        return False
+
+
+def open_environment(config):
+    """Imports what is needed, makes the first environment and returns its description."""
+    global gym, np, environment_id, goals
+    np = importlib.import_module("numpy")
+    gym = importlib.import_module("gymnasium")
+    environment_id = config["id"]
+    if config["package"]:
+        importlib.import_module(config["package"])
+    elif environment_id not in gym.registry:
+        for package in KNOWN_PACKAGES:
+            try:
+                importlib.import_module(package)
+            except ImportError:
+                pass
+    slot = Slot()
+    slots.append(slot)
+    actions = slot.env.action_space
+    if not isinstance(actions, gym.spaces.Box):
+        raise Unsupported(f"its actions are {actions}: only continuous ones (Box) are supported")
+    flat_numbers(actions, "its actions are")
+    goals = Goals(slot)
+    own = slot.env.unwrapped
+    radius = getattr(own, "distance_threshold", getattr(own, "_goal_tol", None))
+    tasks = getattr(own, "num_tasks", None) if not goals.in_observation else None
+    bounds = lambda values: [float(v) if np.isfinite(v) else None for v in values]
+    return {
+        "observed": goals.observed,
+        "achieved": goals.achieved,
+        "goal": goals.goal,
+        "low": bounds(actions.low),
+        "high": bounds(actions.high),
+        "time_limit": slot.env.spec.max_episode_steps,
+        "tasks": tasks,
+        "goal_radius": float(radius) if isinstance(radius, (int, float, np.number)) else None,
+        "has_reward": hasattr(own, "compute_reward"),
+        "restorable": is_restorable(slot),
+        "versions": versions(config["package"]),
+    }
+
+
+def versions(package):
+    found = {"python": sys.version.split()[0]}
+    for name in ("gymnasium", "numpy", "mujoco", package.split(".")[0]) + KNOWN_PACKAGES:
+        version = getattr(sys.modules.get(name), "__version__", None)
+        if isinstance(version, str):
+            found[name] = version
+    return found
+
+
+def step_all(body):
+    """Steps the first environments, one per row of actions; returns rows and who has ended."""
+    space = slots[0].env.action_space
+    actions = np.frombuffer(body, dtype="<f4").reshape(-1, space.shape[0])
+    rows = np.zeros((len(actions), goals.observed + goals.achieved), dtype="<f4")
+    ended = bytearray(len(actions))
+    for i, (slot, action) in enumerate(zip(slots, actions)):
+        if not slot.ended:
+            observation, _, slot.ended, _, _ = slot.env.step(action.astype(space.dtype))
+            goals.write(observation, rows[i])
+            slot.last = rows[i]
+        else:
+            rows[i] = slot.last
+        ended[i] = bool(slot.ended)
+    return rows.tobytes() + bytes(ended)
+
+
+def reset_one(body):
+    index, seed, task = struct.unpack("<IIi", body)
+    slot = slots[index]
+    observation, info = reset(slot, seed, None if task < 0 else task)
+    row = np.empty(goals.observed + goals.achieved, dtype="<f4")
+    goals.write(observation, row)
+    slot.last = row
+    return row.tobytes() + goals.desired(observation, info).astype("<f4").tobytes()
+
+
+def save_all(body):
+    (count,) = struct.unpack("<I", body)
+    return np.array([save(slot) for slot in slots[:count]], dtype="<f8").tobytes()
+
+
+def restore_one(body):
+    (index,) = struct.unpack("<I", body[:4])
+    slot = slots[index]
+    if slot.layout is None:
+        reset(slot, 0, None)
+    restore(slot, np.frombuffer(body[4:], dtype="<f8"))
+    return b""
+
+
+def make_all(body):
+    (count,) = struct.unpack("<I", body)
+    while len(slots) < count:
+        slots.append(Slot())
+    return b""
+
+
+def reward(body):
+    """Returns the reward for pairs of achieved and desired goals."""
+    achieved, desired = np.frombuffer(body, dtype="<f8").reshape(2, -1, goals.goal)
+    own = slots[0].env.unwrapped
+    rewards = [float(np.asarray(own.compute_reward(a, d, {}))) for a, d in zip(achieved, desired)]
+    return np.array(rewards, dtype="<f8").tobytes()
+
+
+def why(error):
+    """Describes an exception: what it is, and the last places outside this file."""
+    lines = traceback.format_exception_only(type(error), error)
+    places = [
+        f"{place.filename}, line {place.lineno}, in {place.name}"
+        for place in traceback.extract_tb(error.__traceback__)
+        if place.filename != "<worker>" and "importlib" not in place.filename
+    ]
+    return json.dumps(
+        {
+            "unsupported": isinstance(error, Unsupported),
+            "missing": error.name if isinstance(error, ModuleNotFoundError) else None,
+            "error": "".join(lines).strip() if not isinstance(error, Unsupported) else str(error),
+            "places": places[-4:],
+        }
+    ).encode()
+
+
+def serve():
+    handlers = {
+        OPEN: lambda body: json.dumps(open_environment(json.loads(body))).encode(),
+        MAKE: make_all,
+        RESET: reset_one,
+        STEP: step_all,
+        SAVE: save_all,
+        RESTORE: restore_one,
+        REWARD: reward,
+    }
+    while header := stream.read(8):
+        kind, length = struct.unpack("<II", header)
+        body = stream.read(length)
+        try:
+            reply = (OK, handlers[kind](body))
+        except BaseException as error:  # Also what would end this process.
+            reply = (FAILED, why(error))
+        channel.sendall(struct.pack("<II", reply[0], len(reply[1])) + reply[1])
+
+
+slots = []
+end_with_the_program()
+serve()
