@@ -11,6 +11,8 @@ mod cli;
 mod compare;
 mod export;
 #[cfg(unix)]
+mod gym;
+#[cfg(unix)]
 mod mishaps;
 mod own_world;
 mod ran;

@@ -5,6 +5,7 @@
 //! ([`Spec`]). [`WORLDS`] lists the built-in worlds.
 
 mod abilities;
+mod error;
 pub mod fetch_reach;
 pub mod gym;
 pub mod maze;
@@ -20,9 +21,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::map::Grid;
 use crate::store::Store;
-pub use abilities::{
-    Abilities, Change, Drawn, Editable, EnvError, Episodes, Evaluated, Explored, Recorded,
-};
+pub use abilities::{Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, Recorded};
+pub use error::EnvError;
 pub use fetch_reach::{ArmScene, FetchReach};
 pub use gym::GymOptions;
 pub use maze::PointMaze;
@@ -201,6 +201,10 @@ pub trait Environment: Any + Send + Sync {
     fn has_ended(&self, _agent: usize) -> bool {
         false
     }
+
+    /// Takes note that what `agent` does no longer matters until it restarts, so that its steps need
+    /// not be computed; the default computes them.
+    fn retire(&mut self, _agent: usize) {}
 
     /// Switches to new settings. A world must honour both, or document that it ignores them; the
     /// default ignores them.

@@ -73,7 +73,7 @@
 //! distances, coverage, edits, and display. For the interface to draw it, add a variant to
 //! [`env::Scene`], what is computed of it (`src/viewer/NAME/`, a line in `worker_for` of
 //! `src/viewer.rs`) and how the program draws it and reacts (its `src/tui/scene/NAME/`).
-//! [`env::fetch_reach`] is a world without maps.
+//! [`env::fetch_reach`] is a world without maps, [`env::gym`] one that another program computes.
 //!
 //! # Add a learner
 //!

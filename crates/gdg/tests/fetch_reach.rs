@@ -15,15 +15,15 @@ fn rng() -> ChaCha8Rng {
 }
 
 /// An arm at reset.
-fn arm() -> Box<dyn Environment> {
-    FetchReach::new(None, 0).fork(1)
+fn arm() -> FetchReach {
+    FetchReach::new(None, 1)
 }
 
-fn grip(world: &dyn Environment) -> [f64; 3] {
+fn grip(world: &FetchReach) -> [f64; 3] {
     std::array::from_fn(|i| f64::from(world.states()[i]))
 }
 
-fn pull(world: &mut dyn Environment, action: [f64; 3]) {
+fn pull(world: &mut FetchReach, action: [f64; 3]) {
     let [x, y, z] = action.map(|v| v as f32);
     world.step(&[x, y, z, 0.0], &mut rng());
 }
@@ -37,9 +37,9 @@ fn a_full_pull_sets_the_grip_in_motion_as_in_the_reference() {
     let mut world = arm();
     let moved: Vec<f64> = (0..4)
         .map(|_| {
-            let before = grip(&*world);
-            pull(&mut *world, [0.0, 1.0, 0.0]);
-            1000.0 * (grip(&*world)[1] - before[1])
+            let before = grip(&world);
+            pull(&mut world, [0.0, 1.0, 0.0]);
+            1000.0 * (grip(&world)[1] - before[1])
         })
         .collect();
     assert!((moved[0] - 30.8).abs() < 0.1 && (moved[1] - 33.4).abs() < 0.1, "{moved:?} mm");
@@ -49,17 +49,17 @@ fn a_full_pull_sets_the_grip_in_motion_as_in_the_reference() {
 #[test]
 fn gravity_makes_an_arm_at_rest_sink_by_7_mm_in_an_episode() {
     let mut world = arm();
-    let before = grip(&*world);
-    (0..50).for_each(|_| pull(&mut *world, [0.0; 3]));
-    let sunk = 1000.0 * (before[2] - grip(&*world)[2]);
+    let before = grip(&world);
+    (0..50).for_each(|_| pull(&mut world, [0.0; 3]));
+    let sunk = 1000.0 * (before[2] - grip(&world)[2]);
     assert!((sunk - 7.0).abs() < 1.0, "{sunk} mm");
 }
 
 #[test]
 fn the_table_stops_the_fingers() {
     let mut world = arm();
-    (0..50).for_each(|_| pull(&mut *world, [0.0, 0.0, -1.0]));
-    let z = grip(&*world)[2];
+    (0..50).for_each(|_| pull(&mut world, [0.0, 0.0, -1.0]));
+    let z = grip(&world)[2];
     assert!((z - 0.4153).abs() < 5e-4, "stopped at {z} m");
 }
 
@@ -70,9 +70,9 @@ fn proportional_control_reaches_every_goal() {
         let mut world = arm();
         let goal = [0, 1, 2].map(|i| f64::from(task.goal[i]));
         (0..50).find(|_| {
-            let at = grip(&*world);
+            let at = grip(&world);
             let reached = distance(at, goal) < 0.05;
-            pull(&mut *world, [0, 1, 2].map(|i| (15.0 * (goal[i] - at[i])).clamp(-1.0, 1.0)));
+            pull(&mut world, [0, 1, 2].map(|i| (15.0 * (goal[i] - at[i])).clamp(-1.0, 1.0)));
             reached
         })
     });
@@ -100,10 +100,10 @@ fn positions_stay_close_to_the_recorded_episodes_of_the_reference() {
         let (actions, recorded) = (points("actions"), points("grip"));
         let mut world = arm();
         let of_kind = &mut errors[episode["kind"].as_u64().unwrap() as usize];
-        assert!(distance(grip(&*world), recorded[0]) < 1e-6);
+        assert!(distance(grip(&world), recorded[0]) < 1e-6);
         for (action, recorded) in actions.iter().zip(&recorded[1..]) {
-            pull(&mut *world, *action);
-            of_kind.push(1000.0 * distance(grip(&*world), *recorded));
+            pull(&mut world, *action);
+            of_kind.push(1000.0 * distance(grip(&world), *recorded));
         }
     }
     // With correlated noise, arms of the reference also touch themselves, the head and the table's

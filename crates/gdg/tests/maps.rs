@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use gdg::env::{EnvSettings, Environment, Evaluated, PointMaze};
+use gdg::env::{EnvSettings, Environment, PointMaze};
 use gdg::map::{
     self, BUILTIN, Cell, Grid, RandomMapKind, ScenarioTask, StepSearch, UNREACHABLE, parse_map,
     print_ascii, print_movingai, random,

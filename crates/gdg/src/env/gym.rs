@@ -82,6 +82,8 @@ pub struct Gym {
     /// `(agents, state_dim)`.
     states: Vec<f32>,
     ended: Vec<bool>,
+    /// Agents whose environments need not be stepped.
+    retired: Vec<bool>,
     /// The numbers that restore each agent's environment, once asked for; none if that cannot be.
     saved: Mutex<Option<Vec<Vec<f64>>>>,
     /// Whether a worker has failed: the environments may differ from the states.
@@ -110,6 +112,7 @@ impl Gym {
             workers: Mutex::default(),
             states: Vec::new(),
             ended: Vec::new(),
+            retired: Vec::new(),
             saved: Mutex::default(),
             has_failed: false,
         }
@@ -144,7 +147,7 @@ impl Gym {
     fn set_state(&mut self, agent: usize, state: &[f32]) {
         let s = state.len();
         self.states[agent * s..(agent + 1) * s].copy_from_slice(state);
-        self.ended[agent] = false;
+        (self.ended[agent], self.retired[agent]) = (false, false);
         *self.saved.get_mut() = None;
     }
 
@@ -252,6 +255,12 @@ impl Environment for Gym {
                 *action = action.clamp(-1.0, 1.0) + self.noise * sample;
             }
         }
+        let a = self.spec().action_dim;
+        for (action, retired) in noisy.chunks_exact_mut(a).zip(&self.retired) {
+            if *retired {
+                action.fill(slots::REST);
+            }
+        }
         let stepped = self.step_all(&noisy);
         self.has_failed = stepped.is_err();
         let (rows, ended) = stepped?;
@@ -265,7 +274,7 @@ impl Environment for Gym {
         let mut world = Self::without_agents(self.pool.clone());
         world.noise = self.noise;
         world.states = vec![0.0; agents * self.spec().state_dim()];
-        world.ended = vec![false; agents];
+        (world.ended, world.retired) = (vec![false; agents], vec![false; agents]);
         let each = agents.div_ceil(self.pool.options.workers.max(1)).max(1);
         for start in (0..agents).step_by(each) {
             let range = start..(start + each).min(agents);
@@ -277,6 +286,10 @@ impl Environment for Gym {
 
     fn has_ended(&self, agent: usize) -> bool {
         self.ended[agent]
+    }
+
+    fn retire(&mut self, agent: usize) {
+        self.retired[agent] = true;
     }
 
     /// Honours the noise; the environment itself knows where episodes begin.
@@ -383,7 +396,7 @@ impl Evaluated for Gym {
         let groups = self.pool.about.tasks.unwrap_or(1);
         let mut world = Self::without_agents(self.pool.clone());
         let s = self.spec().state_dim();
-        (world.states, world.ended) = (vec![0.0; s], vec![false]);
+        (world.states, world.ended, world.retired) = (vec![0.0; s], vec![false], vec![false]);
         // As many environments as its tasks need later.
         let together = TASKS_AT_ONCE.min(per_group * groups as usize).max(1);
         world.workers.get_mut().push((self.pool.take(together)?, 0..1));

@@ -41,6 +41,11 @@ impl Description {
         self.observed + self.achieved
     }
 
+    /// Returns the lengths of observations, of goals achieved beside them, and of goals desired.
+    pub fn sizes(&self) -> [usize; 3] {
+        [self.observed, self.achieved, self.goal]
+    }
+
     /// Returns whether the numbers make sense.
     fn is_sound(&self) -> bool {
         const MOST: usize = 4096;

@@ -46,6 +46,8 @@ const BALL_TOLERANCE: f64 = 0.05;
 pub struct Found {
     /// Sizes and scales.
     pub spec: Spec,
+    /// Lengths of observations, of goals achieved beside them, and of goals desired.
+    pub sizes: [usize; 3],
     /// Which number of a row is each component of the state.
     pub columns: Vec<usize>,
     /// Which number of a desired goal is each component of the goal.
@@ -73,9 +75,10 @@ impl Found {
             && self.columns.len() == s
             && self.goal_columns.len() == g
             && self.goals.len() >= g
-            && self.goals.len() % g == 0
+            && self.goals.len().is_multiple_of(g)
             && self.goals.iter().all(within);
-        let fits = self.columns.iter().all(|column| *column < about.row())
+        let fits = self.sizes == about.sizes()
+            && self.columns.iter().all(|column| *column < about.row())
             && self.goal_columns.iter().all(|column| *column < about.goal)
             && spec.action_dim == about.low.len();
         match (sound, fits) {
@@ -243,7 +246,7 @@ fn scales(
     let widest = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
     spec.goals_are_positions =
         spec.goal_dim() <= 3 && 2.0 * widest >= POSITIONS_RADII * MARGIN * spec.goal_radius;
-    Found { spec, columns, goal_columns, goals: goals.concat() }
+    Found { spec, sizes: about.sizes(), columns, goal_columns, goals: goals.concat() }
 }
 
 /// Returns the range of `numbers` without the share `tail` of them below it and above it.

@@ -5,6 +5,9 @@ use super::frames::{Expected, Request, f32_bytes, f32_numbers};
 use super::process::Worker;
 use crate::env::{EnvError, MAX_MAGNITUDE};
 
+/// An action of environments that are left as they are.
+pub const REST: f32 = f32::NAN;
+
 /// How an episode begins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Begun {
@@ -65,7 +68,8 @@ pub fn step(
     end_step(worker, about, actions.len() / about.low.len())
 }
 
-/// Asks for a step, as [`step`] does; [`end_step`] returns its result. Actions lie in [-1, 1].
+/// Asks for a step, as [`step`] does; [`end_step`] returns its result. Actions lie in [-1, 1], or
+/// are [`REST`].
 ///
 /// # Errors
 /// The worker fails.

@@ -169,8 +169,11 @@ def find_layout(env):
         for name, value in sorted(vars(item).items()):
             if isinstance(value, (bool, int, float)):
                 parts.append(("number", item, name))
-            elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.size <= MAX_NUMBERS:
-                parts.append(("array", item, name))
+            elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+                if value.size <= MAX_NUMBERS:
+                    parts.append(("array", item, name))
+            elif isinstance(value, tuple) and all(isinstance(v, (int, float)) for v in value):
+                parts.append(("tuple", item, name))
     return parts
 
 
@@ -206,7 +209,8 @@ def restore(slot, numbers):
         if kind == "mujoco":
             mujoco = importlib.import_module("mujoco")
             whole = mujoco.mjtState.mjSTATE_INTEGRATION
-            state = np.ascontiguousarray(take(mujoco.mj_stateSize(name, whole)))
+            # MuJoCo takes no array that is read-only.
+            state = take(mujoco.mj_stateSize(name, whole)).copy()
             mujoco.mj_setState(name, item, state, whole)
             # Computes what follows from the state, and changes where the solver begins.
             mujoco.mj_forward(name, item)
@@ -215,6 +219,8 @@ def restore(slot, numbers):
             set_pcg64(item.np_random, take(10))
         elif kind == "number":
             setattr(item, name, type(vars(item)[name])(take(1)[0]))
+        elif kind == "tuple":
+            setattr(item, name, tuple(take(len(vars(item)[name])).tolist()))
         else:
             value = vars(item)[name]
             value[...] = take(value.size).reshape(value.shape)
@@ -315,7 +321,8 @@ def step_all(body):
     rows = np.zeros((len(actions), goals.observed + goals.achieved), dtype="<f4")
     ended = bytearray(len(actions))
     for i, (slot, action) in enumerate(zip(slots, actions)):
-        if not slot.ended:
+        # Not a number is the action of those that rest.
+        if not slot.ended and action[0] == action[0]:
             observation, _, slot.ended, _, _ = slot.env.step(action.astype(space.dtype))
             goals.write(observation, rows[i])
             slot.last = rows[i]

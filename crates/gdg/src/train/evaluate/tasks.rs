@@ -129,6 +129,7 @@ fn run_together(
                 taken[agent.index].is_none() && clock < agent.budget && !env.has_ended(agent.index);
             if !goes_on {
                 actions[agent.row(a)].fill(0.0);
+                env.retire(agent.index);
             }
             goes_on
         });

@@ -1,0 +1,457 @@
+//! Gymnasium environments as worlds, and what can go wrong with them.
+//!
+//! What needs Python with numpy and gymnasium is ignored otherwise: set `GDG_PYTHON` to such an
+//! interpreter, as `.ci/run` does; some need gymnasium-robotics and mujoco as well.
+
+use std::io::{BufRead, BufReader};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use gdg::env::GymOptions;
+use gdg::train::{Preset, Registry, Run, Trainer};
+use serde_json::Value;
+
+/// Settings that keep a run small.
+const SMALL: [&str; 12] = [
+    "--set",
+    "hidden=16",
+    "--set",
+    "candidates=30",
+    "--set",
+    "buffer_size=20000",
+    "--set",
+    "learning_starts=200",
+    "--set",
+    "env_steps_per_update=8",
+    "--threads",
+    "1",
+];
+
+/// Steps after which something goes wrong: beyond those of the first look.
+const AFTER: &str = "900";
+
+/// Returns the interpreter to test with.
+fn python() -> PathBuf {
+    std::env::var_os("GDG_PYTHON").map_or_else(|| "python3".into(), PathBuf::from)
+}
+
+/// Returns the program in a folder, with the environments of these tests.
+fn program(folder: &Path) -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+    command.current_dir(folder).env_remove("VIRTUAL_ENV");
+    for name in ["HOME", "XDG_CONFIG_HOME", "XDG_STATE_HOME"] {
+        command.env(name, folder);
+    }
+    command.env("PYTHONPATH", Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/gym"));
+    command
+}
+
+/// Trains in an environment of `awkward.py`, with other arguments.
+fn train(folder: &Path, name: &str, args: &[&str]) -> Command {
+    let mut command = program(folder);
+    command.args(["--no-ui", &format!("gym:awkward:{name}-v0")]);
+    command.arg("--python").arg(python()).args(SMALL).args(["--eval-tasks", "4"]).args(args);
+    command
+}
+
+/// Resumes a run, with other arguments.
+fn resume(folder: &Path, file: &str, args: &[&str]) -> Command {
+    let mut command = program(folder);
+    command.args(["--no-ui", "--resume", file, "--threads", "1", "--eval-tasks", "4"]);
+    command.arg("--python").arg(python()).args(args);
+    command
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Returns the records of a kind, without times.
+fn records(output: &Output, event: &str) -> Vec<Value> {
+    let lines = String::from_utf8_lossy(&output.stdout).into_owned();
+    let parsed = lines.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let of_kind = parsed.filter(|record| record["event"] == event);
+    of_kind
+        .map(|mut record| {
+            for time in ["seconds", "updates_per_second"] {
+                record.as_object_mut().unwrap().remove(time);
+            }
+            record
+        })
+        .collect()
+}
+
+/// Returns an interpreter that is none: a shell script.
+fn fake_python(folder: &Path, script: &str) -> PathBuf {
+    let path = folder.join("python");
+    std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
+    std::fs::set_permissions(&path, PermissionsExt::from_mode(0o755)).unwrap();
+    path
+}
+
+/// Opens an environment with a fake interpreter; returns the error and how long it took.
+fn error_with(script: &str) -> (String, Duration) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = fake_python(folder.path(), script);
+    let began = Instant::now();
+    let output = program(folder.path())
+        .args(["--no-ui", "gym:Maze-v0", "--env-timeout", "2", "--python"])
+        .arg(path)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    // The report breaks lines.
+    let words = stderr(&output).replace('│', " ");
+    (words.split_whitespace().collect::<Vec<_>>().join(" "), began.elapsed())
+}
+
+/// Checks that an error names the environment and says this.
+fn assert_says(error: &str, what: &str) {
+    let error = error.replace('│', " ");
+    let error = error.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(error.contains("-v0: "), "the environment is named: {error}");
+    assert!(error.contains(what), "{what:?} in {error}");
+    assert!(!error.contains('\u{1b}'), "safe to show: {error:?}");
+}
+
+#[test]
+fn without_an_interpreter_the_error_says_how_to_get_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = program(folder.path())
+        .args(["--no-ui", "gym:Maze-v0", "--python", "nowhere/python"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert_says(&stderr(&output), "there is no Python interpreter nowhere/python");
+    assert_says(&stderr(&output), "--python PATH");
+}
+
+#[test]
+fn an_address_that_is_none_is_refused_before_anything_starts() {
+    let folder = tempfile::tempdir().unwrap();
+    for (address, wrong) in [("gym:", "is not the ID"), ("gym:os.x y:M-v0", "Python package")] {
+        let output = program(folder.path())
+            .args(["--no-ui", address, "--python", "nowhere/python"])
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        assert!(stderr(&output).contains(wrong), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn an_interpreter_that_ends_at_once_is_quoted() {
+    let (error, took) = error_with("echo 'this is \x1b[1mno Python' >&2; exit 3");
+    assert_says(&error, "its Python process has ended: exit status 3");
+    assert_says(&error, "no Python");
+    assert!(took < Duration::from_secs(20), "{took:?}");
+}
+
+#[test]
+fn an_interpreter_that_writes_garbage_or_huge_lengths_is_none() {
+    // To the socket, which is the standard input.
+    let (error, _) = error_with("echo 'Hello, world! This is more than a header.' >&0; sleep 9");
+    assert_says(&error, "its worker answers something else than asked");
+    // A reply of 2 GB, and one of no bytes.
+    let (error, _) = error_with(r"printf '\000\000\000\000\000\000\000\200' >&0; sleep 9");
+    assert_says(&error, "its worker answers with 2147483648 bytes");
+    let (error, _) = error_with(r"printf '\000\000\000\000\000\000\000\000' >&0; sleep 9");
+    assert_says(&error, "describes it in a way that makes no sense");
+    // A header in part.
+    let (error, _) = error_with(r"printf '\000\000' >&0");
+    assert_says(&error, "its Python process has ended");
+}
+
+#[test]
+fn an_interpreter_that_hangs_is_given_up_after_the_time_limit() {
+    let (error, took) = error_with("exec sleep 1000");
+    assert_says(&error, "took more than 2 seconds to be opened (--env-timeout sets the limit)");
+    assert!(took < Duration::from_secs(30), "{took:?}");
+    // One that answers byte by byte is no better.
+    let (error, _) = error_with(r"while :; do printf '\000' >&0; sleep 1; done");
+    assert_says(&error, "took more than 2 seconds");
+}
+
+#[test]
+fn a_checkpoint_of_another_machines_environment_stays_sound() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = program(folder.path())
+        .args(["--no-ui", "gym:Maze-v0", "--resume", "--python", "nowhere/python"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("there is no checkpoint of Maze-v0"), "{}", stderr(&output));
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn what_is_missing_or_unsupported_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, wrong) in [
+        ("Discrete", "its actions are Discrete(4): only continuous ones (Box) are supported"),
+        ("Image", "its observations are images: only vectors of numbers are supported"),
+        ("Goalless", "it has no goals: its observations need observation, achieved_goal and"),
+        ("Dense", "does not say when a goal is reached: give --goal-radius"),
+        ("Absent", "Environment `Absent` doesn't exist"),
+    ] {
+        let output = train(folder.path(), name, &["--max-updates", "10"]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{name}: {}", stderr(&output));
+        assert_says(&stderr(&output), wrong);
+    }
+    let output = program(folder.path())
+        .args(["--no-ui", "gym:no_such_package:Maze-v0", "--python"])
+        .arg(python())
+        .output()
+        .unwrap();
+    assert_says(&stderr(&output), "the Python package no_such_package is missing");
+    assert_says(&stderr(&output), "pip install no-such-package");
+    // What is not found out can be given.
+    let args = ["--max-updates", "10", "--goal-radius", "0.7"];
+    let output = train(folder.path(), "Dense", &args).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn what_the_learner_needs_is_found_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let start = |name: &str, args: &[&str]| {
+        let args = [&["--max-updates", "5"], args].concat();
+        let output = train(folder.path(), name, &args).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        records(&output, "start")[0]["gym"].clone()
+    };
+    let found = start("Point", &[]);
+    assert_eq!(found["achieved"], serde_json::json!([1, 2]), "within the observation");
+    assert!((found["goal_radius"].as_f64().unwrap() - 0.5).abs() < 1e-3, "by asking for rewards");
+    assert_eq!((&found["state"], &found["episode_steps"]), (&3.into(), &40.into()));
+    assert_eq!(found["resumes"], "exactly");
+    let change = found["change_per_step"][1].as_f64().unwrap();
+    assert!((0.3..0.6).contains(&change), "actions up to 0.5: {change}");
+    let half = found["half_range"][1].as_f64().unwrap();
+    assert!((5.0..8.0).contains(&half), "goals within 5: {half}");
+    let tasks = start("Tasks", &[]);
+    assert_eq!((&tasks["achieved"], &tasks["tasks"]), (&serde_json::json!([0, 1]), &3.into()));
+    assert_eq!(start("Tasks", &["--goal", "1"])["achieved"], serde_json::json!([1]));
+    // What it draws from other random numbers cannot be restored.
+    assert_eq!(start("Global", &[])["resumes"], "with new episodes");
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn the_same_seed_gives_the_same_run_resumed_or_not_and_with_any_number_of_workers() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, args: &[&str]| {
+        let output = train(folder.path(), name, args).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        output
+    };
+    let whole = ["--max-updates", "120"];
+    let first = records(&run("Point", &whole), "evaluation");
+    assert_eq!(first.len(), 1);
+    assert_eq!(first, records(&run("Point", &whole), "evaluation"));
+    assert_eq!(
+        first,
+        records(&run("Point", &[&whole[..], &["--workers", "3"]].concat()), "evaluation")
+    );
+    let other = records(&run("Point", &[&whole[..], &["--seed", "7"]].concat()), "evaluation");
+    assert_ne!(first, other);
+    run("Point", &["--max-updates", "50", "--save", "half"]);
+    let resumed = resume(folder.path(), "half", &whole).output().unwrap();
+    assert!(resumed.status.success(), "{}", stderr(&resumed));
+    assert_eq!(first, records(&resumed, "evaluation"), "resumed in the middle of episodes");
+    assert!(!stderr(&resumed).contains("new episodes"));
+    // Without a state to save, agents restart, which is said; resumed twice, they do the same.
+    run("Global", &["--max-updates", "50", "--save", "global"]);
+    let twice = [(), ()].map(|()| resume(folder.path(), "global", &whole).output().unwrap());
+    assert!(stderr(&twice[0]).contains("the agents begin new episodes"), "{}", stderr(&twice[0]));
+    assert_eq!(records(&twice[0], "evaluation"), records(&twice[1], "evaluation"));
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn a_point_learns_and_tasks_are_the_environments_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["--max-updates", "600", "--set", "env_steps_per_update=2", "--set", "hidden=32"];
+    for (name, groups) in [("Point", 1), ("Tasks", 3), ("Writes", 1)] {
+        let output = train(folder.path(), name, &args).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        let found = &records(&output, "evaluation")[0]["greedy"];
+        assert_eq!(found["by_distance"].as_array().unwrap().len(), groups);
+        // All tasks of the second begin in one corner, which takes longer to learn.
+        let least = if name == "Tasks" { 0.1 } else { 0.75 };
+        assert!(found["success"].as_f64().unwrap() >= least, "{name}: {found}");
+    }
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn no_transition_leads_from_where_the_environment_ends_an_episode_to_the_next_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let packages = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/gym");
+    let script =
+        format!("PYTHONPATH='{}' exec '{}' \"$@\"", packages.display(), python().display());
+    let options =
+        GymOptions { python: Some(fake_python(folder.path(), &script)), ..GymOptions::default() };
+    let registry = Registry::builtin().with_gym(options);
+    let world = registry.open("gym:awkward:Pit-v0").unwrap().unwrap();
+    let mut settings = Preset::Default.settings();
+    (settings.learn.hidden, settings.learn.buffer_size) = (16, 20_000);
+    (settings.train.agents, settings.train.learning_starts) = (4, 100_000);
+    let run = Run { method: "gdg".parse().unwrap(), preset: Preset::Default, seed: 1, settings };
+    let mut trainer = Trainer::new(run, &*world, &registry, 1).unwrap();
+    for _ in 0..400 {
+        trainer.tick().unwrap();
+    }
+    // If none had ended in the pit, there would be 40, of 40 steps each.
+    assert!(trainer.counters().episodes > 45, "{:?}", trainer.counters());
+    let mut last: Vec<Option<[f32; 2]>> = vec![None; 4];
+    let mut longest: f32 = 0.0;
+    trainer.replay().visit_episodes(|agent, state| {
+        let at = state.map(|state| [state[1], state[2]]);
+        if let (Some(before), Some(at)) = (last[agent], at) {
+            longest = longest.max((at[0] - before[0]).hypot(at[1] - before[1]));
+        }
+        last[agent] = at;
+    });
+    assert!(longest < 1.0, "a step is at most 0.5 along each axis: {longest}");
+}
+
+/// What goes wrong in the middle of a run, and what is said of it.
+const FAULTS: [(&str, &str); 5] = [
+    ("Raises", "the environment raised an exception in step: ValueError: the point is ?[31mlost"),
+    ("Unknown", "step returned NaN as component 0 of its observation"),
+    ("Dies", "its Python process has ended: killed by signal 11 dying now"),
+    ("Exits", "the environment raised an exception in step: SystemExit: that was all"),
+    ("Hangs", "took more than 3 seconds to step"),
+];
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn whatever_goes_wrong_the_run_is_saved_and_goes_on() {
+    for (name, said) in FAULTS {
+        let folder = tempfile::tempdir().unwrap();
+        let args = ["--max-updates", "300", "--save", "run", "--env-timeout", "3"];
+        let output =
+            train(folder.path(), name, &args).env("AWKWARD_AFTER", AFTER).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{name}: {}", stderr(&output));
+        assert_says(&stderr(&output), said);
+        if name == "Raises" {
+            assert_says(&stderr(&output), "awkward.py, line");
+        }
+        let saved = &records(&output, "saved")[0];
+        let updates = saved["updates"].as_u64().unwrap();
+        assert!(updates > 10, "{name}: {updates}");
+        // The agents were in the middle of episodes.
+        let resumed = resume(folder.path(), "run", &["--max-updates", "150"]).output().unwrap();
+        assert!(resumed.status.success(), "{name}: {}", stderr(&resumed));
+        assert_eq!(records(&resumed, "start")[0]["updates"], updates);
+        assert_eq!(records(&resumed, "end")[0]["updates"], 150);
+        assert!(stderr(&resumed).contains("the agents begin new episodes"), "{}", stderr(&resumed));
+    }
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn a_run_is_refused_where_its_environment_is_missing_or_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = train(folder.path(), "Point", &["--max-updates", "30", "--save", "run"]).output();
+    assert!(output.unwrap().status.success());
+    let before = std::fs::read(folder.path().join("run")).unwrap();
+    let resumed = |change: &dyn Fn(&mut Command)| {
+        let mut command = resume(folder.path(), "run", &["--max-updates", "40"]);
+        change(&mut command);
+        command.output().unwrap()
+    };
+    let elsewhere = resumed(&|command| {
+        command.env_remove("PYTHONPATH");
+    });
+    let other = resumed(&|command| {
+        command.env("AWKWARD_EXTRA", "1");
+    });
+    for output in [&elsewhere, &other] {
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(output));
+        assert_eq!(before, std::fs::read(folder.path().join("run")).unwrap());
+    }
+    assert_says(&stderr(&elsewhere), "the Python package awkward is missing");
+    assert!(stderr(&elsewhere).contains("the checkpoint itself is sound"));
+    assert!(stderr(&other).contains("other observations, goals or"), "{}", stderr(&other));
+    assert!(resumed(&|_| {}).status.success());
+    // What was found out belongs to the run.
+    let mut again = resume(folder.path(), "run", &["--goal-radius", "2"]);
+    assert_eq!(again.output().unwrap().status.code(), Some(2));
+}
+
+/// Returns the processes that `parent` has started.
+#[cfg(target_os = "linux")]
+fn children(parent: u32) -> Vec<u32> {
+    let tasks = std::fs::read_dir(format!("/proc/{parent}/task")).unwrap();
+    let of_task = |task: std::io::Result<std::fs::DirEntry>| {
+        std::fs::read_to_string(task.unwrap().path().join("children")).unwrap_or_default()
+    };
+    let all: Vec<String> = tasks.map(of_task).collect();
+    all.join(" ").split_whitespace().map(|child| child.parse().unwrap()).collect()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn workers_end_with_the_program_however_it_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    // Also one that hangs and lets nothing else run in its process.
+    for (name, after) in [("Point", "1000000000"), ("Hangs", AFTER)] {
+        let mut program = train(folder.path(), name, &["--max-updates", "100000"])
+            .env("AWKWARD_AFTER", after)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut start = String::new();
+        BufReader::new(program.stdout.take().unwrap()).read_line(&mut start).unwrap();
+        assert!(start.contains("start"));
+        std::thread::sleep(Duration::from_secs(2));
+        let workers = children(program.id());
+        assert!(!workers.is_empty());
+        program.kill().unwrap();
+        program.wait().unwrap();
+        let began = Instant::now();
+        let runs = |worker: &u32| {
+            let stat = std::fs::read_to_string(format!("/proc/{worker}/stat")).unwrap_or_default();
+            stat.rsplit(") ").next().is_some_and(|rest| !rest.is_empty() && !rest.starts_with('Z'))
+        };
+        while workers.iter().any(runs) {
+            assert!(began.elapsed() < Duration::from_secs(10), "{name}: {workers:?} still run");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs Python with gymnasium-robotics 1.4.2 and mujoco 3.3.7"]
+fn the_real_arm_is_learned_and_resumed_exactly() {
+    let folder = tempfile::tempdir().unwrap();
+    let train = |args: &[&str]| {
+        let output = program(folder.path())
+            .args(["--no-ui", "gym:FetchReach-v4", "--method", "gdg", "--threads", "2", "--python"])
+            .arg(python())
+            .args(["--set", "hidden=64"])
+            .args(args)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        output
+    };
+    let whole = train(&["--max-updates", "800"]);
+    let found = &records(&whole, "evaluation")[0];
+    assert!(found["greedy"]["success"].as_f64().unwrap() >= 0.9, "{found}");
+    train(&["--max-updates", "333", "--save", "reach"]);
+    let resumed = program(folder.path())
+        .args(["--no-ui", "--resume", "reach", "--threads", "2", "--max-updates", "800"])
+        .arg("--python")
+        .arg(python())
+        .output()
+        .unwrap();
+    assert_eq!(&records(&resumed, "evaluation")[0], found, "{}", stderr(&resumed));
+}

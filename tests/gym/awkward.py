@@ -1,0 +1,184 @@
+"""Environments that misbehave on demand, for the tests of environments in Python.
+
+All are a point in a square that moves by its action, with a goal. What goes wrong goes wrong after
+AWKWARD_AFTER steps of the process, or from the start. With AWKWARD_EXTRA, observations have so many
+more numbers: another version of the environment.
+"""
+
+import ctypes
+import os
+import signal
+import sys
+import time
+
+import gymnasium as gym
+import numpy as np
+
+SIDE, RADIUS = 5.0, 0.5
+AFTER = int(os.environ.get("AWKWARD_AFTER", "1000000000"))
+EXTRA = int(os.environ.get("AWKWARD_EXTRA", "0"))
+steps = 0
+
+
+class Point(gym.Env):
+    """A well-behaved environment; the others change one thing each."""
+
+    def __init__(self):
+        box = lambda size: gym.spaces.Box(-SIDE, SIDE, (size,), np.float64)
+        self.observation_space = gym.spaces.Dict(
+            observation=box(3 + EXTRA), achieved_goal=box(2), desired_goal=box(2)
+        )
+        self.action_space = gym.spaces.Box(-0.5, 0.5, (2,), np.float32)
+        self.at, self.goal, self.wind = np.zeros(2), np.zeros(2), 0.0
+
+    def observe(self):
+        return {
+            # What is achieved comes second.
+            "observation": np.concatenate([[self.wind], self.at, np.zeros(EXTRA)]),
+            "achieved_goal": self.at.copy(),
+            "desired_goal": self.goal.copy(),
+        }
+
+    def reset(self, seed=None, options=None):
+        super().reset(seed=seed)
+        self.at = self.np_random.uniform(-SIDE, SIDE, 2)
+        self.goal = self.np_random.uniform(-SIDE, SIDE, 2)
+        self.wind = 0.0
+        return self.observe(), {}
+
+    def step(self, action):
+        global steps
+        steps += 1
+        if steps > AFTER:
+            self.misbehave()
+        assert (np.abs(action) <= 0.5).all(), "actions are scaled"
+        # Its own random numbers are part of its state.
+        self.wind = 0.9 * self.wind + 0.01 * self.np_random.normal()
+        self.at = np.clip(self.at + action + [self.wind, 0.0], -SIDE, SIDE)
+        return self.observe(), 0.0, self.is_over(), False, {}
+
+    def is_over(self):
+        return False
+
+    def misbehave(self):
+        pass
+
+    def compute_reward(self, achieved, desired, info):
+        return -float(np.linalg.norm(np.subtract(achieved, desired)) > RADIUS)
+
+
+class Raises(Point):
+    def misbehave(self):
+        raise ValueError("the point is \x1b[31mlost")
+
+
+class Unknown(Point):
+    def misbehave(self):
+        self.wind = float("nan")
+
+
+class Dies(Point):
+    def misbehave(self):
+        print("dying now", file=sys.stderr, flush=True)
+        os.kill(os.getpid(), signal.SIGSEGV)
+
+
+class Exits(Point):
+    def misbehave(self):
+        sys.exit("that was all")
+
+
+class Hangs(Point):
+    def misbehave(self):
+        # Nothing else runs in this process meanwhile, as in an extension that hangs.
+        ctypes.PyDLL(None).sleep(1000)
+
+
+class Writes(Point):
+    """Prints, and reads the standard input."""
+
+    def step(self, action):
+        print("stepping by", action, sys.stdin.read())
+        return super().step(action)
+
+
+class Pit(Point):
+    """Ends an episode on the left."""
+
+    def is_over(self):
+        return bool(self.at[0] < -0.2 * SIDE)
+
+
+class Global(Point):
+    """Draws from numpy's random numbers for all: that is no state of its own."""
+
+    def step(self, action):
+        return super().step(action * np.random.uniform(0.5, 1.0))
+
+
+class Tasks(Point):
+    """Has its goal in `info` and three tasks, as OGBench has."""
+
+    num_tasks = 3
+    _goal_tol = RADIUS
+
+    def __init__(self):
+        super().__init__()
+        self.observation_space = gym.spaces.Box(-SIDE, SIDE, (3,), np.float64)
+
+    def reset(self, seed=None, options=None):
+        super().reset(seed=seed)
+        task = (options or {}).get("task_id", 1)
+        self.at, self.goal = np.array([-4.0, -4.0]), np.array([4.0, 4.0 * (task - 2)])
+        # A goal is a whole observation, as of its ants.
+        return self.observed(), {"goal": np.concatenate([self.goal, [0.0]])}
+
+    def observed(self):
+        return np.concatenate([self.at, [self.wind]])
+
+    def step(self, action):
+        return (self.observed(), *super().step(action)[1:])
+
+
+class Discrete(Point):
+    def __init__(self):
+        super().__init__()
+        self.action_space = gym.spaces.Discrete(4)
+
+
+class Image(Point):
+    def __init__(self):
+        super().__init__()
+        self.observation_space = gym.spaces.Box(0, 255, (8, 8, 3), np.uint8)
+
+    def reset(self, seed=None, options=None):
+        super().reset(seed=seed)
+        return np.zeros((8, 8, 3), np.uint8), {"goal": self.goal}
+
+
+class Goalless(Point):
+    def __init__(self):
+        super().__init__()
+        self.observation_space = gym.spaces.Box(-SIDE, SIDE, (2,), np.float64)
+
+    def reset(self, seed=None, options=None):
+        super().reset(seed=seed)
+        return self.at, {}
+
+
+class Dense(Point):
+    """Does not say when a goal is reached."""
+
+    def compute_reward(self, achieved, desired, info):
+        return -float(np.linalg.norm(np.subtract(achieved, desired)))
+
+
+class Slow(Point):
+    def __init__(self):
+        super().__init__()
+        time.sleep(1000)
+
+
+for kind in list(globals().values()):
+    if isinstance(kind, type) and issubclass(kind, Point):
+        gym.register(f"{kind.__name__}-v0", kind, max_episode_steps=40)
