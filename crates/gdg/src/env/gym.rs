@@ -340,8 +340,12 @@ impl Environment for Gym {
 }
 
 impl Drop for Gym {
-    /// Leaves the workers to the next fork: Python takes seconds to start.
+    /// Leaves the workers to the next fork: Python takes seconds to start. After a failure, answers
+    /// of the others may still be on their way.
     fn drop(&mut self) {
+        if self.has_failed {
+            return;
+        }
         for (worker, _) in self.workers.get_mut().drain(..) {
             self.pool.give_back(worker);
         }

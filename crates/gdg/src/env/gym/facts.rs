@@ -318,3 +318,91 @@ fn rewards(
     let expected = Expected::Exactly(8 * achieved.len());
     Ok(f64_numbers(&worker.ask(Request::Reward, &body, expected)?).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn description(observed: usize, achieved: usize, goal: usize) -> Description {
+        Description {
+            observed,
+            achieved,
+            goal,
+            low: vec![Some(-1.0)],
+            high: vec![Some(1.0)],
+            time_limit: None,
+            tasks: None,
+            goal_radius: None,
+            has_reward: false,
+            restorable: false,
+            versions: std::collections::BTreeMap::new(),
+        }
+    }
+
+    /// Rows of which the last two numbers are achieved: the third observed, and one apart.
+    fn seen() -> Seen {
+        let row = |i: u16| {
+            let t = f32::from(i);
+            vec![0.5, t, 3.0 * t, 7.0, 3.0 * t, -t]
+        };
+        let rows: Vec<Vec<f32>> = (0..101).map(row).collect();
+        let goals = (0..5).map(|i| vec![60.0 * f32::from(i as u8), -10.0]).collect();
+        Seen { starts: rows[..2].to_vec(), goals, walks: vec![rows] }
+    }
+
+    #[test]
+    fn what_is_achieved_is_found_in_the_observation_or_added_to_the_state() {
+        let about = description(4, 2, 2);
+        let (columns, achieved, goal) = columns(&seen(), &about, None).expect("columns");
+        assert_eq!((columns, achieved, goal), (vec![0, 1, 2, 3, 5], vec![2, 4], vec![0, 1]));
+        let given = super::columns(&seen(), &about, Some(&[0]));
+        assert!(given.is_err_and(|why| why.contains("--goal is for environments without")));
+    }
+
+    #[test]
+    fn a_goal_in_info_is_the_first_two_numbers_or_those_given() {
+        let whole = description(4, 0, 4);
+        let of =
+            |about: &Description, given: Option<&[usize]>| columns(&Seen::default(), about, given);
+        assert_eq!(of(&whole, None), Ok((vec![0, 1, 2, 3], vec![0, 1], vec![0, 1])));
+        assert_eq!(of(&whole, Some(&[3])), Ok((vec![0, 1, 2, 3], vec![3], vec![3])));
+        // Such a goal is only what has to be achieved.
+        let part = description(4, 0, 2);
+        assert_eq!(of(&part, Some(&[2, 3])), Ok((vec![0, 1, 2, 3], vec![2, 3], vec![0, 1])));
+        assert!(of(&part, Some(&[2])).is_err_and(|why| why.contains("--goal names 1")));
+        assert!(of(&whole, Some(&[4])).is_err_and(|why| why.contains("components 0 to 3")));
+    }
+
+    #[test]
+    fn scales_are_those_of_the_goals_and_of_what_a_walk_meets() {
+        let (seen, about) = (seen(), description(4, 2, 2));
+        let columns = columns(&seen, &about, None).expect("columns");
+        let found = scales(&seen, &about, columns, 2.0);
+        let spec = &found.spec;
+        // Goals from 0 to 240, starts at 0 and 3; beside them, 103 numbers from 0, 0, 1, 1, 2 to
+        // 100, without the lowest and the highest.
+        assert_eq!((spec.state_centre[2], spec.state_half_range[2]), (120.0, MARGIN * 120.0));
+        assert_eq!((spec.state_centre[1], spec.state_half_range[1]), (49.5, MARGIN * 49.5));
+        assert_eq!((spec.state_half_range[0], spec.change_scale[0]), (0.0, 0.0), "constant");
+        assert_eq!((spec.change_scale[1], spec.change_scale[2]), (1.0, 3.0));
+        assert!(spec.goals_are_positions, "240 is more than 12 radii");
+        assert_eq!(found.check(&about), Ok(()));
+        let other = Description { observed: 5, ..about };
+        assert!(found.check(&other).is_err(), "another version of the environment");
+    }
+
+    #[test]
+    fn a_radius_is_where_the_reward_changes_if_it_does_so_once() {
+        let asked = |radius: f64| {
+            radius_along(&mut |distance: f64| Ok::<_, ()>(distance >= radius)).expect("no error")
+        };
+        for radius in [1e-3, 0.45, 700.0] {
+            assert!(asked(radius).is_some_and(|found| (found / radius - 1.0).abs() < 1e-6));
+        }
+        assert_eq!(asked(0.0), None, "it changes at any distance");
+        assert_eq!(asked(1e9), None, "it never changes");
+        assert_eq!(ball(&[Some(0.5), Some(0.5)]), Some(0.5));
+        assert_eq!(ball(&[Some(0.5), Some(0.7)]), None, "it is no ball");
+        assert_eq!(ball(&[Some(0.5), None]), None);
+    }
+}

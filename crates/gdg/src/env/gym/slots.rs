@@ -22,9 +22,11 @@ pub struct Begun {
 /// # Errors
 /// The worker fails.
 pub fn make(worker: &mut Worker, count: usize) -> Result<(), EnvError> {
-    if worker.environments < count {
-        worker.ask(Request::Make, &(count as u32).to_le_bytes(), Expected::Exactly(0))?;
-        worker.environments = count;
+    // One by one, as the time limit is for each.
+    while worker.environments < count {
+        let more = worker.environments + 1;
+        worker.ask(Request::Make, &(more as u32).to_le_bytes(), Expected::Exactly(0))?;
+        worker.environments = more;
     }
     Ok(())
 }
