@@ -3,31 +3,29 @@
 //! Distances computed here are the *ground truth* of a map: evaluation and display use them,
 //! learning never does.
 
-mod ascii;
 mod builtin;
 mod distance;
 mod error;
 mod flood;
+mod formats;
 mod grid;
 mod half_cells;
 mod load;
-mod movingai;
 mod octile;
 mod random;
 mod scenario;
 mod start;
 mod text;
 
-pub use ascii::print_ascii;
 pub use builtin::{BUILTIN, builtin};
 pub use distance::{Components, Diameter, StepSearch};
 pub use error::{MapError, MapResult};
 pub(crate) use flood::Flood;
 pub use flood::UNREACHABLE;
+pub use formats::{FORMATS, MapFormat, print_ascii, print_movingai};
 pub use grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
 pub(crate) use half_cells::{HalfCells, PointSearch};
 pub use load::{load_map, load_scenario, parse_map, parse_scenario_bytes, read_scenario};
-pub use movingai::print_movingai;
 pub use random::{RANDOM_SIZES, RandomMapKind, random};
 pub use scenario::{Scenario, ScenarioTask};
 pub use start::with_start;

@@ -4,6 +4,7 @@
 
 mod core_world;
 mod fetch_reach;
+mod formats;
 mod maps;
 mod rivals;
 mod runs;

@@ -256,7 +256,10 @@ fn grids(most: usize) -> impl Strategy<Value = Grid> {
         .prop_flat_map(|(w, h)| {
             (
                 Just(w),
-                prop::collection::vec(prop::sample::select(vec![b'.', b'#', b'S', b'G']), w * h),
+                prop::collection::vec(
+                    prop::sample::select(vec![b'.', b'#', b'S', b'G', b'C']),
+                    w * h,
+                ),
             )
         })
         .prop_filter("a free cell", |(_, cells)| cells.iter().any(|c| *c != b'#'))

@@ -3,40 +3,39 @@
 use std::io::ErrorKind;
 use std::path::Path;
 
-use super::ascii::{self, parse_ascii};
 use super::error::{MapError, MapResult};
+use super::formats::{MapFormat, Source};
 use super::grid::{Grid, MAX_CELLS, size_limits};
-use super::movingai::{is_movingai, parse_movingai};
 use super::scenario::{Scenario, ScenarioTask, is_scenario};
-use super::text::Text;
 use crate::files::{self, Format, Mismatch, Wanted};
 
 /// Size limit of a map or scenario file: room for the cells, line endings and a header.
 const MAX_BYTES: u64 = 4 * MAX_CELLS as u64;
 
-/// Parses a map in either format. Errors refer to it as `file`, whose stem becomes the map's name.
+/// Parses a map in any of the [`FORMATS`](super::FORMATS). Errors refer to it as `file`, whose stem becomes the map's name.
 ///
 /// # Errors
 /// Fails on malformed input, with its location.
 pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
-    let text = Text::new(file, bytes)?;
-    if is_scenario(&text) {
+    parse(&Source::new(file, bytes))
+}
+
+/// Parses a map, unless it is a scenario.
+fn parse(source: &Source) -> MapResult<Grid> {
+    if let Ok(text) = &source.text
+        && is_scenario(text)
+    {
         let help = "give its map here, and the scenario with --scen, or to 'gdg-tui check' as a file whose name ends in .scen";
         return Err(text.line_error(0, "this is a scenario file, not a map", help));
     }
-    let name = Path::new(file)
-        .file_stem()
-        .map_or_else(|| file.to_owned(), |s| s.to_string_lossy().into_owned());
-    if is_movingai(&text) {
-        return parse_movingai(&name, &text);
-    }
-    parse_ascii(&name, &text).map(|grid| grid.with_doubt(ascii::doubtful_letters(&text.lines)))
+    MapFormat::of(source).read(source)
 }
 
 /// What is read as a map.
 const MAP: Wanted = Wanted {
     name: "a map",
-    help: "a map is plain text: one character per cell ('#' is a wall, '.' is free), or Moving AI's format",
+    help: "a map is plain text: one character per cell ('#' is a wall, '.' is free), or in one of the formats of \
+           'gdg-tui maps --help'",
     // A scenario gets an error of its own, with its location.
     own: &[Format::Map, Format::Scenario, Format::Text],
 };
@@ -54,8 +53,13 @@ const SCENARIO: Wanted = Wanted {
 /// Like [`parse_map`]; also if the file cannot be read: missing, a directory, no permission, too
 /// large.
 pub fn load_map(path: &Path) -> MapResult<Grid> {
-    let parsed = read(path, "map").and_then(|bytes| parse_map(&path.to_string_lossy(), &bytes));
-    parsed.map_err(|error| explained(path, error, &MAP))
+    let bytes = read(path, "map").map_err(|error| explained(path, error, &MAP))?;
+    let file = path.to_string_lossy();
+    let source = Source::new(&file, &bytes);
+    parse(&source).map_err(|error| match MapFormat::by_content(&source) {
+        Some(_) => error,
+        None => explained(path, error, &MAP),
+    })
 }
 
 /// Reads a scenario, for any map.

@@ -3,9 +3,21 @@
 use super::error::{MapError, MapResult};
 use crate::text::SourceLine;
 
-/// A text file split into lines, without their LF or CRLF.
+/// A place in a text.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    /// Line, from 0.
+    pub line: usize,
+    /// Column, from 0, in characters.
+    pub column: usize,
+}
+
+/// A text file.
 pub struct Text<'a> {
     pub file: &'a str,
+    /// All of it, without its byte-order mark.
+    pub source: &'a str,
+    /// Its lines, without their LF or CRLF.
     pub lines: Vec<&'a str>,
 }
 
@@ -16,9 +28,9 @@ impl<'a> Text<'a> {
         if let Some(at) = bytes.iter().position(|b| *b == 0) {
             return Err(not_text(file, bytes, at, "a NUL byte"));
         }
-        let text = std::str::from_utf8(bytes)
+        let source = std::str::from_utf8(bytes)
             .map_err(|e| not_text(file, bytes, e.valid_up_to(), "a byte that is not UTF-8"))?;
-        if !text.contains('\n') && text.trim_end_matches('\r').contains('\r') {
+        if !source.contains('\n') && source.trim_end_matches('\r').contains('\r') {
             let help = "write it with other line ends: tr '\\r' '\\n' < FILE > NEW";
             return Err(MapError::whole_file(
                 file,
@@ -27,7 +39,7 @@ impl<'a> Text<'a> {
             ));
         }
         let mut lines: Vec<&str> =
-            text.split('\n').map(|l| l.strip_suffix('\r').unwrap_or(l)).collect();
+            source.split('\n').map(|l| l.strip_suffix('\r').unwrap_or(l)).collect();
         while lines.last().is_some_and(|l| l.is_empty()) {
             lines.pop();
         }
@@ -38,7 +50,7 @@ impl<'a> Text<'a> {
                 "a map needs at least one free cell, a scenario the line 'version 1' and a task",
             ));
         }
-        Ok(Self { file, lines })
+        Ok(Self { file, source, lines })
     }
 
     /// Creates an error at `columns` of line `line`, both from 0; a line past the end is shown as
@@ -52,6 +64,16 @@ impl<'a> Text<'a> {
     ) -> Box<MapError> {
         let text = self.lines.get(line).copied().unwrap_or_default();
         MapError::at(self.file, SourceLine { number: line, text }, columns, problem, help)
+    }
+
+    /// Creates an error about the character at `place`.
+    pub fn error_at(
+        &self,
+        place: Place,
+        problem: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Box<MapError> {
+        self.error(place.line, place.column..place.column + 1, problem, help)
     }
 
     /// Creates an error about the whole of line `line`.

@@ -1,23 +1,28 @@
 //! Plain ASCII maps: one character per cell.
 
-use super::error::MapResult;
-use super::grid::{Cell, Grid, is_size, size_limits};
-use super::text::Text;
+use super::super::error::{MapError, MapResult};
+use super::super::grid::{Cell, Grid, is_size, size_limits};
+use super::super::text::Text;
+use super::{MapFormat, Mark, marks};
 use crate::text::{counted, grouped};
 
 /// Maximum number of further characters that an error names.
 const MAX_NAMED_CHARACTERS: usize = 3;
 
-/// The meaning of a map character.
-enum Mark {
-    Free,
-    Wall,
-    Start,
-    Goal,
-}
+pub const FORMAT: MapFormat = MapFormat {
+    name: "plain",
+    about: "one character per cell: '#' is a wall, '.' is free, S a start, G a goal, C both",
+    endings: &["txt"],
+    loses: "",
+    is: |_| false,
+    read: |source| {
+        let text = source.text()?;
+        parse_ascii(&source.name(), text).map(|grid| grid.with_doubt(doubtful_letters(&text.lines)))
+    },
+    write: |grid| print_ascii(grid).into_bytes(),
+};
 
-const ALLOWED_CHARACTERS: &str =
-    "free cells are '.' or space, walls '#' (or '@', 'O', 'T', 'W'), 'S' a start and 'G' a goal";
+const ALLOWED_CHARACTERS: &str = "free cells are '.' or space, walls '#' (or '@', 'O', 'T', 'W'), 'S' a start, 'G' a goal, 'C' both";
 
 const ROW_LENGTHS: &str = "all rows must have the same length (an editor may have removed or added spaces at their ends: \
                            write free cells as '.')";
@@ -28,17 +33,18 @@ fn mark(c: char) -> Option<Mark> {
         '#' | '@' | 'O' | 'T' | 'W' => Some(Mark::Wall),
         'S' => Some(Mark::Start),
         'G' => Some(Mark::Goal),
+        'C' => Some(Mark::Both),
         _ => None,
     }
 }
 
 /// Parses a plain ASCII map: `#`, `@`, `O`, `T`, `W` wall; `.` and space free; `S` a start, `G` a
-/// goal.
+/// goal, `C` both.
 ///
 /// # Errors
 /// Fails on rows of different lengths, unknown characters, no free cell, or a size beyond
 /// [`size_limits`].
-pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
+fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     let rows = without_stray_blanks(&text.lines).unwrap_or_else(|| text.lines.clone());
     let width = rows[0].chars().count();
     if width == 0 {
@@ -59,12 +65,13 @@ pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
             let Some(mark) = mark(c) else {
                 return Err(unknown_character(text, y, |c| mark(c).is_some(), ALLOWED_CHARACTERS));
             };
-            match mark {
-                Mark::Start => starts.push(Cell::new(x, y)),
-                Mark::Goal => goals.push(Cell::new(x, y)),
-                Mark::Free | Mark::Wall => {}
+            if matches!(mark, Mark::Start | Mark::Both) {
+                starts.push(Cell::new(x, y));
             }
-            free.push(!matches!(mark, Mark::Wall));
+            if matches!(mark, Mark::Goal | Mark::Both) {
+                goals.push(Cell::new(x, y));
+            }
+            free.push(mark != Mark::Wall);
         }
         check_row_length(text, y, line, width, "the first row has", ROW_LENGTHS)?;
     }
@@ -87,23 +94,20 @@ fn without_stray_blanks<'a>(rows: &[&'a str]) -> Option<Vec<&'a str>> {
     (lengths(&trimmed) && trimmed.iter().all(|row| !row.contains(' '))).then_some(trimmed)
 }
 
-/// Prints the map as plain ASCII with LF line endings. Parsing the result gives the same map,
-/// except that a cell that is both start and goal is printed as a start.
+/// Prints the map as plain ASCII with LF line endings. Parsing the result gives the same map.
 pub fn print_ascii(grid: &Grid) -> String {
-    let mut rows: Vec<Vec<u8>> = (0..grid.height())
-        .map(|y| {
-            (0..grid.width())
-                .map(|x| if grid.is_free(Cell::new(x, y)) { b'.' } else { b'#' })
-                .collect()
-        })
-        .collect();
-    grid.goals().iter().for_each(|c| rows[c.y][c.x] = b'G');
-    grid.starts().iter().for_each(|c| rows[c.y][c.x] = b'S');
-    rows.into_iter().map(|row| String::from_utf8_lossy(&row).into_owned() + "\n").collect()
+    let character = |mark| match mark {
+        Mark::Free => '.',
+        Mark::Wall => '#',
+        Mark::Start => 'S',
+        Mark::Goal => 'G',
+        Mark::Both => 'C',
+    };
+    marks(grid).flat_map(|row| row.map(character).chain(['\n'])).collect()
 }
 
 /// Creates the error for a map that is too large.
-pub fn too_large(text: &Text, width: usize, height: usize) -> Box<super::MapError> {
+pub fn too_large(text: &Text, width: usize, height: usize) -> Box<MapError> {
     text.line_error(0, format!("a map of {width} x {height} cells is too large"), size_limits())
 }
 
@@ -114,7 +118,7 @@ pub fn unknown_character(
     line: usize,
     is_known: impl Fn(char) -> bool + Copy,
     help: &str,
-) -> Box<super::MapError> {
+) -> Box<MapError> {
     let mut unknown = text.lines.iter().enumerate().skip(line).flat_map(|(y, row)| {
         row.chars().enumerate().filter(move |(_, c)| !is_known(*c)).map(move |(x, c)| (c, y, x))
     });
@@ -169,11 +173,11 @@ pub fn check_some_free(text: &Text, free: &[bool]) -> MapResult<()> {
         Some(doubt) => format!("{doubt}: write free cells as '.'"),
         None => "write free cells as '.'".to_owned(),
     };
-    Err(super::MapError::whole_file(text.file, "the map has no free cell", help))
+    Err(MapError::whole_file(text.file, "the map has no free cell", help))
 }
 
 /// Returns a warning if other programs read a plain map differently.
-pub fn doubtful_letters(lines: &[&str]) -> Option<&'static str> {
+fn doubtful_letters(lines: &[&str]) -> Option<&'static str> {
     let has = |letter: char| lines.iter().any(|line| line.contains(letter));
     (has('#') && has('O'))
         .then_some("O is a wall, as in Moving AI maps; in D4RL mazes it is a free cell")

@@ -2,11 +2,22 @@
 
 use std::num::IntErrorKind;
 
-use super::ascii::{check_row_length, check_some_free, too_large, unknown_character};
-use super::error::MapResult;
-use super::grid::{Cell, Grid, MAX_SIDE, is_size};
-use super::text::Text;
+use super::super::error::MapResult;
+use super::super::grid::{Cell, Grid, MAX_SIDE, is_size};
+use super::super::text::Text;
+use super::MapFormat;
+use super::plain::{check_row_length, check_some_free, too_large, unknown_character};
 use crate::text::{counted, grouped};
+
+pub const FORMAT: MapFormat = MapFormat {
+    name: "movingai",
+    about: "Moving AI's format",
+    endings: &["map"],
+    loses: "starts and goals",
+    is: |source| source.is_text(is_movingai),
+    read: |source| parse_movingai(&source.name(), source.text()?),
+    write: |grid| print_movingai(grid).into_bytes(),
+};
 
 const HEADER: &str = "a Moving AI map begins with the lines 'type octile', 'height H', 'width W' and 'map', then H rows follow";
 
@@ -24,7 +35,7 @@ struct Header {
 }
 
 /// Returns whether the text starts with a Moving AI header, perhaps an incomplete one.
-pub fn is_movingai(text: &Text) -> bool {
+fn is_movingai(text: &Text) -> bool {
     let first = text.lines[0].split_whitespace().next().unwrap_or_default();
     HEADER_WORDS.iter().any(|word| first.eq_ignore_ascii_case(word))
 }
@@ -44,7 +55,7 @@ fn is_free(c: char) -> Option<bool> {
 /// # Errors
 /// Fails if the header is incomplete or contradicts the body, and on everything that makes a plain
 /// map invalid.
-pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
+fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
     let header = parse_header(text)?;
     let Header { width: (width, _), height: (height, _), first_row } = header;
     if !is_size(width, height) {

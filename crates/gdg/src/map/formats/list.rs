@@ -1,0 +1,86 @@
+//! Mazes as lists of rows: Gymnasium-Robotics' `maze_map`, OGBench's layouts, and arrays in JSON.
+
+use super::super::error::{MapError, MapResult};
+use super::super::grid::Grid;
+use super::super::text::{Place, Text};
+use super::yaml::{Event, events};
+use super::{MapFormat, Mark, Rows, Source, marks};
+
+pub const FORMAT: MapFormat = MapFormat {
+    name: "list",
+    about: "a list of rows, as in Gymnasium-Robotics and OGBench: [[1, 1], ['r', 0]]",
+    endings: &["json", "py"],
+    loses: "",
+    is: |source| source.is_text(|text| text.source[after_name(text.source)..].starts_with('[')),
+    read,
+    write: |grid| write(grid).into_bytes(),
+};
+
+const CELLS: &str = "a cell is 0 (free), 1 (wall), 'r' (start), 'g' (goal) or 'c' (both)";
+
+const ROWS: &str = "a map is one list of rows, each a list of cells: [[1, 1, 1], [1, 'r', 'g']]";
+
+/// Returns the byte after `NAME =` in Python and the blanks around it.
+pub fn after_name(source: &str) -> usize {
+    let after = |rest: &str| source.len() - rest.trim_start().len();
+    let start = after(source);
+    let named =
+        source[start..].trim_start_matches(|c: char| c.is_alphanumeric() || "_.".contains(c));
+    match named.trim_start().strip_prefix('=') {
+        // A line may go on after a backslash.
+        Some(value) => after(value.trim_start().strip_prefix("\\\n").unwrap_or(value)),
+        None => start,
+    }
+}
+
+fn mark(cell: &str) -> Option<Mark> {
+    Some(match cell {
+        "0" => Mark::Free,
+        "1" => Mark::Wall,
+        "r" | "R" => Mark::Start,
+        "g" | "G" => Mark::Goal,
+        "c" | "C" => Mark::Both,
+        _ => return None,
+    })
+}
+
+fn read(source: &Source) -> MapResult<Grid> {
+    let text = source.text()?;
+    let mut rows = Rows::new(text);
+    let (mut depth, mut row) = (0, Place::default());
+    for event in events(text, after_name(text.source)) {
+        let (event, place) = event?;
+        match (depth, event) {
+            (0, Event::ListStart) => depth = 1,
+            (1, Event::ListStart) => (depth, row) = (2, place),
+            (2, Event::Scalar(cell)) => {
+                rows.push(mark(&cell).ok_or_else(|| not_a_cell(text, place, &cell))?)?;
+            }
+            (2, Event::ListEnd) => {
+                rows.end_row(row)?;
+                depth = 1;
+            }
+            (1, Event::ListEnd) => depth = 0,
+            _ => return Err(text.error_at(place, "this is not a row of cells", ROWS)),
+        }
+    }
+    rows.finish(&source.name(), CELLS)
+}
+
+fn not_a_cell(text: &Text, place: Place, cell: &str) -> Box<MapError> {
+    text.error_at(place, format!("{cell:?} is not a cell"), CELLS)
+}
+
+fn write(grid: &Grid) -> String {
+    let cell = |mark| match mark {
+        Mark::Free => "0",
+        Mark::Wall => "1",
+        Mark::Start => "\"r\"",
+        Mark::Goal => "\"g\"",
+        Mark::Both => "\"c\"",
+    };
+    let rows: Vec<String> = marks(grid)
+        .map(|row| format!("  [{}]", row.map(cell).collect::<Vec<_>>().join(", ")))
+        .collect();
+    format!("[\n{}\n]\n", rows.join(",\n"))
+}

@@ -1,0 +1,73 @@
+//! Rows of numbers: digits as in OGBench's layouts (`1001`), and CSV, as NumPy and Tiled export it.
+
+use super::super::error::MapResult;
+use super::super::grid::Grid;
+use super::super::text::{Place, Text};
+use super::{MapFormat, Mark, Rows, Source, marks};
+
+pub const FORMAT: MapFormat = MapFormat {
+    name: "csv",
+    about: "rows of numbers: 0 is free (or -1, in layers of Tiled), others are walls; rows of \
+            digits too, 10011",
+    endings: &["csv"],
+    loses: "starts and goals",
+    is: |source| source.is_text(is_numbers),
+    read,
+    write: |grid| write(grid).into_bytes(),
+};
+
+const CELLS: &str = "cells are integers: 0 is free, or -1 where there is one; others are walls";
+
+/// A map of plain text has no digits.
+fn is_numbers(text: &Text) -> bool {
+    text.source.trim_start().starts_with(|c: char| c == '-' || c.is_ascii_digit())
+}
+
+/// A number of a map: what is written, and where.
+type Number<'a> = (&'a str, Place);
+
+/// Splits a line at commas or semicolons, or else at blanks.
+fn numbers(line: usize, text: &str) -> impl Iterator<Item = Number<'_>> {
+    let has_commas = text.contains([',', ';']);
+    let is_between =
+        move |c: char| if has_commas { c == ',' || c == ';' } else { c.is_whitespace() };
+    text.split(is_between).map(str::trim).filter(|number| !number.is_empty()).map(move |number| {
+        let byte = number.as_ptr() as usize - text.as_ptr() as usize;
+        (number, Place { line, column: text[..byte].chars().count() })
+    })
+}
+
+fn read(source: &Source) -> MapResult<Grid> {
+    let text = source.text()?;
+    let lines = || text.lines.iter().enumerate().map(|(line, row)| numbers(line, row));
+    let is_binary = |(number, _): Number| number.bytes().all(|b| b == b'0' || b == b'1');
+    let is_dense = lines().flatten().all(is_binary) && lines().flatten().any(|n| n.0.len() > 1);
+    let empty = if lines().flatten().any(|(number, _)| number == "-1") { -1 } else { 0 };
+    let mut rows = Rows::new(text);
+    for mut row in lines().map(Iterator::peekable) {
+        let Some((_, first)) = row.peek().copied() else { continue };
+        for (number, place) in row {
+            if is_dense {
+                for digit in number.bytes() {
+                    rows.push(if digit == b'0' { Mark::Free } else { Mark::Wall })?;
+                }
+                rows.end_row(place)?;
+            } else {
+                let value: i64 = number.parse().map_err(|_| {
+                    let problem = format!("{number:?} is not a number");
+                    text.error_at(place, problem, CELLS)
+                })?;
+                rows.push(if value == empty { Mark::Free } else { Mark::Wall })?;
+            }
+        }
+        if !is_dense {
+            rows.end_row(first)?;
+        }
+    }
+    rows.finish(&source.name(), CELLS)
+}
+
+fn write(grid: &Grid) -> String {
+    let cell = |mark| if mark == Mark::Wall { "1" } else { "0" };
+    marks(grid).map(|row| row.map(cell).collect::<Vec<_>>().join(",") + "\n").collect()
+}
