@@ -9,6 +9,7 @@ mod film;
 #[cfg(feature = "tui")]
 mod frames;
 mod gym;
+mod maps;
 mod method;
 mod reproduce;
 #[cfg(feature = "tui")]
@@ -22,7 +23,7 @@ mod values;
 use std::path::PathBuf;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::host::runs::SAVES;
 pub use ablate::AblateArgs;
@@ -33,7 +34,7 @@ pub use export_policy::ExportPolicyArgs;
 pub use film::FilmArgs;
 #[cfg(feature = "tui")]
 pub use frames::FramesArgs;
-use gdg::map::{RANDOM_SIZES, RandomMapKind};
+pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand};
 pub use method::RunArgs;
 pub use reproduce::ReproduceArgs;
 #[cfg(feature = "tui")]
@@ -42,7 +43,6 @@ pub use suite::SuiteArgs;
 #[cfg(feature = "tui")]
 pub use tour::TourArgs;
 pub use train::TrainArgs;
-use values::counts;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -100,19 +100,9 @@ impl Cli {
 /// Commands besides training.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// List the built-in maps with size, free cells and farthest distance, or print a random map
-    Maps {
-        /// Print a random map of this kind as plain ASCII
-        #[arg(long, value_name = "KIND", value_enum)]
-        random: Option<MapKindArg>,
-        /// Cells along each side of the random map [default: 44 for maze, 101 for city, 33 for
-        /// perfect]. Perfect mazes of an even size end at the edge of the map instead of a wall
-        #[arg(long, value_name = "N", requires = "random", value_parser = sides())]
-        size: Option<u16>,
-        /// Seed of the random map: same seed, same map
-        #[arg(long, default_value_t = 0, requires = "random", value_parser = counts::<u64>(0..=u64::MAX))]
-        seed: u64,
-    },
+    /// List the built-in maps with size, free cells and farthest distance, print a random map, or
+    /// convert maps
+    Maps(MapsArgs),
     /// List the saved runs of a folder, the newest first
     Runs {
         /// Folder of the checkpoints
@@ -150,36 +140,13 @@ pub enum Command {
     Man,
     /// Validate a map or scenario file and print its facts
     Check {
-        /// Map (.map or plain ASCII), scenario (.scen) or built-in map
+        /// Map (in any format of gdg-tui maps --help), scenario (.scen) or built-in map
         file: PathBuf,
         /// Map of the scenario, if it is not in the same folder
         #[arg(long, value_name = "FILE")]
         map: Option<PathBuf>,
+        /// How the map is read.
+        #[command(flatten)]
+        reading: MapArgs,
     },
-}
-
-/// [`RandomMapKind`] on the command line.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum MapKindArg {
-    /// Rooms of 4 by 4 cells with thin walls, connected by doors
-    Maze,
-    /// Streets between blocks, about a third of them closed
-    City,
-    /// A perfect maze: corridors and walls one cell wide, one path between any two cells
-    Perfect,
-}
-
-/// Returns the parser of the cells along each side of a random map.
-fn sides() -> impl Fn(&str) -> Result<u16, String> + Clone + Send + Sync + 'static {
-    counts(*RANDOM_SIZES.start() as u64..=*RANDOM_SIZES.end() as u64)
-}
-
-impl From<MapKindArg> for RandomMapKind {
-    fn from(arg: MapKindArg) -> Self {
-        match arg {
-            MapKindArg::Maze => Self::Maze,
-            MapKindArg::City => Self::City,
-            MapKindArg::Perfect => Self::Perfect,
-        }
-    }
 }

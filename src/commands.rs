@@ -37,7 +37,7 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
     let text = |made: Result<String, Report>| print_safely(&made.or_bad_input()?);
     match cli.command {
         None => train::run(&cli.train, registry),
-        Some(Command::Maps { random, size, seed }) => maps::run(random, size, seed),
+        Some(Command::Maps(args)) => maps::run(&args, registry),
         Some(Command::Runs { folder }) => text(runs::list(&folder, registry)),
         Some(Command::Settings) => print(&reference_page()),
         #[cfg(feature = "tui")]
@@ -51,7 +51,9 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Frames(args)) => text(frames::run(&args)),
         Some(Command::Completions { shell }) => print(&completions(shell)),
         Some(Command::Man) => print(&manual().or_failure()?),
-        Some(Command::Check { file, map }) => text(check::run(&file, map.as_deref(), registry)),
+        Some(Command::Check { file, map, reading }) => {
+            text(check::run(&file, map.as_deref(), &(&reading).into(), registry))
+        }
         Some(Command::ExportPolicy(args)) => text(export_policy::run(&args, registry)),
         Some(Command::Film(args)) => text(film::run(&args, registry)),
     }

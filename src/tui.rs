@@ -82,7 +82,7 @@ pub use config::{
 pub use export::{PageColours, picture_of, png_of};
 use gdg::engine::Engine;
 use gdg::learn::Threads;
-use gdg::map;
+use gdg::map::{self, Reading};
 use gdg::train::{Limits, Registry, Trainer};
 use gdg::viewer::Viewer;
 pub use keymap::Keymap;
@@ -199,7 +199,7 @@ fn is_first_run() -> bool {
 /// The run needs more memory than is left.
 pub fn prepare_tour(threads: Threads, registry: &Arc<Registry>) -> Result<Trainer, Report> {
     let run = app::tour_run();
-    let maze = setup::open_maze(Path::new(app::TOUR_MAP), &run, registry)?;
+    let maze = setup::open_maze(Path::new(app::TOUR_MAP), &Reading::default(), &run, registry)?;
     setup::begin(run, &maze, registry, threads)
 }
 

@@ -10,6 +10,7 @@ mod cli;
 #[cfg(unix)]
 mod compare;
 mod export;
+mod formats;
 #[cfg(unix)]
 mod gym;
 #[cfg(unix)]

@@ -1,4 +1,5 @@
-//! Parses arbitrary bytes as a map: a grid that survives printing and parsing, or an error.
+//! Parses arbitrary bytes as a map in any format: a grid that survives printing and parsing, or an
+//! error.
 #![no_main]
 
 use gdg::map::{parse_map, print_ascii};

@@ -9,9 +9,11 @@ use libfuzzer_sys::fuzz_target;
 static TRAP: LazyLock<Grid> = LazyLock::new(|| builtin("trap").expect("built in"));
 
 fuzz_target!(|bytes: &[u8]| {
-    let tasks = Scenario::parse("fuzzed", bytes.to_vec()).and_then(|scenario| {
+    let tasks = Scenario::parse("fuzzed", bytes).and_then(|scenario| {
         let _ = (scenario.map_name(), scenario.other_map(&TRAP));
-        scenario.check_lengths(&TRAP).and_then(|()| scenario.tasks(&TRAP))
+        let tasks = scenario.tasks(&TRAP)?;
+        scenario.check_lengths(&tasks, &TRAP)?;
+        Ok(tasks)
     });
     match tasks {
         Ok(tasks) => {

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::ScreenArgs;
 use super::method::MethodParser;
 use super::values::{counts, parse_threads};
+use super::{MapArgs, ScreenArgs};
 use crate::tui::ComparisonOptions;
 use gdg::learn::Threads;
 use gdg::train::Method;
@@ -55,6 +55,10 @@ pub struct CompareArgs {
     /// Options of what is shown and recorded.
     #[command(flatten)]
     pub screen: ScreenArgs,
+
+    /// How the map is read.
+    #[command(flatten)]
+    pub reading: MapArgs,
 }
 
 impl CompareArgs {
@@ -63,6 +67,7 @@ impl CompareArgs {
         ComparisonOptions {
             methods: [self.a.clone(), self.b.clone()],
             map: self.map.clone(),
+            reading: (&self.reading).into(),
             seed: self.seed,
             set: self.set.clone(),
             threads: self.threads,

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::values::{counts, parse_radius, parse_timeout};
+use super::values::{counts, parse_timeout};
 use gdg::env::GymOptions;
 
 /// Options of environments in Python.
@@ -21,11 +21,6 @@ pub struct GymArgs {
     #[arg(long, value_name = "I,J,...", value_delimiter = ',', conflicts_with = "resume")]
     pub goal: Option<Vec<u16>>,
 
-    /// Distance below which a goal is reached, in the environment's unit [default: the
-    /// environment's own]
-    #[arg(long, value_name = "R", value_parser = parse_radius, conflicts_with = "resume")]
-    pub goal_radius: Option<f64>,
-
     /// Python processes that the agents' environments are spread over
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = counts::<u16>(1..=256))]
     pub workers: u16,
@@ -35,14 +30,15 @@ pub struct GymArgs {
     pub env_timeout: f64,
 }
 
-impl From<&GymArgs> for GymOptions {
-    fn from(args: &GymArgs) -> Self {
-        Self {
-            python: args.python.clone(),
-            goal: args.goal.as_ref().map(|goal| goal.iter().map(|i| usize::from(*i)).collect()),
-            goal_radius: args.goal_radius.map(|radius| radius as f32),
-            workers: args.workers.into(),
-            timeout: Duration::from_secs_f64(args.env_timeout),
+impl GymArgs {
+    /// Returns the options of environments whose goals are reached within `goal_radius`.
+    pub fn options(&self, goal_radius: Option<f32>) -> GymOptions {
+        GymOptions {
+            python: self.python.clone(),
+            goal: self.goal.as_ref().map(|goal| goal.iter().map(|i| usize::from(*i)).collect()),
+            goal_radius,
+            workers: self.workers.into(),
+            timeout: Duration::from_secs_f64(self.env_timeout),
         }
     }
 }

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::RunArgs;
 use super::values::{counts, output, parse_share};
+use super::{MapArgs, RunArgs};
 use crate::experiment::suite;
 
 const EXAMPLES: &str = "\
@@ -67,11 +67,16 @@ pub struct SuiteArgs {
     /// Exit with status 3 unless every run's final success rate is at least X
     #[arg(long, value_name = "X", value_parser = parse_share)]
     pub require_success: Option<f64>,
+
+    /// How the maps are read.
+    #[command(flatten)]
+    pub reading: MapArgs,
 }
 
 impl From<SuiteArgs> for suite::Options {
     fn from(args: SuiteArgs) -> Self {
         Self {
+            reading: (&args.reading).into(),
             maps: args.maps,
             budget: args.budget,
             seeds: args.seeds,

@@ -4,17 +4,18 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::RunArgs;
 use super::gym::GymArgs;
 #[cfg(feature = "tui")]
 use super::screen::InterfaceArgs;
 use super::values::{
     counts, edits, output, parse_minutes, parse_seconds, parse_share, parse_threads,
 };
+use super::{MapArgs, RunArgs};
 use crate::headless;
 use crate::host::logging::LogLevel;
 use crate::host::setup::{EditAt, Request};
 use gdg::learn::Threads;
+use gdg::map::{MapScale, Reading};
 use gdg::train::Limits;
 
 /// The map to train on unless another is given.
@@ -23,8 +24,8 @@ const DEFAULT_MAP: &str = "fourrooms";
 /// Options of a training run.
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// Built-in map, map file, or world: fetch-reach, fetch-reach-wall, or a Gymnasium environment,
-    /// gym:ID or gym:PACKAGE:ID [default: fourrooms]
+    /// Built-in map, map file (gdg-tui maps --help lists the formats), or world: fetch-reach,
+    /// fetch-reach-wall, or a Gymnasium environment, gym:ID or gym:PACKAGE:ID [default: fourrooms]
     #[arg(value_name = "MAP")]
     pub map: Option<PathBuf>,
 
@@ -72,7 +73,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = counts::<u32>(1..=10_000))]
     pub eval_tasks: u32,
 
-    /// Evaluate on this scenario's tasks (6 x --eval-tasks of them, evenly spaced)
+    /// Evaluate on the tasks of this scenario, or of the agents of a map for planners (6 x --eval-tasks of them, evenly spaced)
     #[arg(long, value_name = "FILE")]
     pub scen: Option<PathBuf>,
 
@@ -127,6 +128,10 @@ pub struct TrainArgs {
     /// Exit with status 3 unless the final evaluation's success rate is at least X
     #[arg(long, value_name = "X", value_parser = parse_share)]
     pub require_success: Option<f64>,
+
+    /// How the map is read.
+    #[command(flatten)]
+    pub reading: MapArgs,
 }
 
 impl TrainArgs {
@@ -135,11 +140,23 @@ impl TrainArgs {
         self.map.as_deref().unwrap_or(Path::new(DEFAULT_MAP))
     }
 
+    /// Returns how maps are read. The goal radius of an environment in Python is not a map's.
+    fn reading(&self) -> Reading {
+        let reading = Reading::from(&self.reading);
+        let is_python = self.map().to_str().is_some_and(|name| name.starts_with("gym:"));
+        if !is_python || self.resume.is_some() {
+            return reading;
+        }
+        let goal_radius = MapScale::default().goal_radius;
+        Reading { scale: MapScale { goal_radius, ..reading.scale }, ..reading }
+    }
+
     /// Returns the run to begin or to resume.
     pub fn request(&self) -> Request {
         Request {
             map: self.map().to_owned(),
             named_map: self.map.is_some(),
+            reading: self.reading(),
             run: self.run.clone().into(),
             seed: self.seed,
             resume: self.resume.clone(),

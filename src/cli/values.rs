@@ -51,6 +51,17 @@ fn parse_edit_at(text: &OsStr) -> Result<EditAt, String> {
     Ok(EditAt { updates, file: PathBuf::from(file) })
 }
 
+/// Returns the parser of a number within `range`.
+pub fn reals(
+    range: RangeInclusive<f32>,
+) -> impl Fn(&str) -> Result<f32, String> + Clone + Send + Sync + 'static {
+    move |text| {
+        let (least, most) = (*range.start(), *range.end());
+        let expected = format!("a number from {least} to {most}");
+        number(text, f64::from(least)..=f64::from(most), &expected).map(|number| number as f32)
+    }
+}
+
 /// Parses how many threads share an update.
 pub fn parse_threads(text: &str) -> Result<Threads, String> {
     if text == "auto" {
@@ -66,8 +77,8 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
 }
 
 /// Parses the distance below which a goal is reached.
-pub fn parse_radius(text: &str) -> Result<f64, String> {
-    number(text, 1e-9..=1e9, "a distance from 1e-9 to 1e9")
+pub fn parse_radius(text: &str) -> Result<f32, String> {
+    number(text, 1e-9..=1e9, "a distance from 1e-9 to 1e9").map(|radius| radius as f32)
 }
 
 /// Parses how long to wait for an environment, in seconds.

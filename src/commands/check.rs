@@ -11,7 +11,7 @@ use crate::host::maps::{doubts, find_map, unconnected_parts};
 use crate::host::progress_bar;
 use crate::host::report::from_map_error;
 use gdg::files::has_extension;
-use gdg::map::{self, Diameter, Grid, MapError, StepSearch};
+use gdg::map::{self, Diameter, Grid, MapError, MapScale, Reading, Scenario, StepSearch};
 use gdg::text::counted;
 use gdg::train::Registry;
 
@@ -19,7 +19,12 @@ use gdg::train::Registry;
 ///
 /// # Errors
 /// Returns what is wrong with the file.
-pub fn run(file: &Path, map_file: Option<&Path>, registry: &Registry) -> Result<String, Report> {
+pub fn run(
+    file: &Path,
+    map_file: Option<&Path>,
+    reading: &Reading,
+    registry: &Registry,
+) -> Result<String, Report> {
     let _spinner = Spinner::start("measuring the map");
     if !has_extension(file, "scen") {
         if map_file.is_some() {
@@ -30,19 +35,27 @@ pub fn run(file: &Path, map_file: Option<&Path>, registry: &Registry) -> Result<
                 file.display()
             ));
         }
-        let grid = find_map(file, registry)?;
-        return Ok(facts(&grid, None));
+        let grid = find_map(file, reading, registry)?;
+        let Some(scenario) = map::agents_of(file).map_err(from_map_error)? else {
+            return Ok(facts(&grid, None));
+        };
+        return tasks(&scenario, &grid);
     }
     let scenario = map::read_scenario(file).map_err(from_map_error)?;
     let path = map_file
         .map_or_else(|| map_beside(file, &scenario.map_name()), |path| Ok(path.to_owned()))?;
-    let grid = map::load_map(&path).map_err(from_map_error)?;
-    let tasks = scenario.tasks(&grid).map_err(from_map_error)?;
-    scenario.check_lengths(&tasks, &grid).map_err(from_map_error)?;
-    let longest = tasks.iter().map(|t| t.optimal_octile).fold(0.0, f64::max);
+    tasks(&scenario, &map::load_map_as(&path, reading).map_err(from_map_error)?)
+}
+
+/// Returns the facts about a scenario and its map.
+fn tasks(scenario: &Scenario, grid: &Grid) -> Result<String, Report> {
+    let tasks = scenario.tasks(grid).map_err(from_map_error)?;
+    scenario.check_lengths(&tasks, grid).map_err(from_map_error)?;
+    let longest = tasks.iter().filter_map(|t| t.optimal_octile).reduce(f64::max);
+    let longest = longest.map_or(String::new(), |longest| format!(", longest {longest:.1} cells"));
     let tasks = counted(tasks.len() as u64, "task");
-    let facts = facts(&grid, scenario.other_map(&grid));
-    Ok(format!("scenario: {tasks}, longest {longest:.1} cells\n{facts}"))
+    let facts = facts(grid, scenario.other_map(grid));
+    Ok(format!("scenario: {tasks}{longest}\n{facts}"))
 }
 
 /// Returns the map of a scenario in the same folder: the one that it names, or the one that it is
@@ -100,6 +113,15 @@ fn facts(grid: &Grid, other_map: Option<String>) -> String {
     if !grid.starts().is_empty() || !grid.goals().is_empty() {
         let (starts, goals) = (grid.starts().len() as u64, grid.goals().len() as u64);
         lines.push(format!("marked:     {}, {}", counted(starts, "start"), counted(goals, "goal")));
+    }
+    let scale = grid.scale();
+    if scale != MapScale::default() {
+        lines.push(format!(
+            "scale:      {} a block, walls wider by {}, goals reached within {}",
+            counted(scale.cell as u64, "cell"),
+            scale.margin,
+            scale.goal_radius
+        ));
     }
     let warnings =
         doubts(grid).into_iter().chain(unconnected_parts(grid, &components)).chain(other_map);

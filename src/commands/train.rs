@@ -28,7 +28,7 @@ use crate::tui;
 /// # Errors
 /// The arguments are invalid, or training or saving fails.
 pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
-    let registry = &registry.clone().with_gym((&args.gym).into());
+    let registry = &registry.clone().with_gym(args.gym.options(args.reading.goal_radius));
     let request = args.request();
     if args.print_config {
         let settings = setup::settings_to_print(&request, registry).or_bad_input()?;

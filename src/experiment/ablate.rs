@@ -18,7 +18,7 @@ use crate::host::report::from_config_error;
 use crate::host::setup::{parallel_jobs, refuse_existing, refuse_input};
 use crate::host::status::EXIT_FAILURE;
 use gdg::files::{check_writable, write_atomically};
-use gdg::map::Grid;
+use gdg::map::{Grid, Reading};
 use gdg::printing::eprint_line;
 use gdg::settings::Ablation;
 use gdg::text::{counted, markdown};
@@ -159,7 +159,7 @@ pub fn run(options: &Options, registry: &Arc<Registry>) -> Result<u8, Report> {
     if let Some(path) = &options.json {
         check_json(path, options)?;
     }
-    let map = find_map(&options.map, registry)?;
+    let map = find_map(&options.map, &Reading::default(), registry)?;
     warn(&map);
     let plan = Plan::new(Length::Updates(options.updates), 1, options.eval_tasks);
     let (cases, mut runs) = (cases(options.ladder), Vec::new());

@@ -19,7 +19,7 @@ use crate::host::setup::{self, RunChoice, parallel_jobs};
 use crate::host::status::{EXIT_FAILURE, EXIT_NOT_REACHED};
 use gdg::env::maze;
 use gdg::files::{has_extension, is_hidden};
-use gdg::map::{Grid, builtin, load_map};
+use gdg::map::{Grid, Reading, builtin, load_map_as};
 use gdg::printing::eprint_line;
 use gdg::printing::print_text;
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
@@ -30,6 +30,8 @@ use gdg::train::Registry;
 pub struct Options {
     /// Built-in maps, map files, and folders of them.
     pub maps: Vec<PathBuf>,
+    /// How they are read.
+    pub reading: Reading,
     /// Updates per map; otherwise by its size.
     pub budget: Option<u64>,
     /// Runs per map, with seeds 1, 2, ...
@@ -78,7 +80,7 @@ pub fn prepare<'a>(options: &'a Options, registry: &Arc<Registry>) -> Result<Sui
         Job::new(JobWorld::maze(map, seed), None, run, plan.clone())
     };
     for map in &options.maps {
-        for grid in maps(map, registry)? {
+        for grid in maps(map, &options.reading, registry)? {
             let updates = options.budget.unwrap_or_else(|| default_budget(&grid));
             let plan = Plan::suite(updates, options.eval_tasks);
             let jobs = (1..=options.seeds).map(|seed| job(&grid, seed, &plan));
@@ -102,9 +104,9 @@ pub fn prepare<'a>(options: &'a Options, registry: &Arc<Registry>) -> Result<Sui
 
 /// Returns the built-in map or the map file called `folder`, or all `.map` files of that folder,
 /// sorted by name; all `.txt` files if it has none. Hidden files are left out.
-fn maps(folder: &Path, registry: &Registry) -> Result<Vec<Grid>, Report> {
+fn maps(folder: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<Grid>, Report> {
     if !folder.is_dir() || folder.to_str().is_some_and(|name| builtin(name).is_some()) {
-        let map = find_map(folder, registry)?;
+        let map = find_map(folder, reading, registry)?;
         warn(&map);
         return Ok(vec![map]);
     }
@@ -131,7 +133,7 @@ fn maps(folder: &Path, registry: &Registry) -> Result<Vec<Grid>, Report> {
         let help = "give a folder of .map or .txt files, map files, or names from 'gdg-tui maps'";
         return Err(miette!(help = help, "{name}: the folder has no .map or .txt files"));
     }
-    let load = |path: &PathBuf| load_map(path).inspect(warn).map_err(from_map_error);
+    let load = |path: &PathBuf| load_map_as(path, reading).inspect(warn).map_err(from_map_error);
     files.iter().map(load).collect()
 }
 

@@ -7,7 +7,7 @@ use miette::{IntoDiagnostic, Report, miette};
 
 use crate::host::maps::find_map;
 use gdg::env::{Environment, PointMaze};
-use gdg::map::{Grid, print_ascii, with_start};
+use gdg::map::{Grid, MapScale, Reading, print_ascii, with_start};
 use gdg::train::Registry;
 
 /// A world to train in.
@@ -42,7 +42,7 @@ impl JobWorld {
             Some(kind) if kind.create.is_some() || kind.open.is_some() => {
                 Ok(Self::Named(name.to_owned()))
             }
-            _ => Ok(Self::maze(&find_map(Path::new(name), registry)?, seed)),
+            _ => Ok(Self::maze(&find_map(Path::new(name), &Reading::default(), registry)?, seed)),
         }
     }
 
@@ -64,7 +64,7 @@ impl JobWorld {
 
     /// Returns what distinguishes it from other worlds of the same name: the map as text.
     pub fn content(&self) -> String {
-        self.map().map_or(String::new(), |map| print_ascii(map))
+        self.map().map_or(String::new(), |map| content(map))
     }
 
     /// Creates it, without agents.
@@ -85,11 +85,18 @@ impl JobWorld {
     pub fn is(&self, world: &dyn Environment) -> bool {
         match self {
             Self::Maze { .. } => PointMaze::downcast_ref(world)
-                .is_some_and(|maze| print_ascii(maze.map()) == self.content()),
+                .is_some_and(|maze| content(maze.map()) == self.content()),
             Self::Named(name) => match name.split_once(':') {
                 Some((kind, argument)) => world.kind() == kind && argument.ends_with(world.title()),
                 None => world.kind() == name,
             },
         }
     }
+}
+
+/// Returns a map as text, with its scale unless that is the default.
+fn content(map: &Grid) -> String {
+    let scale = map.scale();
+    let scale = if scale == MapScale::default() { String::new() } else { format!("{scale:?}") };
+    print_ascii(map) + &scale
 }

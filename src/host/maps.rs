@@ -6,7 +6,7 @@ use std::path::Path;
 use miette::{Report, miette};
 
 use crate::host::report::from_map_error;
-use gdg::map::{self, Cell, Components, Grid, MapError, StepSearch};
+use gdg::map::{self, Cell, Components, Grid, MapError, Reading, StepSearch};
 use gdg::printing::eprint_line;
 use gdg::text::{counted, nearest, sanitized};
 use gdg::train::Registry;
@@ -86,15 +86,15 @@ pub fn known_name(path: &Path) -> &str {
     path.to_str().unwrap_or_default()
 }
 
-/// Loads the built-in map or the file at `path`; errors also list the worlds of `registry` that
+/// Loads the built-in map or the file at `path` at a scale; errors also list the worlds of `registry` that
 /// need no file.
 ///
 /// # Errors
 /// The file is invalid, or `path` is neither a built-in map nor a file.
-pub fn find_map(path: &Path, registry: &Registry) -> Result<Grid, Report> {
+pub fn find_map(path: &Path, reading: &Reading, registry: &Registry) -> Result<Grid, Report> {
     let name = known_name(path);
     if let Some(grid) = map::builtin(name) {
-        return Ok(grid);
+        return reading.scale.of(name, &grid).map_err(from_map_error);
     }
     if registry.world_without_file(name).is_some() && !path.exists() {
         let help = "give a map: a built-in name or a file";
@@ -106,7 +106,7 @@ pub fn find_map(path: &Path, registry: &Registry) -> Result<Grid, Report> {
     if is_unknown_name(path, registry) {
         return Err(unknown_name(path, registry, &[]));
     }
-    map::load_map(path).map_err(|mut error| {
+    map::load_map_as(path, reading).map_err(|mut error| {
         if !path.exists() {
             error.help.push_str(", or a name from 'gdg-tui maps'");
         }

@@ -14,7 +14,7 @@ use crate::host::runs::{self, SAVES};
 use gdg::env::{Environment, PointMaze, Restart};
 use gdg::files;
 use gdg::learn::Threads;
-use gdg::map::{self, Grid, MapError};
+use gdg::map::{self, Grid, MapError, MapFormat, MapScale, Reading};
 use gdg::text::{safe_file_name, sanitized};
 use gdg::train::{
     self, Limits, Loaded, Method, Overrides, Preset, Registry, Run, SaveTo, Settings, TrainError,
@@ -55,6 +55,8 @@ pub struct EditAt {
 pub struct Request {
     /// The map or world.
     pub map: PathBuf,
+    /// How the map is read.
+    pub reading: Reading,
     /// Whether the user has named it.
     pub named_map: bool,
     /// Method and settings.
@@ -194,11 +196,15 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
     if let Some(path) = &request.recording {
         refuse_input("--record", path, inputs(request, resumed.as_deref()))?;
     }
+    if resumed.is_some() && request.reading.scale != MapScale::default() {
+        let help = "leave --cell, --margin and --goal-radius out: they are as they were";
+        return Err(miette!(help = help, "--resume: a checkpoint contains its map and its scale"));
+    }
     let Loaded { mut trainer, warning } = if let Some(path) = &resumed {
         train::load(path, registry, threads).map_err(from_checkpoint_error)?
     } else {
         let run = self::run(&request.run, &request.map, registry, request.seed)?;
-        let world = open_world(&request.map, &run, registry)?;
+        let world = open_world(&request.map, &request.reading, &run, registry)?;
         Loaded { trainer: begin(run, &*world, registry, threads)?, warning: None }
     };
     let mut warnings = Vec::from_iter(warning);
@@ -261,8 +267,7 @@ fn resumed_file(request: &Request, registry: &Registry) -> Result<Option<PathBuf
             let name = known_name(file);
             let is_name =
                 map::builtin(name).is_some() || registry.world_without_file(name).is_some();
-            let is_map =
-                || ["map", "txt"].iter().any(|extension| files::has_extension(file, extension));
+            let is_map = || MapFormat::by_name(file).is_some();
             if train::is_checkpoint(file) || !is_name && !is_map() {
                 return Ok(Some(file.clone()));
             }
@@ -286,7 +291,7 @@ fn title_of(name: &Path, registry: &Registry) -> Result<String, Report> {
         Some(Some(create)) => Ok(create().title().to_owned()),
         // Its argument ends with its title.
         Some(None) => Ok(given.rsplit(':').next().unwrap_or_default().to_owned()),
-        None => Ok(find_map(name, registry)?.name().to_owned()),
+        None => Ok(find_map(name, &Reading::default(), registry)?.name().to_owned()),
     }
 }
 
@@ -311,19 +316,32 @@ pub fn begin(
 }
 
 /// Opens the world called `name`: a kind that needs no file, or the maze on that map.
-fn open_world(name: &Path, run: &Run, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
+fn open_world(
+    name: &Path,
+    reading: &Reading,
+    run: &Run,
+    registry: &Registry,
+) -> Result<Box<dyn Environment>, Report> {
     if let Some(opened) = registry.open(known_name(name)) {
+        if *reading != Reading::default() {
+            return Err(not_a_maze("the scale of a map"));
+        }
         return opened.into_diagnostic();
     }
-    open_maze(name, run, registry).map(|maze| Box::new(maze) as _)
+    open_maze(name, reading, run, registry).map(|maze| Box::new(maze) as _)
 }
 
 /// Opens the maze on the built-in map or the map file called `name`.
 ///
 /// # Errors
 /// There is no such map, it is invalid, or it lacks what the settings of `run` require.
-pub fn open_maze(name: &Path, run: &Run, registry: &Registry) -> Result<PointMaze, Report> {
-    let map = Arc::new(find_map(name, registry)?);
+pub fn open_maze(
+    name: &Path,
+    reading: &Reading,
+    run: &Run,
+    registry: &Registry,
+) -> Result<PointMaze, Report> {
+    let map = Arc::new(find_map(name, reading, registry)?);
     if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
         let problem = "has no start S, which restart=start-cell requires";
         return Err(from_map_error(MapError::whole_file(
@@ -425,7 +443,8 @@ fn load_edits(request: &Request, trainer: &Trainer) -> Result<Vec<Edit>, Report>
                 "the run ends at update {most}: give that or an earlier one"
             )));
         }
-        let new = map::load_map(&edit.file).map_err(from_map_error)?;
+        let threshold = request.reading.threshold;
+        let new = map::load_map_like(&edit.file, map, threshold).map_err(from_map_error)?;
         if (new.width(), new.height()) != (map.width(), map.height()) {
             let problem = format!("is {} x {} cells", new.width(), new.height());
             let help = format!(

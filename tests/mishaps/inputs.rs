@@ -154,7 +154,7 @@ fn messages_say_what_was_meant() {
         (&["--print-config", "--set", "HIDDEN=3"], "did you mean hidden?"),
         (&["--no-ui", "trap", "--method", "GDG"], "'gdg'"),
         (&["check", "mac.map"], "its lines end in CR alone"),
-        (&["check", "ros.yaml"], "is the description of a ROS map (YAML), not a map"),
+        (&["check", "ros.yaml"], "ros.yaml:1:8"),
         (&["check", "empty.map"], "is empty"),
         (&["--print-config", "--config", "list.json"], "expected an object of settings"),
     ] {

@@ -5,7 +5,9 @@
 
 mod builtin;
 mod distance;
+mod enlarge;
 mod error;
+mod file;
 mod flood;
 mod formats;
 mod grid;
@@ -13,6 +15,7 @@ mod half_cells;
 mod load;
 mod octile;
 mod random;
+mod scale;
 mod scenario;
 mod start;
 mod text;
@@ -25,7 +28,11 @@ pub use flood::UNREACHABLE;
 pub use formats::{FORMATS, MapFormat, print_ascii, print_movingai};
 pub use grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
 pub(crate) use half_cells::{HalfCells, PointSearch};
-pub use load::{load_map, load_scenario, parse_map, parse_scenario_bytes, read_scenario};
+pub use load::{
+    Reading, agents_of, load_map, load_map_as, load_map_like, load_scenario, parse_map,
+    parse_scenario_bytes, read_scenario,
+};
 pub use random::{RANDOM_SIZES, RandomMapKind, random};
+pub use scale::MapScale;
 pub use scenario::{Scenario, ScenarioTask};
 pub use start::with_start;

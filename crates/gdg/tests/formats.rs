@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use gdg::map::{FORMATS, Grid, load_map, parse_map};
+use gdg::map::{
+    Cell, FORMATS, Grid, MapScale, Reading, load_map, load_map_as, load_map_like, load_scenario,
+    parse_map, print_ascii,
+};
 use proptest::prelude::*;
 
 /// The maze of all samples.
@@ -23,6 +26,8 @@ fn sample(name: &str) -> Grid {
 fn samples_of_each_format_are_the_same_maze() {
     for (names, expected) in [
         (&["list.json", "list-gymnasium.py", "list-ogbench-crlf.txt"][..], maze(&[])),
+        (&["colours.png", "palette.png", "image-p6.ppm"], maze(&[])),
+        (&["tiled.tmx", "tiled-two-layers.tmx"], maze(&[])),
         (&["d4rl.txt", "d4rl-source.py", "d4rl-bare"], maze(&['C'])),
         (
             &[
@@ -30,6 +35,18 @@ fn samples_of_each_format_are_the_same_maze() {
                 "digits-one-line.txt",
                 "numbers-numpy.txt",
                 "numbers-trailing-comma.csv",
+                "grey-alpha.png",
+                "grey16.png",
+                "one-bit.png",
+                "image-p5.pgm",
+                "image-p5-16-bit.pgm",
+                "image-p2.pgm",
+                "ros.yaml",
+                "ros-negate.yaml",
+                "ros-scale.yaml",
+                "ros-raw.yaml",
+                "mapf.yaml",
+                "mapf-tuples.yaml",
             ],
             maze(&['S', 'G', 'C']),
         ),
@@ -42,6 +59,47 @@ fn samples_of_each_format_are_the_same_maze() {
     let tiled = "#####\n#...#\n###.#\n#...#\n#####\n";
     let tiled = parse_map("maze", tiled.as_bytes()).unwrap();
     assert_eq!(sample("numbers-tiled.csv").named("maze"), tiled);
+}
+
+#[test]
+fn agents_of_a_planner_s_map_are_tasks_on_it_at_any_scale() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/valid/mapf.yaml");
+    let scale = MapScale { cell: 4, margin: 1.5, goal_radius: 2.0 };
+    let map = load_map_as(&file, &Reading { scale, ..Reading::default() }).unwrap();
+    assert_eq!((map.width(), map.height(), map.scale()), (20, 20, scale));
+    for (map, to) in [(maze(&['S', 'G', 'C']), 1_usize), (map, 4)] {
+        let tasks = load_scenario(&file, &map).unwrap();
+        let cells: Vec<[Cell; 2]> = tasks.iter().map(|task| [task.start, task.goal]).collect();
+        let at = |x, y| Cell::new(to * x + to / 2, to * y + to / 2);
+        assert_eq!(cells, [[at(1, 1), at(3, 3)], [at(3, 2), at(1, 3)]]);
+    }
+}
+
+#[test]
+fn the_threshold_says_which_pixels_are_walls() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/valid/grey16.png");
+    let free = |threshold| {
+        load_map_as(&file, &Reading { threshold, ..Reading::default() }).map(|map| map.free_count())
+    };
+    assert_eq!((free(0.05).unwrap(), free(0.5).unwrap()), (25, 7));
+    assert!(free(0.9).unwrap_err().help.contains("--threshold"));
+}
+
+#[test]
+fn an_edited_maze_gets_the_scale_of_the_run_and_an_enlarged_one_keeps_its_cells() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    let scale = MapScale { cell: 3, margin: 1.0, goal_radius: 2.0 };
+    let run = scale.of("maze", &maze(&[])).unwrap();
+    let like = |path: &Path| load_map_like(path, &run, 0.5).unwrap().named("maze");
+    assert_eq!(like(&write("maze.txt", MAZE)), run);
+    assert_eq!(like(&write("enlarged.txt", &print_ascii(&run))), run);
+    let other = like(&write("other.txt", "...\n"));
+    assert_eq!((other.width(), other.scale()), (3, MapScale::default()));
 }
 
 /// Generates maps of up to 12 by 12 cells with a free cell.
@@ -60,8 +118,13 @@ proptest! {
     #[test]
     fn what_is_written_in_a_format_is_read(grid in grids()) {
         for format in &FORMATS {
-            let file = format!("random.{}", format.endings[0]);
-            let read = parse_map(&file, &format.write(&grid)).unwrap();
+            let folder = tempfile::tempdir().unwrap();
+            let file = folder.path().join("random").with_extension(format.endings[0]);
+            for (path, bytes) in format.write(&grid, &file) {
+                std::fs::write(path, bytes).unwrap();
+            }
+            // Of the formats in YAML, the content says which it is.
+            let read = load_map(&file).unwrap_or_else(|error| panic!("{error}"));
             let starts = if format.loses.contains("starts") { &[] } else { grid.starts() };
             let goals = if format.loses.contains("goals") { &[] } else { grid.goals() };
             prop_assert_eq!(read, grid.with_marks(starts.to_vec(), goals.to_vec()), "{}", format.name);
@@ -70,7 +133,7 @@ proptest! {
 
     #[test]
     fn parsing_what_resembles_a_format_never_panics(
-        text in r#"(A = )?["\[1#-][0-9rgc,#O '"\[\]\n\\{}:&*-]{0,60}"#,
+        text in r#"(A = |P[2356] |<map |image: a\nresolution: |map:\n dimensions: \[1, 2\]\n obstacles: )?["\[1#-][0-9rgc,#O '"\[\]\n\\{}:&*-]{0,60}"#,
     ) {
         if let Err(error) = parse_map("random", text.as_bytes()) {
             prop_assert!(!error.help.is_empty());

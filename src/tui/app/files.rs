@@ -15,7 +15,7 @@ use crate::tui::lists;
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use gdg::files::{has_extension, is_hidden, read_text, write_atomically};
-use gdg::map::{Grid, load_map, print_ascii, print_movingai};
+use gdg::map::{FORMATS, Grid, MapFormat, Reading, load_map, load_map_like};
 use gdg::train::describe;
 
 /// Number of recent maps remembered.
@@ -53,15 +53,17 @@ pub fn save_map(name: &str, scene: &mut Scene, screen: &mut Screen) -> Result<()
     }
     let Some(maze) = scene.maze_mut() else { return Ok(()) };
     let path = Path::new(name);
-    let movingai = has_extension(path, "map");
     let marks = maze.map.starts().len() + maze.map.goals().len();
-    let text = if movingai { print_movingai(&maze.map) } else { print_ascii(&maze.map) };
-    write_atomically(path, text.as_bytes())
-        .map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
-    let lost = if movingai && marks > 0 {
-        " (without starts and goals, which the format lacks)"
+    let [.., plain] = &FORMATS;
+    let format = MapFormat::by_name(path).unwrap_or(plain);
+    for (path, bytes) in format.write(&maze.map, path) {
+        write_atomically(&path, &bytes)
+            .map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
+    }
+    let lost = if marks > 0 && !format.loses.is_empty() {
+        format!(" (without {}, which the format lacks)", format.loses)
     } else {
-        ""
+        String::new()
     };
     maze.kept_map = maze.map.clone();
     screen.notify(&format!("wrote {name}{lost}"));
@@ -86,7 +88,11 @@ pub fn pick_map(folder: Option<&Path>, screen: &mut Screen) {
 
 /// Reads a map and asks how to switch to it.
 pub fn open_map(path: &Path, scene: &Scene, screen: &mut Screen) {
-    match load_map(path) {
+    let map = match scene.maze() {
+        Some(maze) => load_map_like(path, &maze.map, Reading::default().threshold),
+        None => load_map(path),
+    };
+    match map {
         Ok(map) => {
             warnings(&map).iter().for_each(|warning| screen.notify(warning));
             offer_map(&Arc::new(map), Some(path), scene, screen);
@@ -134,9 +140,10 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
 /// another kind.
 fn is_folder_or_map((path, is_folder): &(PathBuf, bool)) -> bool {
     let has = |extension| has_extension(path, extension);
+    // Any picture is a map.
+    let may_be = || MapFormat::by_name(path).is_some() && !has("png");
     let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_LISTED_BYTES);
-    !is_hidden(path)
-        && (*is_folder || has("map") || has("txt") && small() && load_map(path).is_ok())
+    !is_hidden(path) && (*is_folder || has("map") || may_be() && small() && load_map(path).is_ok())
 }
 
 /// Returns recently opened or written maps that still exist.

@@ -11,6 +11,7 @@ use crate::host::report::from_config_error;
 use crate::host::setup;
 use gdg::env::PointMaze;
 use gdg::learn::Threads;
+use gdg::map::Reading;
 use gdg::train::{Method, Overrides, Registry, Run, Trainer, settings_from};
 
 /// What to compare.
@@ -20,6 +21,8 @@ pub struct ComparisonOptions {
     pub methods: [Method; 2],
     /// Built-in map or map file.
     pub map: PathBuf,
+    /// How the map is read.
+    pub reading: Reading,
     /// Random seed of both.
     pub seed: u64,
     /// Changes of settings of both, or of one side, `[A:|B:]NAME=VALUE`.
@@ -83,7 +86,7 @@ fn contestant(
     let settings = settings_from(preset, &Overrides { set: &set, ..Overrides::default() })
         .map_err(from_config_error)?;
     let run = Run { method: method.clone(), preset, seed: options.seed, settings };
-    let maze = setup::open_maze(&options.map, &run, registry)?;
+    let maze = setup::open_maze(&options.map, &options.reading, &run, registry)?;
     let threads = options.threads.share(LETTERS.len());
     let own = options.set.iter().filter_map(|setting| match setup::split_prefix(setting) {
         (Some(prefix), setting) if prefix == side => Some(format!(" {setting}")),

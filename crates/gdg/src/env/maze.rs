@@ -17,7 +17,9 @@ use super::{
     Explored, GroundTruth, MazeScene, Probes, Recorded, Region, Restart, Scene, Spec, Task,
     TaskSet, WorldKind,
 };
-use crate::map::{Cell, Diameter, Grid, ScenarioTask, StepSearch, parse_map, print_ascii};
+use crate::map::{
+    Cell, Diameter, Grid, MapScale, ScenarioTask, StepSearch, parse_map, print_ascii,
+};
 use crate::store::{Store, StoreError};
 use crate::text::{counted, safe_file_name};
 pub use probe_grid::ProbeGrid;
@@ -34,11 +36,11 @@ pub const KIND: WorldKind = WorldKind {
 
 const NAME: &str = "maze";
 
+/// Where checkpoints have the map's scale, unless that is the default.
+const SCALE: &str = "map_scale";
+
 /// Sub-steps per step; each moves one axis after the other.
 const SUBSTEPS: usize = 10;
-
-/// A goal is reached below this Euclidean distance, in cells.
-const GOAL_RADIUS_CELLS: f32 = 1.0;
 
 /// Positions closer than this, in cells, count as the same.
 const POSITION_TOLERANCE_CELLS: f32 = 1e-3;
@@ -91,7 +93,7 @@ impl PointMaze {
             change_scale: vec![1.0; 2],
             achieved: vec![0, 1],
             action_dim: 2,
-            goal_radius: GOAL_RADIUS_CELLS,
+            goal_radius: map.scale().goal_radius,
             goals_are_positions: true,
         };
         Self {
@@ -129,15 +131,18 @@ impl PointMaze {
     }
 
     /// Returns a replacement for this maze on another map, with the same settings and without
-    /// agents; the scenario is kept if the map has the same size.
+    /// agents; scenario and scale are kept if the map has the same size.
     #[must_use]
     pub fn with_map(&self, map: Arc<Grid>) -> Self {
-        let new = Self { settings: self.settings, ..Self::new(map, 0) };
-        if new.size() == self.size() {
-            Self { scenario: self.scenario.clone(), ..new }
+        let scale = self.map.scale();
+        let is_same_size = (map.width(), map.height()) == self.size();
+        let map = if is_same_size && map.scale() != scale {
+            Arc::new(Grid::clone(&map).with_scale(scale))
         } else {
-            new
-        }
+            map
+        };
+        let scenario = if is_same_size { self.scenario.clone() } else { Arc::from([]) };
+        Self { settings: self.settings, scenario, ..Self::new(map, 0) }
     }
 
     /// Returns the map's columns and rows.
@@ -179,7 +184,15 @@ impl PointMaze {
         let name = safe_file_name(store.text("map_name")?);
         let map = parse_map(&name, store.text("map")?.as_bytes());
         let map = map.map_err(|e| StoreError::inconsistent(e.to_string()))?.named(&name);
-        Ok(Self::new(Arc::new(map), 0))
+        let scale = if store.texts().contains_key(SCALE) {
+            store.json(SCALE)?
+        } else {
+            MapScale::default()
+        };
+        if !scale.is_valid() {
+            return Err(StoreError::inconsistent("the map has an impossible scale"));
+        }
+        Ok(Self::new(Arc::new(map.with_scale(scale)), 0))
     }
 
     /// Returns the component of the cell that `agent` is in.
@@ -336,7 +349,7 @@ impl Recorded for PointMaze {
 
     fn facts(&self) -> Map<String, Value> {
         let (map, diameter) = (&self.map, self.diameter());
-        let facts = json!({
+        let mut facts = json!({
             "name": map.name(),
             "width": map.width(),
             "height": map.height(),
@@ -345,12 +358,22 @@ impl Recorded for PointMaze {
             // Whether the diameter is exact, or only the farthest pair found.
             "diameter_exact": diameter.exact,
         });
+        let scale = map.scale();
+        if scale != MapScale::default() {
+            facts["cells_per_block"] = json!(scale.cell);
+            facts["margin_cells"] = json!(scale.margin);
+            facts["goal_radius_cells"] = json!(scale.goal_radius);
+        }
         Map::from_iter([("map".to_owned(), facts)])
     }
 
     fn save(&self, store: &mut Store) {
         store.put_text("map_name", self.map.name());
         store.put_text("map", print_ascii(&self.map));
+        let scale = self.map.scale();
+        if scale != MapScale::default() {
+            store.put_text(SCALE, json!(scale).to_string());
+        }
     }
 
     fn memory_bytes(&self) -> u64 {

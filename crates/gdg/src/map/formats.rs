@@ -4,18 +4,26 @@
 //! name; everything else is read as plain text.
 
 mod d4rl;
+mod image;
 mod list;
+mod mapf;
 mod movingai;
 mod numbers;
+mod pgm;
 mod plain;
+mod png;
+mod ros;
 mod rows;
+mod tiled;
 mod yaml;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::error::MapResult;
 use super::grid::{Cell, Grid};
 use super::text::Text;
+use image::Image;
+pub use mapf::{agents, has_agents, is_mapf};
 pub use movingai::print_movingai;
 pub use plain::print_ascii;
 use rows::{Mark, Rows};
@@ -24,20 +32,30 @@ use rows::{Mark, Rows};
 pub struct Source<'a> {
     /// Its name, for errors.
     pub file: &'a str,
+    pub bytes: &'a [u8],
     /// Its text, if it is text.
     pub text: MapResult<Text<'a>>,
+    /// Where the files that it names are.
+    pub folder: Option<&'a Path>,
+    /// The brightness, from 0 to 1, below which pixels of images are walls.
+    pub threshold: f32,
 }
 
 impl<'a> Source<'a> {
-    /// Prepares a file for reading.
+    /// Prepares a file for reading, without those that it names.
     pub fn new(file: &'a str, bytes: &'a [u8]) -> Self {
-        Self { file, text: Text::new(file, bytes) }
+        Self { file, bytes, text: Text::new(file, bytes), folder: None, threshold: THRESHOLD }
     }
 
     /// Returns the map's name: the file's without its ending.
     fn name(&self) -> String {
-        let stem = Path::new(self.file).file_stem();
-        stem.map_or_else(|| self.file.to_owned(), |stem| stem.to_string_lossy().into_owned())
+        name_of(Path::new(self.file))
+    }
+
+    /// Reads it as an image.
+    fn read_image(&self, decode: fn(&str, &[u8]) -> MapResult<Image>) -> MapResult<Grid> {
+        let help = "dark pixels are walls: --threshold says how dark, from 0 to 1";
+        decode(self.file, self.bytes)?.map(self.file, |shade| shade < self.threshold, help)
     }
 
     /// Returns whether it is text that begins as `is` says.
@@ -51,7 +69,19 @@ impl<'a> Source<'a> {
     }
 }
 
+/// The brightness, from 0 to 1, below which pixels of images are walls unless another is given.
+pub const THRESHOLD: f32 = 0.5;
+
+/// Returns the name of a file without its ending.
+fn name_of(path: &Path) -> String {
+    path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// Returns the file of a map's image.
+type WriteImage = fn(&Grid) -> Vec<u8>;
+
 /// A format of maps.
+#[derive(Debug)]
 pub struct MapFormat {
     /// Its name on the command line.
     pub name: &'static str,
@@ -64,13 +94,26 @@ pub struct MapFormat {
     /// Whether a file's content is of this format.
     is: fn(&Source) -> bool,
     read: fn(&Source) -> MapResult<Grid>,
-    write: fn(&Grid) -> Vec<u8>,
+    /// Returns the file of a map, whose name is given.
+    write: fn(&Grid, &str) -> Vec<u8>,
+    /// The image that goes with it: the ending of its name, and how it is written.
+    image: Option<(&'static str, WriteImage)>,
 }
 
 /// All formats. A file is of the first one that recognises its content; plain text is what no other
 /// one recognises.
-pub const FORMATS: [MapFormat; 5] =
-    [movingai::FORMAT, list::FORMAT, d4rl::FORMAT, numbers::FORMAT, plain::FORMAT];
+pub const FORMATS: [MapFormat; 10] = [
+    png::FORMAT,
+    pgm::FORMAT,
+    movingai::FORMAT,
+    tiled::FORMAT,
+    ros::FORMAT,
+    mapf::FORMAT,
+    list::FORMAT,
+    d4rl::FORMAT,
+    numbers::FORMAT,
+    plain::FORMAT,
+];
 
 impl MapFormat {
     /// Returns the format that recognises a file's content.
@@ -80,12 +123,17 @@ impl MapFormat {
 
     /// Returns the format of a file.
     pub fn of(source: &Source) -> &'static Self {
-        let is_named = |format: &&Self| {
-            let ending = Path::new(source.file).extension().unwrap_or_default();
-            format.endings.iter().any(|own| ending.eq_ignore_ascii_case(own))
-        };
         let [.., plain] = &FORMATS;
-        Self::by_content(source).or_else(|| FORMATS.iter().find(is_named)).unwrap_or(plain)
+        let by_name = || Self::by_name(Path::new(source.file));
+        Self::by_content(source).or_else(by_name).unwrap_or(plain)
+    }
+
+    /// Returns the format of files with a name like this one.
+    pub fn by_name(path: &Path) -> Option<&'static Self> {
+        let ending = path.extension()?;
+        let is_own =
+            |format: &&Self| format.endings.iter().any(|own| ending.eq_ignore_ascii_case(own));
+        FORMATS.iter().find(is_own)
     }
 
     /// Reads a map.
@@ -96,9 +144,12 @@ impl MapFormat {
         (self.read)(source)
     }
 
-    /// Returns the file of a map in this format.
-    pub fn write(&self, grid: &Grid) -> Vec<u8> {
-        (self.write)(grid)
+    /// Returns the files of a map in this format, with their names: `file`, and for some formats an
+    /// image beside it.
+    pub fn write(&self, grid: &Grid, file: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let image = self.image.map(|(ending, write)| (file.with_extension(ending), write(grid)));
+        image.into_iter().chain([(file.to_owned(), (self.write)(grid, &name))]).collect()
     }
 }
 

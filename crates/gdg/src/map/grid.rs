@@ -1,5 +1,6 @@
 //! The grid itself: which cells are free, and which are marked as starts and goals.
 
+use super::scale::MapScale;
 use crate::text::grouped;
 
 /// The maximum number of cells in a map (4096 x 4096).
@@ -52,6 +53,8 @@ pub struct Grid {
     free: Vec<bool>,
     starts: Vec<Cell>,
     goals: Vec<Cell>,
+    /// How its cells relate to the maze that it was read from.
+    scale: MapScale,
     /// Warning that other programs read its file differently.
     doubt: Option<&'static str>,
 }
@@ -59,13 +62,12 @@ pub struct Grid {
 /// Maps are equal whatever the warning about their file.
 impl PartialEq for Grid {
     fn eq(&self, other: &Self) -> bool {
-        let Self { name, width, height, free, starts, goals, doubt: _ } = self;
-        (name, width, height) == (&other.name, &other.width, &other.height)
+        let Self { name, width, height, free, starts, goals, scale, doubt: _ } = self;
+        scale == &other.scale
+            && (name, width, height) == (&other.name, &other.width, &other.height)
             && (free, starts, goals) == (&other.free, &other.starts, &other.goals)
     }
 }
-
-impl Eq for Grid {}
 
 impl Grid {
     /// Creates a grid from its cells in row-major order (`true` where free), with starts and goals
@@ -83,7 +85,8 @@ impl Grid {
     ) -> Self {
         let height = free.len().checked_div(width).unwrap_or(0);
         assert_eq!(free.len(), width * height, "a grid needs whole rows");
-        let grid = Self { name: name.to_owned(), width, height, free, starts, goals, doubt: None };
+        let (name, scale) = (name.to_owned(), MapScale::default());
+        let grid = Self { name, width, height, free, starts, goals, scale, doubt: None };
         assert!(
             grid.starts.iter().chain(&grid.goals).all(|&c| grid.is_free(c)),
             "starts and goals must be on free cells"
@@ -101,6 +104,17 @@ impl Grid {
     pub fn named(mut self, name: &str) -> Self {
         name.clone_into(&mut self.name);
         self
+    }
+
+    /// Returns the map with another scale, which changes no cell.
+    #[must_use]
+    pub fn with_scale(self, scale: MapScale) -> Self {
+        Self { scale, ..self }
+    }
+
+    /// Returns how the map's cells relate to the maze that it was read from.
+    pub fn scale(&self) -> MapScale {
+        self.scale
     }
 
     /// Returns the map with a warning that other programs read its file differently.
@@ -185,7 +199,7 @@ impl Grid {
         let grid = empty.with_cells(
             cells.into_iter().map(|cell| (cell, !self.contains(cell) || self.is_free(cell))),
         )?;
-        Some(grid.with_marks(self.starts.clone(), self.goals.clone()))
+        Some(grid.with_marks(self.starts.clone(), self.goals.clone()).with_scale(self.scale))
     }
 
     /// Returns whether `cell` is on the map.

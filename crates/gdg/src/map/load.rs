@@ -1,16 +1,15 @@
 //! Loads maps and scenarios from files.
 
-use std::io::ErrorKind;
 use std::path::Path;
 
 use super::error::{MapError, MapResult};
-use super::formats::{MapFormat, Source};
-use super::grid::{Grid, MAX_CELLS, size_limits};
+use super::file::read;
+use super::formats::{MapFormat, Source, THRESHOLD, has_agents};
+use super::grid::Grid;
+use super::scale::MapScale;
 use super::scenario::{Scenario, ScenarioTask, is_scenario};
-use crate::files::{self, Format, Mismatch, Wanted};
-
-/// Size limit of a map or scenario file: room for the cells, line endings and a header.
-const MAX_BYTES: u64 = 4 * MAX_CELLS as u64;
+use super::text::Text;
+use crate::files::{Format, Mismatch, Wanted};
 
 /// Parses a map in any of the [`FORMATS`](super::FORMATS). Errors refer to it as `file`, whose stem becomes the map's name.
 ///
@@ -47,15 +46,60 @@ const SCENARIO: Wanted = Wanted {
     own: &[Format::Scenario, Format::Text],
 };
 
+/// How the file of a map is read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// The scale of the map.
+    pub scale: MapScale,
+    /// The brightness, from 0 to 1, below which pixels of images are walls.
+    pub threshold: f32,
+}
+
+impl Default for Reading {
+    fn default() -> Self {
+        Self { scale: MapScale::default(), threshold: THRESHOLD }
+    }
+}
+
 /// Reads and parses a map file.
 ///
 /// # Errors
 /// Like [`parse_map`]; also if the file cannot be read: missing, a directory, no permission, too
 /// large.
 pub fn load_map(path: &Path) -> MapResult<Grid> {
+    load_map_as(path, &Reading::default())
+}
+
+/// Reads and parses a map file at a scale.
+///
+/// # Errors
+/// Like [`load_map`]; also if the map cannot have this scale.
+pub fn load_map_as(path: &Path, reading: &Reading) -> MapResult<Grid> {
+    let maze = load_maze(path, reading.threshold)?;
+    reading.scale.of(&path.to_string_lossy(), &maze)
+}
+
+/// Reads a map file that replaces `map` while agents move there: a maze that the map's scale
+/// enlarges to its size, or one that has it already.
+///
+/// # Errors
+/// Like [`load_map_as`].
+pub fn load_map_like(path: &Path, map: &Grid, threshold: f32) -> MapResult<Grid> {
+    let (maze, scale) = (load_maze(path, threshold)?, map.scale());
+    let fits =
+        |cell: usize| (cell * maze.width(), cell * maze.height()) == (map.width(), map.height());
+    if fits(scale.cell) {
+        return scale.of(&path.to_string_lossy(), &maze);
+    }
+    Ok(if fits(1) { maze.with_scale(scale) } else { maze })
+}
+
+/// Reads a map file, a block a cell.
+fn load_maze(path: &Path, threshold: f32) -> MapResult<Grid> {
     let bytes = read(path, "map").map_err(|error| explained(path, error, &MAP))?;
     let file = path.to_string_lossy();
-    let source = Source::new(&file, &bytes);
+    let folder = path.parent();
+    let source = Source { folder, threshold, ..Source::new(&file, &bytes) };
     parse(&source).map_err(|error| match MapFormat::by_content(&source) {
         Some(_) => error,
         None => explained(path, error, &MAP),
@@ -70,6 +114,17 @@ pub fn read_scenario(path: &Path) -> MapResult<Scenario> {
     let parsed =
         read(path, "scenario").and_then(|bytes| Scenario::parse(&path.to_string_lossy(), &bytes));
     parsed.map_err(|error| explained(path, error, &SCENARIO))
+}
+
+/// Reads the agents of a map for planners as a scenario; `None` if the file is another map.
+///
+/// # Errors
+/// Like [`read_scenario`].
+pub fn agents_of(path: &Path) -> MapResult<Option<Scenario>> {
+    let Ok(bytes) = read(path, "map") else { return Ok(None) };
+    let file = path.to_string_lossy();
+    let has_agents = Text::new(&file, &bytes).is_ok_and(|text| has_agents(&text));
+    has_agents.then(|| Scenario::parse(&file, &bytes)).transpose()
 }
 
 /// Reads and parses a scenario for `grid`.
@@ -94,23 +149,4 @@ fn explained(path: &Path, error: Box<MapError>, wanted: &Wanted) -> Box<MapError
     let instead =
         |Mismatch { problem, help }| MapError::whole_file(&path.to_string_lossy(), problem, help);
     wanted.mismatch(path).map_or(error, instead)
-}
-
-/// Reads a file that should contain a `kind`: a map or a scenario.
-fn read(path: &Path, kind: &str) -> MapResult<Vec<u8>> {
-    files::read(path, MAX_BYTES).map_err(|error| {
-        let help = format!("give a {kind} file");
-        let (problem, help) = match error.kind() {
-            ErrorKind::IsADirectory => ("is a directory".to_owned(), help),
-            ErrorKind::FileTooLarge => {
-                let help = match kind {
-                    "map" => size_limits(),
-                    _ => help,
-                };
-                (format!("the file is too large for a {kind}"), help)
-            }
-            _ => (format!("cannot be read: {error}"), help),
-        };
-        MapError::whole_file(&path.to_string_lossy(), problem, help)
-    })
 }

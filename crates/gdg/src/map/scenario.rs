@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use super::distance::StepSearch;
 use super::error::{MapError, MapResult};
+use super::formats::{agents, is_mapf};
 use super::grid::{Cell, Grid};
 use super::octile::{OctileSearch, least_length};
 use super::text::Text;
@@ -16,8 +17,8 @@ pub struct ScenarioTask {
     pub start: Cell,
     /// The cell it must reach.
     pub goal: Cell,
-    /// Optimal length as stated in the file, in cells (octile: a diagonal counts sqrt 2).
-    pub optimal_octile: f64,
+    /// Optimal length as stated in the file, if it is, in cells (octile: a diagonal counts sqrt 2).
+    pub optimal_octile: Option<f64>,
 }
 
 const EXPECTED_FIELDS: &str = "a task has 9 fields separated by tabs: bucket, map, map width, map height, start x, start y, \
@@ -55,7 +56,7 @@ struct Entry {
     size: (usize, usize),
     start: (usize, usize),
     goal: (usize, usize),
-    length: f64,
+    length: Option<f64>,
 }
 
 /// A field of a task: its first byte in the line, and its text.
@@ -74,6 +75,9 @@ impl Scenario {
     /// scenarios without tasks.
     pub fn parse(file: &str, bytes: &[u8]) -> MapResult<Self> {
         let text = Text::new(file, bytes)?;
+        if is_mapf(&text) {
+            return Self::of_agents(&text);
+        }
         let version: Vec<String> =
             text.lines[0].split_whitespace().map(str::to_ascii_lowercase).collect();
         let version: Vec<&str> = version.iter().map(String::as_str).collect();
@@ -97,6 +101,20 @@ impl Scenario {
         Ok(Self { file: file.to_owned(), entries })
     }
 
+    /// Returns the tasks of the agents of a map for planners: they refer to the map in the same file.
+    fn of_agents(text: &Text) -> MapResult<Self> {
+        let (size, agents) = agents(text)?;
+        let entries = agents.iter().map(|agent| Entry {
+            line: agent.place.line,
+            text: text.lines.get(agent.place.line).copied().unwrap_or_default().to_owned(),
+            size,
+            start: (agent.start.x, agent.start.y),
+            goal: (agent.goal.x, agent.goal.y),
+            length: None,
+        });
+        Ok(Self { file: text.file.to_owned(), entries: entries.collect() })
+    }
+
     /// Returns the name of the map's file that the first task names.
     pub fn map_name(&self) -> String {
         self.entries.first().map_or(String::new(), |entry| map_name(&entry.text).to_owned())
@@ -104,7 +122,8 @@ impl Scenario {
 
     /// Returns a warning if a task names another map than `grid`, with its line.
     pub fn other_map(&self, grid: &Grid) -> Option<String> {
-        let mut names = self.entries.iter().map(|entry| (entry.line, map_name(&entry.text)));
+        let named = self.entries.iter().filter(|entry| entry.length.is_some());
+        let mut names = named.map(|entry| (entry.line, map_name(&entry.text)));
         let (line, name) = names.find(|(_, name)| !is_name_of(name, grid))?;
         Some(format!("line {} is a task on {name}, but the map is {}", line + 1, grid.name()))
     }
@@ -126,9 +145,8 @@ impl Scenario {
     /// # Errors
     /// Names the task that cannot be on this map.
     pub fn check_lengths(&self, tasks: &[ScenarioTask], grid: &Grid) -> MapResult<()> {
-        let too_short = |entry: &Entry, least: f64, why: &str| {
-            let problem =
-                format!("the length {} is too short: {why} {least:.2} long", entry.length);
+        let too_short = |entry: &Entry, length: f64, least: f64, why: &str| {
+            let problem = format!("the length {length} is too short: {why} {least:.2} long");
             let help = "lengths are those of shortest paths, diagonals count 1.41 and cut no corners; is this the right map?";
             entry.error(&self.file, 8..=8, problem, help)
         };
@@ -136,8 +154,10 @@ impl Scenario {
             let [start, goal] = [task.start, task.goal].map(|cell| (cell.x, cell.y));
             // Lengths in scaled scenarios may count cells of either map.
             let least = least_length(entry.start, entry.goal).min(least_length(start, goal));
-            if entry.length + LENGTH_TOLERANCE < least {
-                return Err(too_short(entry, least, "a path without any wall is"));
+            if let Some(length) = entry.length
+                && length + LENGTH_TOLERANCE < least
+            {
+                return Err(too_short(entry, length, least, "a path without any wall is"));
             }
         }
         let mut search = OctileSearch::new(grid, MOST_VISITS);
@@ -150,12 +170,10 @@ impl Scenario {
                 let problem = "no path leads from this start to this goal".to_owned();
                 return Err(entry.error(&self.file, 4..=7, problem, help));
             }
-            if entry.is_scaled(grid) {
-                continue;
-            }
+            let Some(length) = entry.length.filter(|_| !entry.is_scaled(grid)) else { continue };
             match search.shortest(task.start, task.goal) {
-                Some(least) if entry.length + LENGTH_TOLERANCE < least => {
-                    return Err(too_short(entry, least, "the shortest path is"));
+                Some(least) if length + LENGTH_TOLERANCE < least => {
+                    return Err(too_short(entry, length, least, "the shortest path is"));
                 }
                 Some(_) => {}
                 None => break,
@@ -207,8 +225,11 @@ impl Entry {
         which: &str,
         stated: (usize, usize),
     ) -> MapResult<Cell> {
+        // Of a maze that has been enlarged, the middle of the block.
+        let is_enlarged = grid.scale().cell > 1;
         let scale = |value: usize, from: usize, to: usize| {
-            (value as u128 * to as u128 / from as u128) as usize
+            let middle = if is_enlarged { to / from / 2 } else { 0 };
+            (value as u128 * to as u128 / from as u128) as usize + middle
         };
         let (width, height) = self.size;
         let cell = if self.is_scaled(grid) {
@@ -266,7 +287,7 @@ fn parse_entry(text: &Text, line: usize) -> MapResult<Entry> {
         size: (number(2)?, number(3)?),
         start: (number(4)?, number(5)?),
         goal: (number(6)?, number(7)?),
-        length: length.ok_or_else(|| error(8, "a length"))?,
+        length: Some(length.ok_or_else(|| error(8, "a length"))?),
     })
 }
 
@@ -291,6 +312,10 @@ fn fields(line: &str) -> Vec<Field<'_>> {
 fn columns(line: &str, which: RangeInclusive<usize>) -> std::ops::Range<usize> {
     let fields = fields(line);
     let column = |byte: usize| line[..byte].chars().count();
+    if fields.len() < FIELDS {
+        // An agent's, in YAML.
+        return column(line.len() - line.trim_start().len())..column(line.len());
+    }
     let (first, last) = (fields[*which.start()], fields[*which.end()]);
     column(first.0)..column(last.0 + last.1.len())
 }

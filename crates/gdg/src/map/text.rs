@@ -89,16 +89,27 @@ impl<'a> Text<'a> {
 }
 
 fn not_text(file: &str, bytes: &[u8], at: usize, found: &str) -> Box<MapError> {
+    error_at_byte(
+        file,
+        bytes,
+        at,
+        format!("this is not a text file: {found}"),
+        "maps and scenarios are plain text: one character per cell, or the Moving AI formats",
+    )
+}
+
+/// Creates an error at a byte of a file that need not be text.
+pub fn error_at_byte(
+    file: &str,
+    bytes: &[u8],
+    at: usize,
+    problem: impl Into<String>,
+    help: impl Into<String>,
+) -> Box<MapError> {
     let line = bytes[..at].split(|b| *b == b'\n').count() - 1;
     let from = bytes[..at].iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1);
     let to = bytes[at..].iter().position(|b| *b == b'\n').map_or(bytes.len(), |i| at + i);
     let before = String::from_utf8_lossy(&bytes[from..at]).chars().count();
     let text = String::from_utf8_lossy(&bytes[from..to]);
-    MapError::at(
-        file,
-        SourceLine { number: line, text: &text },
-        before..before + 1,
-        format!("this is not a text file: {found}"),
-        "maps and scenarios are plain text: one character per cell, or the Moving AI formats",
-    )
+    MapError::at(file, SourceLine { number: line, text: &text }, before..before + 1, problem, help)
 }

@@ -229,7 +229,7 @@ mod tests {
     #[test]
     fn scenarios_skip_tasks_that_an_edit_has_made_impossible() {
         let map = crate::map::parse_map("map", b"..#.\n..#.\n").expect("a map");
-        let task = |start, goal| ScenarioTask { start, goal, optimal_octile: 1.0 };
+        let task = |start, goal| ScenarioTask { start, goal, optimal_octile: Some(1.0) };
         let (inside, wall, beyond) = (Cell::new(0, 0), Cell::new(2, 0), Cell::new(3, 1));
         let scenario = [
             task(inside, Cell::new(1, 1)),

@@ -4,7 +4,6 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::GOAL_RADIUS_CELLS;
 use crate::env::{GroundTruth, NEAR_STEPS, TruePairs};
 use crate::map::{Cell, Flood, Grid, HalfCells, StepSearch, UNREACHABLE};
 
@@ -47,16 +46,17 @@ fn cell_of(at: &[f32]) -> Cell {
 /// corner.
 fn cells_within_reach(map: &Grid, goal: &[f32]) -> impl Iterator<Item = Cell> {
     let Cell { x, y } = cell_of(goal);
-    // The radius is no longer than a cell.
-    let around = (x.saturating_sub(1)..=x + 1)
-        .flat_map(move |x| (y.saturating_sub(1)..=y + 1).map(move |y| (x, y)));
+    let radius = map.scale().goal_radius;
+    let reach = radius.ceil() as usize;
+    let around = (x.saturating_sub(reach)..=x + reach)
+        .flat_map(move |x| (y.saturating_sub(reach)..=y + reach).map(move |y| (x, y)));
     let off = move |at: f32, low: usize| (low as f32 - at).max(at - (low + 1) as f32).max(0.0);
-    around
-        .filter(move |(x, y)| off(goal[0], *x).hypot(off(goal[1], *y)) < GOAL_RADIUS_CELLS)
-        .filter_map(|(x, y)| {
+    around.filter(move |(x, y)| off(goal[0], *x).hypot(off(goal[1], *y)) < radius).filter_map(
+        |(x, y)| {
             let cell = Cell::new(x, y);
             map.is_free(cell).then_some(cell)
-        })
+        },
+    )
 }
 
 impl GroundTruth for MazeGroundTruth<'_> {
@@ -77,6 +77,8 @@ impl GroundTruth for MazeGroundTruth<'_> {
         let Self { cells, flood, half_cells, point_flood, .. } = self;
         let (goals, starts, near_starts) = ERROR_PAIRS;
         let mut draw = |count: usize| rng.random_range(0..count);
+        // A radius of one cell is within the steps already.
+        let saved = (self.map.scale().goal_radius - 1.0).max(0.0) as u32;
         let of_goal = |_| {
             let goal = cells[draw(cells.len())];
             let drawn: Vec<Cell> = (0..starts).map(|_| cells[draw(cells.len())]).collect();
@@ -89,11 +91,15 @@ impl GroundTruth for MazeGroundTruth<'_> {
                 starts.iter().map(|(cell, _)| half_cells.middle(*cell)).collect();
             let moves = point_flood.steps_to(half_cells.middle(goal), &points);
             let mut pairs = TruePairs { goal: goal.centre().to_vec(), ..TruePairs::default() };
-            for ((cell, near), moves) in
-                starts.into_iter().zip(moves).filter(|(_, moves)| *moves > 0)
+            let steps = moves.into_iter().map(|moves| match half_cells.steps(moves) {
+                UNREACHABLE => UNREACHABLE,
+                steps => steps.saturating_sub(saved),
+            });
+            for ((cell, near), steps) in
+                starts.into_iter().zip(steps).filter(|(_, steps)| *steps > 0)
             {
                 pairs.states.extend(cell.centre());
-                pairs.steps.push(half_cells.steps(moves));
+                pairs.steps.push(steps);
                 pairs.near.push(near);
             }
             pairs
@@ -142,7 +148,7 @@ mod tests {
         for start in cells.iter().filter(|cell| by_cells[map.index(**cell)] > 20) {
             env.set_full_state(0, &full_state_at(start.centre()));
             let mut steps = 0;
-            while (env.states()[0] - goal_x).hypot(env.states()[1] - goal_y) >= GOAL_RADIUS_CELLS {
+            while (env.states()[0] - goal_x).hypot(env.states()[1] - goal_y) >= 1.0 {
                 // To the point nearest to the goal of those two moves from here, which a step
                 // reaches.
                 let [x, y] = [env.states()[0], env.states()[1]];

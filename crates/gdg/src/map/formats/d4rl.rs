@@ -15,7 +15,8 @@ pub const FORMAT: MapFormat = MapFormat {
     loses: "starts",
     is: |source| source.is_text(is_d4rl),
     read,
-    write: |grid| write(grid).into_bytes(),
+    write: |grid, _| write(grid).into_bytes(),
+    image: None,
 };
 
 const CELLS: &str = "in a maze of D4RL '#' is a wall, 'O', '0' and ' ' are free, 'G' is a goal and \

@@ -8,12 +8,13 @@ use super::{MapFormat, Mark, Rows, Source, marks};
 
 pub const FORMAT: MapFormat = MapFormat {
     name: "list",
-    about: "a list of rows, as in Gymnasium-Robotics and OGBench: [[1, 1], ['r', 0]]",
+    about: "rows of Gymnasium-Robotics and OGBench: [[1, 1], ['r', 0]]",
     endings: &["json", "py"],
     loses: "",
     is: |source| source.is_text(|text| text.source[after_name(text.source)..].starts_with('[')),
     read,
-    write: |grid| write(grid).into_bytes(),
+    write: |grid, _| write(grid).into_bytes(),
+    image: None,
 };
 
 const CELLS: &str = "a cell is 0 (free), 1 (wall), 'r' (start), 'g' (goal) or 'c' (both)";

@@ -6,7 +6,8 @@ use super::super::error::MapResult;
 use super::super::grid::{Cell, Grid, MAX_SIDE, is_size};
 use super::super::text::Text;
 use super::MapFormat;
-use super::plain::{check_row_length, check_some_free, too_large, unknown_character};
+use super::plain::{check_row_length, check_some_free, unknown_character};
+use super::rows::too_large;
 use crate::text::{counted, grouped};
 
 pub const FORMAT: MapFormat = MapFormat {
@@ -16,7 +17,8 @@ pub const FORMAT: MapFormat = MapFormat {
     loses: "starts and goals",
     is: |source| source.is_text(is_movingai),
     read: |source| parse_movingai(&source.name(), source.text()?),
-    write: |grid| print_movingai(grid).into_bytes(),
+    write: |grid, _| print_movingai(grid).into_bytes(),
+    image: None,
 };
 
 const HEADER: &str = "a Moving AI map begins with the lines 'type octile', 'height H', 'width W' and 'map', then H rows follow";

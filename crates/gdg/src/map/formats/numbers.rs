@@ -7,13 +7,13 @@ use super::{MapFormat, Mark, Rows, Source, marks};
 
 pub const FORMAT: MapFormat = MapFormat {
     name: "csv",
-    about: "rows of numbers: 0 is free (or -1, in layers of Tiled), others are walls; rows of \
-            digits too, 10011",
+    about: "numbers: 0 is free (-1 in layers of Tiled), others walls; also 10011",
     endings: &["csv"],
     loses: "starts and goals",
     is: |source| source.is_text(is_numbers),
     read,
-    write: |grid| write(grid).into_bytes(),
+    write: |grid, _| write(grid).into_bytes(),
+    image: None,
 };
 
 const CELLS: &str = "cells are integers: 0 is free, or -1 where there is one; others are walls";

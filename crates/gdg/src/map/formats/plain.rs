@@ -1,8 +1,9 @@
 //! Plain ASCII maps: one character per cell.
 
 use super::super::error::{MapError, MapResult};
-use super::super::grid::{Cell, Grid, is_size, size_limits};
+use super::super::grid::{Cell, Grid, is_size};
 use super::super::text::Text;
+use super::rows::too_large;
 use super::{MapFormat, Mark, marks};
 use crate::text::{counted, grouped};
 
@@ -11,7 +12,7 @@ const MAX_NAMED_CHARACTERS: usize = 3;
 
 pub const FORMAT: MapFormat = MapFormat {
     name: "plain",
-    about: "one character per cell: '#' is a wall, '.' is free, S a start, G a goal, C both",
+    about: "a character a cell: '#' wall, '.' free, S start, G goal, C both",
     endings: &["txt"],
     loses: "",
     is: |_| false,
@@ -19,7 +20,8 @@ pub const FORMAT: MapFormat = MapFormat {
         let text = source.text()?;
         parse_ascii(&source.name(), text).map(|grid| grid.with_doubt(doubtful_letters(&text.lines)))
     },
-    write: |grid| print_ascii(grid).into_bytes(),
+    write: |grid, _| print_ascii(grid).into_bytes(),
+    image: None,
 };
 
 const ALLOWED_CHARACTERS: &str = "free cells are '.' or space, walls '#' (or '@', 'O', 'T', 'W'), 'S' a start, 'G' a goal, 'C' both";
@@ -104,11 +106,6 @@ pub fn print_ascii(grid: &Grid) -> String {
         Mark::Both => 'C',
     };
     marks(grid).flat_map(|row| row.map(character).chain(['\n'])).collect()
-}
-
-/// Creates the error for a map that is too large.
-pub fn too_large(text: &Text, width: usize, height: usize) -> Box<MapError> {
-    text.line_error(0, format!("a map of {width} x {height} cells is too large"), size_limits())
 }
 
 /// Creates the error for the first character from `line` on that is not a map character; it also

@@ -1,9 +1,8 @@
 //! A map as it is read, row by row.
 
 use super::super::error::{MapError, MapResult};
-use super::super::grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size};
+use super::super::grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
 use super::super::text::{Place, Text};
-use super::plain::too_large;
 use crate::text::counted;
 
 /// What a cell is.
@@ -17,6 +16,23 @@ pub enum Mark {
     Both,
 }
 
+/// Returns the map of these cells, row by row; `None` if none is free.
+pub fn grid(name: &str, width: usize, marks: &[Mark]) -> Option<Grid> {
+    let free: Vec<bool> = marks.iter().map(|mark| *mark != Mark::Wall).collect();
+    let cells = |which: Mark| {
+        let is = |mark: &Mark| *mark == which || *mark == Mark::Both;
+        let at = marks.iter().enumerate().filter(|(_, mark)| is(mark));
+        at.map(|(i, _)| Cell::new(i % width, i / width)).collect()
+    };
+    free.contains(&true)
+        .then(|| Grid::new(name, width, free, cells(Mark::Start), cells(Mark::Goal)))
+}
+
+/// Creates the error for a map that is too large.
+pub fn too_large(text: &Text, width: usize, height: usize) -> Box<MapError> {
+    text.line_error(0, format!("a map of {width} x {height} cells is too large"), size_limits())
+}
+
 /// The rows read so far, all of the first one's length.
 pub struct Rows<'a> {
     text: &'a Text<'a>,
@@ -24,15 +40,13 @@ pub struct Rows<'a> {
     width: Option<usize>,
     /// Index of the first cell of the row that is being read.
     row: usize,
-    free: Vec<bool>,
-    starts: Vec<usize>,
-    goals: Vec<usize>,
+    marks: Vec<Mark>,
 }
 
 impl<'a> Rows<'a> {
     /// Begins a map; errors show places in `text`.
     pub fn new(text: &'a Text<'a>) -> Self {
-        Self { text, width: None, row: 0, free: Vec::new(), starts: Vec::new(), goals: Vec::new() }
+        Self { text, width: None, row: 0, marks: Vec::new() }
     }
 
     /// Adds a cell to the row.
@@ -40,17 +54,10 @@ impl<'a> Rows<'a> {
     /// # Errors
     /// The map is too large.
     pub fn push(&mut self, mark: Mark) -> MapResult<()> {
-        let at = self.free.len();
-        self.free.push(mark != Mark::Wall);
-        if matches!(mark, Mark::Start | Mark::Both) {
-            self.starts.push(at);
-        }
-        if matches!(mark, Mark::Goal | Mark::Both) {
-            self.goals.push(at);
-        }
-        let width = self.free.len() - self.row;
-        if width > MAX_SIDE || self.free.len() > MAX_CELLS {
-            let height = self.width.map_or(1, |width| self.free.len().div_ceil(width));
+        self.marks.push(mark);
+        let width = self.marks.len() - self.row;
+        if width > MAX_SIDE || self.marks.len() > MAX_CELLS {
+            let height = self.width.map_or(1, |width| self.marks.len().div_ceil(width));
             return Err(too_large(self.text, self.width.unwrap_or(width), height));
         }
         Ok(())
@@ -58,7 +65,7 @@ impl<'a> Rows<'a> {
 
     /// Returns whether the row has no cells yet.
     pub fn is_row_empty(&self) -> bool {
-        self.row == self.free.len()
+        self.row == self.marks.len()
     }
 
     /// Ends the row, which began at `from`.
@@ -66,20 +73,18 @@ impl<'a> Rows<'a> {
     /// # Errors
     /// It is empty or has another length than the first one.
     pub fn end_row(&mut self, from: Place) -> MapResult<()> {
-        let length = self.free.len() - self.row;
+        let length = self.marks.len() - self.row;
         let width = *self.width.get_or_insert(length);
         let help = "all rows must have the same number of cells";
         if length == 0 {
             return Err(self.text.error_at(from, "this row has no cells", help));
         }
         if length != width {
-            let problem = format!(
-                "this row has {}, the first row has {width}",
-                counted(length as u64, "cell")
-            );
+            let cells = counted(length as u64, "cell");
+            let problem = format!("this row has {cells}, the first row has {width}");
             return Err(self.text.error_at(from, problem, help));
         }
-        self.row = self.free.len();
+        self.row = self.marks.len();
         Ok(())
     }
 
@@ -88,15 +93,12 @@ impl<'a> Rows<'a> {
     /// # Errors
     /// It has no free cell, or is too large.
     pub fn finish(self, name: &str, cells: &str) -> MapResult<Grid> {
-        if !self.free.contains(&true) {
-            return Err(MapError::whole_file(self.text.file, "the map has no free cell", cells));
-        }
-        let width = self.width.unwrap_or(self.free.len());
-        let height = self.free.len() / width;
-        if !is_size(width, height) {
+        let width = self.width.unwrap_or(1);
+        let height = self.marks.len() / width;
+        if height > 0 && !is_size(width, height) {
             return Err(too_large(self.text, width, height));
         }
-        let cells = |at: Vec<usize>| at.iter().map(|i| Cell::new(i % width, i / width)).collect();
-        Ok(Grid::new(name, width, self.free, cells(self.starts), cells(self.goals)))
+        let none = || MapError::whole_file(self.text.file, "the map has no free cell", cells);
+        grid(name, width, &self.marks).ok_or_else(none)
     }
 }

@@ -1,6 +1,7 @@
 //! YAML as a sequence of events with their places. Lists of Python and JSON are YAML too.
 
 use std::borrow::Cow;
+use std::str::FromStr;
 
 use saphyr_parser::{Event as Parsed, Marker, Parser, ScanError};
 
@@ -70,4 +71,131 @@ pub fn events<'a>(
         };
         Some(Ok((event, place)))
     })
+}
+
+/// A value of a YAML document, with its place.
+#[derive(Debug)]
+pub struct Node<'a> {
+    pub place: Place,
+    value: Value<'a>,
+}
+
+#[derive(Debug)]
+enum Value<'a> {
+    Scalar(Cow<'a, str>),
+    List(Vec<Node<'a>>),
+    Map(Vec<(Cow<'a, str>, Node<'a>)>),
+}
+
+/// The deepest nesting of values.
+const MAX_DEPTH: usize = 8;
+
+/// The most values of a document, which take some 64 bytes each.
+const MAX_NODES: usize = 1 << 22;
+
+/// Returns the root of a document.
+///
+/// # Errors
+/// It is not YAML, is nested too deeply, or has too many values.
+pub fn tree<'a>(text: &'a Text<'a>) -> MapResult<Node<'a>> {
+    let mut left = MAX_NODES;
+    let mut events = events(text, 0);
+    let empty = || text.line_error(0, "there is nothing but comments", "give a file with a map");
+    let first = events.next().ok_or_else(empty)??;
+    let root = node(text, &mut events, first, MAX_DEPTH, &mut left)?;
+    // A fault behind the document.
+    events.next().transpose()?;
+    Ok(root)
+}
+
+/// Returns the value that begins with `first`, with all that is inside it.
+fn node<'a>(
+    text: &Text,
+    events: &mut dyn Iterator<Item = MapResult<(Event<'a>, Place)>>,
+    first: (Event<'a>, Place),
+    depth: usize,
+    left: &mut usize,
+) -> MapResult<Node<'a>> {
+    let (event, place) = first;
+    let refuse = |problem: &str| text.error_at(place, problem, "is this a map?");
+    let depth = depth.checked_sub(1).ok_or_else(|| refuse("values are nested too deeply"))?;
+    *left = left.checked_sub(1).ok_or_else(|| refuse("there are too many values"))?;
+    let mut next = |left: &mut usize| match events.next().transpose()? {
+        None | Some((Event::ListEnd | Event::MapEnd, _)) => Ok(None),
+        Some(first) => node(text, events, first, depth, left).map(Some),
+    };
+    let value = match event {
+        Event::Scalar(value) => Value::Scalar(value),
+        Event::MapStart => {
+            let mut entries = Vec::new();
+            while let Some(key) = next(left)? {
+                let (Value::Scalar(name), Some(value)) = (key.value, next(left)?) else {
+                    return Err(text.error_at(
+                        key.place,
+                        "this key is not a word",
+                        "is this a map?",
+                    ));
+                };
+                entries.push((name, value));
+            }
+            Value::Map(entries)
+        }
+        _ => {
+            let mut values = Vec::new();
+            while let Some(value) = next(left)? {
+                values.push(value);
+            }
+            Value::List(values)
+        }
+    };
+    Ok(Node { place, value })
+}
+
+impl Node<'_> {
+    /// Returns the value of a key.
+    pub fn get(&self, key: &str) -> Option<&Self> {
+        let Value::Map(entries) = &self.value else { return None };
+        entries.iter().find(|(name, _)| name == key).map(|(_, value)| value)
+    }
+
+    /// Returns the value of a key.
+    ///
+    /// # Errors
+    /// It is missing.
+    pub fn wanted(&self, text: &Text, key: &str, help: &str) -> MapResult<&Self> {
+        let missing = || text.error_at(self.place, format!("the key {key} is missing"), help);
+        self.get(key).ok_or_else(missing)
+    }
+
+    /// Returns the values of a list.
+    ///
+    /// # Errors
+    /// It is not a list.
+    pub fn list(&self, text: &Text, help: &str) -> MapResult<&[Self]> {
+        match &self.value {
+            Value::List(values) => Ok(values),
+            _ => Err(text.error_at(self.place, "this is not a list", help)),
+        }
+    }
+
+    /// Returns a value that is not made of others.
+    ///
+    /// # Errors
+    /// It is not `what`, but a list or a map.
+    pub fn scalar(&self, text: &Text, what: &str, help: &str) -> MapResult<&str> {
+        match &self.value {
+            Value::Scalar(value) => Ok(value),
+            _ => Err(text.error_at(self.place, format!("this is not {what}"), help)),
+        }
+    }
+
+    /// Returns a value read as `what`.
+    ///
+    /// # Errors
+    /// It is something else.
+    pub fn parsed<T: FromStr>(&self, text: &Text, what: &str, help: &str) -> MapResult<T> {
+        let value = self.scalar(text, what, help)?;
+        let other = || text.error_at(self.place, format!("{value:?} is not {what}"), help);
+        value.parse().map_err(|_| other())
+    }
 }

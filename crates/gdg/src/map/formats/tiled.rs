@@ -1,0 +1,162 @@
+//! Maps of Tiled (TMX) whose layers are in CSV.
+
+use std::fmt::Write;
+
+use roxmltree::{Document, Node};
+
+use super::super::error::{MapError, MapResult};
+use super::super::grid::Grid;
+use super::super::text::{Place, Text};
+use super::{MapFormat, Mark, Rows, Source, marks};
+use crate::text::line_and_column;
+
+pub const FORMAT: MapFormat = MapFormat {
+    name: "tiled",
+    about: "Tiled's TMX in CSV: tiles of layers called walls, or else of any layer",
+    endings: &["tmx"],
+    loses: "",
+    is: |source| source.is_text(is_tiled),
+    read,
+    write: |grid, _| write(grid).into_bytes(),
+    image: None,
+};
+
+const HELP: &str =
+    "save it in Tiled as a map of fixed size, with Map > Map Properties > Tile Layer Format: CSV";
+
+const WALLS: &str = "where a layer called walls has tiles there are walls; without such a layer, where any layer has tiles";
+
+/// Pixels of a written tile along each side.
+const TILE: usize = 16;
+
+fn is_tiled(text: &Text) -> bool {
+    text.source.trim_start().starts_with('<')
+        && text.source.contains("<map")
+        && text.source.contains("<layer")
+}
+
+/// Returns the place of a byte.
+fn place_of(text: &Text, byte: usize) -> Place {
+    let (line, column) = line_and_column(text.source, byte);
+    Place { line: line - 1, column: column - 1 }
+}
+
+fn read(source: &Source) -> MapResult<Grid> {
+    let text = source.text()?;
+    let document = Document::parse(text.source).map_err(|error| {
+        let at = error.pos();
+        let place = Place { line: at.row as usize - 1, column: at.col as usize - 1 };
+        text.error_at(place, format!("this is not XML: {error}"), HELP)
+    })?;
+    let root = document.root_element();
+    let layers: Vec<Node> = root.descendants().filter(|node| node.has_tag_name("layer")).collect();
+    let is_wall = |layer: &&Node| {
+        let name = layer.attribute("name").unwrap_or_default().to_lowercase();
+        ["wall", "collision", "obstacle"].iter().any(|word| name.contains(word))
+    };
+    let named: Vec<Node> = layers.iter().filter(is_wall).copied().collect();
+    let (width, height) = (size(text, root, "width")?, size(text, root, "height")?);
+    let mut cells: Vec<Mark> = Vec::new();
+    for layer in if named.is_empty() { &layers } else { &named } {
+        let own = tiles(text, *layer, width, height)?;
+        cells.resize(own.len(), Mark::Free);
+        let walls = cells.iter_mut().zip(own).filter(|(_, tile)| *tile);
+        walls.for_each(|(cell, _)| *cell = Mark::Wall);
+    }
+    mark_objects(text, root, width, &mut cells)?;
+    let mut rows = Rows::new(text);
+    for row in cells.chunks(width) {
+        row.iter().try_for_each(|cell| rows.push(*cell))?;
+        rows.end_row(Place::default())?;
+    }
+    rows.finish(&source.name(), WALLS)
+}
+
+/// Returns an attribute of the map that is a size.
+fn size(text: &Text, root: Node, name: &str) -> MapResult<usize> {
+    let value = root.attribute(name).unwrap_or_default();
+    value.parse().ok().filter(|size| *size > 0).ok_or_else(|| {
+        let place = place_of(text, root.range().start);
+        text.error_at(place, format!("{name} {value:?} of the map is not a size"), HELP)
+    })
+}
+
+/// Returns where a layer has tiles.
+fn tiles(text: &Text, layer: Node, width: usize, height: usize) -> MapResult<Vec<bool>> {
+    let fault = |at: usize, problem: String| text.error_at(place_of(text, at), problem, HELP);
+    let start = layer.range().start;
+    let data = layer.children().find(|node| node.has_tag_name("data"));
+    let data = data.ok_or_else(|| fault(start, "this layer has no data".to_owned()))?;
+    let start = data.range().start;
+    let encoding = data.attribute("encoding").unwrap_or("XML");
+    if encoding != "csv" || data.children().any(|node| node.is_element()) {
+        let what = if encoding == "csv" { "chunks of an infinite map" } else { encoding };
+        return Err(fault(start, format!("the tiles of this layer are in {what}, not in CSV")));
+    }
+    let numbers = data.text().unwrap_or_default();
+    let from = data.first_child().map_or(start, |node| node.range().start);
+    let mut tiles = Vec::new();
+    for number in numbers.split(',').map(str::trim).filter(|number| !number.is_empty()) {
+        let tile: u32 = number.parse().map_err(|_| {
+            let at = from + (number.as_ptr() as usize - numbers.as_ptr() as usize);
+            fault(at, format!("{number:?} is not the number of a tile"))
+        })?;
+        tiles.push(tile != 0);
+    }
+    if width.checked_mul(height) != Some(tiles.len()) {
+        let problem = format!("this layer has {} tiles, not {width} x {height}", tiles.len());
+        return Err(fault(start, problem));
+    }
+    Ok(tiles)
+}
+
+/// Marks the cells under objects called start and goal.
+fn mark_objects(text: &Text, root: Node, width: usize, cells: &mut [Mark]) -> MapResult<()> {
+    for object in root.descendants().filter(|node| node.has_tag_name("object")) {
+        let name = object.attribute("name").or(object.attribute("type")).unwrap_or_default();
+        let mark = match name.to_lowercase().as_str() {
+            "start" | "s" => Mark::Start,
+            "goal" | "g" => Mark::Goal,
+            _ => continue,
+        };
+        let number = |node: Node, name| -> Option<f32> { node.attribute(name)?.parse().ok() };
+        let at = |axis, tile| Some((number(object, axis)? / number(root, tile)?).floor());
+        let fault = |problem: &str| -> Box<MapError> {
+            text.error_at(place_of(text, object.range().start), problem, WALLS)
+        };
+        let place = at("x", "tilewidth").zip(at("y", "tileheight"));
+        let inside = place.filter(|(x, y)| *x >= 0.0 && *x < width as f32 && *y >= 0.0);
+        let cell = inside.and_then(|(x, y)| cells.get_mut(y as usize * width + x as usize));
+        match cell {
+            None => return Err(fault("this object is not on the map")),
+            Some(Mark::Wall) => return Err(fault("this object is in a wall")),
+            Some(cell) if *cell == Mark::Free || *cell == mark => *cell = mark,
+            Some(cell) => *cell = Mark::Both,
+        }
+    }
+    Ok(())
+}
+
+fn write(grid: &Grid) -> String {
+    let (width, height) = (grid.width(), grid.height());
+    let row = |row: Vec<&str>| row.join(",");
+    let rows: Vec<String> = marks(grid)
+        .map(|cells| row(cells.map(|mark| if mark == Mark::Wall { "1" } else { "0" }).collect()))
+        .collect();
+    let mut objects = String::new();
+    let named = grid.starts().iter().map(|cell| ("start", cell));
+    for (name, cell) in named.chain(grid.goals().iter().map(|cell| ("goal", cell))) {
+        let (x, y) = (cell.x * TILE + TILE / 2, cell.y * TILE + TILE / 2);
+        let _ =
+            writeln!(objects, "  <object name=\"{name}\" x=\"{x}\" y=\"{y}\"><point/></object>");
+    }
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+         <map version=\"1.10\" orientation=\"orthogonal\" renderorder=\"right-down\" width=\"{width}\" \
+         height=\"{height}\" tilewidth=\"{TILE}\" tileheight=\"{TILE}\" infinite=\"0\">\n \
+         <layer id=\"1\" name=\"walls\" width=\"{width}\" height=\"{height}\">\n  \
+         <data encoding=\"csv\">\n{}\n</data>\n </layer>\n \
+         <objectgroup id=\"2\" name=\"marks\">\n{objects} </objectgroup>\n</map>\n",
+        rows.join(",\n")
+    )
+}

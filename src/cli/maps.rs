@@ -1,0 +1,140 @@
+//! Options of `gdg-tui maps`, and how maps are read.
+
+use std::path::PathBuf;
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, Subcommand, ValueEnum};
+
+use super::values::{counts, output, parse_radius, reals};
+use gdg::map::{FORMATS, MapFormat, MapScale, RANDOM_SIZES, RandomMapKind, Reading};
+
+/// How the file of a map is read.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Mazes of other programs")]
+pub struct MapArgs {
+    /// Enlarge a maze: N cells along each side of a block. Starts and goals are in the middle of
+    /// their blocks
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = counts::<usize>(1..=MapScale::MAX_CELL as u64))]
+    pub cell: usize,
+
+    /// Widen walls and the map's edge by the radius of a body, in cells (after --cell)
+    #[arg(long, value_name = "M", default_value_t = 0.0, value_parser = reals(0.0..=MapScale::MAX_MARGIN))]
+    pub margin: f32,
+
+    /// Distance below which a goal is reached: in cells (after --cell) [default: 1], or in the unit
+    /// of an environment in Python [default: the environment's own]
+    #[arg(long, value_name = "R", value_parser = parse_radius)]
+    pub goal_radius: Option<f32>,
+
+    /// Brightness below which pixels of an image are walls, from 0 to 1
+    #[arg(long, value_name = "X", default_value_t = Reading::default().threshold, value_parser = reals(0.0..=1.0))]
+    pub threshold: f32,
+}
+
+impl From<&MapArgs> for Reading {
+    fn from(args: &MapArgs) -> Self {
+        let MapArgs { cell, margin, goal_radius, threshold } = *args;
+        let goal_radius = goal_radius.unwrap_or(MapScale::default().goal_radius);
+        Self { scale: MapScale { cell, margin, goal_radius }, threshold }
+    }
+}
+
+/// Options of `gdg-tui maps`.
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true, after_help = formats_help())]
+pub struct MapsArgs {
+    /// What to do instead.
+    #[command(subcommand)]
+    pub command: Option<MapsCommand>,
+
+    /// Print a random map of this kind as plain ASCII
+    #[arg(long, value_name = "KIND", value_enum)]
+    pub random: Option<MapKindArg>,
+
+    /// Cells along each side of the random map [default: 44 for maze, 101 for city, 33 for
+    /// perfect]. Perfect mazes of an even size end at the edge of the map instead of a wall
+    #[arg(long, value_name = "N", requires = "random", value_parser = sides())]
+    pub size: Option<u16>,
+
+    /// Seed of the random map: same seed, same map
+    #[arg(long, default_value_t = 0, requires = "random", value_parser = counts::<u64>(0..=u64::MAX))]
+    pub seed: u64,
+}
+
+/// What to do with maps.
+#[derive(Debug, Subcommand)]
+pub enum MapsCommand {
+    /// Write a map in another format
+    Convert(ConvertArgs),
+}
+
+/// Options of `gdg-tui maps convert`.
+#[derive(Debug, Args)]
+#[command(after_help = formats_help(), allow_negative_numbers = true)]
+pub struct ConvertArgs {
+    /// Built-in map or map file, in any format
+    #[arg(value_name = "IN")]
+    pub input: PathBuf,
+
+    /// File to write
+    #[arg(value_name = "OUT", value_parser = output())]
+    pub output: PathBuf,
+
+    /// Format to write [default: by the ending of OUT; .yaml is ros]
+    #[arg(long, value_name = "FORMAT", value_parser = formats())]
+    pub format: Option<&'static MapFormat>,
+
+    /// Replace existing files
+    #[arg(long)]
+    pub overwrite: bool,
+
+    /// How the map is read.
+    #[command(flatten)]
+    pub map: MapArgs,
+}
+
+/// [`RandomMapKind`] on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum MapKindArg {
+    /// Rooms of 4 by 4 cells with thin walls, connected by doors
+    Maze,
+    /// Streets between blocks, about a third of them closed
+    City,
+    /// A perfect maze: corridors and walls one cell wide, one path between any two cells
+    Perfect,
+}
+
+/// Returns the parser of the cells along each side of a random map.
+fn sides() -> impl Fn(&str) -> Result<u16, String> + Clone + Send + Sync + 'static {
+    counts(*RANDOM_SIZES.start() as u64..=*RANDOM_SIZES.end() as u64)
+}
+
+impl From<MapKindArg> for RandomMapKind {
+    fn from(arg: MapKindArg) -> Self {
+        match arg {
+            MapKindArg::Maze => Self::Maze,
+            MapKindArg::City => Self::City,
+            MapKindArg::Perfect => Self::Perfect,
+        }
+    }
+}
+
+/// Returns the parser of a format's name.
+fn formats() -> impl TypedValueParser<Value = &'static MapFormat> {
+    let name = |format: &MapFormat| PossibleValue::new(format.name).help(format.about);
+    PossibleValuesParser::new(FORMATS.iter().map(name).collect::<Vec<_>>()).try_map(|name| {
+        FORMATS.iter().find(|format| format.name == name).ok_or("there is no such format")
+    })
+}
+
+/// Returns the list of formats.
+fn formats_help() -> String {
+    let line = |format: &MapFormat| {
+        let endings: Vec<String> = format.endings.iter().map(|end| format!(".{end}")).collect();
+        format!("  {:<9} {:<16} {}\n", format.name, endings.join(" "), format.about)
+    };
+    format!(
+        "Formats of maps, recognised by what is in the file:\n{}",
+        FORMATS.iter().map(line).collect::<String>()
+    )
+}

@@ -1,0 +1,117 @@
+//! Mazes of other programs on the command line: converted, checked, trained on and edited.
+
+use std::path::Path;
+
+use gdg::map::{FORMATS, load_map};
+use serde_json::Value;
+
+use super::ran::{SMALL, program_in, ran};
+
+/// A maze of Gymnasium-Robotics.
+const MAZE: &str =
+    "[[1,1,1,1,1],\n [1,'r',0,0,1],\n [1,1,1,0,1],\n [1,'g',0,0,1],\n [1,1,1,1,1]]\n";
+
+/// A folder with that maze.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("u.json"), MAZE).unwrap();
+    folder
+}
+
+/// Runs the program, which must succeed; returns both of its outputs.
+fn run(folder: &Path, args: &[&str]) -> (String, String) {
+    let mut command = program_in(folder);
+    command.args(args);
+    let ran = ran(command);
+    assert_eq!(ran.status, Some(0), "{args:?}: {}", ran.err);
+    (ran.out, ran.err)
+}
+
+/// Runs the program, which must refuse its arguments; returns the message in one line.
+fn refusal(folder: &Path, args: &[&str]) -> String {
+    let mut command = program_in(folder);
+    command.args(args);
+    let ran = ran(command);
+    assert_eq!(ran.status, Some(2), "{args:?}: {}", ran.err);
+    ran.err.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" ")
+}
+
+/// Trains for two updates; returns what the first record says of the map.
+fn trained(folder: &Path, args: &[&str]) -> Value {
+    let end = ["--no-ui", "--max-updates", "2", "--eval-tasks", "1"];
+    let (records, _) =
+        run(folder, &[args, &end, if args.contains(&"--resume") { &[] } else { &SMALL }].concat());
+    let first: Value = serde_json::from_str(records.lines().next().unwrap()).unwrap();
+    first["map"].clone()
+}
+
+#[test]
+fn a_maze_is_converted_to_every_format_and_checked() {
+    let folder = folder();
+    let path = folder.path();
+    let maze = load_map(&path.join("u.json")).unwrap();
+    for format in &FORMATS {
+        let name = format!("{}.{}", format.name, format.endings[0]);
+        let (written, warnings) =
+            run(path, &["maps", "convert", "u.json", &name, "--format", format.name]);
+        assert!(written.contains(&name), "{written}");
+        assert_eq!(warnings.contains("has no"), !format.loses.is_empty(), "{name}: {warnings}");
+        let read = load_map(&path.join(&name)).unwrap();
+        assert_eq!((read.free(), read.width()), (maze.free(), 5), "{name}");
+        let (facts, _) = run(path, &["check", &name]);
+        assert!(facts.contains("size:       5 x 5") && facts.contains("free cells: 7"), "{facts}");
+        assert_eq!(facts.contains("scenario: 1 task"), format.name == "mapf", "{facts}");
+    }
+    let refused = refusal(path, &["maps", "convert", "u.json", "ros.yaml"]);
+    assert!(refused.contains("ros.pgm: the file already exists"), "{refused}");
+    let refused = refusal(path, &["maps", "convert", "u.json", "u.json", "--overwrite"]);
+    assert!(refused.contains("is read by this run and is not replaced"), "{refused}");
+    let refused = refusal(path, &["maps", "convert", "u.json", "u.xyz"]);
+    assert!(refused.contains("this ending says no format"), "{refused}");
+}
+
+#[test]
+fn scale_and_goal_radius_are_kept_with_the_map() {
+    let folder = folder();
+    let path = folder.path();
+    let scale = ["--cell", "8", "--margin", "2.5", "--goal-radius", "2"];
+    let (facts, _) = run(path, &[&["check", "u.json"][..], &scale].concat());
+    let expected = "scale:      8 cells a block, walls wider by 2.5, goals reached within 2";
+    assert!(facts.contains("40 x 40") && facts.contains(expected), "{facts}");
+    let begun = trained(path, &[&["u.json", "--save", "u.safetensors"][..], &scale].concat());
+    for (name, value) in [
+        ("width", 40.0),
+        ("cells_per_block", 8.0),
+        ("margin_cells", 2.5),
+        ("goal_radius_cells", 2.0),
+    ] {
+        assert_eq!(begun[name].as_f64(), Some(value), "{name} of {begun}");
+    }
+    // A maze of the run's, with another wall, gets its scale.
+    std::fs::write(path.join("v.json"), MAZE.replace("'g',0", "'g',1")).unwrap();
+    assert_eq!(trained(path, &["--resume", "u.safetensors", "--edit-at", "2:v.json"]), begun);
+    let refused = refusal(path, &["--no-ui", "--resume", "u.safetensors", "--cell", "4"]);
+    assert!(refused.contains("a checkpoint contains its map and its scale"), "{refused}");
+    let refused = refusal(path, &["--no-ui", "fetch-reach", "--method", "gdg", "--cell", "4"]);
+    assert!(refused.contains("applies only to maps"), "{refused}");
+    let refused = refusal(path, &["check", "u.json", "--goal-radius", "1000"]);
+    assert!(refused.contains("a goal radius is from 0.1 to 100 cells"), "{refused}");
+    let refused = refusal(path, &["check", "u.json", "--margin", "1"]);
+    assert!(refused.contains("makes the start or goal in column 2, row 2 a wall"), "{refused}");
+    let (_, warnings) = run(path, &[&["maps", "convert", "u.json", "u.map"][..], &scale].concat());
+    assert!(warnings.contains("give --goal-radius 2 with it"), "{warnings}");
+}
+
+#[test]
+fn agents_of_a_planner_s_map_are_evaluated() {
+    let folder = folder();
+    let path = folder.path();
+    run(path, &["maps", "convert", "u.json", "agents.yaml", "--format", "mapf"]);
+    let args = ["agents.yaml", "--scen", "agents.yaml", "--no-ui", "--max-updates", "2"];
+    let (records, _) = run(path, &[&args[..], &SMALL, &["--eval-tasks", "1"]].concat());
+    let only = r#""distance_steps":6.0,"tasks":1,"#;
+    assert!(
+        records.lines().any(|line| line.contains("evaluation") && line.contains(only)),
+        "{records}"
+    );
+}
