@@ -56,6 +56,7 @@ mod render;
 mod scene;
 mod screen;
 mod sheet;
+mod slice;
 mod style;
 mod terminal;
 #[cfg(test)]

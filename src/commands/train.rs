@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use clap::CommandFactory;
 #[cfg(feature = "tui")]
-use gdg::env::Scene;
 #[cfg(feature = "tui")]
 use gdg::printing::eprint_line;
 use gdg::train::{Registry, print_settings};
@@ -72,10 +71,6 @@ fn is_shown(args: &TrainArgs) -> Result<bool, super::Failure> {
 
 #[cfg(feature = "tui")]
 fn show(setup: Setup, args: &TrainArgs) -> Outcome {
-    if matches!(setup.trainer.scene(), Scene::Nothing) {
-        let help = "train it with --no-ui";
-        return Err(miette!(help = help, "the interface cannot draw this world")).or_bad_input();
-    }
     let prepared = tui::prepare(&args.interface.options(args.overwrite)).or_bad_input()?;
     tui::run(setup, prepared, args.map.as_deref()).or_failure()
 }

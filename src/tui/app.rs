@@ -174,7 +174,7 @@ impl App {
     ) -> T {
         self.in_scene(|scene, screen, link| match scene {
             Scene::Maze(maze) => react(maze, screen, link),
-            Scene::Arm(_) => T::default(),
+            Scene::Arm(_) | Scene::Goals(_) => T::default(),
         })
     }
 

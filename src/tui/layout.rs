@@ -9,6 +9,7 @@ use ratatui::text::{Line, Span};
 use super::action::Action;
 use super::projection::Projection;
 use super::raster::MapFrame;
+use super::slice::ShownSlice;
 
 /// The effect of a click.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +33,8 @@ pub struct ScreenLayout {
     pub contour_interval: Option<f32>,
     /// The contour interval outside of a comparison.
     pub own_contour_interval: Option<f32>,
+    /// The components of a space of goals that are shown.
+    pub goals: Option<ShownSlice>,
     /// The projections of an arm.
     pub projections: Vec<Projection>,
     /// The pane with the map and the line below it.

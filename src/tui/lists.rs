@@ -323,8 +323,7 @@ pub fn maps(
             "maze, city or perfect maze",
             Choice::Act(Action::RandomMap),
         ));
-        let worlds = registry.worlds().iter();
-        let worlds = worlds.filter(|kind| kind.create.is_some() && Scene::draws(kind.name));
+        let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some());
         items.extend(
             worlds.map(|kind| Item::new(kind.name, kind.about, Choice::OpenWorld(kind.name))),
         );
@@ -352,10 +351,6 @@ pub fn checkpoints(
         file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
     };
     let item = |found: &Result<Description, CheckpointError>| match found {
-        Ok(d) if !Scene::draws(&d.world) => {
-            let why = format!("cannot be drawn: continue it with --no-ui; {}", about(d, zone));
-            Item::new(name(&d.file), why, Choice::Nothing)
-        }
         Ok(d) => Item::new(name(&d.file), about(d, zone), Choice::Load(d.file.clone())),
         Err(e) => {
             Item::new(name(&e.file), format!("cannot be loaded: {}", e.problem), Choice::Nothing)

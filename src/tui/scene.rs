@@ -2,6 +2,7 @@
 //! handling. This file dispatches to them.
 
 pub mod arm;
+pub mod goals;
 mod legend;
 pub mod maze;
 mod scale;
@@ -20,8 +21,9 @@ use super::screen::Screen;
 pub use arm::ArmState;
 use gdg::bridge::EdgeStatus;
 use gdg::engine::Snapshot;
-use gdg::env::{Scene as World, fetch_reach, maze as maze_world};
+use gdg::env::Scene as World;
 use gdg::viewer::{Field, View};
+pub use goals::GoalsState;
 pub use maze::{Cache, MazeState};
 pub use walk::MEANINGS as WALK_MEANINGS;
 
@@ -31,6 +33,8 @@ pub enum Scene {
     Maze(Box<MazeState>),
     /// An arm, in projections.
     Arm(ArmState),
+    /// The space of goals of any other world.
+    Goals(GoalsState),
 }
 
 impl Scene {
@@ -39,21 +43,15 @@ impl Scene {
         match &snapshot.scene {
             World::Arm(_) => Self::Arm(ArmState::default()),
             World::Maze(scene) => Self::Maze(Box::new(MazeState::new(scene.map.clone()))),
-            // The command line and the list of checkpoints refuse such worlds.
-            World::Nothing => unreachable!("a world that is not drawn has no interface"),
+            World::Goals(_) => Self::Goals(GoalsState::default()),
         }
-    }
-
-    /// Returns whether worlds of the kind called `name` in checkpoints can be drawn.
-    pub fn draws(name: &str) -> bool {
-        [maze_world::KIND.name, fetch_reach::KIND.name, fetch_reach::WALL_KIND.name].contains(&name)
     }
 
     /// Returns the maze, if it is one.
     pub fn maze(&self) -> Option<&MazeState> {
         match self {
             Self::Maze(maze) => Some(maze),
-            Self::Arm(_) => None,
+            Self::Arm(_) | Self::Goals(_) => None,
         }
     }
 
@@ -61,7 +59,7 @@ impl Scene {
     pub fn maze_mut(&mut self) -> Option<&mut MazeState> {
         match self {
             Self::Maze(maze) => Some(maze),
-            Self::Arm(_) => None,
+            Self::Arm(_) | Self::Goals(_) => None,
         }
     }
 }
@@ -73,6 +71,7 @@ impl Scene {
         match self {
             Self::Maze(_) => maze::NOUN,
             Self::Arm(_) => arm::NOUN,
+            Self::Goals(_) => goals::NOUN,
         }
     }
 
@@ -80,7 +79,7 @@ impl Scene {
     pub fn other_noun(&self) -> &'static str {
         match self {
             Self::Maze(_) => arm::NOUN,
-            Self::Arm(_) => maze::NOUN,
+            Self::Arm(_) | Self::Goals(_) => maze::NOUN,
         }
     }
 
@@ -88,7 +87,7 @@ impl Scene {
     pub fn title<'a>(&'a self, snapshot: &'a Snapshot) -> &'a str {
         match self {
             Self::Maze(maze) => maze.map.name(),
-            Self::Arm(_) => &snapshot.title,
+            Self::Arm(_) | Self::Goals(_) => &snapshot.title,
         }
     }
 
@@ -97,6 +96,7 @@ impl Scene {
         match self {
             Self::Maze(_) => maze::offers(action),
             Self::Arm(_) => arm::offers(action),
+            Self::Goals(_) => goals::offers(action),
         }
     }
 
@@ -105,6 +105,7 @@ impl Scene {
         let shows = match self {
             Self::Maze(_) => true,
             Self::Arm(_) => arm::shows(field),
+            Self::Goals(_) => goals::shows(field),
         };
         shows && (field != Field::Composed || screen.run().method.plans())
     }
@@ -119,6 +120,7 @@ impl Scene {
         match self {
             Self::Maze(_) => binding.long,
             Self::Arm(_) => arm::wording(binding.action).unwrap_or(binding.long),
+            Self::Goals(_) => goals::wording(binding.action).unwrap_or(binding.long),
         }
     }
 
@@ -127,6 +129,7 @@ impl Scene {
         match self {
             Self::Maze(_) => maze::INTRODUCTION,
             Self::Arm(_) => arm::INTRODUCTION,
+            Self::Goals(_) => goals::INTRODUCTION,
         }
     }
 
@@ -134,7 +137,7 @@ impl Scene {
     pub fn walk_title(&self) -> &'static str {
         match self {
             Self::Maze(_) => "walk @ \u{2192} G",
-            Self::Arm(_) => "reach @ \u{2192} G",
+            Self::Arm(_) | Self::Goals(_) => "reach @ \u{2192} G",
         }
     }
 
@@ -142,7 +145,7 @@ impl Scene {
     pub fn shows_other_goal(&self) -> bool {
         match self {
             Self::Maze(maze) => maze::shown_goal(maze) != maze.goal,
-            Self::Arm(_) => true,
+            Self::Arm(_) | Self::Goals(_) => true,
         }
     }
 
@@ -151,6 +154,7 @@ impl Scene {
         match self {
             Self::Maze(maze) => maze.own_farthest(),
             Self::Arm(arm) => arm.own_farthest(),
+            Self::Goals(goals) => goals.own_farthest(),
         }
     }
 
@@ -202,6 +206,7 @@ impl Scene {
         match self {
             Self::Maze(maze) => maze.goal.centre().to_vec(),
             Self::Arm(arm) => arm.goal.to_vec(),
+            Self::Goals(goals) => goals.goal.clone(),
         }
     }
 
@@ -210,6 +215,7 @@ impl Scene {
         match self {
             Self::Maze(maze) => maze.view.candidates.len(),
             Self::Arm(arm) => arm.view.candidates.len(),
+            Self::Goals(goals) => goals.view.candidates.len(),
         }
     }
 
@@ -218,6 +224,7 @@ impl Scene {
         match self {
             Self::Maze(maze) => maze.edge_count(status),
             Self::Arm(arm) => arm.edge_count(status),
+            Self::Goals(goals) => goals.edge_count(status),
         }
     }
 }
@@ -241,6 +248,7 @@ impl Scene {
             (Self::Arm(arm), World::Arm(world)) => {
                 arm::draw(frame, areas, world, arm, screen, layout);
             }
+            (Self::Goals(state), _) => goals::draw(frame, areas, state, screen, layout),
             // A maze run has begun and replaces the arm from the next frame on.
             (Self::Arm(_), _) => {}
         }
@@ -256,6 +264,7 @@ impl Scene {
         match self {
             Self::Maze(maze) => maze::legend_lines(maze, screen),
             Self::Arm(arm) => arm::legend_lines(arm, screen),
+            Self::Goals(goals) => goals::legend_lines(goals, screen),
         }
     }
 
@@ -264,6 +273,7 @@ impl Scene {
         match self {
             Self::Maze(maze) => maze::walk_lines(maze, screen),
             Self::Arm(arm) => arm::walk_lines(arm, screen),
+            Self::Goals(goals) => goals::walk_lines(goals, screen),
         }
     }
 
@@ -271,7 +281,7 @@ impl Scene {
     pub fn proportions(&self) -> [f32; 2] {
         match self {
             Self::Maze(maze) => [maze.map.width() as f32, maze.map.height() as f32],
-            Self::Arm(_) => [1.0, 1.0],
+            Self::Arm(_) | Self::Goals(_) => [1.0, 1.0],
         }
     }
 }
@@ -283,7 +293,7 @@ impl Scene {
         let stays = match &snapshot.scene {
             World::Arm(_) => matches!(self, Self::Arm(_)),
             World::Maze(_) => matches!(self, Self::Maze(_)),
-            World::Nothing => true,
+            World::Goals(_) => matches!(self, Self::Goals(_)),
         };
         if !stays {
             *self = Self::of(snapshot);
@@ -295,6 +305,7 @@ impl Scene {
         match self {
             Self::Maze(maze) => maze.start(screen, link),
             Self::Arm(arm) => arm.start(screen, link),
+            Self::Goals(goals) => goals.start(screen, link),
         }
     }
 
@@ -303,6 +314,7 @@ impl Scene {
         match (self, view) {
             (Self::Maze(maze), View::Maze(view)) => maze.show(view, screen, link),
             (Self::Arm(arm), View::Arm(view)) => arm.show(view, screen, link),
+            (Self::Goals(goals), View::Goals(view)) => goals.show(view, link),
             _ => {}
         }
     }
@@ -312,6 +324,7 @@ impl Scene {
         match self {
             Self::Maze(maze) => maze.act(action, screen, link),
             Self::Arm(arm) => arm.act(action, screen, link),
+            Self::Goals(goals) => goals.act(action, screen, link),
         }
     }
 
@@ -327,6 +340,7 @@ impl Scene {
         match self {
             Self::Maze(maze) => maze.on_mouse(kind, at, screen, link),
             Self::Arm(arm) => arm.on_mouse(kind, at, screen, link),
+            Self::Goals(goals) => goals.on_mouse(kind, at, screen, link),
         }
     }
 
@@ -335,6 +349,7 @@ impl Scene {
         match self {
             Self::Maze(maze) => maze.close(link),
             Self::Arm(arm) => arm.close(),
+            Self::Goals(_) => false,
         }
     }
 
@@ -344,6 +359,7 @@ impl Scene {
         match self {
             Self::Maze(_) => MazeState::drawn(before, screen, link),
             Self::Arm(_) => ArmState::drawn(before, screen, link),
+            Self::Goals(_) => GoalsState::drawn(before, screen, link),
         }
     }
 }

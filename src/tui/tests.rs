@@ -6,6 +6,7 @@ mod compare;
 mod dialogs;
 mod found;
 mod frozen;
+mod goals;
 mod mouse;
 mod past;
 mod picture;
@@ -109,7 +110,7 @@ impl App {
     fn arm(&self) -> &ArmState {
         match &self.scene {
             Scene::Arm(arm) => arm,
-            Scene::Maze(_) => panic!("an arm"),
+            Scene::Maze(_) | Scene::Goals(_) => panic!("an arm"),
         }
     }
 
@@ -117,7 +118,7 @@ impl App {
     fn arm_mut(&mut self) -> &mut ArmState {
         match &mut self.scene {
             Scene::Arm(arm) => arm,
-            Scene::Maze(_) => panic!("an arm"),
+            Scene::Maze(_) | Scene::Goals(_) => panic!("an arm"),
         }
     }
 
@@ -125,7 +126,7 @@ impl App {
     fn set_arm_goal(&mut self, at: [f32; 3]) {
         self.in_scene(|scene, screen, link| match scene {
             Scene::Arm(arm) => arm.set_goal(at, screen, link),
-            Scene::Maze(_) => panic!("an arm"),
+            Scene::Maze(_) | Scene::Goals(_) => panic!("an arm"),
         });
     }
 
@@ -158,6 +159,7 @@ impl App {
         match &self.scene {
             Scene::Maze(maze) => maze.past(),
             Scene::Arm(arm) => arm.past(),
+            Scene::Goals(_) => None,
         }
     }
 }

@@ -7,6 +7,7 @@
 mod abilities;
 mod error;
 pub mod fetch_reach;
+mod goal_space;
 pub mod gym;
 pub mod maze;
 mod probes;
@@ -24,6 +25,7 @@ use crate::store::Store;
 pub use abilities::{Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, Recorded};
 pub use error::EnvError;
 pub use fetch_reach::{ArmScene, FetchReach};
+pub use goal_space::GoalSpace;
 pub use gym::GymOptions;
 pub use maze::PointMaze;
 pub use probes::{MAX_PROBES, Probes};
@@ -262,11 +264,10 @@ impl dyn Environment {
 }
 
 /// What a front end draws for a world.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub enum Scene {
-    /// Nothing: the agents train without being drawn.
-    #[default]
-    Nothing,
+    /// The space of goals, of a world without a picture of its own.
+    Goals(GoalSpace),
     /// A grid map seen from above; states begin with the position (x, y) in cells, y down.
     Maze(MazeScene),
     /// An arm and what is around it; states begin with the position (x, y, z) of its grip in
@@ -279,7 +280,7 @@ impl Scene {
     pub fn maze(&self) -> Option<&MazeScene> {
         match self {
             Self::Maze(maze) => Some(maze),
-            Self::Nothing | Self::Arm(_) => None,
+            Self::Goals(_) | Self::Arm(_) => None,
         }
     }
 }

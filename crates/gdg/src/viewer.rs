@@ -6,8 +6,10 @@ mod animation;
 pub mod arm;
 mod field;
 mod film;
+pub mod goals;
 pub mod maze;
 mod pilot;
+mod reach;
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -22,9 +24,12 @@ pub use animation::{FilmError, animate};
 pub use arm::ArmView;
 use arm::ArmWorker;
 pub use field::Field;
+pub use goals::GoalsView;
+use goals::GoalsWorker;
 pub use maze::MazeView;
 use maze::MazeWorker;
-pub use pilot::{Candidate, OnArrival, ShownEdge};
+pub use pilot::{Candidate, NumberedEdge, OnArrival, ShownEdge};
+pub use reach::Reach;
 
 /// Minimum interval between recomputations of field and graph, and the pause after each as a
 /// multiple of its duration. They run concurrently with training, but on the same cores, so they
@@ -47,6 +52,14 @@ pub enum Request {
     Maze(maze::Request),
     /// About an arm.
     Arm(arm::Request),
+    /// About a space of goals.
+    Goals(goals::Request),
+}
+
+impl From<goals::Request> for Request {
+    fn from(request: goals::Request) -> Self {
+        Self::Goals(request)
+    }
 }
 
 impl From<maze::Request> for Request {
@@ -68,6 +81,8 @@ pub enum View {
     Maze(Arc<MazeView>),
     /// Of an arm.
     Arm(Arc<ArmView>),
+    /// Of a space of goals.
+    Goals(Arc<GoalsView>),
 }
 
 impl Default for View {
@@ -104,7 +119,7 @@ trait SceneWorker: Send {
                 shown.timer.make_due();
             }
             Request::Past(past) => shown.look_at(past),
-            Request::Maze(_) | Request::Arm(_) => self.handle_own(request),
+            Request::Maze(_) | Request::Arm(_) | Request::Goals(_) => self.handle_own(request),
         }
     }
 
@@ -118,12 +133,12 @@ trait SceneWorker: Send {
     fn changed_view(&mut self) -> Option<View>;
 }
 
-/// Returns the worker for the world of `snapshot`, if it is drawn.
-fn worker_for(snapshot: &Snapshot) -> Option<Box<dyn SceneWorker>> {
+/// Returns the worker for the world of `snapshot`.
+fn worker_for(snapshot: &Snapshot) -> Box<dyn SceneWorker> {
     match &snapshot.scene {
-        Scene::Nothing => None,
-        Scene::Maze(scene) => Some(Box::new(MazeWorker::new(scene, snapshot))),
-        Scene::Arm(scene) => Some(Box::new(ArmWorker::new(*scene, snapshot))),
+        Scene::Maze(scene) => Box::new(MazeWorker::new(scene, snapshot)),
+        Scene::Arm(scene) => Box::new(ArmWorker::new(*scene, snapshot)),
+        Scene::Goals(space) => Box::new(GoalsWorker::new(space.clone(), snapshot)),
     }
 }
 
@@ -168,7 +183,7 @@ struct Worker {
     snapshots: watch::Receiver<Arc<Snapshot>>,
     inbox: Receiver<Request>,
     publish: watch::Sender<View>,
-    scene: Option<Box<dyn SceneWorker>>,
+    scene: Box<dyn SceneWorker>,
 }
 
 impl Worker {
@@ -176,32 +191,26 @@ impl Worker {
         let mut stepped = Instant::now();
         loop {
             crate::faults::point("viewer");
-            let interval = self.scene.as_ref().map_or(REFRESH_INTERVAL, |s| s.step_interval());
-            let wait = interval.saturating_sub(stepped.elapsed());
+            let wait = self.scene.step_interval().saturating_sub(stepped.elapsed());
             match self.inbox.recv_timeout(wait) {
                 Ok(request) => {
                     // Handles all queued requests before computing anything for them.
                     let mut next = Some(request);
                     while let Some(request) = next {
                         self.enter_scene();
-                        if let Some(scene) = &mut self.scene {
-                            scene.handle(request);
-                        }
+                        self.scene.handle(request);
                         next = self.inbox.try_recv().ok();
                     }
                 }
                 Err(RecvTimeoutError::Timeout) => {
                     stepped = Instant::now();
-                    if let Some(scene) = &mut self.scene {
-                        scene.walk();
-                    }
+                    self.scene.walk();
                 }
                 Err(RecvTimeoutError::Disconnected) => return,
             }
             let snapshot = self.enter_scene();
-            let Some(scene) = &mut self.scene else { continue };
-            scene.refresh(&snapshot);
-            if let Some(view) = scene.changed_view() {
+            self.scene.refresh(&snapshot);
+            if let Some(view) = self.scene.changed_view() {
                 self.publish.send_replace(view);
             }
         }
@@ -211,12 +220,10 @@ impl Worker {
     /// world that is shown.
     fn enter_scene(&mut self) -> Arc<Snapshot> {
         let snapshot = self.snapshots.borrow().clone();
-        if !self.scene.as_ref().is_some_and(|scene| scene.draws(&snapshot.scene)) {
+        if !self.scene.draws(&snapshot.scene) {
             self.scene = worker_for(&snapshot);
         }
-        if let Some(scene) = &mut self.scene {
-            scene.enter(&snapshot);
-        }
+        self.scene.enter(&snapshot);
         snapshot
     }
 }
@@ -298,8 +305,8 @@ impl Shown {
     }
 }
 
-/// Appends a position to a trail that keeps the latest `most`.
-fn push_to_trail<const N: usize>(trail: &mut Vec<[f32; N]>, at: [f32; N], most: usize) {
+/// Appends a place to a trail that keeps the latest `most`.
+fn push_to_trail<T>(trail: &mut Vec<T>, at: T, most: usize) {
     trail.push(at);
     if trail.len() > most {
         trail.remove(0);

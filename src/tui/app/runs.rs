@@ -71,7 +71,7 @@ pub fn restart(seed: u64, scene: &Scene, screen: &mut Screen, link: &Link) {
     let run = Run { seed, ..screen.run().clone() };
     let world: MakeWorld = match scene {
         Scene::Maze(maze) => maze_on(maze.map.clone()),
-        Scene::Arm(_) => Box::new(|world| world.fork(0)),
+        Scene::Arm(_) | Scene::Goals(_) => Box::new(|world| world.fork(0)),
     };
     link.command(Command::StartRun(Box::new(run), world), screen);
 }
@@ -91,7 +91,7 @@ fn start_in(name: &str, screen: &mut Screen, link: &Link) {
 fn start_on(map: Arc<Grid>, scene: &Scene, screen: &mut Screen, link: &Link) {
     let run = match scene {
         Scene::Maze(_) => screen.run().clone(),
-        Scene::Arm(_) => adapted_to(&maze::KIND, screen),
+        Scene::Arm(_) | Scene::Goals(_) => adapted_to(&maze::KIND, screen),
     };
     link.command(Command::StartRun(Box::new(run), maze_on(map)), screen);
 }

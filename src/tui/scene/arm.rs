@@ -2,7 +2,6 @@
 
 mod act;
 mod draw;
-mod info;
 mod legend;
 mod mouse;
 mod shapes;
@@ -14,7 +13,7 @@ use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
 use ratatui::text::Line;
 
-use super::scale::scale;
+use super::scale::{BAR_WIDTH, draw_scale, scale};
 use crate::tui::contours;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
@@ -104,7 +103,7 @@ pub fn draw(
     for projection in &layout.projections {
         draw::draw(frame, projection, scene, arm, screen, layout);
     }
-    info::draw(frame, info, arm, screen, layout);
+    draw_scale(frame, info, arm.scale(screen, BAR_WIDTH), screen, layout);
 }
 
 /// Returns the steps between two contour lines, the same in all projections, if there are any.
@@ -128,8 +127,13 @@ fn shown_goal(arm: &ArmState) -> [f32; 3] {
     arm.past().map_or(arm.goal, film_goal)
 }
 
-/// Formats a position in centimetres.
-fn centimetres(at: [f32; 3]) -> String {
-    let [x, y, z] = at.map(|metres| 100.0 * metres);
-    format!("{x:.1}, {y:.1}, {z:.1}")
+/// Formats the position with which a state or goal begins, in centimetres.
+fn centimetres(at: &[f32]) -> String {
+    match at {
+        [x, y, z, ..] => {
+            let [x, y, z] = [x, y, z].map(|metres| 100.0 * metres);
+            format!("{x:.1}, {y:.1}, {z:.1}")
+        }
+        _ => "-".to_owned(),
+    }
 }

@@ -1,9 +1,14 @@
 //! The scale of the colours.
 
+use ratatui::Frame;
+use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
 
 use crate::tui::canvas::SHADES;
+use crate::tui::layout::ScreenLayout;
+use crate::tui::screen::Screen;
 use crate::tui::style::DIM;
 use crate::tui::text::short;
 use crate::tui::theme::{ColourDepth, Theme};
@@ -46,4 +51,20 @@ pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<L
     }
     line.push_span(Span::styled(format!(" {high}"), DIM));
     Some(line)
+}
+
+/// Draws the line below a scene without a map: the scale, and the interval of the contour lines.
+pub fn draw_scale(
+    frame: &mut Frame,
+    area: Rect,
+    mut line: Line<'static>,
+    screen: &Screen,
+    layout: &ScreenLayout,
+) {
+    let interval = layout.contour_interval.filter(|_| screen.theme.depth != ColourDepth::Mono);
+    let interval = interval
+        .map(|steps| format!(", a line every {steps:.0}"))
+        .filter(|text| line.width() + text.len() <= usize::from(area.width));
+    line.extend(interval.map(|text| Span::styled(text, DIM)));
+    frame.render_widget(Paragraph::new(line), area);
 }

@@ -9,8 +9,7 @@ use crate::tui::scene::Scene as Shown;
 use gdg::env::fetch_reach::{WALL, WALL_KIND};
 use gdg::env::{FetchReach, Scene};
 use gdg::train::{self, DistanceScore, Evaluation, Score};
-use gdg::viewer::arm::Reach;
-use gdg::viewer::{ArmView, Candidate, View};
+use gdg::viewer::{ArmView, Candidate, Reach, View};
 
 fn arm_app(limits: Limits, save: Option<PathBuf>) -> App {
     app_in(&FetchReach::new(None, 0), gdg(), limits, save)
@@ -68,14 +67,14 @@ fn staged_view(app: &App) -> ArmView {
         candidates: Arc::new(
             [[1.2, 0.7, 0.5], [1.35, 0.75, 0.7], [1.4, 0.8, 0.5]].map(candidate).to_vec(),
         ),
-        path: vec![[1.35, 0.75, 0.7], goal],
-        trail: vec![[1.31, 0.64, 0.47], arm.pose(0).grip],
         reach: Reach {
-            start: [1.342, 0.649, 0.535],
+            start: vec![1.342, 0.649, 0.535],
+            path: vec![vec![1.35, 0.75, 0.7], goal.to_vec()],
+            trail: vec![vec![1.31, 0.64, 0.47], arm.pose(0).grip.to_vec()],
             steps: 4,
-            metres: 0.234,
+            left: 0.234,
             distances: (7.5, 3.5),
-            waypoint: Some([1.35, 0.75, 0.7]),
+            waypoint: Some(vec![1.35, 0.75, 0.7]),
             finished: (3, 4),
             ..Reach::default()
         },
@@ -342,6 +341,7 @@ fn maps_and_worlds_open_from_each_others_screens() {
         draw(&mut app, 80, 24);
         wait_until(&mut app, |app| match &app.scene {
             Shown::Arm(arm) => !arm.view.fields.is_empty(),
+            Shown::Goals(_) => false,
             Shown::Maze(maze) => {
                 maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster)
             }

@@ -114,7 +114,7 @@ settings! {
         Planning {
             /// D ends a goal radius before its goal, short of where the next hop starts. Distances
             /// of the rivals are less exact.
-            hop_steps: f32 = 0.5, Paper => 0.0, Tuned | Sb3 => 1.0;
+            hop_steps: f32 = 0.4, Paper => 0.0, Tuned | Sb3 => 1.0;
                 "overhead of passing a waypoint, in steps beyond D to it and D from it",
                 values: Values::steps(0.0, 100.0), unit: "steps",
                 ablation: without("waypoints cost a step", "1");

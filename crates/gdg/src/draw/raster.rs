@@ -109,6 +109,13 @@ impl Raster {
         free.unzip()
     }
 
+    /// Returns the position at the middle of pixel `i`.
+    pub fn middle_of(&self, i: usize) -> [f32; 2] {
+        let ([left, top, width, height], (columns, rows)) = (self.window, self.pixels);
+        let (column, row) = ((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5);
+        [left + column / columns as f32 * width, top + row / rows as f32 * height]
+    }
+
     /// Returns the column and row of the pixel that shows a position, if any does.
     pub fn pixel_of(&self, [x, y]: [f32; 2]) -> Option<(usize, usize)> {
         let [left, top, width, height] = self.window;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::env::{Environment, Explored, Scene};
+use crate::env::{Environment, Explored, GoalSpace, Scene};
 use crate::store::{Store, StoreError};
 
 /// Name in the store.
@@ -43,7 +43,10 @@ impl Visits {
 
     /// Returns what a front end draws of `world`.
     pub fn scene(&self, world: &dyn Environment) -> Scene {
-        world.abilities().drawn.map_or(Scene::Nothing, |drawn| drawn.scene(&self.0))
+        match world.abilities().drawn {
+            Some(drawn) => drawn.scene(&self.0),
+            None => Scene::Goals(GoalSpace::of(world)),
+        }
     }
 
     /// Writes the visits, if the world has places.

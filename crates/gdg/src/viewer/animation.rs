@@ -66,7 +66,7 @@ pub fn animate(run: &Snapshot) -> Result<Vec<u8>, FilmError> {
     let stage: Box<dyn Stage> = match &run.scene {
         Scene::Maze(scene) => Box::new(MazeStage::new(scene)),
         Scene::Arm(scene) => Box::new(ArmStage(*scene)),
-        Scene::Nothing => return Err(FilmError::NoScene),
+        Scene::Goals(_) => return Err(FilmError::NoScene),
     };
     let scale = Scale { farthest: last.farthest(), interval: stage.contour_interval(last) };
     let shortest =
@@ -361,8 +361,9 @@ mod tests {
 
     #[test]
     fn a_run_without_a_film_or_a_scene_has_no_animation() {
-        let mut run = run(&maze("..\n"), &[250]);
-        run.scene = Scene::Nothing;
+        let world = maze("..\n");
+        let mut run = run(&world, &[250]);
+        run.scene = Scene::Goals(crate::env::GoalSpace::of(&world));
         assert!(matches!(animate(&run), Err(FilmError::NoScene)));
         run.film = Arc::default();
         assert!(matches!(animate(&run), Err(FilmError::NoFrames)));

@@ -2,24 +2,21 @@
 
 mod past;
 mod plane;
-mod reach;
 
+use std::any::Any;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-
-use super::pilot::{Candidate, OnArrival, Pilot, ShownEdge};
+use super::pilot::{Candidate, ShownEdge, position};
+use super::reach::{Reach, Reacher};
 use super::{Field, SceneWorker, Shown, View};
 use crate::engine::Snapshot;
 use crate::env::fetch_reach::Pose;
-use crate::env::{ArmScene, Environment, FetchReach, Scene};
+use crate::env::{ArmScene, FetchReach, Scene};
 use crate::learn::Scratch;
 use crate::train::FilmFrame;
 pub use past::{film_field, film_goal};
 pub use plane::Plane;
-pub use reach::Reach;
 
 /// Time between two steps of the arm: two and a half times slower than real time, since most
 /// reaches take only a few steps.
@@ -57,10 +54,6 @@ pub struct ArmView {
     pub edges: Arc<Vec<ShownEdge<3>>>,
     /// The positions of the arm's parts.
     pub pose: Pose,
-    /// Waypoints ahead of the grip, ending at the goal.
-    pub path: Vec<[f32; 3]>,
-    /// Recent positions of the grip, the current one last.
-    pub trail: Vec<[f32; 3]>,
     /// The current reach.
     pub reach: Reach,
 }
@@ -68,12 +61,9 @@ pub struct ArmView {
 /// Computes what is shown of an arm.
 pub(super) struct ArmWorker {
     scene: ArmScene,
-    world: FetchReach,
-    rng: ChaCha8Rng,
-    pilot: Pilot,
+    reacher: Reacher,
     shown: Shown,
     planes: Arc<Vec<Plane>>,
-    resting: u32,
     view: ArmView,
     scratch: Scratch,
 }
@@ -81,27 +71,32 @@ pub(super) struct ArmWorker {
 impl ArmWorker {
     /// Creates the worker for the arm of `snapshot`.
     pub(super) fn new(scene: ArmScene, snapshot: &Snapshot) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(snapshot.run.seed);
-        // The screen draws its goals from the first stream.
-        rng.set_stream(1);
-        let mut worker = Self {
+        Self {
             scene,
-            world: scene.world(1),
-            rng,
-            pilot: Pilot::new(snapshot),
+            reacher: Reacher::new(Ok(Box::new(scene.world(1))), snapshot),
             shown: Shown::new(snapshot),
             planes: Arc::default(),
-            resting: 0,
             view: ArmView::default(),
             scratch: Scratch::default(),
-        };
-        worker.restart(None);
-        worker
+        }
     }
 
-    /// Returns the arm's state.
-    fn state(&self) -> Vec<f32> {
-        self.world.states().to_vec()
+    /// Returns the arm.
+    fn arm(&self) -> Option<&FetchReach> {
+        self.reacher.world().and_then(|world| (world as &dyn Any).downcast_ref())
+    }
+
+    /// Starts a reach with the grip near a position, or at one of the world's own starts.
+    fn restart(&mut self, at: Option<[f32; 3]>) {
+        let world = self.reacher.world_mut();
+        let arm = world.and_then(|world| (world as &mut dyn Any).downcast_mut::<FetchReach>());
+        match (at, arm) {
+            (Some(at), Some(arm)) => {
+                arm.put(0, at);
+                self.reacher.begin();
+            }
+            _ => self.reacher.restart(),
+        }
     }
 
     /// Recomputes D on all planes.
@@ -114,7 +109,7 @@ impl ArmWorker {
                 self.planes.iter().map(|plane| film_field(&self.scene, frame, plane)).collect();
             (self.view.planes, self.view.fields) = (self.planes.clone(), Arc::new(fields));
             self.view.farthest = frame.farthest();
-        } else if let Some(goal) = self.view.goal.0 {
+        } else if let Some(goal) = self.reacher.goal.as_deref().map(position) {
             let planes = self.planes.clone();
             let fields: Vec<Vec<f32>> =
                 planes.iter().map(|plane| self.field(plane, goal)).collect();
@@ -144,8 +139,8 @@ impl SceneWorker for ArmWorker {
         let super::Request::Arm(request) = request else { return };
         match request {
             Request::Goal(goal, number) => {
-                self.view.goal = (Some(goal), number);
-                self.start_reach();
+                self.view.goal.1 = number;
+                self.reacher.reach_for(goal.to_vec());
                 self.shown.timer.make_due();
             }
             Request::Start(at) => {
@@ -162,12 +157,16 @@ impl SceneWorker for ArmWorker {
     }
 
     fn walk(&mut self) {
-        self.reach_on();
+        let (most, on_arrival) = (self.scene.episode_steps(), self.shown.on_arrival);
+        if self.reacher.step(most, on_arrival) {
+            self.shown.timer.make_due();
+        }
+        self.shown.changed |= self.reacher.goal.is_some();
     }
 
     fn refresh(&mut self, snapshot: &Snapshot) {
-        if self.pilot.refresh(snapshot, self.world.spec()) {
-            let (candidates, edges) = self.pilot.shown_graph();
+        if self.reacher.refresh(snapshot) {
+            let (candidates, edges) = self.reacher.pilot.shown_graph();
             (self.view.candidates, self.view.edges) = (Arc::new(candidates), Arc::new(edges));
             self.shown.changed = true;
         }
@@ -177,7 +176,12 @@ impl SceneWorker for ArmWorker {
     }
 
     fn changed_view(&mut self) -> Option<View> {
-        self.view.kind = self.shown.kind;
-        std::mem::take(&mut self.shown.changed).then(|| View::Arm(Arc::new(self.view.clone())))
+        std::mem::take(&mut self.shown.changed).then(|| {
+            self.view.kind = self.shown.kind;
+            self.view.goal.0 = self.reacher.goal.as_deref().map(position);
+            self.view.pose = self.arm().map(|arm| arm.pose(0)).unwrap_or_default();
+            self.view.reach = self.reacher.reach.clone();
+            View::Arm(Arc::new(self.view.clone()))
+        })
     }
 }

@@ -357,7 +357,7 @@ mod tests {
     #[test]
     fn requests_refer_to_the_map_that_is_shown() {
         let [small, large] = [4, 40].map(snapshot);
-        let mut worker = worker_for(&small).expect("a maze");
+        let mut worker = worker_for(&small);
         let mut goal_after = |snapshot: &Snapshot, cell: Cell| {
             worker.enter(snapshot);
             worker.handle(ViewRequest::Maze(Request::Goal(cell, 1)));

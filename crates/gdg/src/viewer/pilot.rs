@@ -62,6 +62,9 @@ pub struct Candidate<const N: usize = 2> {
 /// An edge between two positions, and its record in practice.
 pub type ShownEdge<const N: usize = 2> = ([[f32; N]; 2], EdgeStatus);
 
+/// An edge between two candidates, by their numbers, and its record in practice.
+pub type NumberedEdge = ([usize; 2], EdgeStatus);
+
 /// Policy and plan of the walking agent.
 pub(super) struct Pilot {
     run: Arc<Run>,
@@ -140,6 +143,14 @@ impl Pilot {
         (degrees.iter().enumerate().map(candidate).collect(), edges)
     }
 
+    /// Returns the candidates of the graph, `(goal_dim)` each, and the edges between them.
+    pub fn candidates_and_edges(&self) -> (Vec<Vec<f32>>, Vec<NumberedEdge>) {
+        let Some(graph) = &self.graph else { return (Vec::new(), Vec::new()) };
+        let candidates = (0..graph.candidates().len()).map(|i| graph.point(i).to_vec());
+        let edges = graph.edges().iter().map(|edge| ([edge.from, edge.to], edge.status));
+        (candidates.collect(), edges.collect())
+    }
+
     /// Returns D from a state to a goal.
     pub fn distance(&mut self, state: &[f32], goal: &[f32]) -> f32 {
         self.networks.policy.distance(state, goal, &mut self.scratch)
@@ -150,12 +161,12 @@ impl Pilot {
     ///
     /// # Errors
     /// The world fails.
-    pub fn step<const N: usize>(
+    pub fn step(
         &mut self,
         world: &mut dyn Environment,
-        goal: &[f32; N],
+        goal: &[f32],
         rng: &mut ChaCha8Rng,
-    ) -> Result<Vec<[f32; N]>, EnvError> {
+    ) -> Result<Vec<Vec<f32>>, EnvError> {
         let guide = Guide { policy: &*self.networks.policy, graph: self.graph.as_ref() };
         let (walker, scratch) = (&mut self.walker, &mut self.scratch);
         if walker.is_none() {
@@ -168,16 +179,16 @@ impl Pilot {
         world.step(&action, rng)?;
         let mut waypoints = match (walker, guide.graph) {
             (Some(walker), Some(graph)) => {
-                walker.waypoints_ahead().into_iter().map(|i| position(graph.point(i))).collect()
+                walker.waypoints_ahead().into_iter().map(|i| graph.point(i).to_vec()).collect()
             }
             _ => Vec::new(),
         };
-        waypoints.push(*goal);
+        waypoints.push(goal.to_vec());
         Ok(waypoints)
     }
 }
 
 /// Returns the first `N` numbers of a position.
-fn position<const N: usize>(at: &[f32]) -> [f32; N] {
+pub(super) fn position<const N: usize>(at: &[f32]) -> [f32; N] {
     std::array::from_fn(|i| at[i])
 }

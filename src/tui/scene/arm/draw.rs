@@ -196,18 +196,19 @@ fn draw_explorers(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
 /// Draws the waypoints ahead, and where the grip has been.
 fn draw_plan(sketch: &mut Sketch, arm: &ArmState, screen: &Screen) {
     let (theme, view) = (&screen.theme, &arm.view);
-    if screen.overlays.has(Overlay::Path) && view.path.len() > 1 {
-        let stops: Vec<[f32; 3]> =
-            std::iter::once(view.pose.grip).chain(view.path.iter().copied()).collect();
+    let reach = &view.reach;
+    if screen.overlays.has(Overlay::Path) && reach.path.len() > 1 {
+        let path = reach.path.iter().map(|at| position(at));
+        let stops: Vec<[f32; 3]> = std::iter::once(view.pose.grip).chain(path).collect();
         sketch.lines(
             stops.windows(2).map(|ends| [ends[0], ends[1]]),
             Pen { rgb: theme.path, share: 1.0, mark: '+' },
         );
-        let between = &view.path[..view.path.len() - 1];
+        let between = &stops[1..stops.len() - 1];
         between.iter().for_each(|at| sketch.ball(*at, DOT_RADIUS, theme.path, '+'));
     }
     let trail: Vec<[f32; 3]> =
-        std::iter::once(view.reach.start).chain(view.trail.iter().copied()).collect();
+        std::iter::once(&reach.start).chain(&reach.trail).map(|at| position(at)).collect();
     sketch.lines(
         trail.windows(2).map(|ends| [ends[0], ends[1]]),
         Pen { rgb: theme.walker, share: 0.7, mark: ',' },

@@ -34,18 +34,18 @@ fn reacher(arm: &ArmState, screen: &Screen) -> Vec<Line<'static>> {
     };
     let mut lines = vec![
         heading("x, y, z in cm"),
-        fact("from", centimetres(reach.start)),
-        fact("grip @", centimetres(view.pose.grip)),
-        fact("to G", centimetres(arm.goal)),
+        fact("from", centimetres(&reach.start)),
+        fact("grip @", centimetres(&view.pose.grip)),
+        fact("to G", centimetres(&arm.goal)),
         fact(state, format!("{} steps{most}", reach.steps)),
-        fact("left", format_metres(reach.metres)),
+        fact("left", format_metres(reach.left)),
         fact("D to goal", format_steps(reach.distances.0)),
     ];
     if screen.run().method.plans() {
         lines.extend([
-            fact("waypoint", reach.waypoint.map_or("the goal".to_owned(), centimetres)),
+            fact("waypoint", reach.waypoint.as_deref().map_or("the goal".to_owned(), centimetres)),
             fact("D to it", format_steps(reach.distances.1)),
-            fact("ahead", counted(view.path.len().saturating_sub(1) as u64, "waypoint")),
+            fact("ahead", counted(reach.path.len().saturating_sub(1) as u64, "waypoint")),
         ]);
     }
     lines.extend([
@@ -59,10 +59,6 @@ fn reacher(arm: &ArmState, screen: &Screen) -> Vec<Line<'static>> {
 
 fn explorer(screen: &Screen) -> Vec<Line<'static>> {
     let Some(followed) = &screen.snapshot.followed else { return vec![fact("agent", "...")] };
-    let place = |numbers: &[f32]| {
-        <[f32; 3]>::try_from(numbers.get(..3).unwrap_or_default())
-            .map_or("-".to_owned(), centimetres)
-    };
     let left = followed
         .state
         .iter()
@@ -74,12 +70,12 @@ fn explorer(screen: &Screen) -> Vec<Line<'static>> {
     let mut lines = vec![
         heading("x, y, z in cm"),
         fact("agent", format!("{} of {}", followed.agent, screen.run().settings.train.agents)),
-        fact("from", place(&followed.start)),
-        fact("at A", place(&followed.state)),
-        fact("goal \u{2691}", place(&followed.goal)),
+        fact("from", centimetres(&followed.start)),
+        fact("at A", centimetres(&followed.state)),
+        fact("goal \u{2691}", centimetres(&followed.goal)),
         fact("steps", format!("{} of {}", followed.steps.0, followed.steps.1)),
         fact("left", format_metres(left)),
     ];
-    lines.extend(walk::pursuit(screen, followed, place, format_steps));
+    lines.extend(walk::pursuit(screen, followed, centimetres, format_steps));
     lines
 }

@@ -2,7 +2,6 @@
 
 use super::ArmWorker;
 use crate::draw::Raster;
-use crate::env::Environment;
 use crate::viewer::Field;
 
 /// Candidates considered at each pixel for D along the bridge graph.
@@ -34,9 +33,7 @@ impl Plane {
 
     /// Returns the point that pixel `i` shows of the plane through `goal`.
     pub(super) fn pixel(&self, i: usize, goal: [f32; 3]) -> [f32; 3] {
-        let Raster { window: [left, top, width, height], pixels: (columns, rows) } = self.raster;
-        let (column, row) = ((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5);
-        self.point([left + column / columns as f32 * width, top + row / rows as f32 * height], goal)
+        self.point(self.raster.middle_of(i), goal)
     }
 }
 
@@ -53,7 +50,8 @@ impl ArmWorker {
         if self.shown.kind == Field::Plain || shown.is_empty() {
             return field;
         }
-        let spec = self.world.spec();
+        let Some(arm) = self.reacher.world() else { return field };
+        let spec = arm.spec();
         let mut states = vec![0.0; shown.len() * spec.state_dim()];
         for (state, (_, at)) in states.chunks_exact_mut(spec.state_dim()).zip(&shown) {
             // At rest: everything but the position is 0.
@@ -74,7 +72,7 @@ impl ArmWorker {
     ) -> Vec<f32> {
         let policy = &*self.shown.networks.policy;
         let mut distances = vec![0.0; shown.len()];
-        match (self.shown.kind, self.pilot.graph()) {
+        match (self.shown.kind, self.reacher.pilot.graph()) {
             (Field::Composed, Some(graph)) => {
                 let route = graph.route(&goal, policy, &mut self.scratch);
                 return graph.composed_distances(
@@ -86,7 +84,7 @@ impl ArmWorker {
                 );
             }
             (Field::FromStart, _) => {
-                let starts = self.view.reach.start_state.repeat(shown.len());
+                let starts = self.reacher.reach.start_state.repeat(shown.len());
                 let goals: Vec<f32> = shown.iter().flat_map(|(_, at)| *at).collect();
                 policy.distances(&starts, &goals, &mut distances, &mut self.scratch);
             }

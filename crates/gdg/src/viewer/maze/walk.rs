@@ -3,6 +3,7 @@
 use super::{MazeWorker, OnArrival, cell_of};
 use crate::env::Environment;
 use crate::map::Cell;
+use crate::viewer::pilot::position;
 use crate::viewer::push_to_trail;
 
 /// Number of steps that the walking agent rests at the goal.
@@ -124,6 +125,7 @@ impl MazeWorker {
         }
         // A maze never fails.
         let Ok(waypoints) = self.pilot.step(&mut self.world, &goal, &mut self.rng) else { return };
+        let waypoints: Vec<[f32; 2]> = waypoints.iter().map(|at| position(at)).collect();
         let target = waypoints[0];
         // The straight line to a goal that no path leads to is no plan.
         self.view.path = if self.view.walk.shortest.is_some() { waypoints } else { Vec::new() };
