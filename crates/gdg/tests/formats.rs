@@ -140,3 +140,12 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn plain_maps_may_end_in_map_and_broken_headers_are_still_named() {
+    let read = |text: &str| parse_map("maze.map", text.as_bytes());
+    let plain = read("S.#\n..G\n").expect("a plain map");
+    assert_eq!((plain.starts().len(), plain.goals().len(), plain.free_count()), (1, 1, 5));
+    let error = read("height 2\nwidth 2\nmap\n..\n..\n").expect_err("no type");
+    assert!(error.problem.contains("type octile"), "{error}");
+}

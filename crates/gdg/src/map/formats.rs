@@ -124,7 +124,9 @@ impl MapFormat {
     /// Returns the format of a file.
     pub fn of(source: &Source) -> &'static Self {
         let [.., plain] = &FORMATS;
-        let by_name = || Self::by_name(Path::new(source.file));
+        // Plain maps are often called .map too, and no other format recognises them.
+        let is_certain = |format: &&Self| format.name != movingai::FORMAT.name;
+        let by_name = || Self::by_name(Path::new(source.file)).filter(is_certain);
         Self::by_content(source).or_else(by_name).unwrap_or(plain)
     }
 
