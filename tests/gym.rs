@@ -409,7 +409,9 @@ fn workers_end_with_the_program_however_it_ends() {
             .spawn()
             .unwrap();
         let mut start = String::new();
-        BufReader::new(program.stdout.take().unwrap()).read_line(&mut start).unwrap();
+        // Kept open, as the program ends when nobody reads its records.
+        let mut records = BufReader::new(program.stdout.take().unwrap());
+        records.read_line(&mut start).unwrap();
         assert!(start.contains("start"));
         std::thread::sleep(Duration::from_secs(2));
         let workers = children(program.id());
