@@ -157,9 +157,13 @@ impl Viewer {
         let (requests, inbox) = channel();
         let (publish, views) = watch::channel(View::default());
         let snapshots = engine.snapshots();
-        let scene = worker_for(&snapshots.borrow());
-        let worker = Worker { snapshots, inbox, publish, scene };
-        std::thread::Builder::new().name("viewer".to_owned()).spawn(|| worker.run())?;
+        let view = move || {
+            // A world in another process takes seconds to start; the engine publishes meanwhile.
+            let snapshot = snapshots.borrow().clone();
+            let scene = worker_for(&snapshot);
+            Worker { snapshots, inbox, publish, scene }.run();
+        };
+        std::thread::Builder::new().name("viewer".to_owned()).spawn(view)?;
         Ok(Self::new(requests, views))
     }
 

@@ -1,7 +1,7 @@
 //! Any Gymnasium environment with continuous actions and goals, in a Python process of its own.
 //!
-//! A [`process`] steps several environments and exchanges one message a step with the program
-//! ([`frames`]); what the learner needs is found out once ([`facts`]). Environments are reset with
+//! A `process` steps several environments and exchanges one message a step with the program
+//! (`frames`); what the learner needs is found out once (`facts`). Environments are reset with
 //! seeds from the run's random numbers, so that the same seed gives the same run wherever the
 //! environment itself is deterministic.
 
