@@ -4,8 +4,10 @@ use ratatui::text::Line;
 
 use crate::tui::action::Action;
 use crate::tui::screen::Screen;
-use crate::tui::text::fact;
+use crate::tui::text::{fact, heading};
 use gdg::engine::FollowedAgent;
+use gdg::text::counted;
+use gdg::viewer::Reach;
 
 /// The meanings of the numbers, by their names in the pane.
 pub const MEANINGS: &[(&str, &str)] = &[
@@ -58,4 +60,41 @@ pub fn pursuit(
             screen.keymap.key_of(Action::Close)
         )),
     ]
+}
+
+/// Formats D.
+pub fn format_steps(distance: f32) -> String {
+    if distance.is_nan() { "-".to_owned() } else { format!("{distance:.1} steps") }
+}
+
+/// Returns how an agent that reaches for the goal gets on, with places and straight lines in the
+/// scene's format. It gives up after `most` steps, if that is known.
+pub fn progress(
+    screen: &Screen,
+    reach: &Reach,
+    most: Option<u32>,
+    format_place: impl Fn(&[f32]) -> String,
+    format_length: impl Fn(f32) -> String,
+) -> Vec<Line<'static>> {
+    let state = if reach.arrived { "arrived" } else { "reaching" };
+    let most = most.filter(|_| !reach.arrived).map_or(String::new(), |most| format!(" of {most}"));
+    let mut lines = vec![
+        fact(state, format!("{} steps{most}", reach.steps)),
+        fact("left", format_length(reach.left)),
+        fact("D to goal", format_steps(reach.distances.0)),
+    ];
+    if screen.run().method.plans() {
+        lines.extend([
+            fact("waypoint", reach.waypoint.as_deref().map_or("the goal".to_owned(), format_place)),
+            fact("D to it", format_steps(reach.distances.1)),
+            fact("ahead", counted(reach.path.len().saturating_sub(1) as u64, "waypoint")),
+        ]);
+    }
+    lines.extend([
+        heading("reaches"),
+        fact("arrived", format!("{} of {}", reach.finished.0, reach.finished.1)),
+        fact("then", screen.on_arrival.name()),
+    ]);
+    lines.extend(keys(screen));
+    lines
 }

@@ -7,7 +7,6 @@ use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
 use crate::tui::text::{fact, heading};
 use gdg::env::Scene;
-use gdg::text::counted;
 
 /// Returns the pane's lines.
 pub fn lines(arm: &ArmState, screen: &Screen) -> Vec<Line<'static>> {
@@ -17,43 +16,23 @@ pub fn lines(arm: &ArmState, screen: &Screen) -> Vec<Line<'static>> {
     }
 }
 
-fn format_steps(distance: f32) -> String {
-    if distance.is_nan() { "-".to_owned() } else { format!("{distance:.1} steps") }
-}
-
 fn format_metres(distance: f32) -> String {
     if distance.is_nan() { "-".to_owned() } else { format!("{:.1} cm", 100.0 * distance) }
 }
 
 fn reacher(arm: &ArmState, screen: &Screen) -> Vec<Line<'static>> {
-    let (view, reach) = (&arm.view, &arm.view.reach);
-    let state = if reach.arrived { "arrived" } else { "reaching" };
+    let reach = &arm.view.reach;
     let most = match &screen.snapshot.scene {
-        Scene::Arm(scene) if !reach.arrived => format!(" of {}", scene.episode_steps()),
-        _ => String::new(),
+        Scene::Arm(scene) => Some(scene.episode_steps()),
+        _ => None,
     };
     let mut lines = vec![
         heading("x, y, z in cm"),
         fact("from", centimetres(&reach.start)),
-        fact("grip @", centimetres(&view.pose.grip)),
+        fact("grip @", centimetres(&arm.view.pose.grip)),
         fact("to G", centimetres(&arm.goal)),
-        fact(state, format!("{} steps{most}", reach.steps)),
-        fact("left", format_metres(reach.left)),
-        fact("D to goal", format_steps(reach.distances.0)),
     ];
-    if screen.run().method.plans() {
-        lines.extend([
-            fact("waypoint", reach.waypoint.as_deref().map_or("the goal".to_owned(), centimetres)),
-            fact("D to it", format_steps(reach.distances.1)),
-            fact("ahead", counted(reach.path.len().saturating_sub(1) as u64, "waypoint")),
-        ]);
-    }
-    lines.extend([
-        heading("reaches"),
-        fact("arrived", format!("{} of {}", reach.finished.0, reach.finished.1)),
-        fact("then", screen.on_arrival.name()),
-    ]);
-    lines.extend(walk::keys(screen));
+    lines.extend(walk::progress(screen, reach, most, centimetres, format_metres));
     lines
 }
 
@@ -76,6 +55,6 @@ fn explorer(screen: &Screen) -> Vec<Line<'static>> {
         fact("steps", format!("{} of {}", followed.steps.0, followed.steps.1)),
         fact("left", format_metres(left)),
     ];
-    lines.extend(walk::pursuit(screen, followed, centimetres, format_steps));
+    lines.extend(walk::pursuit(screen, followed, centimetres, walk::format_steps));
     lines
 }

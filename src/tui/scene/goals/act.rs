@@ -11,6 +11,7 @@ use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::link::Link;
 use crate::tui::panes::Pane;
+use crate::tui::scene::arm;
 use crate::tui::screen::Screen;
 use gdg::viewer::GoalsView;
 use gdg::viewer::goals::Request;
@@ -18,31 +19,22 @@ use gdg::viewer::goals::Request;
 /// How far a key moves the goal, as a share of what is shown.
 const NUDGE: f32 = 0.02;
 
-/// Returns whether an action applies to a space of goals: all but those that need a map or an arm.
+/// Returns whether an action applies to a space of goals: as to an arm, but for those that need to
+/// put an agent somewhere, a camera or a film.
 pub fn offers(action: Action) -> bool {
-    !matches!(
-        action,
-        Action::Inspect
-            | Action::GoalHere
-            | Action::StartHere
-            | Action::ToggleEdit
-            | Action::Tool(_)
-            | Action::Apply
-            | Action::Undo
-            | Action::Redo
-            | Action::SaveMap
-            | Action::NewMap
-            | Action::ResizeMap
-            | Action::ZoomIn
-            | Action::ZoomOut
-            | Action::ZoomOff
-            | Action::Pan(..)
-            | Action::Alone
-            | Action::Back
-            | Action::Forth
-            | Action::ExportFilm
-            | Action::Toggle(Overlay::Unexplored | Overlay::Directions)
-    )
+    arm::offers(action)
+        && !matches!(
+            action,
+            Action::StartHere
+                | Action::ZoomIn
+                | Action::ZoomOut
+                | Action::ZoomOff
+                | Action::Pan(..)
+                | Action::Alone
+                | Action::Back
+                | Action::Forth
+                | Action::ExportFilm
+        )
 }
 
 /// Returns the description of an action if its meaning differs from that on a map.

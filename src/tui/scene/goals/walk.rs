@@ -8,7 +8,6 @@ use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
 use crate::tui::text::{fact, heading};
 use gdg::env::GoalSpace;
-use gdg::text::counted;
 
 /// The most components that are listed.
 const MOST_COMPONENTS: usize = 8;
@@ -20,10 +19,6 @@ pub fn lines(state: &GoalsState, screen: &Screen) -> Vec<Line<'static>> {
         (Some(space), Some(_)) => explorer(space, screen),
         (Some(space), None) => reacher(space, state, screen),
     }
-}
-
-fn format_steps(distance: f32) -> String {
-    if distance.is_nan() { "-".to_owned() } else { format!("{distance:.1} steps") }
 }
 
 /// Formats a place.
@@ -47,32 +42,12 @@ fn components(space: &GoalSpace, at: &[f32], goal: &[f32]) -> Vec<Line<'static>>
 
 fn reacher(space: &GoalSpace, state: &GoalsState, screen: &Screen) -> Vec<Line<'static>> {
     let reach = &state.view.reach;
-    let progress = if reach.arrived { "arrived" } else { "reaching" };
-    let most = space.episode_steps().filter(|_| !reach.arrived);
-    let most = most.map_or(String::new(), |most| format!(" of {most}"));
     let mut lines = vec![heading("agent @ \u{2192} goal G")];
     lines.extend(components(space, &reach.at, &state.goal));
     if let Some(failure) = &reach.failure {
         lines.extend(failure.lines().map(|line| Line::from(format!(" {line}"))));
     }
-    lines.extend([
-        fact(progress, format!("{} steps{most}", reach.steps)),
-        fact("left", short(reach.left)),
-        fact("D to goal", format_steps(reach.distances.0)),
-    ]);
-    if screen.run().method.plans() {
-        lines.extend([
-            fact("waypoint", reach.waypoint.as_deref().map_or("the goal".to_owned(), place)),
-            fact("D to it", format_steps(reach.distances.1)),
-            fact("ahead", counted(reach.path.len().saturating_sub(1) as u64, "waypoint")),
-        ]);
-    }
-    lines.extend([
-        heading("reaches"),
-        fact("arrived", format!("{} of {}", reach.finished.0, reach.finished.1)),
-        fact("then", screen.on_arrival.name()),
-    ]);
-    lines.extend(walk::keys(screen));
+    lines.extend(walk::progress(screen, reach, space.episode_steps(), place, short));
     lines
 }
 
@@ -89,6 +64,6 @@ fn explorer(space: &GoalSpace, screen: &Screen) -> Vec<Line<'static>> {
     ];
     lines.extend(components(space, &at, &followed.goal));
     lines.push(fact("steps", format!("{} of {}", followed.steps.0, followed.steps.1)));
-    lines.extend(walk::pursuit(screen, followed, place, format_steps));
+    lines.extend(walk::pursuit(screen, followed, place, walk::format_steps));
     lines
 }

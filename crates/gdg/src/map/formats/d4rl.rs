@@ -22,7 +22,7 @@ pub const FORMAT: MapFormat = MapFormat {
 const CELLS: &str = "in a maze of D4RL '#' is a wall, 'O', '0' and ' ' are free, 'G' is a goal and \
                      'S' a start, and a backslash ends a row";
 
-/// Only a backslash tells it from a plain map, where `O` is a wall.
+/// Returns whether the text has backslashes: without them it is a plain map, where `O` is a wall.
 fn is_d4rl(text: &Text) -> bool {
     let value = &text.source[after_name(text.source)..];
     value.starts_with(['#', '"', '\'', '(', '\\']) && value.contains('\\') && value.contains('#')
