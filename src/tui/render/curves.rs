@@ -109,13 +109,14 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
         Series::joined(["D", "f", "mu"][i], points)
     };
     let distances = screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| by_distance(e));
-    let each = distances.iter().enumerate().map(|(i, d)| {
-        let name = d.distance().map_or("all".to_owned(), |(distance, _)| format!("{distance:.0}"));
-        of(&name, &|e| by_distance(e).get(i)?.success)
-    });
+    let each = distances
+        .iter()
+        .enumerate()
+        .map(|(i, d)| of(&group_name(d, i, distances.len()), &|e| by_distance(e).get(i)?.success));
     let by_unit = match distances.iter().find_map(DistanceScore::distance) {
         Some((_, DistanceUnit::Centimetres)) => "success by cm",
-        _ => "success by steps",
+        Some((_, DistanceUnit::Steps)) => "success by steps",
+        None => "success by task",
     };
     let coverage =
         screen.snapshot.coverage().into_iter().map(|(at, share)| (along(screen, at), share));
@@ -140,6 +141,15 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
         Plot::loss("loss of f", loss(1)),
         Plot::loss("loss of mu, steps", loss(2)),
     ]
+}
+
+/// Returns the name of group `i` of `groups`: its distance, or its number.
+pub fn group_name(group: &DistanceScore, i: usize, groups: usize) -> String {
+    match group.distance() {
+        Some((distance, _)) => format!("{distance:.0}"),
+        None if groups > 1 => (i + 1).to_string(),
+        None => "all".to_owned(),
+    }
 }
 
 /// Returns the success at each distance, with planning if the method plans.

@@ -2,6 +2,7 @@
 
 use ratatui::text::Line;
 
+use super::curves::group_name;
 use crate::tui::action::Action;
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
@@ -9,6 +10,7 @@ use crate::tui::style::BOLD;
 use crate::tui::text::{EXPLAINED_WIDTH, EXPLANATION_COLUMN, clock, explain, fact, short};
 use gdg::bridge::EdgeStatus;
 use gdg::engine::NextEvaluation;
+use gdg::env::DistanceUnit;
 use gdg::learn::{Losses, Stage};
 use gdg::text::grouped;
 use gdg::train::{DistanceScore, Score};
@@ -172,16 +174,13 @@ fn next(screen: &Screen) -> Line<'static> {
 /// Returns the title of success by distance in a pane of `width` columns, and the width of each
 /// distance's bar: each distance by itself if there is room, or else the nearest and the farthest.
 fn distances(by_distance: &[DistanceScore], width: usize) -> (String, Vec<usize>) {
-    let in_cm = by_distance.iter().any(|d| d.distance_cm.is_some());
-    let unit = if in_cm { "cm" } else { "steps" };
-    let tested = by_distance.iter().filter(|d| d.success.is_some());
-    let names: Vec<String> = tested
-        .map(|d| {
-            d.distance_steps
-                .or(d.distance_cm)
-                .map_or("all".to_owned(), |distance| format!("{distance:.0}"))
-        })
-        .collect();
+    let unit = match by_distance.iter().find_map(DistanceScore::distance) {
+        Some((_, DistanceUnit::Centimetres)) => "cm",
+        Some((_, DistanceUnit::Steps)) => "steps",
+        None => "tasks",
+    };
+    let tested = by_distance.iter().enumerate().filter(|(_, d)| d.success.is_some());
+    let names: Vec<String> = tested.map(|(i, d)| group_name(d, i, by_distance.len())).collect();
     let each = format!("{} {unit}", names.join(" "));
     let room = width.saturating_sub(NUMBER_WIDTH);
     if each.len() <= room {
