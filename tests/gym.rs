@@ -3,14 +3,18 @@
 //! What needs Python with numpy and gymnasium is ignored otherwise: set `GDG_PYTHON` to such an
 //! interpreter, as `.ci/run` does; some need gymnasium-robotics and mujoco as well.
 
+use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use gdg::env::GymOptions;
+use gdg::env::{Environment, GymOptions, Scene};
 use gdg::train::{Preset, Registry, Run, Trainer};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
 /// Settings that keep a run small.
@@ -89,6 +93,17 @@ fn fake_python(folder: &Path, script: &str) -> PathBuf {
     std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
     std::fs::set_permissions(&path, PermissionsExt::from_mode(0o755)).unwrap();
     path
+}
+
+/// Opens an environment of `awkward.py`.
+fn open(folder: &Path, name: &str) -> Box<dyn Environment> {
+    let packages = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/gym");
+    let script =
+        format!("PYTHONPATH='{}' exec '{}' \"$@\"", packages.display(), python().display());
+    let options =
+        GymOptions { python: Some(fake_python(folder, &script)), ..GymOptions::default() };
+    let registry = Registry::builtin().with_gym(options);
+    registry.open(&format!("gym:awkward:{name}-v0")).unwrap().unwrap()
 }
 
 /// Opens an environment with a fake interpreter; returns the error and how long it took.
@@ -288,20 +303,85 @@ fn a_point_learns_and_tasks_are_the_environments_own() {
 
 #[test]
 #[ignore = "needs Python with numpy and gymnasium"]
+fn a_maze_has_goals_everywhere_and_its_walls_are_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let world = open(folder.path(), "Maze");
+    let Scene::Goals(space) = world.abilities().drawn.unwrap().scene(&Arc::default()) else {
+        panic!("a space of goals")
+    };
+    assert_eq!([0, 1].map(|i| space.range(i)), [[-5.0, 5.0], [-1.0, 5.0]]);
+    let free = [[-4.0, 4.0], [0.0, 2.0], [0.9, 2.9], [4.0, 0.0], [-4.9, -0.9]];
+    let walls = [[-4.0, 2.0], [2.0, 0.0], [-1.1, 1.1], [5.1, 4.0], [0.0, -1.1]];
+    assert_eq!(free.map(|at| space.is_wall(at)), [false; 5]);
+    assert_eq!(walls.map(|at| space.is_wall(at)), [true; 5], "also outside");
+    // Its five tasks would be three goals and one start.
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let (mut goal, mut cells) = ([0.0; 2], BTreeSet::new());
+    for _ in 0..3_000 {
+        world.sample_goal(0, &mut rng, &mut goal);
+        cells.insert(goal.map(|v| (v / 2.0).round() as i32));
+    }
+    for cell in [[-2, 2], [2, 2], [0, 1], [2, 1], [-2, 0], [-1, 0], [0, 0], [2, 0]] {
+        assert!(cells.contains(&cell), "{cell:?} in {cells:?}");
+    }
+    // An agent passes the environment's own goal, (4, -4) from (-4, -4), as it may have another.
+    let mut agents = world.fork(1).unwrap();
+    agents.restart(0, &mut rng).unwrap();
+    let mut nearest = f32::INFINITY;
+    for _ in 0..16 {
+        agents.step(&[1.0, 0.0], &mut rng).unwrap();
+        nearest = nearest.min((agents.states()[0] - 4.0).hypot(agents.states()[1] + 4.0));
+        assert!(!agents.has_ended(0));
+    }
+    assert!(nearest < 0.5, "{nearest}");
+    let output = train(folder.path(), "Maze", &["--max-updates", "20"]).output().unwrap();
+    let coverage = records(&output, "evaluation")[0]["coverage"].as_f64().unwrap();
+    assert!((0.0..=1.0).contains(&coverage), "{coverage}");
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn a_world_renders_its_agent_and_the_goal_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let agents = |name: &str| {
+        let mut agents = open(folder.path(), name).fork(2).unwrap();
+        for i in 0..2 {
+            agents.restart(i, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
+        }
+        agents
+    };
+    let mut point = agents("Point");
+    for step in 0..3 {
+        let states = point.states().to_vec();
+        let goal = [-3.0, 4.0];
+        let picture = point.abilities().rendered.unwrap().picture(1, &goal, (40, 40)).unwrap();
+        assert_eq!(picture.size(), (40, 20), "each pixel is a square of four");
+        let at = |x: f32, y: f32| picture.at([x, y].map(|v| (v + 5.0) / 10.0 * 39.0));
+        let half = |[x, y]: [f32; 2]| at(x, -5.0 + 0.5 * (y + 5.0));
+        let (red, green) = (half([states[4], states[5]]), half(goal));
+        assert!(red[0] > 100, "the agent at {states:?} after {step} steps: {red:?}");
+        assert!(green[1] > 100 && green[2] > 50, "{green:?}");
+        point.step(&[0.7, -0.3, 0.1, 0.9], &mut rng).unwrap();
+        // Pictures change nothing: the first agent's steps are what they were.
+        assert_ne!(states[..3], point.states()[..3]);
+    }
+    let blind = agents("Blind");
+    let why = blind.abilities().rendered.unwrap().picture(0, &[0.0; 2], (40, 40)).unwrap_err();
+    assert_eq!(why, "RuntimeError: an OpenGL platform library has not been loaded");
+    assert!(open(folder.path(), "Global").abilities().rendered.is_none(), "it has no full state");
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
 fn no_transition_leads_from_where_the_environment_ends_an_episode_to_the_next_start() {
     let folder = tempfile::tempdir().unwrap();
-    let packages = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/gym");
-    let script =
-        format!("PYTHONPATH='{}' exec '{}' \"$@\"", packages.display(), python().display());
-    let options =
-        GymOptions { python: Some(fake_python(folder.path(), &script)), ..GymOptions::default() };
-    let registry = Registry::builtin().with_gym(options);
-    let world = registry.open("gym:awkward:Pit-v0").unwrap().unwrap();
+    let world = open(folder.path(), "Pit");
     let mut settings = Preset::Default.settings();
     (settings.learn.hidden, settings.learn.buffer_size) = (16, 20_000);
     (settings.train.agents, settings.train.learning_starts) = (4, 100_000);
     let run = Run { method: "gdg".parse().unwrap(), preset: Preset::Default, seed: 1, settings };
-    let mut trainer = Trainer::new(run, &*world, &registry, 1).unwrap();
+    let mut trainer = Trainer::new(run, &*world, &Registry::builtin(), 1).unwrap();
     for _ in 0..400 {
         trainer.tick().unwrap();
     }

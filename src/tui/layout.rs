@@ -35,6 +35,8 @@ pub struct ScreenLayout {
     pub own_contour_interval: Option<f32>,
     /// The components of a space of goals that are shown.
     pub goals: Option<ShownSlice>,
+    /// Width and height in pixels of the picture that a world may render, if it is shown.
+    pub picture: Option<(usize, usize)>,
     /// The projections of an arm.
     pub projections: Vec<Projection>,
     /// The pane with the map and the line below it.

@@ -23,13 +23,16 @@ steps = 0
 class Point(gym.Env):
     """A well-behaved environment; the others change one thing each."""
 
-    def __init__(self):
+    metadata = {"render_modes": ["rgb_array"]}
+
+    def __init__(self, render_mode=None):
         box = lambda size: gym.spaces.Box(-SIDE, SIDE, (size,), np.float64)
         self.observation_space = gym.spaces.Dict(
             observation=box(3 + EXTRA), achieved_goal=box(2), desired_goal=box(2)
         )
         self.action_space = gym.spaces.Box(-0.5, 0.5, (2,), np.float32)
         self.at, self.goal, self.wind = np.zeros(2), np.zeros(2), 0.0
+        self.render_mode = render_mode
 
     def observe(self):
         return {
@@ -56,6 +59,16 @@ class Point(gym.Env):
         self.wind = 0.9 * self.wind + 0.01 * self.np_random.normal()
         self.at = np.clip(self.at + action + [self.wind, 0.0], -SIDE, SIDE)
         return self.observe(), 0.0, self.is_over(), False, {}
+
+    def render(self):
+        """Draws 80 x 40 pixels: blue, with the point in red and the goal in green."""
+        assert self.render_mode == "rgb_array", "only what is made for it renders"
+        image = np.zeros((40, 80, 3), np.uint8)
+        image[:, :, 2] = 100
+        for at, channel in [(self.goal, 1), (self.at, 0)]:
+            x, y = (int(round((v + SIDE) / (2 * SIDE) * 39)) for v in at)
+            image[max(0, y - 2) : y + 3, max(0, 2 * x - 4) : 2 * x + 5, channel] = 255
+        return image
 
     def is_over(self):
         return False
@@ -102,6 +115,13 @@ class Writes(Point):
         return super().step(action)
 
 
+class Blind(Point):
+    """Cannot render after all."""
+
+    def render(self):
+        raise RuntimeError("an OpenGL platform library has not been loaded")
+
+
 class Pit(Point):
     """Ends an episode on the left."""
 
@@ -122,8 +142,8 @@ class Tasks(Point):
     num_tasks = 3
     _goal_tol = RADIUS
 
-    def __init__(self):
-        super().__init__()
+    def __init__(self, **how):
+        super().__init__(**how)
         self.observation_space = gym.spaces.Box(-SIDE, SIDE, (3,), np.float64)
 
     def reset(self, seed=None, options=None):
@@ -140,15 +160,31 @@ class Tasks(Point):
         return (self.observed(), *super().step(action)[1:])
 
 
+class Maze(Tasks):
+    """A maze of cells of two units, which says where its walls are, as OGBench's do."""
+
+    maze_map = np.array([[0, 0, 0, 0, 0], [1, 1, 0, 1, 0], [0, 0, 0, 1, 0]])
+
+    def __init__(self, **how):
+        super().__init__(**how)
+        self._terminate_at_goal = True
+
+    def ij_to_xy(self, cell):
+        return 2.0 * cell[1] - 4.0, 4.0 - 2.0 * cell[0]
+
+    def is_over(self):
+        return self._terminate_at_goal and bool(np.linalg.norm(self.at - self.goal) <= RADIUS)
+
+
 class Discrete(Point):
-    def __init__(self):
-        super().__init__()
+    def __init__(self, **how):
+        super().__init__(**how)
         self.action_space = gym.spaces.Discrete(4)
 
 
 class Image(Point):
-    def __init__(self):
-        super().__init__()
+    def __init__(self, **how):
+        super().__init__(**how)
         self.observation_space = gym.spaces.Box(0, 255, (8, 8, 3), np.uint8)
 
     def reset(self, seed=None, options=None):
@@ -157,8 +193,8 @@ class Image(Point):
 
 
 class Goalless(Point):
-    def __init__(self):
-        super().__init__()
+    def __init__(self, **how):
+        super().__init__(**how)
         self.observation_space = gym.spaces.Box(-SIDE, SIDE, (2,), np.float64)
 
     def reset(self, seed=None, options=None):
@@ -174,8 +210,8 @@ class Dense(Point):
 
 
 class Slow(Point):
-    def __init__(self):
-        super().__init__()
+    def __init__(self, **how):
+        super().__init__(**how)
         time.sleep(1000)
 
 

@@ -13,6 +13,7 @@ pub mod maze;
 mod probes;
 mod region;
 mod task;
+mod walls;
 
 use std::any::Any;
 use std::sync::Arc;
@@ -22,7 +23,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::map::Grid;
 use crate::store::Store;
-pub use abilities::{Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, Recorded};
+pub use abilities::{
+    Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, Recorded, Rendered,
+    Rendering,
+};
 pub use error::EnvError;
 pub use fetch_reach::{ArmScene, FetchReach};
 pub use goal_space::GoalSpace;
@@ -32,6 +36,7 @@ pub use probes::{MAX_PROBES, Probes};
 pub use region::Region;
 pub(crate) use task::{BUDGET_FACTOR, MAX_BUDGET_STEPS};
 pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
+pub use walls::Walls;
 
 /// Largest magnitude of a component of a stored state or goal: sums of squares beyond it may
 /// overflow.

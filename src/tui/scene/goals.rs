@@ -3,6 +3,7 @@
 mod act;
 mod draw;
 mod legend;
+mod picture;
 mod walk;
 
 use std::sync::Arc;
@@ -28,6 +29,8 @@ pub struct GoalsState {
     pub goal: Vec<f32>,
     /// Which pair of components is shown.
     pair: usize,
+    /// Whether the world's own picture is shown beside them.
+    has_picture: bool,
 }
 
 /// The word for what is drawn.

@@ -9,7 +9,7 @@ use super::*;
 use crate::tui::action::Action;
 use crate::tui::scene::{GoalsState, Scene as Shown};
 use gdg::bridge::EdgeStatus;
-use gdg::env::{EnvError, Environment, PointMaze, Spec};
+use gdg::env::{EnvError, Environment, PointMaze, Rendering, Spec};
 use gdg::viewer::{GoalsView, Reach, View};
 
 /// A maze that does not say that it is one, with a third number in its goals: the sum of the others.
@@ -136,6 +136,19 @@ fn a_space_of_goals_matches_its_snapshots() {
     let mut app = staged_app(80, 24);
     app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
     check("goals-mono-80x24", &mut app, 80, 24);
+    // With the world's own picture: dark, but for a green floor.
+    let mut app = staged_app(120, 40);
+    app.act(Action::Alone);
+    let pixel = |i: usize| if i < 2 * 16 { [20, 20, 30] } else { [30, 200, 60] };
+    let picture = Rendering::new(16, (0..16 * 8).map(pixel).collect());
+    let mut view = (*app.goals().view).clone();
+    view.picture = Some(Ok(Arc::new(picture)));
+    app.on_view(View::Goals(Arc::new(view.clone())));
+    check("goals-picture-120x40", &mut app, 120, 40);
+    view.picture = Some(Err("gladLoadGL error".to_owned()));
+    app.on_view(View::Goals(Arc::new(view)));
+    let shown = text(&draw(&mut app, 80, 24));
+    assert!(shown.contains("gladLoadGL error"), "{shown}");
     // Other components.
     let mut app = staged_app(80, 24);
     app.act(Action::Projection);
@@ -171,7 +184,7 @@ fn an_unknown_world_is_trained_and_drawn_at_every_size() {
     };
     wait_until(&mut app, shows_d);
     for (width, height) in [(1, 1), (7, 3), (40, 10), (80, 24), (400, 120)] {
-        for keys in ["", "P", "v", "v", "d", "m", "m", "n", "w", "f"] {
+        for keys in ["", "P", "Z", "v", "v", "d", "m", "m", "n", "w", "f"] {
             type_text(&mut app, keys);
             draw(&mut app, width, height);
         }

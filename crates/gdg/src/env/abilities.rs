@@ -27,6 +27,8 @@ pub struct Abilities<'a> {
     pub editable: Option<&'a dyn Editable>,
     /// How it is drawn and filmed.
     pub drawn: Option<&'a dyn Drawn>,
+    /// How it renders itself.
+    pub rendered: Option<&'a dyn Rendered>,
 }
 
 /// A world with a title, facts and data of its own.
@@ -132,6 +134,74 @@ pub trait Drawn {
     /// must not change during a run.
     fn probes(&self, _goal_before: Option<&[f32]>) -> Option<Probes> {
         None
+    }
+}
+
+/// A world that renders pictures of itself.
+pub trait Rendered {
+    /// Returns a picture of `agent`, with `goal` `(goal_dim)` in it if the world marks goals, of at
+    /// most this width and height in pixels.
+    ///
+    /// # Errors
+    /// A text that says why there is none; everything else goes on.
+    fn picture(
+        &self,
+        agent: usize,
+        goal: &[f32],
+        most: (usize, usize),
+    ) -> Result<Rendering, String>;
+}
+
+/// A picture that a world has rendered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendering {
+    width: usize,
+    /// Row by row: red, green and blue.
+    pixels: Vec<[u8; 3]>,
+}
+
+impl Rendering {
+    /// Creates a picture of this width; all rows are full.
+    ///
+    /// # Panics
+    /// The pixels do not fill rows.
+    pub fn new(width: usize, pixels: Vec<[u8; 3]>) -> Self {
+        assert!(pixels.len().is_multiple_of(width) && !pixels.is_empty(), "full rows");
+        Self { width, pixels }
+    }
+
+    /// Reads width and height, u32 each, and the pixels; or 0, 0 and a text.
+    ///
+    /// # Errors
+    /// The text, or that these bytes are no picture.
+    pub(super) fn read(bytes: &[u8]) -> Result<Self, String> {
+        let nothing = || "what it renders is no picture".to_owned();
+        let (head, rest) = bytes.split_at_checked(8).ok_or_else(nothing)?;
+        let [width, height] =
+            [0, 4].map(|at| u32::from_le_bytes(std::array::from_fn(|i| head[at + i])) as usize);
+        if (width, height) == (0, 0) {
+            return Err(String::from_utf8_lossy(rest).into_owned());
+        }
+        let (pixels, none) = rest.as_chunks();
+        let is_whole = none.is_empty() && Some(pixels.len()) == width.checked_mul(height);
+        if is_whole && !pixels.is_empty() {
+            Ok(Self::new(width, pixels.to_vec()))
+        } else {
+            Err(nothing())
+        }
+    }
+
+    /// Returns width and height.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.pixels.len() / self.width)
+    }
+
+    /// Returns the pixel at a place, or the nearest one.
+    pub fn at(&self, [x, y]: [f32; 2]) -> [u8; 3] {
+        let (width, height) = self.size();
+        let [column, row] =
+            [(x, width), (y, height)].map(|(at, count)| (at.max(0.0) as usize).min(count - 1));
+        self.pixels[row * width + column]
     }
 }
 

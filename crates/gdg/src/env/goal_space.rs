@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::{EnvError, Environment, Episodes, Spec};
+use super::{EnvError, Environment, Episodes, Spec, Walls};
 
 /// A world without a picture of its own: its goals, states and steps.
 #[derive(Clone)]
@@ -12,6 +12,7 @@ pub struct GoalSpace {
     title: String,
     spec: Spec,
     episode_steps: Option<u32>,
+    walls: Option<Arc<Walls>>,
     /// Without agents, if it has not failed.
     world: Result<Arc<dyn Environment>, EnvError>,
 }
@@ -24,8 +25,21 @@ impl GoalSpace {
             title: world.title().to_owned(),
             spec: world.spec().clone(),
             episode_steps: world.abilities().episodes.and_then(Episodes::episode_steps),
+            walls: None,
             world: world.fork(0).map(Arc::from),
         }
+    }
+
+    /// Adds the walls of its maze, if it has one: the first two components of goals are positions
+    /// in it.
+    #[must_use]
+    pub fn with_walls(self, walls: Option<Walls>) -> Self {
+        Self { walls: walls.map(Arc::new), ..self }
+    }
+
+    /// Returns whether (x, y) lies in a wall of its maze or outside; not without a maze.
+    pub fn is_wall(&self, at: [f32; 2]) -> bool {
+        self.walls.as_ref().is_some_and(|walls| walls.cell_at(at).is_none_or(|i| walls.is_wall(i)))
     }
 
     /// Returns the sizes and scales of the world.
@@ -46,8 +60,11 @@ impl GoalSpace {
         self.episode_steps
     }
 
-    /// Returns the range of a goal's component `i`: that of the state's component.
+    /// Returns the range of a goal's component `i`: that of the maze, or of the state's component.
     pub fn range(&self, i: usize) -> [f32; 2] {
+        if let Some(walls) = self.walls.as_ref().filter(|_| i < 2) {
+            return walls.range(i);
+        }
         let (spec, i) = (self.spec(), self.spec().achieved[i]);
         [-1.0, 1.0].map(|side| spec.state_centre[i] + side * spec.state_half_range[i])
     }
@@ -65,8 +82,8 @@ const NAMES: [&str; 3] = ["x", "y", "z"];
 /// Two are equal if nothing that is drawn differs.
 impl PartialEq for GoalSpace {
     fn eq(&self, other: &Self) -> bool {
-        (self.kind, &self.title, &self.spec, self.episode_steps)
-            == (other.kind, &other.title, &other.spec, other.episode_steps)
+        (self.kind, &self.title, &self.spec, self.episode_steps, &self.walls)
+            == (other.kind, &other.title, &other.spec, other.episode_steps, &other.walls)
     }
 }
 

@@ -25,12 +25,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{
-    Abilities, EnvError, EnvSettings, Environment, Episodes, Evaluated, Recorded, Spec, Task,
-    TaskSet, WorldKind,
+    Abilities, Drawn, EnvError, EnvSettings, Environment, Episodes, Evaluated, Explored, GoalSpace,
+    Recorded, Rendered, Rendering, Scene, Spec, Task, TaskSet, Walls, WorldKind,
 };
 use crate::store::{Store, StoreError};
 use facts::Found;
-use frames::{Expected, Request, f64_bytes, f64_numbers};
+use frames::{Expected, MAX_TEXT_BYTES, Request, f32_bytes, f64_bytes, f64_numbers};
 pub use options::{Address, GymOptions};
 use pool::Pool;
 use process::{Worker, failed};
@@ -126,6 +126,11 @@ impl Gym {
     /// Returns whether a resumed run goes on exactly where it stopped; otherwise agents restart.
     pub fn resumes_exactly(&self) -> bool {
         self.pool.about.restorable
+    }
+
+    /// Returns the walls of its maze, if it has one.
+    fn maze(&self) -> Option<&Walls> {
+        self.pool.about.maze.as_ref()
     }
 
     /// Returns the components of a row that form the state.
@@ -334,6 +339,9 @@ impl Environment for Gym {
             recorded: Some(self),
             episodes: Some(self),
             evaluated: Some(self),
+            explored: self.maze().map(|_| self as _),
+            drawn: Some(self),
+            rendered: (self.pool.about.renders && self.resumes_exactly()).then_some(self as _),
             ..Abilities::default()
         }
     }
@@ -390,6 +398,52 @@ impl Recorded for Gym {
 impl Episodes for Gym {
     fn episode_steps(&self) -> Option<u32> {
         self.pool.about.time_limit
+    }
+}
+
+impl Explored for Gym {
+    fn places(&self) -> usize {
+        self.maze().map_or(0, Walls::cells)
+    }
+
+    /// Returns the cell of the maze; places outside count as the first cell's, which is a wall.
+    fn place(&self, state: &[f32]) -> usize {
+        let mut position = self.spec().achieved(state);
+        let at = [(); 2].map(|()| position.next().unwrap_or(f32::NAN));
+        self.maze().and_then(|maze| maze.cell_at(at)).unwrap_or(0)
+    }
+
+    fn coverage(&self, visits: &[u32]) -> f64 {
+        let Some(maze) = self.maze() else { return 0.0 };
+        let free: Vec<usize> = (0..maze.cells()).filter(|cell| !maze.is_wall(*cell)).collect();
+        let visited = free.iter().filter(|cell| visits[**cell] > 0).count();
+        visited as f64 / free.len().max(1) as f64
+    }
+}
+
+impl Drawn for Gym {
+    fn scene(&self, _: &Arc<Vec<u32>>) -> Scene {
+        Scene::Goals(GoalSpace::of(self).with_walls(self.maze().cloned()))
+    }
+}
+
+impl Rendered for Gym {
+    fn picture(
+        &self,
+        agent: usize,
+        goal: &[f32],
+        (width, height): (usize, usize),
+    ) -> Result<Rendering, String> {
+        let mut workers = self.workers.lock();
+        let found = workers.iter_mut().find(|(_, agents)| agents.contains(&agent));
+        let Some((worker, agents)) = found else { unreachable!("every agent has a worker") };
+        let head = [agent - agents.start, width.max(1), height.max(1)];
+        let head = head.map(|number| (number as u32).to_le_bytes()).concat();
+        let most = Expected::AtMost(8 + (3 * width * height).max(MAX_TEXT_BYTES));
+        let reply = worker
+            .ask(Request::Picture, &[head, f32_bytes(goal)].concat(), most)
+            .map_err(|error| error.to_string())?;
+        Rendering::read(&reply)
     }
 }
 

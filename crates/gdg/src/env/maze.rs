@@ -338,6 +338,7 @@ impl Environment for PointMaze {
             explored: Some(self),
             editable: Some(self),
             drawn: Some(self),
+            ..Abilities::default()
         }
     }
 }

@@ -9,7 +9,7 @@ use super::reach::{Reach, Reacher};
 use super::{Field, SceneWorker, Shown, View};
 use crate::draw::Raster;
 use crate::engine::Snapshot;
-use crate::env::{GoalSpace, Scene};
+use crate::env::{GoalSpace, Rendering, Scene};
 use crate::learn::Scratch;
 
 /// Time between two steps of the agent.
@@ -31,6 +31,8 @@ pub enum Request {
     Restart,
     /// What the pixels show.
     Slice(Slice),
+    /// Render pictures of at most this width and height, or none.
+    Picture(Option<(usize, usize)>),
 }
 
 /// Two components of goals, and the pixels that show them.
@@ -60,6 +62,15 @@ impl Slice {
         at
     }
 
+    /// Returns whether pixel `i` shows a wall of the maze, if there is one.
+    pub fn is_wall(&self, i: usize, space: &GoalSpace) -> bool {
+        let are_positions = [[0, 1], [1, 0]].contains(&self.axes);
+        are_positions && {
+            let at = self.pixel(i, &[0.0; 2]);
+            space.is_wall([at[0], at[1]])
+        }
+    }
+
     /// Returns `near` with both components as pixel `i` shows them.
     fn pixel(&self, i: usize, near: &[f32]) -> Vec<f32> {
         self.point(self.raster.middle_of(i), near)
@@ -85,6 +96,8 @@ pub struct GoalsView {
     pub edges: Arc<Vec<NumberedEdge>>,
     /// The agent's reach.
     pub reach: Reach,
+    /// The world's own picture of the agent, or why there is none; only if one is wanted.
+    pub picture: Option<Result<Arc<Rendering>, String>>,
 }
 
 /// Computes what is shown of a space of goals.
@@ -93,6 +106,9 @@ pub(super) struct GoalsWorker {
     reacher: Reacher,
     shown: Shown,
     slice: Option<Slice>,
+    /// Width and height of the pictures wanted, and when the latest was begun and took how long.
+    picture: Option<(usize, usize)>,
+    rendered: Option<(Instant, Duration)>,
     view: GoalsView,
     scratch: Scratch,
 }
@@ -105,19 +121,44 @@ impl GoalsWorker {
             space,
             shown: Shown::new(snapshot),
             slice: None,
+            picture: None,
+            rendered: None,
             view: GoalsView::default(),
             scratch: Scratch::default(),
         }
+    }
+
+    /// Renders the world's own picture, if one is wanted: for at most half of the time.
+    fn render(&mut self) {
+        let (Some(most), Some(goal)) = (self.picture, &self.reacher.goal) else { return };
+        if self.rendered.is_some_and(|(began, took)| began.elapsed() < 2 * took) {
+            return;
+        }
+        let began = Instant::now();
+        let Some(world) = self.reacher.world() else { return };
+        let picture = match world.abilities().rendered {
+            Some(rendered) => rendered.picture(0, goal, most).map(Arc::new),
+            None => Err("this world renders no pictures".to_owned()),
+        };
+        self.view.picture = Some(picture);
+        self.rendered = Some((began, began.elapsed()));
+        self.shown.changed = true;
     }
 
     /// Recomputes the field.
     fn refresh_field(&mut self) {
         let began = Instant::now();
         let (Some(slice), Some(goal)) = (self.slice, self.reacher.goal.clone()) else { return };
-        let field = match self.shown.kind {
+        let mut field = match self.shown.kind {
             Field::Plain => vec![f32::NAN; slice.raster.len()],
             _ => self.distances(&slice, &goal),
         };
+        // No agent can be in a wall: D is nothing there.
+        for (i, steps) in field.iter_mut().enumerate() {
+            if slice.is_wall(i, &self.space) {
+                *steps = f32::NAN;
+            }
+        }
         self.view.farthest =
             field.iter().copied().filter(|steps| steps.is_finite()).fold(1.0, f32::max);
         (self.view.slice, self.view.field) = (Some(slice), Arc::new(field));
@@ -180,6 +221,11 @@ impl SceneWorker for GoalsWorker {
             }
             Request::Restart => self.reacher.restart(),
             Request::Slice(slice) => self.slice = Some(slice),
+            Request::Picture(most) => {
+                (self.picture, self.rendered) = (most, None);
+                self.view.picture = None;
+                return self.render();
+            }
         }
         self.shown.timer.make_due();
     }
@@ -190,6 +236,7 @@ impl SceneWorker for GoalsWorker {
             self.shown.timer.make_due();
         }
         self.shown.changed |= self.reacher.goal.is_some();
+        self.render();
     }
 
     fn refresh(&mut self, snapshot: &Snapshot) {

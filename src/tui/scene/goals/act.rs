@@ -30,7 +30,6 @@ pub fn offers(action: Action) -> bool {
                 | Action::ZoomOut
                 | Action::ZoomOff
                 | Action::Pan(..)
-                | Action::Alone
                 | Action::Back
                 | Action::Forth
                 | Action::ExportFilm
@@ -44,6 +43,7 @@ pub fn wording(action: Action) -> Option<&'static str> {
         Action::Move(-1, 0) => "move the goal left, in the components shown",
         Action::NewStart => "put @ at a start of the world (or right-click)",
         Action::Projection => "show the next two components of goals",
+        Action::Alone => "the picture that the world renders, beside it, on or off",
         Action::Field(true) => "colour the space by the next quantity",
         Action::Toggle(Overlay::Candidates) => "bridge candidates: where agents have been",
         Action::Show(Pane::Legend) => "legend of the space",
@@ -83,6 +83,7 @@ impl GoalsState {
             Action::Move(right, down) => self.nudge([right as f32, down as f32], screen, link),
             Action::NewStart => link.request(Request::Restart),
             Action::Projection => self.pair += 1,
+            Action::Alone => self.has_picture = !self.has_picture,
             _ => {}
         }
     }
@@ -123,8 +124,11 @@ impl GoalsState {
         true
     }
 
-    /// Has the viewer compute D for the pixels shown; `before` is the previous layout.
+    /// Has the viewer compute what the pixels shown need; `before` is the previous layout.
     pub fn drawn(before: ScreenLayout, screen: &mut Screen, link: &Link) {
+        if before.picture != screen.layout.picture {
+            link.request(Request::Picture(screen.layout.picture));
+        }
         let shown = &mut screen.layout.goals;
         match shown {
             // Hidden behind a maximised pane.

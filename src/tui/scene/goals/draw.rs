@@ -1,11 +1,11 @@
 //! Draws two components of a space of goals.
 
 use ratatui::Frame;
-use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::layout::{Constraint, Direction, Layout, Rect};
 use ratatui::text::Line;
 
-use super::{GoalsState, space};
-use crate::tui::canvas::{CANDIDATE_MARK, Canvas, Pen, shade};
+use super::{GoalsState, picture, space};
+use crate::tui::canvas::{CANDIDATE_MARK, Canvas, Pen, WALL_MARK, shade};
 use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
 use crate::tui::layers::Overlay;
@@ -32,6 +32,15 @@ pub fn draw(
     let parts = Layout::vertical([Constraint::Length(1), Constraint::Fill(1)]);
     let [name, area] = parts.areas(area);
     let Some(space) = space(screen) else { return };
+    let area = if state.has_picture {
+        let is_wide = area.width > 2 * area.height;
+        let direction = if is_wide { Direction::Horizontal } else { Direction::Vertical };
+        let [area, beside] = Layout::new(direction, [Constraint::Fill(1); 2]).areas(area);
+        layout.picture = picture::draw(frame, beside, state, screen);
+        area
+    } else {
+        area
+    };
     let spec = space.spec();
     let axes = state.axes(spec.goal_dim());
     let ranges = axes.map(|axis| state.range(axis, space));
@@ -111,7 +120,11 @@ impl Sketch<'_> {
     /// Draws D, with contour lines; returns their labels.
     fn draw_field(&self, canvas: &mut Canvas, contour_interval: Option<f32>) -> Vec<Label> {
         let (theme, view) = (&self.screen.theme, &self.state.view);
-        (0..canvas.len()).for_each(|i| canvas.set(i, Some(theme.unknown), ' '));
+        for i in 0..canvas.len() {
+            let is_wall = self.shown.slice.is_wall(i, self.space);
+            let (rgb, mark) = if is_wall { (theme.wall, WALL_MARK) } else { (theme.unknown, ' ') };
+            canvas.set(i, Some(rgb), mark);
+        }
         if view.slice != Some(self.shown.slice) || view.kind != self.screen.field {
             return Vec::new();
         }

@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::frames::{Expected, MAX_TEXT_BYTES, Request};
 use super::process::Worker;
-use crate::env::EnvError;
+use crate::env::{EnvError, Walls};
 
 /// What a worker says of its environment.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -29,8 +29,12 @@ pub struct Description {
     pub goal_radius: Option<f32>,
     /// Whether it has `compute_reward`.
     pub has_reward: bool,
+    /// The walls of its maze, if it has one; positions in it are a goal's first two numbers.
+    pub maze: Option<Walls>,
     /// Whether its full state can be saved and restored exactly, which has been tried.
     pub restorable: bool,
+    /// Whether it renders pictures.
+    pub renders: bool,
     /// Versions of Python and of packages.
     pub versions: BTreeMap<String, String>,
 }
@@ -54,6 +58,7 @@ impl Description {
             && [0, self.goal].contains(&self.achieved)
             && self.low.len() == self.high.len()
             && self.tasks.is_none_or(|tasks| (1..=1_000).contains(&tasks))
+            && self.maze.as_ref().is_none_or(Walls::is_sound)
     }
 }
 

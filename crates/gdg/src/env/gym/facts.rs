@@ -25,6 +25,9 @@ const HOLD_STEPS: f32 = 6.0;
 /// Share of the numbers seen that lie below the range of a component, and above.
 const TAIL: f64 = 0.01;
 
+/// Goals within each free cell of a maze, along either side.
+const GOALS_PER_SIDE: u32 = 3;
+
 /// A range is wider than what was seen of it by this factor.
 const MARGIN: f32 = 1.5;
 
@@ -214,8 +217,11 @@ fn scales(
     let mut goals: Vec<Vec<f32>> =
         seen.goals.iter().map(|goal| pick(goal, &goal_columns)).collect();
     if about.tasks.is_some() {
-        // A few tasks show a few goals; where the others begin can be reached as well.
+        // A few tasks show a few goals; where the others begin can be reached as well, and so can
+        // all of a maze.
         goals.extend(seen.starts.iter().map(|row| pick(&pick(row, &columns), &achieved)));
+        let maze = about.maze.iter().filter(|_| goal_columns == [0, 1]);
+        goals.extend(maze.flat_map(|maze| maze.free_points(GOALS_PER_SIDE)).map(Vec::from));
     }
     let mut spec = Spec {
         state_centre: Vec::new(),
@@ -334,7 +340,9 @@ mod tests {
             tasks: None,
             goal_radius: None,
             has_reward: false,
+            maze: None,
             restorable: false,
+            renders: false,
             versions: std::collections::BTreeMap::new(),
         }
     }

@@ -26,6 +26,8 @@ pub enum Request {
     Restore = 6,
     /// Return the rewards of pairs of goals.
     Reward = 7,
+    /// Return a picture of an environment.
+    Picture = 8,
 }
 
 /// The two kinds of replies.

@@ -201,6 +201,7 @@ impl Worker {
             Request::Step => "to step",
             Request::Save | Request::Restore => "to save or restore its state",
             Request::Reward => "to return rewards",
+            Request::Picture => "to render a picture",
         };
         match error.kind() {
             ErrorKind::TimedOut | ErrorKind::WouldBlock => self.fail(format!(

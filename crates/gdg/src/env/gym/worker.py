@@ -18,7 +18,7 @@ import threading
 import traceback
 
 OK, FAILED = 0, 1
-OPEN, MAKE, RESET, STEP, SAVE, RESTORE, REWARD = range(1, 8)
+OPEN, MAKE, RESET, STEP, SAVE, RESTORE, REWARD, PICTURE = range(1, 9)
 
 # Modules that register well-known environments, for IDs without a package.
 KNOWN_PACKAGES = ("gymnasium_robotics", "ogbench")
@@ -65,8 +65,8 @@ def flat_numbers(space, what):
 class Slot:
     """One environment, and what is known of its state."""
 
-    def __init__(self):
-        self.env = make()
+    def __init__(self, **how):
+        self.env = make(**how)
         self.ended = False
         self.layout = None
 
@@ -110,8 +110,35 @@ class Goals:
         return np.asarray(goal, dtype=np.float32).reshape(-1)
 
 
-def make():
-    return gym.make(environment_id, disable_env_checker=True)
+def make(**how):
+    env = gym.make(environment_id, disable_env_checker=True, **how)
+    # OGBench's end at their own goal, but agents also have others: they have to see what is beyond.
+    if hasattr(env.unwrapped, "_terminate_at_goal"):
+        env.unwrapped._terminate_at_goal = False
+    return env
+
+
+def find_maze(own):
+    """Returns which cells of an environment's maze are walls, and where cells are, if it has one.
+
+    Gymnasium-Robotics has its maze in `maze`, OGBench in the environment.
+    """
+    maze = getattr(own, "maze", own)
+    cells = getattr(maze, "maze_map", None)
+    place = getattr(maze, "cell_rowcol_to_xy", getattr(maze, "ij_to_xy", None))
+    if cells is None or place is None:
+        return None
+    try:
+        at = lambda *cell: np.asarray(place(np.array(cell)), dtype=np.float64)
+        first, right, below = at(0, 0), at(0, 1), at(1, 0)
+        return {
+            "walls": [[str(cell) == "1" for cell in row] for row in cells],
+            "first": first.tolist(),
+            "cell": [(right - first)[0], (below - first)[1]],
+        }
+    except Exception:  # It is no maze of a kind that is known.
+        traceback.print_exc()
+        return None
 
 
 def reset(slot, seed, task):
@@ -300,7 +327,9 @@ def open_environment(config):
         "tasks": tasks,
         "goal_radius": float(radius) if isinstance(radius, (int, float, np.number)) else None,
         "has_reward": hasattr(own, "compute_reward"),
+        "maze": find_maze(own),
         "restorable": is_restorable(slot),
+        "renders": "rgb_array" in (slot.env.metadata or {}).get("render_modes", ()),
         "versions": versions(config["package"]),
     }
 
@@ -371,6 +400,44 @@ def reward(body):
     return np.array(rewards, dtype="<f8").tobytes()
 
 
+def show_goal(own, goal):
+    """Moves what marks the goal in pictures, as Gymnasium-Robotics and OGBench have it."""
+    if isinstance(getattr(own, "goal", None), np.ndarray) and own.goal.shape == goal.shape:
+        own.goal = goal.astype(own.goal.dtype)
+        if hasattr(own, "update_target_site_pos"):
+            own.update_target_site_pos()
+    elif hasattr(own, "cur_goal_xy"):
+        own.set_goal(goal_xy=goal[:2])
+
+
+def picture(body):
+    """Returns a picture of an environment, or why there is none: width 0, height 0 and a text.
+
+    Another environment, which renders, is put into its state, so that the others need no window.
+    """
+    global painter
+    index, width, height = struct.unpack("<III", body[:12])
+    try:
+        if painter is None:
+            made = Slot(render_mode="rgb_array")
+            reset(made, 0, None)
+            painter = made
+        restore(painter, save(slots[index]))
+        show_goal(painter.env.unwrapped, np.frombuffer(body[12:], dtype="<f4"))
+        whole = np.asarray(painter.env.render())
+        if whole.ndim != 3 or whole.shape[2] != 3 or whole.dtype != np.uint8:
+            raise ValueError(f"an array of shape {whole.shape} of {whole.dtype} is no RGB picture")
+        # Each pixel is the mean of a square.
+        side = max(1, -(-whole.shape[1] // width), -(-whole.shape[0] // height))
+        rows, columns = whole.shape[0] // side, whole.shape[1] // side
+        squares = whole[: rows * side, : columns * side].reshape(rows, side, columns, side, 3)
+        pixels = squares.mean(axis=(1, 3)).astype(np.uint8).tobytes()
+        return struct.pack("<II", columns, rows) + pixels
+    except Exception as error:  # Nothing else depends on a picture.
+        text = "".join(traceback.format_exception_only(type(error), error)).strip()
+        return struct.pack("<II", 0, 0) + text[-1000:].encode()
+
+
 def why(error):
     """Describes an exception: what it is, and the last places outside this file."""
     lines = traceback.format_exception_only(type(error), error)
@@ -398,6 +465,7 @@ def serve():
         SAVE: save_all,
         RESTORE: restore_one,
         REWARD: reward,
+        PICTURE: picture,
     }
     while header := stream.read(8):
         kind, length = struct.unpack("<II", header)
@@ -410,5 +478,6 @@ def serve():
 
 
 slots = []
+painter = None
 end_with_the_program()
 serve()
