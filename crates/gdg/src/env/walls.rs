@@ -9,7 +9,7 @@ const MOST: usize = 1024;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct Walls {
     /// Whether each cell is a wall, by row.
-    walls: Vec<Vec<bool>>,
+    is_wall: Vec<Vec<bool>>,
     /// Middle (x, y) of the first cell of the first row.
     first: [f32; 2],
     /// How x changes from column to column, and y from row to row.
@@ -19,27 +19,27 @@ pub struct Walls {
 impl Walls {
     /// Returns whether the numbers make sense: rows of one length, and cells with a size.
     pub fn is_sound(&self) -> bool {
-        let (rows, columns) = (self.walls.len(), self.columns());
+        let (rows, columns) = (self.is_wall.len(), self.columns());
         (1..=MOST).contains(&rows)
             && (1..=MOST).contains(&columns)
-            && self.walls.iter().all(|row| row.len() == columns)
+            && self.is_wall.iter().all(|row| row.len() == columns)
             && self.first.iter().all(|v| v.is_finite())
             && self.cell.iter().all(|v| v.is_normal())
     }
 
     fn columns(&self) -> usize {
-        self.walls.first().map_or(0, Vec::len)
+        self.is_wall.first().map_or(0, Vec::len)
     }
 
     /// Returns the number of cells.
     pub fn cells(&self) -> usize {
-        self.walls.len() * self.columns()
+        self.is_wall.len() * self.columns()
     }
 
     /// Returns the lowest and the highest x (`axis` 0) or y (1) of the maze.
     pub fn range(&self, axis: usize) -> [f32; 2] {
         let (count, first, cell) =
-            ([self.columns(), self.walls.len()][axis] as f32, self.first[axis], self.cell[axis]);
+            ([self.columns(), self.is_wall.len()][axis] as f32, self.first[axis], self.cell[axis]);
         let ends = [first - 0.5 * cell, first + (count - 0.5) * cell];
         [ends[0].min(ends[1]), ends[0].max(ends[1])]
     }
@@ -49,13 +49,13 @@ impl Walls {
         let index = |axis: usize| ((at[axis] - self.first[axis]) / self.cell[axis]).round();
         let [column, row] = [0, 1].map(index);
         let is_inside = |i: f32, count: usize| (0.0..count as f32).contains(&i);
-        (is_inside(column, self.columns()) && is_inside(row, self.walls.len()))
+        (is_inside(column, self.columns()) && is_inside(row, self.is_wall.len()))
             .then(|| row as usize * self.columns() + column as usize)
     }
 
     /// Returns whether the cell with this index is a wall.
     pub fn is_wall(&self, cell: usize) -> bool {
-        self.walls[cell / self.columns()][cell % self.columns()]
+        self.is_wall[cell / self.columns()][cell % self.columns()]
     }
 
     /// Returns points of the free cells, row by row: `side` times `side` in each, evenly spread
@@ -78,7 +78,7 @@ mod tests {
 
     fn walls() -> Walls {
         let walls = serde_json::json!({
-            "walls": [[true, true, true], [true, false, true]],
+            "is_wall": [[true, true, true], [true, false, true]],
             "first": [-2.0, 8.0],
             "cell": [4.0, -4.0],
         });
@@ -103,9 +103,9 @@ mod tests {
     #[test]
     fn ragged_or_flat_mazes_make_no_sense() {
         let mut ragged = walls();
-        ragged.walls[1].pop();
+        ragged.is_wall[1].pop();
         let flat = Walls { cell: [1.0, 0.0], ..walls() };
-        let empty = Walls { walls: Vec::new(), ..walls() };
+        let empty = Walls { is_wall: Vec::new(), ..walls() };
         assert!([ragged, flat, empty].iter().all(|walls| !walls.is_sound()));
     }
 }

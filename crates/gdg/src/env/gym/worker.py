@@ -132,7 +132,7 @@ def find_maze(own):
         at = lambda *cell: np.asarray(place(np.array(cell)), dtype=np.float64)
         first, right, below = at(0, 0), at(0, 1), at(1, 0)
         return {
-            "walls": [[str(cell) == "1" for cell in row] for row in cells],
+            "is_wall": [[str(cell) == "1" for cell in row] for row in cells],
             "first": first.tolist(),
             "cell": [(right - first)[0], (below - first)[1]],
         }
