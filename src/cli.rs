@@ -123,7 +123,8 @@ pub enum Command {
     Reproduce(ReproduceArgs),
     /// Ablation study: measure the effect of switching off each component of the default preset
     Ablate(AblateArgs),
-    /// Write a checkpoint's actor as a safetensors file that other programs can run
+    /// Write a checkpoint's policy as a safetensors file that other programs can run: with the Python
+    /// module gdg_tui, gdg_tui.load_policy(FILE)
     ExportPolicy(ExportPolicyArgs),
     /// Write the film of how a checkpoint's run learned distance as an animated PNG
     Film(FilmArgs),

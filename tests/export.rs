@@ -1,16 +1,18 @@
-//! Exported actors act the same in numpy, and reach goals in the real FetchReach-v4.
+//! Exported policies act and plan the same in numpy, and reach goals in the real FetchReach-v4.
 //!
 //! What needs Python is ignored otherwise: set `GDG_PYTHON` to an interpreter (default `python3`) that
 //! has numpy, gymnasium-robotics 1.4.2 and mujoco 3.3.7, as `.ci/run` does.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 
+use gdg::bridge::Guide;
 use gdg::env::{Environment, FetchReach, PointMaze};
 use gdg::learn::Scratch;
-use gdg::train::{Preset, Registry, Run, SaveTo, Trainer, policy_file, save};
+use gdg::map::RandomMapKind;
+use gdg::train::{Preset, Registry, Run, SaveTo, Settings, Trainer, policy_file, save};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
@@ -20,15 +22,22 @@ fn python() -> String {
     std::env::var("GDG_PYTHON").unwrap_or_else(|_| "python3".to_owned())
 }
 
-fn script(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(name)
+fn trained(world: &dyn Environment, method: &str, updates: u64) -> Trainer {
+    trained_with(world, method, updates, |_| {})
 }
 
-fn trained(world: &dyn Environment, updates: u64) -> Trainer {
+/// Trains with other settings.
+fn trained_with(
+    world: &dyn Environment,
+    method: &str,
+    updates: u64,
+    change: impl Fn(&mut Settings),
+) -> Trainer {
     let mut settings = Preset::Default.settings();
     settings.train.agents = 8;
     (settings.train.learning_starts, settings.train.env_steps_per_update) = (200, 1);
-    let run = Run { method: "gdg".parse().unwrap(), preset: Preset::Default, seed: 1, settings };
+    change(&mut settings);
+    let run = Run { method: method.parse().unwrap(), preset: Preset::Default, seed: 1, settings };
     let mut run = Trainer::new(run, world, &Registry::builtin(), 2).unwrap();
     while run.counters().updates < updates {
         run.tick().unwrap();
@@ -36,62 +45,124 @@ fn trained(world: &dyn Environment, updates: u64) -> Trainer {
     run
 }
 
+/// Returns the interpreter with the module of `python/` and a script.
+fn running(script: &str) -> Command {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut command = Command::new(python());
+    command.arg("-B").arg(root.join(script)).env("PYTHONPATH", root.join("python"));
+    command
+}
+
+/// Compares the lines of a trace with what the module computes from an exported policy; returns
+/// what it has counted.
+fn compared(run: &Trainer, with_plans: bool, trace: &[Value]) -> Value {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), policy_file(run, with_plans).unwrap()).unwrap();
+    let mut child = running("tests/same_walks.py")
+        .arg(file.path())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let lines: String = trace.iter().map(|line| line.to_string() + "\n").collect();
+    // It ends early where something differs.
+    let written = child.stdin.take().unwrap().write_all(lines.as_bytes());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", run.world().kind());
+    written.unwrap();
+    let counts: Value = serde_json::from_slice(&output.stdout).unwrap();
+    println!("{}, {}: {counts}", run.world().kind(), run.run().method);
+    assert_eq!(counts["steps"], trace.len());
+    counts
+}
+
 #[test]
 #[ignore = "needs Python with numpy"]
 fn numpy_computes_the_same_actions() {
-    let folder = tempfile::tempdir().unwrap();
     let rooms = gdg::map::builtin("fourrooms").unwrap();
     // The maze's actor reads grids.
     let worlds: [Box<dyn Environment>; 2] =
         [Box::new(FetchReach::new(None, 0)), Box::new(PointMaze::new(Arc::new(rooms), 0))];
     for world in worlds {
-        let (run, path) = (trained(&*world, 150), folder.path().join(world.kind()));
-        std::fs::write(&path, policy_file(&run).unwrap()).unwrap();
-        let spec = world.spec();
+        let (run, spec) = (trained(&*world, "gdg", 150), world.spec());
+        let (policy, mut scratch) = (run.policy().unwrap(), Scratch::default());
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         // Also beyond the usual range.
         let mut near = |i: usize| {
             spec.state_centre[i] + rng.random_range(-1.3..1.3) * spec.state_half_range[i].max(0.1)
         };
-        let pairs: Vec<(Vec<f32>, Vec<f32>)> = (0..40)
-            .map(|_| {
-                (
-                    (0..spec.state_dim()).map(&mut near).collect(),
-                    spec.achieved.iter().map(|i| near(*i)).collect(),
-                )
-            })
-            .collect();
-        let mut child = Command::new(python())
-            .arg(script("policy.py"))
-            .arg(&path)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let lines: String = pairs
-            .iter()
-            .map(|(state, goal)| json!({ "state": state, "goal": goal }).to_string() + "\n")
-            .collect();
-        child.stdin.take().unwrap().write_all(lines.as_bytes()).unwrap();
-        let output = child.wait_with_output().unwrap();
-        assert!(output.status.success());
-        let found: Vec<Vec<f32>> = String::from_utf8(output.stdout)
-            .unwrap()
-            .lines()
-            .map(|line| serde_json::from_str(line).unwrap())
-            .collect();
-        assert_eq!(found.len(), pairs.len());
-        let (policy, mut scratch) = (run.policy().unwrap(), Scratch::default());
-        let mut spread = 0.0_f32;
-        for ((state, goal), found) in pairs.iter().zip(found) {
-            let mut own = vec![0.0; spec.action_dim];
-            policy.actions(state, goal, &mut own, &mut scratch);
-            let off = own.iter().zip(&found).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            assert!(off < 1e-4, "{}: {found:?}, not {own:?}", world.kind());
-            spread = spread.max((own[0] - own[1]).abs());
+        let (mut trace, mut spread) = (Vec::new(), 0.0_f32);
+        for _ in 0..40 {
+            let state: Vec<f32> = (0..spec.state_dim()).map(&mut near).collect();
+            let goal: Vec<f32> = spec.achieved.iter().map(|i| near(*i)).collect();
+            let mut action = vec![0.0; spec.action_dim];
+            policy.actions(&state, &goal, &mut action, &mut scratch);
+            spread = spread.max((action[0] - action[1]).abs());
+            trace.push(json!({ "state": state, "goal": goal, "action": action }));
         }
         assert!(spread > 0.1, "the actor has learned something");
+        compared(&run, false, &trace);
     }
+}
+
+#[test]
+#[ignore = "needs Python with numpy"]
+fn the_python_module_reads_files_and_observations_and_says_what_is_wrong() {
+    let output = running("tests/python_module.py").output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Walks tasks as planned evaluations do, `steps` steps each; returns what the walks headed for and
+/// did.
+fn walks(run: &Trainer, count: usize, steps: usize) -> Vec<Value> {
+    let (job, mut scratch) = (run.evaluation().unwrap(), Scratch::default());
+    let graph = job.graph().unwrap();
+    let guide = Guide { policy: job.policy(), graph: Some(&graph) };
+    let (mut world, mut rng) = (run.world().fork(1).unwrap(), ChaCha8Rng::seed_from_u64(4));
+    let tasks = job.tasks(count).unwrap().tasks;
+    let (mut trace, mut action) = (Vec::new(), vec![0.0; world.spec().action_dim]);
+    for task in tasks.iter().step_by(tasks.len() / count) {
+        world.set_full_state(0, &task.start).unwrap();
+        let mut walker = guide.plan(&task.goal, &mut scratch);
+        for step in 0..steps {
+            let state = world.states().to_vec();
+            let aim = guide.aim(walker.as_mut(), &state, &task.goal, &mut scratch).to_vec();
+            let walkers = [walker.as_ref()].into_iter();
+            guide.act(walkers, &state, &aim, &mut action, &mut scratch);
+            trace.push(json!({
+                "begins": step == 0, "state": state, "goal": task.goal, "waypoint": aim,
+                "action": action,
+            }));
+            world.step(&action, &mut rng).unwrap();
+        }
+    }
+    trace
+}
+
+#[test]
+#[ignore = "needs Python with numpy"]
+fn numpy_follows_bridges_step_by_step_as_the_program_does() {
+    let maze = gdg::map::random(RandomMapKind::Perfect, Some(17), 3);
+    let maze = PointMaze::new(Arc::new(maze), 0);
+    let compare = |world: &dyn Environment, method: &str, updates: u64, count, steps| {
+        let run = trained_with(world, method, updates, |settings| {
+            settings.learn.hidden = 32;
+            settings.bridge.graph_every_updates = 200;
+        });
+        let counts = compared(&run, true, &walks(&run, count, steps));
+        let number = |name: &str| counts[name].as_u64().unwrap();
+        assert!(number("rounded") * 100 <= number("steps"), "{counts}");
+        ["late", "looked_ahead", "waypoints"].map(number)
+    };
+    // Little trained, so that walks are late and agents get stuck.
+    let happens = compare(&maze, "gdg-bridge", 1_200, 4, 200);
+    assert!(happens.iter().all(|count| *count >= 10), "what is compared happens: {happens:?}");
+    // So early that no path is known to many places.
+    compare(&maze, "gdg-bridge", 60, 10, 20);
+    let [_, _, waypoints] = compare(&maze, "sorb", 1_200, 6, 100);
+    assert!(waypoints > 6, "{waypoints}");
+    let [_, _, waypoints] = compare(&FetchReach::new(None, 0), "gdg-bridge", 600, 6, 50);
+    assert!(waypoints > 6, "{waypoints}");
 }
 
 #[test]
@@ -99,7 +170,7 @@ fn numpy_computes_the_same_actions() {
 fn an_exported_actor_solves_the_real_fetch_reach() {
     let folder = tempfile::tempdir().unwrap();
     let (checkpoint, policy) = (folder.path().join("run"), folder.path().join("policy"));
-    save(&trained(&FetchReach::new(None, 0), 1_000), &SaveTo::CreateNew(checkpoint.clone()))
+    save(&trained(&FetchReach::new(None, 0), "gdg", 1_000), &SaveTo::CreateNew(checkpoint.clone()))
         .unwrap();
     assert_cmd::Command::cargo_bin("gdg-tui")
         .unwrap()
@@ -107,12 +178,8 @@ fn an_exported_actor_solves_the_real_fetch_reach() {
         .args([&checkpoint, Path::new("--out"), &policy])
         .assert()
         .success();
-    let output = Command::new(python())
-        .arg(script("fetch_reach_v4.py"))
-        .arg(&policy)
-        .arg("100")
-        .output()
-        .unwrap();
+    let output =
+        running("examples/policy_in_gymnasium.py").arg(&policy).arg("100").output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout);
     let result: Value = serde_json::from_str(text.lines().last().unwrap_or_default())
         .unwrap_or_else(|e| panic!("{e}: {text}{}", String::from_utf8_lossy(&output.stderr)));
@@ -124,7 +191,7 @@ fn an_exported_actor_solves_the_real_fetch_reach() {
 fn export_refuses_what_it_cannot_read_or_must_not_replace() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.safetensors");
-    save(&trained(&FetchReach::new(None, 0), 1), &SaveTo::CreateNew(path.clone())).unwrap();
+    save(&trained(&FetchReach::new(None, 0), "gdg", 1), &SaveTo::CreateNew(path.clone())).unwrap();
     let export = |more: &[&str]| {
         assert_cmd::Command::cargo_bin("gdg-tui")
             .unwrap()

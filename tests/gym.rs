@@ -399,6 +399,40 @@ fn no_transition_leads_from_where_the_environment_ends_an_episode_to_the_next_st
     assert!(longest < 1.0, "a step is at most 0.5 along each axis: {longest}");
 }
 
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn an_exported_policy_reaches_goals_in_its_environment() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["--max-updates", "900", "--set", "env_steps_per_update=2", "--set", "hidden=32"];
+    let more = ["--set", "graph_every_updates=100", "--save", "run"];
+    let output = train(folder.path(), "Point", &[&args[..], &more].concat()).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    // The command looks for python3.
+    let found = std::env::split_paths(&std::env::var_os("PATH").unwrap()).collect::<Vec<_>>();
+    let folders = python().parent().map(Path::to_path_buf).into_iter().chain(found);
+    let path = std::env::join_paths(folders).unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for more in [&["--overwrite"][..], &["--overwrite", "--plans"]] {
+        let mut export = program(folder.path());
+        let output = export.env("PATH", &path).args(["export-policy", "run"]).args(more).output();
+        let output = output.unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        let packages = [root.join("python"), root.join("tests/gym")];
+        let output = Command::new(python())
+            .current_dir(folder.path())
+            .env("PYTHONPATH", std::env::join_paths(packages).unwrap())
+            .arg(root.join("examples/policy_in_gymnasium.py"))
+            .args(["run.policy.safetensors", "50"])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+        println!("{result}");
+        // As many as of the program itself, above.
+        assert!(result["reached"].as_u64().unwrap() >= 38, "{more:?}: {result}");
+    }
+}
+
 /// What goes wrong in the middle of a run, and what is said of it.
 const FAULTS: [(&str, &str); 5] = [
     ("Raises", "the environment raised an exception in step: ValueError: the point is ?[31mlost"),

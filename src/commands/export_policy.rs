@@ -1,4 +1,4 @@
-//! `gdg-tui export-policy`: a checkpoint's actor for other programs.
+//! `gdg-tui export-policy`: a checkpoint's policy for other programs.
 
 use std::sync::Arc;
 
@@ -10,15 +10,15 @@ use crate::host::report::from_checkpoint_error;
 use crate::host::setup::refuse_existing;
 use gdg::train::{self, Registry, policy_file};
 
-/// Writes the actor of a checkpoint and returns a line that says where: by default,
+/// Writes the policy of a checkpoint and returns a line that says where: by default,
 /// `NAME.policy.safetensors` beside `NAME.safetensors`.
 ///
 /// # Errors
-/// The checkpoint cannot be read, has no actor, or the file exists or cannot be written.
+/// The checkpoint cannot be read, has no actor or no plans, or the file exists or cannot be written.
 pub fn run(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, ".policy.safetensors"));
     refuse_existing(&path, args.overwrite)?;
     let loaded = train::load(&args.checkpoint, registry, 1).map_err(from_checkpoint_error)?;
-    let bytes = policy_file(&loaded.trainer).into_diagnostic()?;
+    let bytes = policy_file(&loaded.trainer, args.plans).into_diagnostic()?;
     write_file(&path, &bytes)
 }

@@ -12,6 +12,7 @@ mod graph;
 mod guide;
 mod hops;
 mod planner;
+mod rules;
 mod search;
 mod settings;
 

@@ -30,7 +30,7 @@ pub use kernels::{kernel, product};
 pub use learner::{Acting, CreateLearner, Learner, LearnerKind, TrainingData};
 pub use networks::dense::NetworkState;
 pub use networks::encoder::Encoder;
-pub use networks::export::{ActorExport, ActorInputs, NamedTensor};
+pub use networks::export::{ActorExport, ActorInputs, CriticOutputs, CriticsExport, NamedTensor};
 pub use networks::network::Network;
 pub use networks::policy::{Nets, Policy, Scratch, look_ahead};
 pub(crate) use networks::shapes::axis_actions;

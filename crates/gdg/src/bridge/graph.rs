@@ -3,8 +3,8 @@
 mod routes;
 
 pub(crate) use routes::UNVERIFIED_FACTOR;
+pub(super) use routes::{COST_UNITS_PER_STEP, FirstHop, HopOptions};
 pub use routes::{DistilledDistances, LINK_CANDIDATES, Route};
-pub(super) use routes::{FirstHop, HopOptions};
 
 use std::sync::Arc;
 

@@ -41,6 +41,12 @@ pub trait Recorded {
         Map::new()
     }
 
+    /// Returns how observations and actions of its own become states, goals and actions of the
+    /// learner, for programs that run exported policies in it; `None` if they are the same.
+    fn interface(&self) -> Option<Value> {
+        None
+    }
+
     /// Writes the data that [`WorldKind::load`](super::WorldKind::load) reads. The trainer saves
     /// the agents' full states and the visits.
     fn save(&self, _store: &mut Store) {}

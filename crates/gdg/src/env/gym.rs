@@ -388,6 +388,23 @@ impl Recorded for Gym {
         Map::from_iter([("gym".to_owned(), facts)])
     }
 
+    fn interface(&self) -> Option<Value> {
+        let (Address { package, id }, about) = (&self.pool.address, &self.pool.about);
+        let found = &self.pool.found;
+        let [observed, achieved, goal] = found.sizes;
+        Some(json!({
+            "id": id,
+            "package": package,
+            "observation": observed,
+            "achieved_goal": achieved,
+            "desired_goal": goal,
+            "state_columns": found.columns,
+            "goal_columns": found.goal_columns,
+            "low": about.low,
+            "high": about.high,
+        }))
+    }
+
     fn save(&self, store: &mut Store) {
         let (address, found) = (self.pool.address.clone(), self.pool.found.clone());
         // All its numbers are finite, so this cannot fail.

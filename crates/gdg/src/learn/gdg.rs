@@ -16,6 +16,7 @@ use crate::env::Spec;
 use crate::learn::data::batch::{Batch, BatchSampler};
 use crate::learn::learner::{LearnerKind, TrainingData};
 use crate::learn::networks::dense::NetworkState;
+use crate::learn::networks::export::CriticsExport;
 use crate::learn::networks::network::Network;
 use crate::learn::networks::policy::Nets;
 use crate::learn::networks::shapes::Shapes;
@@ -206,6 +207,12 @@ impl PhasedLearner for Gdg {
         tape.write_back(training.networks(), steps)?;
         profile.lap(Stage::Tape, began);
         Ok(losses)
+    }
+
+    fn critics_for_export(&self, averaged: bool) -> Result<Option<CriticsExport>> {
+        let (shapes, model) = (self.shapes(), self.model());
+        let critics = (0..shapes.critics).map(|k| self.critic(k));
+        CriticsExport::of(shapes, critics, model, averaged).map(Some)
     }
 
     fn restored(&mut self) -> Result<()> {

@@ -9,7 +9,7 @@ use crate::env::Spec;
 use crate::learn::data::known::{KnownDistances, Relearning};
 use crate::learn::data::replay::Replay;
 use crate::learn::error::LearnError;
-use crate::learn::networks::export::ActorExport;
+use crate::learn::networks::export::{ActorExport, CriticsExport};
 use crate::learn::networks::policy::Policy;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::losses::Losses;
@@ -106,6 +106,15 @@ pub trait Learner: Send {
     /// # Errors
     /// Returns an error if the learner's computation fails.
     fn export_actor(&self, _averaged: bool) -> Result<Option<ActorExport>, LearnError> {
+        Ok(None)
+    }
+
+    /// Returns critics and dynamics model, or their running averages if `averaged` and there are
+    /// any, for other programs that plan; `None` if the learner has no such networks.
+    ///
+    /// # Errors
+    /// Returns an error if the learner's computation fails.
+    fn export_critics(&self, _averaged: bool) -> Result<Option<CriticsExport>, LearnError> {
         Ok(None)
     }
 

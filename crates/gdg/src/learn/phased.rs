@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::learn::error::LearnError;
 use crate::learn::learner::{Learner, TrainingData};
-use crate::learn::networks::export::ActorExport;
+use crate::learn::networks::export::{ActorExport, CriticsExport};
 use crate::learn::networks::policy::Policy;
 use crate::learn::networks::state::{load_networks, save_networks};
 use crate::learn::update::losses::Losses;
@@ -60,6 +60,15 @@ pub trait PhasedLearner: Send {
     fn exports_actor(&self) -> bool {
         true
     }
+
+    /// Returns critics and dynamics model, or their running averages, for other programs, if there
+    /// are any.
+    ///
+    /// # Errors
+    /// Returns candle's error if a tensor operation fails.
+    fn critics_for_export(&self, _averaged: bool) -> candle_core::Result<Option<CriticsExport>> {
+        Ok(None)
+    }
 }
 
 impl<L: PhasedLearner> Learner for L {
@@ -90,6 +99,10 @@ impl<L: PhasedLearner> Learner for L {
 
     fn export_actor(&self, averaged: bool) -> Result<Option<ActorExport>, LearnError> {
         Ok(self.exports_actor().then(|| self.training().export_actor(averaged)).transpose()?)
+    }
+
+    fn export_critics(&self, averaged: bool) -> Result<Option<CriticsExport>, LearnError> {
+        Ok(self.critics_for_export(averaged)?)
     }
 
     fn is_finite(&self) -> Result<bool, LearnError> {

@@ -126,7 +126,7 @@ impl EvaluationJob {
     }
 
     /// Builds the graph to plan on, for methods that plan.
-    fn graph(&self) -> Option<BridgeGraph> {
+    pub fn graph(&self) -> Option<BridgeGraph> {
         let (spec, settings, policy) = (self.world.spec(), self.run.bridge(), &*self.policy);
         let candidates = self.candidates.as_ref()?;
         Some(BridgeGraph::build(spec, &settings, candidates, policy, &mut Scratch::default()))

@@ -14,7 +14,7 @@ use crate::pulse::Cancelled;
 
 /// Resolution of path costs: as integers in this many parts of a step, they make shortest paths
 /// exact and identical on every machine.
-const COST_UNITS_PER_STEP: f32 = 1024.0;
+pub(in crate::bridge) const COST_UNITS_PER_STEP: f32 = 1024.0;
 
 /// Number of candidates around a state or goal that are considered for first and last links.
 pub const LINK_CANDIDATES: usize = 48;

@@ -1,11 +1,13 @@
-//! An actor as named arrays and a description of its inputs, for other programs.
+//! Networks as named arrays and a description of their inputs, for other programs.
 
 use candle_core::Result;
 use serde::Serialize;
 
 use crate::learn::networks::encoder::Encoder;
+use crate::learn::networks::lookahead::{GOOD_PROGRESS_STEPS, MIN_GAIN_STEPS};
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Network;
+use crate::learn::networks::shapes::Shapes;
 
 /// An actor that other programs can run.
 ///
@@ -19,14 +21,47 @@ use crate::learn::networks::network::Network;
 /// where `F(p)` is `sin(pi p), cos(pi p), sin(2 pi p), cos(2 pi p), ...`, `fourier_octaves` pairs
 /// for each component, the relative inputs list all rates of one component before the next, and `G`
 /// reads the grids, if there are any. Then `x = max(0, x @ layerI.weight + layerI.bias)` for each
-/// layer, and the action is `tanh(output.weight @ x + output.bias)`. `tests/policy.py` does this in
-/// numpy.
+/// layer, and the action is `tanh(output.weight @ x + output.bias)`. The Python module `gdg_tui` does
+/// this in numpy.
 #[derive(Clone, Debug)]
 pub struct ActorExport {
     /// The weights, in order.
     pub tensors: Vec<NamedTensor>,
     /// How inputs are computed.
     pub inputs: ActorInputs,
+}
+
+/// Critics and the dynamics model, for other programs that plan and look ahead.
+///
+/// Critic k is named `criticK.` and has the inputs of the actor; with z its output, its D is
+/// `distance_scale * ln(1 + exp(z))`. D of two critics is `max(a, b) - (1 - pessimism) / 2 * |a -
+/// b|`. The input of `model.` is `[u | F(u_a) | G(u_a) | action]`; with z its output, the next state
+/// is `state + change_scale * z`.
+#[derive(Clone, Debug)]
+pub struct CriticsExport {
+    /// The weights, each network's named as the actor's after the network's own name.
+    pub tensors: Vec<NamedTensor>,
+    /// What the outputs mean.
+    pub outputs: CriticOutputs,
+}
+
+/// What the outputs of critics and model mean, and how lookahead uses them.
+#[derive(Clone, Debug, Serialize)]
+pub struct CriticOutputs {
+    /// Number of critics.
+    pub critics: usize,
+    /// Steps of D at an output of 1, about.
+    pub distance_scale: f32,
+    /// Weight of the largest distance of several critics; the rest is their mean.
+    pub pessimism: f32,
+    /// See [`crate::env::Spec::change_scale`].
+    pub change_scale: Vec<f32>,
+    /// Actions that lookahead tries besides the actor's, each `(action_dim)`.
+    pub tried_actions: Vec<Vec<f32>>,
+    /// Progress by D of an action in steps from which no other is tried.
+    pub good_progress_steps: f32,
+    /// Gain by D over the actor's action in steps from which another one is taken.
+    pub min_gain_steps: f32,
 }
 
 /// An array by name.
@@ -80,42 +115,6 @@ impl ActorExport {
     /// Returns the export of an actor `mlp` with these `parameters` and grid `table` `(corners,
     /// channels)`.
     fn new(encoder: &Encoder, mlp: &Mlp, parameters: &[f32], table: &[f32]) -> Self {
-        let tensor = |name: String, shape: &[usize], values: &[f32]| NamedTensor {
-            name,
-            shape: shape.to_vec(),
-            values: values.to_vec(),
-        };
-        let mut tensors = Vec::new();
-        for layer in 0..mlp.layers {
-            let shape = [mlp.layer_inputs(layer), mlp.hidden];
-            tensors.push(tensor(
-                format!("layer{layer}.weight"),
-                &shape,
-                &parameters[mlp.weights(layer)],
-            ));
-            tensors.push(tensor(
-                format!("layer{layer}.bias"),
-                &[mlp.hidden],
-                &parameters[mlp.bias(layer)],
-            ));
-        }
-        let shape = [mlp.outputs, mlp.hidden];
-        tensors.push(tensor("output.weight".to_owned(), &shape, &parameters[mlp.output_weights()]));
-        tensors.push(tensor(
-            "output.bias".to_owned(),
-            &[mlp.outputs],
-            &parameters[mlp.output_bias()],
-        ));
-        let grids = encoder.grid().map_or(0, |grid| {
-            for (i, level) in grid.levels.iter().enumerate() {
-                let mut shape = vec![level.corners; grid.dims];
-                shape.push(grid.channels);
-                let first = level.first * grid.channels;
-                let values = &table[first..first + shape.iter().product::<usize>()];
-                tensors.push(tensor(format!("grid{i}"), &shape, values));
-            }
-            grid.levels.len()
-        });
         let spec = encoder.spec();
         let inputs = ActorInputs {
             state_centre: spec.state_centre.clone(),
@@ -124,8 +123,79 @@ impl ActorExport {
             fourier_octaves: encoder.octaves(),
             relative_rates: encoder.relative().to_vec(),
             layers: mlp.layers,
-            grids,
+            grids: encoder.grid().map_or(0, |grid| grid.levels.len()),
         };
-        Self { tensors, inputs }
+        Self { tensors: tensors("", encoder, mlp, parameters, table), inputs }
     }
+}
+
+impl CriticsExport {
+    /// Returns the export of `critics` and `model`, whose shapes are `shapes`, or of their running
+    /// averages.
+    ///
+    /// # Errors
+    /// Returns candle's error if a tensor operation fails.
+    pub(in crate::learn) fn of<'a>(
+        shapes: &Shapes,
+        critics: impl Iterator<Item = &'a Network>,
+        model: &Network,
+        averaged: bool,
+    ) -> Result<Self> {
+        let (mut all, encoder) = (Vec::new(), &shapes.encoder);
+        let named = critics.enumerate().map(|(k, critic)| (format!("critic{k}."), critic));
+        let named = named.map(|(name, critic)| (name, critic, &shapes.critic));
+        for (name, network, mlp) in named.chain([("model.".to_owned(), model, &shapes.model)]) {
+            let (parameters, table) = network.copy(averaged)?;
+            all.extend(tensors(&name, encoder, mlp, &parameters, &table));
+        }
+        let spec = encoder.spec();
+        let outputs = CriticOutputs {
+            critics: shapes.critics,
+            distance_scale: shapes.distance_scale,
+            pessimism: shapes.pessimism,
+            change_scale: spec.change_scale.clone(),
+            tried_actions: shapes
+                .tried_actions
+                .chunks(spec.action_dim)
+                .map(<[_]>::to_vec)
+                .collect(),
+            good_progress_steps: GOOD_PROGRESS_STEPS,
+            min_gain_steps: MIN_GAIN_STEPS,
+        };
+        Ok(Self { tensors: all, outputs })
+    }
+}
+
+/// Returns the arrays of a network `mlp` with these `parameters` and grid `table` `(corners,
+/// channels)`, their names beginning with `prefix`.
+fn tensors(
+    prefix: &str,
+    encoder: &Encoder,
+    mlp: &Mlp,
+    parameters: &[f32],
+    table: &[f32],
+) -> Vec<NamedTensor> {
+    let mut tensors = Vec::new();
+    let mut add = |name: String, shape: &[usize], values: &[f32]| {
+        let (name, shape, values) = (format!("{prefix}{name}"), shape.to_vec(), values.to_vec());
+        tensors.push(NamedTensor { name, shape, values });
+    };
+    for layer in 0..mlp.layers {
+        let shape = [mlp.layer_inputs(layer), mlp.hidden];
+        add(format!("layer{layer}.weight"), &shape, &parameters[mlp.weights(layer)]);
+        add(format!("layer{layer}.bias"), &[mlp.hidden], &parameters[mlp.bias(layer)]);
+    }
+    let shape = [mlp.outputs, mlp.hidden];
+    add("output.weight".to_owned(), &shape, &parameters[mlp.output_weights()]);
+    add("output.bias".to_owned(), &[mlp.outputs], &parameters[mlp.output_bias()]);
+    if let Some(grid) = encoder.grid() {
+        for (i, level) in grid.levels.iter().enumerate() {
+            let mut shape = vec![level.corners; grid.dims];
+            shape.push(grid.channels);
+            let first = level.first * grid.channels;
+            let values = &table[first..first + shape.iter().product::<usize>()];
+            add(format!("grid{i}"), &shape, values);
+        }
+    }
+    tensors
 }
