@@ -25,3 +25,4 @@ mod support;
 mod terminal;
 #[cfg(unix)]
 mod tour;
+mod wheel;
