@@ -157,7 +157,7 @@ fn numpy_follows_bridges_step_by_step_as_the_program_does() {
     // Little trained, so that walks are late and agents get stuck.
     let happens = compare(&maze, "gdg-bridge", 1_200, 4, 200);
     assert!(happens.iter().all(|count| *count >= 10), "what is compared happens: {happens:?}");
-    // So early that no path is known to many places.
+    // Early, with few candidates and paths.
     compare(&maze, "gdg-bridge", 60, 10, 20);
     let [_, _, waypoints] = compare(&maze, "sorb", 1_200, 6, 100);
     assert!(waypoints > 6, "{waypoints}");
