@@ -128,6 +128,8 @@ pub struct BridgeGraph {
     /// `incoming[first[j]..first[j + 1]]`: the edges that lead to j.
     incoming: Vec<Incoming>,
     first: Vec<u32>,
+    /// Their expected lengths, which searches do not need.
+    lengths: Vec<f32>,
 }
 
 /// An edge in a backward search. Edges to the same target are adjacent in memory, as searches scan
@@ -136,7 +138,6 @@ pub struct BridgeGraph {
 struct Incoming {
     from: u32,
     cost_units: u32,
-    length: f32,
 }
 
 impl BridgeGraph {
@@ -204,13 +205,14 @@ impl BridgeGraph {
         (1..first.len()).for_each(|i| first[i] += first[i - 1]);
         let mut by_target: Vec<&Edge> = edges.iter().collect();
         by_target.sort_by_key(|edge| edge.to);
-        let incoming = by_target.into_iter().map(|edge| Incoming {
+        let incoming = by_target.iter().map(|edge| Incoming {
             from: edge.from as u32,
             cost_units: routes::cost_units(edge.cost),
-            length: edge.length,
         });
-        let incoming = incoming.collect();
-        Self { spec: spec.clone(), settings: settings.clone(), candidates, edges, incoming, first }
+        let (incoming, lengths) =
+            (incoming.collect(), by_target.iter().map(|edge| edge.length).collect());
+        let (spec, settings) = (spec.clone(), settings.clone());
+        Self { spec, settings, candidates, edges, incoming, first, lengths }
     }
 
     /// Returns the graph as plain numbers, for a checkpoint.

@@ -64,6 +64,8 @@ pub struct Route {
     pub costs: Vec<f32>,
     /// Each candidate's successor on that path; the candidate itself if the goal comes next.
     pub next: Vec<u32>,
+    /// The edge to that successor, as its place in the list of incoming edges.
+    pub(in crate::bridge) edges: Vec<u32>,
     /// The candidate nearest to the goal by D.
     pub nearest: Option<usize>,
     /// Candidates linked to the goal, and the cost of each link in parts of a step.
@@ -206,6 +208,7 @@ impl BridgeGraph {
         // edges.) 64 bits hold the sum of many maximal costs; an overflow could create cycles.
         let mut best = vec![u64::MAX; self.candidates.len()];
         let mut next: Vec<u32> = (0..best.len() as u32).collect();
+        let mut edges = vec![0; best.len()];
         let mut reached = BinaryHeap::new();
         for (candidate, cost) in &links {
             best[*candidate as usize] = u64::from(*cost).min(best[*candidate as usize]);
@@ -215,18 +218,21 @@ impl BridgeGraph {
             if ahead > best[candidate as usize] {
                 continue; // A cheaper path was found since.
             }
-            for edge in self.incoming_to(candidate) {
-                let cost = ahead + u64::from(edge.cost_units);
-                if cost < best[edge.from as usize] {
-                    (best[edge.from as usize], next[edge.from as usize]) = (cost, candidate);
-                    reached.push(Reached { candidate: edge.from, cost });
+            let [first, end] = [0, 1].map(|k| self.first[candidate as usize + k]);
+            let incoming = &self.incoming[first as usize..end as usize];
+            for (edge, Incoming { from, cost_units }) in (first..).zip(incoming) {
+                let (at, cost) = (*from as usize, ahead + u64::from(*cost_units));
+                if cost < best[at] {
+                    (best[at], next[at], edges[at]) = (cost, candidate, edge);
+                    reached.push(Reached { candidate: *from, cost });
                 }
             }
         }
         let in_steps =
             |cost| if cost == u64::MAX { f32::INFINITY } else { cost as f32 / COST_UNITS_PER_STEP };
         let costs = best.into_iter().map(in_steps).collect();
-        Route { goal: goal.to_vec(), costs, next, nearest, links, has_unverified_links: false }
+        let goal = goal.to_vec();
+        Route { goal, costs, next, edges, nearest, links, has_unverified_links: false }
     }
 
     /// Returns the expected length of the path of `route` from each candidate, in steps; infinite
@@ -243,21 +249,11 @@ impl BridgeGraph {
             }
             let mut length = *lengths[at as usize].get_or_insert_with(|| last(at));
             while let Some(from) = path.pop() {
-                length += self
-                    .incoming_to(at)
-                    .iter()
-                    .find(|edge| edge.from == from)
-                    .map_or(0.0, |edge| edge.length);
+                length += self.lengths[route.edges[from as usize] as usize];
                 lengths[from as usize] = Some(length);
-                at = from;
             }
         }
         lengths.into_iter().flatten().collect()
-    }
-
-    /// Returns the edges that lead to candidate `i`.
-    fn incoming_to(&self, i: u32) -> &[Incoming] {
-        &self.incoming[self.first[i as usize] as usize..self.first[i as usize + 1] as usize]
     }
 
     /// Returns D(s, g) along the bridge graph for each of `states` `(rows, state_dim)`: the

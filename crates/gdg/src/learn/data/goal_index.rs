@@ -5,8 +5,6 @@
 //! runs must not depend on the index. (Libraries of spatial trees need the number of dimensions at
 //! compile time and leave the order of ties open.)
 
-use std::collections::BinaryHeap;
-
 use crate::env::Spec;
 
 /// Maximum number of components used for buckets.
@@ -93,32 +91,38 @@ impl GoalIndex {
     /// Returns the place nearest to `at` and its straight-line distance; of several, the first.
     /// `None` without places.
     pub fn nearest(&self, at: &[f32]) -> Option<(usize, f32)> {
-        let mut best: Option<(f32, usize)> = None;
-        self.search(at, f32::INFINITY, |i| {
-            let found = (self.squared(at, i), i);
-            // Squares are compared, as different ones can have the same root.
-            if best.is_none_or(|best| found < best) {
-                best = Some(found);
-            }
-            best.map_or(f32::INFINITY, |(squared, _)| squared.sqrt())
-        });
-        best.map(|(squared, i)| (i, squared.sqrt()))
+        let rings = self.rings(at);
+        // Squares are compared, as different ones can have the same root.
+        let (mut least, mut found) = (f32::INFINITY, usize::MAX);
+        let mut ring = 0;
+        while rings.may_be_within(ring, least.sqrt()) {
+            rings.visit(ring, |i, squared| {
+                if squared < least || (squared == least && i < found) {
+                    (least, found) = (squared, i);
+                }
+            });
+            ring += 1;
+        }
+        (found < self.len()).then(|| (found, least.sqrt()))
     }
 
     /// Returns the `count` places nearest to `at` by straight-line distance, nearest first and in
     /// the order of their indices where equally far.
     pub fn nearest_few(&self, at: &[f32], count: usize) -> Vec<usize> {
+        let rings = self.rings(at);
         // Non-negative floats are in the same order as their bits.
-        let mut nearest: BinaryHeap<(u32, usize)> = BinaryHeap::new();
-        self.search(at, f32::INFINITY, |i| {
-            nearest.push((self.squared(at, i).sqrt().to_bits(), i));
-            if nearest.len() > count {
-                nearest.pop();
+        let mut near: Vec<(u32, u32)> = Vec::with_capacity(2 * count);
+        let (mut ring, mut farthest) = (0, f32::INFINITY);
+        while count > 0 && rings.may_be_within(ring, farthest) {
+            rings.visit(ring, |i, squared| near.push((squared.sqrt().to_bits(), i as u32)));
+            if near.len() >= count {
+                farthest = f32::from_bits(near.select_nth_unstable(count - 1).1.0);
+                near.truncate(count);
             }
-            let farthest = nearest.peek().filter(|_| nearest.len() >= count);
-            farthest.map_or(f32::INFINITY, |(distance, _)| f32::from_bits(*distance))
-        });
-        nearest.into_sorted_vec().into_iter().map(|(_, i)| i).collect()
+            ring += 1;
+        }
+        near.sort_unstable();
+        near.into_iter().map(|(_, i)| i as usize).collect()
     }
 
     /// Whether `test` holds for any place within `radius` of `at`, given its index and
@@ -129,79 +133,52 @@ impl GoalIndex {
         radius: f32,
         mut test: impl FnMut(usize, f32) -> bool,
     ) -> bool {
-        let mut found = false;
-        self.search(at, radius, |i| {
-            let distance = self.squared(at, i).sqrt();
-            found = found || (distance <= radius && test(i, distance));
-            if found { f32::NEG_INFINITY } else { radius }
-        });
+        let rings = self.rings(at);
+        let (mut ring, mut found) = (0, false);
+        while !found && rings.may_be_within(ring, radius) {
+            rings.visit(ring, |i, squared| {
+                let distance = squared.sqrt();
+                found = found || (distance <= radius && test(i, distance));
+            });
+            ring += 1;
+        }
         found
     }
 
     /// Passes all places within `radius` of `at` to `visit`, with their straight-line distance, in
     /// no particular order.
     pub fn for_each_within(&self, at: &[f32], radius: f32, mut visit: impl FnMut(usize, f32)) {
-        self.search(at, radius, |i| {
-            let distance = self.squared(at, i).sqrt();
-            if distance <= radius {
-                visit(i, distance);
-            }
-            radius
+        let _ = self.any_within(at, radius, |i, distance| {
+            visit(i, distance);
+            false
         });
     }
 
-    /// Passes places to `visit`, those around `at` first, until no other can be within the radius
-    /// that `visit` returned last (at first, `radius`).
-    fn search(&self, at: &[f32], mut radius: f32, mut visit: impl FnMut(usize) -> f32) {
+    /// Returns the rings of buckets around `at`.
+    fn rings<'a>(&'a self, at: &'a [f32]) -> Rings<'a> {
         let centre = self.bucket(at);
-        for ring in 0..self.side {
-            if self.gap(at, centre, ring) > radius {
-                return;
-            }
-            let [columns, rows] =
-                centre.map(|at| at.saturating_sub(ring)..=(at + ring).min(self.side - 1));
-            for y in rows {
-                // Between its first and last row, a ring has two columns.
-                let inner = if y.abs_diff(centre[1]) == ring { 1 } else { 2 * ring };
-                for x in (centre[0] as isize - ring as isize..=(centre[0] + ring) as isize)
-                    .step_by(inner)
-                {
-                    if !columns.contains(&(x as usize)) {
-                        continue;
-                    }
-                    let mut place = self.latest[y * self.side + x as usize];
-                    while place != NONE {
-                        radius = visit(place as usize);
-                        place = self.before[place as usize];
-                    }
-                }
-            }
-        }
-    }
-
-    /// Returns a lower bound on the distance from `at`, which is in bucket `centre`, to places
-    /// `ring` or more buckets away.
-    fn gap(&self, at: &[f32], centre: [usize; AXES], ring: usize) -> f32 {
-        if ring == 0 {
-            return 0.0;
-        }
-        let of_axis = |((at, bucket), (low, length)): ((&f32, usize), &(f32, f32))| {
+        let mut gaps = [[f32::INFINITY; 2]; AXES];
+        let mut widths = [0.0; AXES];
+        for (axis, ((at, (low, length)), bucket)) in
+            at.iter().zip(&self.ranges).zip(centre).enumerate()
+        {
             let width = length / self.side as f32;
-            let above =
-                (bucket + ring < self.side).then(|| low + (bucket + ring) as f32 * width - at);
-            let below = (bucket >= ring).then(|| at - (low + (bucket + 1 - ring) as f32 * width));
-            above
-                .into_iter()
-                .chain(below)
-                .map(move |gap| gap - ROUNDING_SLACK * width)
-                .fold(f32::INFINITY, f32::min)
-        };
-        at.iter().zip(centre).zip(&self.ranges).map(of_axis).fold(f32::INFINITY, f32::min)
+            let below = low + bucket as f32 * width;
+            widths[axis] = width;
+            gaps[axis] = [at - below, below + width - at].map(|gap| gap - ROUNDING_SLACK * width);
+        }
+        Rings { index: self, at, centre, gaps, widths }
     }
 
     /// Returns the squared distance between `at` and place `i`.
     fn squared(&self, at: &[f32], i: usize) -> f32 {
-        at.iter().zip(self.goal(i)).map(|(a, p)| (a - p) * (a - p)).sum()
+        match *at {
+            [x, y] => {
+                let [dx, dy] = [x - self.goals[2 * i], y - self.goals[2 * i + 1]];
+                dx * dx + dy * dy
+            }
+            _ => at.iter().zip(self.goal(i)).map(|(a, p)| (a - p) * (a - p)).sum(),
+        }
     }
 
     /// Returns the bucket of a point along each axis.
@@ -225,6 +202,62 @@ impl GoalIndex {
         self.latest = vec![NONE; self.side * self.side];
         self.before.clear();
         (0..places).for_each(|i| self.link(i));
+    }
+}
+
+/// The buckets around a point, in rings: the k-th are those k buckets away along one axis and at
+/// most as many along the other.
+struct Rings<'a> {
+    index: &'a GoalIndex,
+    at: &'a [f32],
+    /// The bucket of the point.
+    centre: [usize; AXES],
+    /// Distance from the point to the lower and the upper end of its bucket, along each axis.
+    gaps: [[f32; 2]; AXES],
+    /// Size of a bucket along each axis.
+    widths: [f32; AXES],
+}
+
+impl Rings<'_> {
+    /// Returns whether there are rings from `ring` on, and places in them may be within `radius`.
+    fn may_be_within(&self, ring: usize, radius: f32) -> bool {
+        if ring == 0 {
+            return true;
+        }
+        let side = self.index.side;
+        let ends = self.centre.iter().zip(&self.gaps).zip(&self.widths);
+        // A lower bound on their distance, from the sides on which there are more buckets.
+        let gap = ends.fold(f32::INFINITY, |gap, ((centre, [below, above]), width)| {
+            let inner = (ring - 1) as f32 * width;
+            let gap = if ring <= *centre { gap.min(below + inner) } else { gap };
+            if centre + ring < side { gap.min(above + inner) } else { gap }
+        });
+        ring < side && gap <= radius
+    }
+
+    /// Passes the places in `ring` to `visit`, with their squared distance from the point.
+    fn visit(&self, ring: usize, mut visit: impl FnMut(usize, f32)) {
+        let (last, [x, y]) = (self.index.side - 1, self.centre);
+        let mut visit_bucket = |x: usize, y: usize| {
+            let mut place = self.index.latest[y * self.index.side + x];
+            while place != NONE {
+                visit(place as usize, self.index.squared(self.at, place as usize));
+                place = self.index.before[place as usize];
+            }
+        };
+        for row in y.saturating_sub(ring)..=(y + ring).min(last) {
+            if row.abs_diff(y) == ring {
+                (x.saturating_sub(ring)..=(x + ring).min(last)).for_each(|x| visit_bucket(x, row));
+                continue;
+            }
+            // Between its first and last row, a ring has two columns.
+            if x >= ring {
+                visit_bucket(x - ring, row);
+            }
+            if x + ring <= last {
+                visit_bucket(x + ring, row);
+            }
+        }
     }
 }
 
@@ -301,11 +334,9 @@ mod tests {
             places.push(&[(i % 100) as f32 * 10.0 + 5.0, (i / 100) as f32 * 10.0 + 5.0]);
         }
         assert_eq!(places.side, 256);
-        let mut visited = 0;
-        places.search(&[333.0, 666.0], 12.0, |_| {
-            visited += 1;
-            12.0
-        });
+        let (mut visited, rings) = (0, places.rings(&[333.0, 666.0]));
+        let near = (0..).take_while(|ring| rings.may_be_within(*ring, 12.0));
+        near.for_each(|ring| rings.visit(ring, |_, _| visited += 1));
         assert!((4..60).contains(&visited), "{visited} of {}", places.len());
         assert_eq!(places.nearest(&[334.0, 667.0]).map(|(i, _)| i), Some(6633));
     }

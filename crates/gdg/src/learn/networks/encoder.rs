@@ -90,10 +90,15 @@ impl Encoder {
         self.spec.state_dim() + self.goal_features()
     }
 
+    /// Returns the width of the goal's part of a plain pair row.
+    pub fn plain_goal_width(&self) -> usize {
+        self.spec.goal_dim() + self.goal_features()
+    }
+
     /// Returns the width of a plain pair row.
     pub fn plain_pair_width(&self) -> usize {
-        let goal = self.spec.goal_dim();
-        self.plain_state_width() + goal + self.goal_features() + goal * self.relative.len()
+        let offset = self.spec.goal_dim() * self.relative.len();
+        self.plain_state_width() + self.plain_goal_width() + offset
     }
 
     /// Returns the width of a pair row with the grid encodings of state and goal.
@@ -121,22 +126,22 @@ impl Encoder {
         }
     }
 
-    /// Writes the plain row of (`state`, `goal`).
-    pub fn plain_pair(&self, state: &[f32], goal: &[f32], row: &mut [f32]) {
-        let goal_dim = self.spec.goal_dim();
-        let (state_row, rest) = row.split_at_mut(self.plain_state_width());
-        self.plain_state(state, state_row);
-        let (scaled, rest) = rest.split_at_mut(goal_dim);
+    /// Writes the part of plain pair rows that depends on `goal` alone, after that of the state.
+    pub fn plain_goal(&self, goal: &[f32], row: &mut [f32]) {
+        let (scaled, fourier) = row.split_at_mut(self.spec.goal_dim());
         self.scaled_goal(goal, scaled);
-        let (fourier, relative) = rest.split_at_mut(self.goal_features());
         if self.octaves > 0 {
             for (u, out) in scaled.iter().zip(fourier.chunks_exact_mut(2 * self.octaves)) {
                 octaves(*u, out);
             }
         }
+    }
+
+    /// Writes the last part of plain pair rows, the offset of `goal` from `state`.
+    pub fn plain_offset(&self, state: &[f32], goal: &[f32], row: &mut [f32]) {
         if !self.relative.is_empty() {
             let difference = goal.iter().zip(self.spec.achieved(state)).map(|(g, s)| g - s);
-            for (d, out) in difference.zip(relative.chunks_exact_mut(self.relative.len())) {
+            for (d, out) in difference.zip(row.chunks_exact_mut(self.relative.len())) {
                 for (out, rate) in out.iter_mut().zip(&self.relative) {
                     *out = (d * rate).tanh();
                 }
@@ -177,18 +182,17 @@ impl Encoder {
         }
     }
 
-    /// Writes the encodings of the positions at row `i` of each of `places`, one after the other.
-    pub fn encode(
-        &self,
-        table: Option<TableView>,
-        places: &[&GridReads],
-        i: usize,
-        out: &mut [f32],
-    ) {
+    /// Adds the last of `places` once more.
+    pub fn locate_again(&self, places: &mut GridReads) {
+        if let Some(grid) = &self.grid {
+            grid.locate_again(places);
+        }
+    }
+
+    /// Writes the encoding of the position at row `i` of `places`.
+    pub fn encode(&self, table: Option<TableView>, places: &GridReads, i: usize, out: &mut [f32]) {
         if let (Some(grid), Some(table)) = (&self.grid, table) {
-            for (places, out) in places.iter().zip(out.chunks_exact_mut(grid.width())) {
-                grid.encode(table, places, i, out);
-            }
+            grid.encode(table, places, i, out);
         }
     }
 

@@ -45,18 +45,43 @@ pub fn resized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
     &mut buffer[..length]
 }
 
+/// Whether row `i` of `numbers` `(rows, width)` is the same as the one before. Queries repeat a
+/// state or a goal in many rows, and its features need not be computed again.
+pub fn is_repeated(numbers: &[f32], i: usize, width: usize) -> bool {
+    let Some(before) = i.checked_sub(1) else { return false };
+    let row = |i: usize| numbers[i * width..(i + 1) * width].iter();
+    row(before).zip(row(i)).all(|(a, b)| a.to_bits() == b.to_bits())
+}
+
 impl Encoder {
     /// Computes the inputs of pairs that all networks share.
     pub fn plain_pairs(&self, states: &[f32], goals: &[f32], plain: &mut SharedFeatures) {
         let (s, g) = (self.spec().state_dim(), self.spec().goal_dim());
+        let (of_state, of_goal) = (self.plain_state_width(), self.plain_goal_width());
         let width = self.plain_pair_width();
-        let rows = resized(&mut plain.rows, states.len() / s * width).chunks_exact_mut(width);
+        let rows = resized(&mut plain.rows, states.len() / s * width);
         plain.states.clear();
         plain.goals.clear();
-        for ((state, goal), row) in states.chunks_exact(s).zip(goals.chunks_exact(g)).zip(rows) {
-            self.plain_pair(state, goal, row);
-            self.locate_state(state, &mut plain.states);
-            self.locate_goal(goal, &mut plain.goals);
+        for (i, (state, goal)) in states.chunks_exact(s).zip(goals.chunks_exact(g)).enumerate() {
+            let (before, row) = rows.split_at_mut(i * width);
+            let before = &before[before.len().saturating_sub(width)..];
+            let (state_row, rest) = row[..width].split_at_mut(of_state);
+            let (goal_row, offset) = rest.split_at_mut(of_goal);
+            if is_repeated(states, i, s) {
+                state_row.copy_from_slice(&before[..of_state]);
+                self.locate_again(&mut plain.states);
+            } else {
+                self.plain_state(state, state_row);
+                self.locate_state(state, &mut plain.states);
+            }
+            if is_repeated(goals, i, g) {
+                goal_row.copy_from_slice(&before[of_state..of_state + of_goal]);
+                self.locate_again(&mut plain.goals);
+            } else {
+                self.plain_goal(goal, goal_row);
+                self.locate_goal(goal, &mut plain.goals);
+            }
+            self.plain_offset(state, goal, offset);
         }
     }
 
@@ -69,16 +94,27 @@ impl Encoder {
         stride: usize,
         x: &mut Vec<f32>,
     ) {
-        let (width, plain_width) = (self.pair_width(), self.plain_pair_width());
-        let count = pairs.states.len() / self.spec().state_dim();
-        let places = [&pairs.plain.states, &pairs.plain.goals];
-        let plain = pairs.plain.rows.chunks_exact(plain_width);
-        for ((i, row), plain) in
-            resized(x, count * stride).chunks_exact_mut(stride).enumerate().zip(plain)
+        let (s, g) = (self.spec().state_dim(), self.spec().goal_dim());
+        let (plain_width, grid) = (self.plain_pair_width(), self.grid_width());
+        let x = resized(x, pairs.states.len() / s * stride);
+        for (i, plain) in
+            pairs.plain.rows.chunks_exact(plain_width).take(x.len() / stride).enumerate()
         {
-            let (copy, encoded) = row[..width].split_at_mut(plain_width);
-            copy.copy_from_slice(plain);
-            self.encode(table, &places, i, encoded);
+            let (before, row) = x.split_at_mut(i * stride);
+            row[..plain_width].copy_from_slice(plain);
+            let parts = [
+                (&pairs.plain.states, is_repeated(pairs.states, i, s), plain_width),
+                (&pairs.plain.goals, is_repeated(pairs.goals, i, g), plain_width + grid),
+            ];
+            for (places, is_repeated, from) in parts {
+                let encoded = &mut row[from..from + grid];
+                if is_repeated {
+                    let before = &before[before.len() - stride + from..];
+                    encoded.copy_from_slice(&before[..grid]);
+                } else {
+                    self.encode(table, places, i, encoded);
+                }
+            }
         }
     }
 }

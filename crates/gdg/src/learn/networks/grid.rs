@@ -105,6 +105,12 @@ impl GridReads {
         self.weights.clear();
     }
 
+    /// Adds the last position once more; a position has this many `reads`.
+    fn repeat_last(&mut self, reads: usize) {
+        self.corners.extend_from_within(self.corners.len() - reads..);
+        self.weights.extend_from_within(self.weights.len() - reads..);
+    }
+
     fn row(&self, row: usize, reads: usize) -> (&[u32], &[f32]) {
         let at = row * reads..(row + 1) * reads;
         (&self.corners[at.clone()], &self.weights[at])
@@ -188,6 +194,11 @@ impl GridShape {
                     .push((0..self.dims).map(|axis| axis_weight(&place, bits, axis)).product());
             });
         }
+    }
+
+    /// Adds the last of `places` once more.
+    pub fn locate_again(&self, places: &mut GridReads) {
+        places.repeat_last(self.reads());
     }
 
     /// Returns the number of corners that a position reads in all levels.

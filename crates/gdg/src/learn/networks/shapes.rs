@@ -4,7 +4,7 @@ use candle_core::Result;
 
 use crate::env::Spec;
 use crate::learn::networks::encoder::Encoder;
-use crate::learn::networks::features::{Pairs, Workspace, resized};
+use crate::learn::networks::features::{Pairs, Workspace, is_repeated, resized};
 use crate::learn::networks::grid::GridReads;
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Weights;
@@ -127,20 +127,23 @@ impl Shapes {
     ) {
         let spec = self.encoder.spec();
         let (plain_width, width) = (self.encoder.plain_state_width(), self.model.inputs);
-        let x = resized(&mut ws.x, states.len() / spec.state_dim() * width);
-        let rows = x
-            .chunks_exact_mut(width)
-            .zip(plain.rows.chunks_exact(plain.stride))
-            .zip(actions.chunks_exact(spec.action_dim));
-        for (i, ((row, own), action)) in rows.enumerate() {
-            let (copy, rest) = row.split_at_mut(plain_width);
+        let (dim, grid) = (spec.state_dim(), self.encoder.grid_width());
+        let x = resized(&mut ws.x, states.len() / dim * width);
+        let rows = plain.rows.chunks_exact(plain.stride);
+        for (i, (own, action)) in rows.zip(actions.chunks_exact(spec.action_dim)).enumerate() {
+            let (before, row) = x.split_at_mut(i * width);
+            let (copy, rest) = row[..width].split_at_mut(plain_width);
             copy.copy_from_slice(&own[..plain_width]);
-            let (encoded, last) = rest.split_at_mut(self.encoder.grid_width());
-            self.encoder.encode(model.table, &[plain.positions], i, encoded);
+            let (encoded, last) = rest.split_at_mut(grid);
+            if is_repeated(states, i, dim) {
+                let before = &before[before.len() - width + plain_width..];
+                encoded.copy_from_slice(&before[..grid]);
+            } else {
+                self.encoder.encode(model.table, plain.positions, i, encoded);
+            }
             last.copy_from_slice(action);
         }
         self.model.forward(model.dense, model.packed, x, next, &mut ws.acts);
-        let dim = spec.state_dim();
         for (next, state) in next.chunks_exact_mut(dim).zip(states.chunks_exact(dim)) {
             for ((next, state), scale) in next.iter_mut().zip(state).zip(&spec.change_scale) {
                 *next = state + scale * *next;
@@ -236,11 +239,16 @@ impl Shapes {
     ) {
         let (s, width) = (self.encoder.spec().state_dim(), self.encoder.plain_state_width());
         let mut plain = std::mem::take(&mut ws.plain);
-        let rows = resized(&mut plain.rows, states.len() / s * width).chunks_exact_mut(width);
+        let rows = resized(&mut plain.rows, states.len() / s * width);
         plain.states.clear();
-        for (state, row) in states.chunks_exact(s).zip(rows) {
-            self.encoder.plain_state(state, row);
-            self.encoder.locate_state(state, &mut plain.states);
+        for (i, state) in states.chunks_exact(s).enumerate() {
+            if is_repeated(states, i, s) {
+                rows.copy_within((i - 1) * width..i * width, i * width);
+                self.encoder.locate_again(&mut plain.states);
+            } else {
+                self.encoder.plain_state(state, &mut rows[i * width..(i + 1) * width]);
+                self.encoder.locate_state(state, &mut plain.states);
+            }
         }
         let own = PlainRows { rows: &plain.rows, stride: width, positions: &plain.states };
         self.predict(model, states, actions, own, next, ws);
