@@ -1,11 +1,11 @@
 //! Shortest paths through the bridge graph, and the distances along them.
 
-use std::cmp::Ordering;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::HashMap;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::frontier::Frontier;
 use super::{BridgeGraph, Incoming, Link};
 use crate::learn::{
     ChangedDistances, DistancesByGoal, GoalIndex, KnownPair, Policy, Scratch, WAYPOINT_STEPS,
@@ -108,33 +108,6 @@ pub(in crate::bridge) struct FirstHop {
     pub link: Option<Link>,
 }
 
-/// A candidate that a search has reached, and the cost of the path from there to the goal. The
-/// cheapest is popped from a heap first.
-struct Reached {
-    candidate: u32,
-    cost: u64,
-}
-
-impl Ord for Reached {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.cost.cmp(&self.cost)
-    }
-}
-
-impl PartialOrd for Reached {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Reached {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Reached {}
-
 impl BridgeGraph {
     /// Finds the shortest paths to `goal`: last links from the candidates around it, then a
     /// backward search through the graph.
@@ -209,13 +182,14 @@ impl BridgeGraph {
         let mut best = vec![u64::MAX; self.candidates.len()];
         let mut next: Vec<u32> = (0..best.len() as u32).collect();
         let mut edges = vec![0; best.len()];
-        let mut reached = BinaryHeap::new();
+        let mut reached = Frontier::new();
         for (candidate, cost) in &links {
             best[*candidate as usize] = u64::from(*cost).min(best[*candidate as usize]);
-            reached.push(Reached { candidate: *candidate, cost: u64::from(*cost) });
+            reached.push(u64::from(*cost), *candidate);
         }
-        while let Some(Reached { candidate, cost: ahead }) = reached.pop() {
-            if ahead > best[candidate as usize] {
+        let is_best = |best: &[u64], ahead, candidate: u32| ahead <= best[candidate as usize];
+        while let Some((ahead, candidate)) = reached.pop(|cost, i| is_best(&best, cost, i)) {
+            if !is_best(&best, ahead, candidate) {
                 continue; // A cheaper path was found since.
             }
             let [first, end] = [0, 1].map(|k| self.first[candidate as usize + k]);
@@ -224,7 +198,7 @@ impl BridgeGraph {
                 let (at, cost) = (*from as usize, ahead + u64::from(*cost_units));
                 if cost < best[at] {
                     (best[at], next[at], edges[at]) = (cost, candidate, edge);
-                    reached.push(Reached { candidate: *from, cost });
+                    reached.push(cost, *from);
                 }
             }
         }
