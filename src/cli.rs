@@ -4,6 +4,7 @@ mod ablate;
 #[cfg(feature = "tui")]
 mod compare;
 mod completions;
+mod export_data;
 mod export_policy;
 mod film;
 #[cfg(feature = "tui")]
@@ -30,6 +31,7 @@ pub use ablate::AblateArgs;
 #[cfg(feature = "tui")]
 pub use compare::CompareArgs;
 pub use completions::completions;
+pub use export_data::ExportDataArgs;
 pub use export_policy::ExportPolicyArgs;
 pub use film::FilmArgs;
 #[cfg(feature = "tui")]
@@ -123,6 +125,8 @@ pub enum Command {
     Reproduce(ReproduceArgs),
     /// Ablation study: measure the effect of switching off each component of the default preset
     Ablate(AblateArgs),
+    /// Write the transitions that a checkpoint's run has seen as an .npz file, for --data
+    ExportData(ExportDataArgs),
     /// Write a checkpoint's policy as a safetensors file that other programs can run: with the Python
     /// module gdg_tui, gdg_tui.load_policy(FILE)
     ExportPolicy(ExportPolicyArgs),

@@ -4,6 +4,7 @@ mod ablate;
 mod check;
 #[cfg(feature = "tui")]
 mod compare;
+mod export_data;
 mod export_policy;
 mod film;
 #[cfg(feature = "tui")]
@@ -54,6 +55,7 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Check { file, map, reading }) => {
             text(check::run(&file, map.as_deref(), &(&reading).into(), registry))
         }
+        Some(Command::ExportData(args)) => text(export_data::run(&args, registry)),
         Some(Command::ExportPolicy(args)) => text(export_policy::run(&args, registry)),
         Some(Command::Film(args)) => text(film::run(&args, registry)),
     }

@@ -77,6 +77,11 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     pub scen: Option<PathBuf>,
 
+    /// Learn from recorded transitions, and have agents act only after offline_updates: a file of
+    /// OGBench or of export-data; with --resume, where the run's file is now
+    #[arg(long, value_name = "FILE")]
+    pub data: Option<PathBuf>,
+
     /// Threads that share each update: a number, or auto for as many as make it faster at the moment,
     /// up to this machine's cores; results do not depend on it
     #[arg(long, value_name = "N", default_value = "auto", value_parser = parse_threads)]
@@ -162,6 +167,7 @@ impl TrainArgs {
             resume: self.resume.clone(),
             edits: self.edit_at.clone(),
             scenario: self.scen.clone(),
+            data: self.data.clone(),
             threads: self.threads,
             save: self.save.clone(),
             table: self.csv.clone(),

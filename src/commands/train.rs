@@ -27,7 +27,8 @@ use crate::tui;
 /// # Errors
 /// The arguments are invalid, or training or saving fails.
 pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
-    let registry = &registry.clone().with_gym(args.gym.options(args.reading.goal_radius));
+    let options = args.gym.options(args.reading.goal_radius);
+    let registry = &registry.clone().with_gym(options).with_data(args.data.clone());
     let request = args.request();
     if args.print_config {
         let settings = setup::settings_to_print(&request, registry).or_bad_input()?;

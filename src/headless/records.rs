@@ -9,8 +9,8 @@ use super::updates_per_second;
 use crate::host::setup::Setup;
 use gdg::learn::{Losses, Threads};
 use gdg::train::{
-    BridgeFacts, DistanceError, EndReason, Evaluation, MarkedTask, Recovery, Score, Trainer,
-    WorldChange,
+    BridgeFacts, DataSource, DistanceError, EndReason, Evaluation, MarkedTask, Recovery, Score,
+    Trainer, WorldChange,
 };
 
 /// One record.
@@ -23,6 +23,8 @@ pub enum Record {
         /// Facts reported by the world.
         #[serde(flatten)]
         facts: Map<String, Value>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        data: Option<DataSource>,
         method: String,
         preset: &'static str,
         /// Settings that differ from the preset's.
@@ -89,6 +91,7 @@ impl Record {
             version: env!("CARGO_PKG_VERSION"),
             world: setup.trainer.world().kind(),
             facts,
+            data: setup.trainer.data().cloned(),
             method: run.method.name(),
             preset: run.preset.name(),
             settings: run.changed_settings(),

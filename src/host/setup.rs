@@ -17,8 +17,8 @@ use gdg::learn::Threads;
 use gdg::map::{self, Grid, MapError, MapFormat, MapScale, Reading};
 use gdg::text::{safe_file_name, sanitized};
 use gdg::train::{
-    self, Limits, Loaded, Method, Overrides, Preset, Registry, Run, SaveTo, Settings, TrainError,
-    Trainer,
+    self, Dataset, Limits, Loaded, Method, Overrides, Preset, Registry, Run, SaveTo, Settings,
+    TrainError, Trainer,
 };
 
 /// Which method to train, and with which settings.
@@ -69,6 +69,8 @@ pub struct Request {
     pub edits: Vec<EditAt>,
     /// The scenario to evaluate on.
     pub scenario: Option<PathBuf>,
+    /// Recorded transitions to learn from.
+    pub data: Option<PathBuf>,
     /// Threads that share the work of each update.
     pub threads: Threads,
     /// The checkpoint to write.
@@ -205,8 +207,21 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
     } else {
         let run = self::run(&request.run, &request.map, registry, request.seed)?;
         let world = open_world(&request.map, &request.reading, &run, registry)?;
-        Loaded { trainer: begin(run, &*world, registry, threads)?, warning: None }
+        let mut trainer = begin(run, &*world, registry, threads)?;
+        if let Some(file) = &request.data {
+            let read = Dataset::read(file, trainer.spec());
+            trainer.learn_from(&read.map_err(from_data_error)?);
+        }
+        Loaded { trainer, warning: None }
     };
+    trainer.check_data().map_err(from_data_error)?;
+    if request.data.is_some() && trainer.data().is_none() {
+        let help = "leave --data out, or begin a run with it";
+        return Err(miette!(
+            help = help,
+            "--data: the run that is resumed has not learned from data"
+        ));
+    }
     let mut warnings = Vec::from_iter(warning);
     if trainer.rollout().has_restarted() {
         let title = sanitized(trainer.world().title());
@@ -293,6 +308,13 @@ fn title_of(name: &Path, registry: &Registry) -> Result<String, Report> {
         Some(None) => Ok(given.rsplit(':').next().unwrap_or_default().to_owned()),
         None => Ok(find_map(name, &Reading::default(), registry)?.name().to_owned()),
     }
+}
+
+/// Reports data that cannot be learned from.
+fn from_data_error(error: impl Into<TrainError>) -> Report {
+    let help = "--data takes .npz files with observations, actions and terminals: \
+                gdg-tui export-data writes them, and OGBench has some";
+    miette!(help = help, "{}", sanitized(&error.into().to_string()))
 }
 
 /// Begins `run` in `world`, if it fits into memory.
@@ -385,10 +407,16 @@ fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveT
 fn inputs<'a>(request: &'a Request, resumed: Option<&'a Path>) -> impl Iterator<Item = &'a Path> {
     let map = request.named_map.then_some(request.map.as_path());
     let edits = request.edits.iter().map(|edit| edit.file.as_path());
-    [map, request.scenario.as_deref(), request.run.config.as_deref(), resumed]
-        .into_iter()
-        .flatten()
-        .chain(edits)
+    [
+        map,
+        request.scenario.as_deref(),
+        request.data.as_deref(),
+        request.run.config.as_deref(),
+        resumed,
+    ]
+    .into_iter()
+    .flatten()
+    .chain(edits)
 }
 
 /// Checks that the output file of an `option` is not one of the command's inputs.

@@ -123,9 +123,10 @@ pub struct Spec {
     pub action_dim: usize,
     /// A goal is reached when the achieved goal is closer to it than this (Euclidean).
     pub goal_radius: f32,
-    /// Whether goals are positions in a low-dimensional space, where distance is meaningful at
-    /// every scale, so that multi-resolution encodings make sense.
-    pub goals_are_positions: bool,
+    /// If goals are positions in a low-dimensional space, where distance is meaningful at every
+    /// scale so that multi-resolution encodings make sense: how large what goals have to get around
+    /// is, such as a cell of a maze, in the unit of length.
+    pub position_scale: Option<f32>,
 }
 
 impl Spec {
@@ -313,7 +314,7 @@ pub(crate) mod tests {
             achieved: (0..axes.len()).collect(),
             action_dim: axes.len(),
             goal_radius: 1.0,
-            goals_are_positions: true,
+            position_scale: Some(1.0),
         }
     }
 }

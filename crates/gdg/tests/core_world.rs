@@ -36,7 +36,7 @@ impl Line {
             achieved: vec![0],
             action_dim: 1,
             goal_radius: 0.6,
-            goals_are_positions: true,
+            position_scale: Some(0.6),
         };
         Self { spec, positions: vec![0.0; agents] }
     }

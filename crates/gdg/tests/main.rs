@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 mod core_world;
+mod data;
 mod fetch_reach;
 mod formats;
 mod maps;

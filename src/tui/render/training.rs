@@ -12,14 +12,15 @@ use gdg::bridge::EdgeStatus;
 use gdg::engine::NextEvaluation;
 use gdg::env::DistanceUnit;
 use gdg::learn::{Losses, Stage};
-use gdg::text::grouped;
+use gdg::text::{grouped, sanitized};
 use gdg::train::{DistanceScore, Score};
 
 /// The meanings of the numbers, by their names in the pane.
-pub const MEANINGS: [(&str, &str); 20] = [
+pub const MEANINGS: [(&str, &str); 21] = [
     ("elapsed", "time spent training"),
     ("left", "time until the run reaches its limit"),
     ("updates", "gradient steps so far, and per second"),
+    ("data", "what it learns from: agents do not act"),
     ("steps", "steps of all agents so far, and per second"),
     ("episodes", "episodes of all agents so far"),
     ("replay", "transitions stored, of its capacity"),
@@ -56,15 +57,25 @@ pub fn lines(screen: &Screen, scene: &Scene, width: usize) -> Vec<Line<'static>>
     let width = if explained { EXPLANATION_COLUMN } else { width };
     let mut lines = vec![fact("elapsed", clock(snapshot.seconds))];
     lines.extend(seconds_left(screen).map(|seconds| fact("left", clock(seconds))));
-    lines.extend([
-        fact("updates", updates),
-        fact(
-            "steps",
-            format!("{}, {}/s", count(screen, snapshot.counters.env_steps), short(steps)),
-        ),
-        fact("episodes", count(screen, snapshot.counters.episodes)),
-        fact("replay", format!("{} of {}", short(used as f64), short(room as f64))),
-    ]);
+    lines.push(fact("updates", updates));
+    match &snapshot.data {
+        Some(data) => {
+            let file = data.file.file_name().unwrap_or_default().to_string_lossy();
+            lines.extend([
+                fact("data", sanitized(&file)),
+                fact("steps", format!("{} recorded", grouped(data.transitions as u64))),
+                fact("episodes", format!("{} recorded", grouped(data.episodes as u64))),
+            ]);
+        }
+        None => lines.extend([
+            fact(
+                "steps",
+                format!("{}, {}/s", count(screen, snapshot.counters.env_steps), short(steps)),
+            ),
+            fact("episodes", count(screen, snapshot.counters.episodes)),
+            fact("replay", format!("{} of {}", short(used as f64), short(room as f64))),
+        ]),
+    }
     lines.extend(losses(screen));
     lines.extend(success(screen, width));
     lines.extend(bridges(screen, scene));

@@ -36,6 +36,14 @@ pub fn keys(screen: &Screen) -> [Line<'static>; 4] {
     ]
 }
 
+/// Returns what is shown of a followed agent that is not there.
+pub fn no_agent(screen: &Screen) -> Vec<Line<'static>> {
+    if screen.snapshot.data.is_none() {
+        return vec![fact("agent", "...")];
+    }
+    vec![fact("agents", "do not act:"), Line::from(" the run learns from data")]
+}
+
 /// Returns what an exploring agent pursues, with places and distances in the scene's format.
 pub fn pursuit(
     screen: &Screen,

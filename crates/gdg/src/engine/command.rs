@@ -10,8 +10,8 @@ use crate::env::{EnvError, Environment};
 use crate::files;
 use crate::text::{counted, grouped, sanitized};
 use crate::train::{
-    self, CheckpointError, Limits, Loaded, Notes, Run, SaveTo, TrainError, Trainer, list_settings,
-    memory,
+    self, CheckpointError, Dataset, Limits, Loaded, Notes, Run, SaveTo, TrainError, Trainer,
+    list_settings, memory,
 };
 
 /// Number of autosaved checkpoints to keep.
@@ -321,7 +321,14 @@ impl Worker {
         let begin = || {
             let registry = self.trainer.registry();
             memory::check(&run, world, registry)?;
-            Trainer::new(run, world, registry, self.trainer.threads())
+            let mut trainer = Trainer::new(run, world, registry, self.trainer.threads())?;
+            // The same world is learned from the same data.
+            if let Some(data) = self.trainer.data()
+                && trainer.world().title() == self.trainer.world().title()
+            {
+                trainer.learn_from(&Dataset::reread(data, registry.data(), trainer.spec())?);
+            }
+            Ok::<_, TrainError>(trainer)
         };
         let trainer = begin()?;
         self.switch_to(trainer)?;

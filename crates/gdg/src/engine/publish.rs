@@ -85,11 +85,13 @@ impl Worker {
             // Nothing moves.
             current.rates = (0.0, 0.0);
         }
-        current.agents = Arc::new(trainer.rollout().env().states().to_vec());
+        current.agents = Arc::new(snapshot::agents(trainer));
+        current.data = snapshot::data(trainer);
         let trail = |agent| {
             trainer.replay().latest_states(agent, TRAIL_STATES).flatten().copied().collect()
         };
-        current.trails = Arc::new((0..trainer.rollout().agents().len()).map(trail).collect());
+        let acting = if trainer.acts() { trainer.rollout().agents().len() } else { 0 };
+        current.trails = Arc::new((0..acting).map(trail).collect());
         current.frontier_goals = snapshot::frontier_goals(trainer.rollout());
         current.search = trainer.last_search().cloned();
         if networks {
@@ -105,7 +107,8 @@ impl Worker {
     fn followed(&mut self) -> Result<Option<FollowedAgent>, TrainError> {
         let (trainer, scratch) = (&self.trainer, &mut self.scratch);
         let rollout = trainer.rollout();
-        let Some(agent) = self.follow.filter(|agent| *agent < rollout.agents().len()) else {
+        let acts = |agent: &usize| *agent < rollout.agents().len() && trainer.acts();
+        let Some(agent) = self.follow.filter(acts) else {
             return Ok(None);
         };
         let s = trainer.spec().state_dim();

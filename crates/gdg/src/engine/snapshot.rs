@@ -8,8 +8,8 @@ use crate::bridge::{Candidates, SearchOutcome};
 use crate::env::Scene;
 use crate::learn::{Losses, Policy, Profile};
 use crate::train::{
-    Counters, CurvePoint, Evaluation, FilmFrame, Limits, Methods, Notes, Registry, Rollout, Run,
-    TrainError, Trainer,
+    Counters, CurvePoint, DataSource, Evaluation, FilmFrame, Limits, Methods, Notes, Registry,
+    Rollout, Run, TrainError, Trainer,
 };
 
 /// How far to go before pausing.
@@ -98,7 +98,9 @@ pub struct Snapshot {
     pub losses: Losses,
     /// Replay buffer slots: used and total.
     pub replay: (usize, usize),
-    /// Agents' states, `(agents, state_dim)`.
+    /// The data that the run learns from instead of agents' steps, while agents do not act.
+    pub data: Option<Arc<DataSource>>,
+    /// Agents' states, `(agents, state_dim)`; none while agents do not act.
     pub agents: Arc<Vec<f32>>,
     /// The latest states of each agent's episode, oldest first, `(states, state_dim)`.
     pub trails: Arc<Vec<Vec<f32>>>,
@@ -175,6 +177,16 @@ pub(super) fn next_multiple(n: u64, of: u64) -> u64 {
     (n / of + 1) * of
 }
 
+/// Returns the states of acting agents.
+pub(super) fn agents(trainer: &Trainer) -> Vec<f32> {
+    if trainer.acts() { trainer.world().states().to_vec() } else { Vec::new() }
+}
+
+/// Returns the data that the run learns from, while agents do not act.
+pub(super) fn data(trainer: &Trainer) -> Option<Arc<DataSource>> {
+    trainer.data().filter(|_| !trainer.acts()).cloned().map(Arc::new)
+}
+
 /// Returns the places at the frontier that agents are heading for, concatenated.
 pub(super) fn frontier_goals(rollout: &Rollout) -> Arc<Vec<f32>> {
     let excursions = rollout.excursions();
@@ -208,7 +220,8 @@ impl Snapshot {
             profile: *trainer.profile(),
             losses: trainer.losses(),
             replay: (trainer.replay().len(), trainer.replay().capacity()),
-            agents: Arc::new(trainer.world().states().to_vec()),
+            agents: Arc::new(agents(trainer)),
+            data: data(trainer),
             trails: Arc::default(),
             frontier_goals: frontier_goals(trainer.rollout()),
             followed: None,

@@ -124,7 +124,7 @@ impl FetchReach {
             goal_radius: GOAL_RADIUS,
             // They are, but the space is only ten goal radii across: grids just slow learning down
             // (see docs/experiments.md).
-            goals_are_positions: false,
+            position_scale: None,
         };
         let mut world = Self {
             starts: starts(wall.as_ref()),

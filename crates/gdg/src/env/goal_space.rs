@@ -71,7 +71,7 @@ impl GoalSpace {
 
     /// Returns the name of a goal's component `i`.
     pub fn name(&self, i: usize) -> String {
-        let named = self.spec().goal_dim() <= NAMES.len() && self.spec().goals_are_positions;
+        let named = self.spec().goal_dim() <= NAMES.len() && self.spec().position_scale.is_some();
         if named { NAMES[i].to_owned() } else { format!("g{i}") }
     }
 }

@@ -46,7 +46,13 @@ pub const KIND: WorldKind = WorldKind {
     }),
     load: |store, options| Ok(Box::new(Gym::load(store, options)?)),
     // Steps are slow, so each is worth an update, as of the arm.
-    defaults: &["agents=8", "learning_starts=500", "env_steps_per_update=1", "near_goals=0"],
+    defaults: &[
+        "agents=8",
+        "learning_starts=500",
+        "env_steps_per_update=1",
+        "near_goals=0",
+        "grid_cells=[4,2,1]",
+    ],
 };
 
 /// Name in the store.
@@ -381,7 +387,7 @@ impl Recorded for Gym {
             "centre": spec.state_centre,
             "half_range": spec.state_half_range,
             "change_per_step": spec.change_scale,
-            "goals_are_positions": spec.goals_are_positions,
+            "position_scale": spec.position_scale,
             "workers": self.pool.options.workers,
             "resumes": if about.restorable { "exactly" } else { "with new episodes" },
         });

@@ -94,7 +94,7 @@ impl PointMaze {
             achieved: vec![0, 1],
             action_dim: 2,
             goal_radius: map.scale().goal_radius,
-            goals_are_positions: true,
+            position_scale: Some(map.scale().cell as f32),
         };
         Self {
             spec,

@@ -31,6 +31,11 @@ impl Walls {
         self.is_wall.first().map_or(0, Vec::len)
     }
 
+    /// Returns the length of a cell's shorter side.
+    pub fn cell_size(&self) -> f32 {
+        self.cell[0].abs().min(self.cell[1].abs())
+    }
+
     /// Returns the number of cells.
     pub fn cells(&self) -> usize {
         self.is_wall.len() * self.columns()

@@ -56,9 +56,9 @@ settings! {
                 values: Values::SCALES, unit: "goal radii", effect: NewNetworks,
                 ablation: without("no relative inputs", "[]");
             grid_cells: Vec<f32> = vec![4.0, 2.0, 1.0, 0.5], Paper | Tuned | Sb3 => Vec::new();
-                "cell sizes of the trainable grid encoding, for goals that are positions; [] for \
-                 none",
-                values: Values::SCALES, unit: "goal radii", effect: NewNetworks,
+                "cell sizes of the trainable grid encoding, for goals that are positions, in cells of \
+                 the maze, or in goal radii without one; [] for none",
+                values: Values::SCALES, unit: "maze cells", effect: NewNetworks,
                 ablation: without("no grid encoding", "[]");
             grid_channels: usize = 4;
                 "trainable features at each corner of each grid",

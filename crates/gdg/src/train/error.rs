@@ -1,5 +1,6 @@
 //! Errors from starting, continuing or saving a run.
 
+use super::dataset::DataError;
 use crate::env::EnvError;
 use crate::learn::LearnError;
 use crate::store::StoreError;
@@ -22,6 +23,9 @@ pub enum TrainError {
     /// Saved state cannot be restored, or current state cannot be saved.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The data that a run learns from cannot be used.
+    #[error(transparent)]
+    Data(#[from] DataError),
     /// A world cannot replace the current one.
     #[error(transparent)]
     Env(#[from] EnvError),

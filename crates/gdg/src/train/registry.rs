@@ -1,5 +1,6 @@
 //! The registry of worlds and learners.
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::error::TrainError;
@@ -18,6 +19,7 @@ pub struct Registry {
     worlds: Vec<WorldKind>,
     learners: Vec<LearnerKind>,
     options: GymOptions,
+    data: Option<PathBuf>,
 }
 
 impl Registry {
@@ -27,7 +29,20 @@ impl Registry {
             worlds: WORLDS.to_vec(),
             learners: LEARNERS.to_vec(),
             options: GymOptions::default(),
+            data: None,
         })
+    }
+
+    /// Sets where the data of resumed runs are now, if they have moved.
+    #[must_use]
+    pub fn with_data(self: Arc<Self>, data: Option<PathBuf>) -> Arc<Self> {
+        let registry = Arc::unwrap_or_clone(self);
+        Arc::new(Self { data, ..registry })
+    }
+
+    /// Returns where the data of resumed runs are now, if they have moved.
+    pub fn data(&self) -> Option<&Path> {
+        self.data.as_deref()
     }
 
     /// Sets the options of Gymnasium's environments.

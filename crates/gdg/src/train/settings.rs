@@ -76,6 +76,9 @@ const MAX_ENV_STEPS_PER_UPDATE: u64 = 1_000_000;
 /// The most environment steps before the first update: as many as the largest replay buffer holds.
 const MAX_LEARNING_STARTS: u64 = 100_000_000;
 
+/// Largest number of updates before agents act.
+const MAX_OFFLINE_UPDATES: u64 = 1_000_000_000;
+
 /// Automatic episodes are at least this long, in steps ...
 pub(crate) const MIN_EPISODE_STEPS: u32 = 150;
 
@@ -97,6 +100,9 @@ settings! {
                 values: Values::count(0, MAX_LEARNING_STARTS), unit: "steps";
         }
         Agents {
+            offline_updates: u64 = 0;
+                "updates from the data of --data alone before agents act as well; 0: they never do",
+                values: Values::count(0, MAX_OFFLINE_UPDATES), unit: "updates";
             agents: usize = 32, Paper | Sb3 => 1;
                 "agents exploring in parallel",
                 values: Values::count(1, 4096), effect: NewAgents;

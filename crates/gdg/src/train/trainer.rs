@@ -2,6 +2,7 @@
 //! settings.
 
 mod change;
+mod data;
 mod graph;
 mod persistence;
 mod recovery;
@@ -31,6 +32,7 @@ use crate::learn::{
 };
 use crate::pulse::{Parts, Pulse};
 pub use change::{KeptState, WorldChange};
+use data::Data;
 pub(super) use persistence::{LEARNED, TrainerState};
 use recovery::LastGood;
 pub use recovery::Recovery;
@@ -46,6 +48,7 @@ enum Stream {
     Batch = 2,
     Evaluate = 3,
     Graph = 4,
+    Data = 5,
 }
 
 /// A run in progress.
@@ -56,6 +59,7 @@ pub struct Trainer {
     visits: Visits,
     learner: Box<dyn Learner>,
     replay: Replay,
+    data: Option<Data>,
     batch_rng: ChaCha8Rng,
     candidates: Candidates,
     graphs: Graphs,
@@ -107,9 +111,7 @@ fn new_rollout(run: &Run, world: &dyn Environment) -> Result<Rollout> {
 }
 
 fn new_replay(run: &Run, spec: &Spec) -> Replay {
-    let sizes =
-        ReplaySizes { state: spec.state_dim(), goal: spec.goal_dim(), action: spec.action_dim };
-    Replay::new(sizes, run.settings.train.agents, run.settings.learn.buffer_size)
+    Replay::new(ReplaySizes::of(spec), run.settings.train.agents, run.settings.learn.buffer_size)
 }
 
 /// Creates an empty set of candidates for the method's planner.
@@ -136,6 +138,7 @@ impl Trainer {
             visits: Visits::none(world),
             rollout,
             replay: new_replay(&run, spec),
+            data: None,
             batch_rng: stream(run.seed, Stream::Batch),
             candidates: new_candidates(&run, spec),
             graphs: Graphs::default(),
@@ -289,6 +292,12 @@ impl Trainer {
     pub fn tick(&mut self) -> Result<Tick> {
         let began = Instant::now();
         self.pulse.beat();
+        self.check_data()?;
+        self.begin_to_act();
+        if !self.acts() {
+            // No agent's steps make updates due.
+            self.counters.owed_steps = self.run.settings.train.env_steps_per_update;
+        }
         let tick = if self.is_update_due() { self.update()? } else { self.step()? };
         if tick == Tick::Update {
             self.update_took = Some(began.elapsed());
@@ -303,8 +312,8 @@ impl Trainer {
     /// Whether the next tick is an update.
     pub fn is_update_due(&self) -> bool {
         // Without a warm-up, an update can be due before any agent's second state is known.
-        self.counters.owed_steps >= self.run.settings.train.env_steps_per_update
-            && self.replay.has_transitions()
+        let owed = self.counters.owed_steps >= self.run.settings.train.env_steps_per_update;
+        (owed || !self.acts()) && self.replay.has_transitions()
     }
 
     fn step(&mut self) -> Result<Tick> {
@@ -318,7 +327,7 @@ impl Trainer {
         counters.env_steps += steps;
         counters.episodes += round.episodes;
         counters.goals_reached += round.reached;
-        if counters.env_steps <= self.run.settings.train.learning_starts {
+        if counters.env_steps <= self.run.settings.train.learning_starts && self.data.is_none() {
             return Ok(Tick::Step);
         }
         counters.deferred_steps += steps;

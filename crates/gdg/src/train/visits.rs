@@ -20,9 +20,14 @@ impl Visits {
 
     /// Counts the agents' current places.
     pub fn count(&mut self, world: &dyn Environment) {
+        self.add(world, world.states());
+    }
+
+    /// Counts the places of states, `(states, state_dim)`.
+    pub fn add(&mut self, world: &dyn Environment, states: &[f32]) {
         let Some(explored) = world.abilities().explored else { return };
         let visits = Arc::make_mut(&mut self.0);
-        for state in world.states().chunks_exact(world.spec().state_dim()) {
+        for state in states.chunks_exact(world.spec().state_dim()) {
             let place = &mut visits[explored.place(state)];
             *place = place.saturating_add(1);
         }

@@ -37,7 +37,7 @@ fn reacher(arm: &ArmState, screen: &Screen) -> Vec<Line<'static>> {
 }
 
 fn explorer(screen: &Screen) -> Vec<Line<'static>> {
-    let Some(followed) = &screen.snapshot.followed else { return vec![fact("agent", "...")] };
+    let Some(followed) = &screen.snapshot.followed else { return walk::no_agent(screen) };
     let left = followed
         .state
         .iter()

@@ -44,7 +44,7 @@ pub fn draw(
     let spec = space.spec();
     let axes = state.axes(spec.goal_dim());
     let ranges = axes.map(|axis| state.range(axis, space));
-    let to_scale = spec.goals_are_positions && axes[0] != axes[1];
+    let to_scale = spec.position_scale.is_some() && axes[0] != axes[1];
     layout.goals = ShownSlice::fit(area, axes, ranges, to_scale, screen.marker);
     if let Some(shown) = &layout.goals {
         layout.contour_interval = contour_interval(shown, state, screen);

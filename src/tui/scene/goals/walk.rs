@@ -52,7 +52,7 @@ fn reacher(space: &GoalSpace, state: &GoalsState, screen: &Screen) -> Vec<Line<'
 }
 
 fn explorer(space: &GoalSpace, screen: &Screen) -> Vec<Line<'static>> {
-    let Some(followed) = &screen.snapshot.followed else { return vec![fact("agent", "...")] };
+    let Some(followed) = &screen.snapshot.followed else { return walk::no_agent(screen) };
     let (state, spec) = (&followed.state, space.spec());
     // The agent may be followed since an earlier run.
     let known = Some(state).filter(|state| state.len() == spec.state_dim());

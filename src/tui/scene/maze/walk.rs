@@ -56,7 +56,7 @@ fn walker(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
 }
 
 fn explorer(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
-    let Some(followed) = &screen.snapshot.followed else { return vec![fact("agent", "...")] };
+    let Some(followed) = &screen.snapshot.followed else { return walk::no_agent(screen) };
     let mut lines = vec![
         fact("agent", format!("{} of {}", followed.agent, screen.snapshot.agents.len() / 2)),
         fact("from", format_position(&followed.start)),

@@ -10,7 +10,7 @@ use super::description::Description;
 use super::frames::{Expected, Request, f64_bytes, f64_numbers};
 use super::process::Worker;
 use super::slots::{Begun, reset, step};
-use crate::env::{EnvError, MAX_MAGNITUDE, Spec};
+use crate::env::{EnvError, MAX_MAGNITUDE, Spec, Walls};
 use crate::store::StoreError;
 
 /// Episodes begun to see starts and goals.
@@ -77,6 +77,7 @@ impl Found {
             && within(&spec.goal_radius)
             && self.columns.len() == s
             && self.goal_columns.len() == g
+            && spec.position_scale.is_none_or(|scale| scale > 0.0 && within(&scale))
             && self.goals.len() >= g
             && self.goals.len().is_multiple_of(g)
             && self.goals.iter().all(within);
@@ -229,7 +230,7 @@ fn scales(
         change_scale: Vec::new(),
         action_dim: about.low.len(),
         goal_radius,
-        goals_are_positions: false,
+        position_scale: None,
         achieved,
     };
     for (i, column) in columns.iter().enumerate() {
@@ -250,8 +251,11 @@ fn scales(
         spec.change_scale.push(if is_constant { 0.0 } else { share(changes, 1.0 - TYPICAL)[1] });
     }
     let widest = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
-    spec.goals_are_positions =
+    let are_positions =
         spec.goal_dim() <= 3 && 2.0 * widest >= POSITIONS_RADII * MARGIN * spec.goal_radius;
+    // What is smaller than a cell is no matter of the maze: finer grids only learn noise.
+    let cell = about.maze.as_ref().map(Walls::cell_size);
+    spec.position_scale = are_positions.then(|| cell.unwrap_or(spec.goal_radius));
     Found { spec, sizes: about.sizes(), columns, goal_columns, goals: goals.concat() }
 }
 
@@ -393,7 +397,7 @@ mod tests {
         assert_eq!((spec.state_centre[1], spec.state_half_range[1]), (49.5, MARGIN * 49.5));
         assert_eq!((spec.state_half_range[0], spec.change_scale[0]), (0.0, 0.0), "constant");
         assert_eq!((spec.change_scale[1], spec.change_scale[2]), (1.0, 3.0));
-        assert!(spec.goals_are_positions, "240 is more than 12 radii");
+        assert_eq!(spec.position_scale, Some(spec.goal_radius), "240 is more than 12 radii");
         assert_eq!(found.check(&about), Ok(()));
         let other = Description { observed: 5, ..about };
         assert!(found.check(&other).is_err(), "another version of the environment");

@@ -5,7 +5,7 @@ mod state;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::env::MAX_MAGNITUDE;
+use crate::env::{MAX_MAGNITUDE, Spec};
 use crate::store::StoreError;
 pub use state::ReplayState;
 
@@ -42,6 +42,13 @@ pub struct ReplaySizes {
     pub goal: usize,
     /// Size of an action.
     pub action: usize,
+}
+
+impl ReplaySizes {
+    /// Returns the sizes in a world with `spec`.
+    pub fn of(spec: &Spec) -> Self {
+        Self { state: spec.state_dim(), goal: spec.goal_dim(), action: spec.action_dim }
+    }
 }
 
 #[cfg(test)]
@@ -158,6 +165,22 @@ impl Replay {
                 }
             }
             visit(agent, None);
+        }
+    }
+
+    /// Visits all complete transitions, episode by episode: calls `visit` with each state, the
+    /// action taken in it, and whether it is its episode's last, whose action leads nowhere.
+    pub fn visit_rows(&self, mut visit: impl FnMut(&[f32], &[f32], bool)) {
+        for agent in 0..self.agents {
+            let mut going = false;
+            for slot in self.oldest(agent)..self.written[agent] {
+                let moment = Moment { agent, slot };
+                let is_last = self.steps_left(moment) == 0;
+                if going || !is_last {
+                    visit(self.state(moment), self.action(moment), is_last);
+                }
+                going = !is_last;
+            }
         }
     }
 

@@ -26,17 +26,10 @@ impl Encoder {
     /// Creates the features that `settings` specify for an environment of `spec`.
     pub fn new(spec: &Spec, settings: &LearnSettings) -> Self {
         let dims = spec.goal_dim();
-        let grid = (spec.goals_are_positions
-            && (1..=3).contains(&dims)
-            && !settings.grid_cells.is_empty())
-        .then(|| {
+        let is_encoded = (1..=3).contains(&dims) && !settings.grid_cells.is_empty();
+        let grid = spec.position_scale.filter(|_| is_encoded).map(|scale| {
             let half = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
-            GridShape::new(
-                dims,
-                settings.grid_channels,
-                &settings.grid_cells,
-                2.0 * half / spec.goal_radius,
-            )
+            GridShape::new(dims, settings.grid_channels, &settings.grid_cells, 2.0 * half / scale)
         });
         Self {
             octaves: settings.fourier_octaves,

@@ -22,7 +22,7 @@ pub fn spec(state: usize, axes: usize, positions: bool) -> Spec {
         achieved: (0..axes).map(|i| (i + 1) % state).collect(),
         action_dim: axes,
         goal_radius: 0.8,
-        goals_are_positions: positions,
+        position_scale: positions.then_some(1.0),
     }
 }
 

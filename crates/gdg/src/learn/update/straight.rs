@@ -55,7 +55,7 @@ mod tests {
             achieved: vec![3, 1],
             action_dim: 2,
             goal_radius: 1.0,
-            goals_are_positions: true,
+            position_scale: Some(1.0),
         })
     }
 

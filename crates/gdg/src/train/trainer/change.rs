@@ -78,6 +78,7 @@ impl Trainer {
                 self.counters.updates.saturating_add(self.run.settings.learn.relearn_updates);
         }
         self.counters.changed_at_step = self.counters.env_steps;
+        self.own_replay();
         self.edit_graph(&change.region)?;
         let Change { summary, warning, facts, .. } = change;
         Ok(WorldChange { summary, warning, facts, transitions_removed, transitions_restored })
@@ -148,13 +149,14 @@ impl Trainer {
             let mut replay = new_replay(&self.run, self.spec());
             self.replay.copy_episodes_into(&mut replay);
             self.replay = replay;
+            self.own_replay();
         }
         let before = std::mem::replace(&mut self.rollout, rollout);
         self.rollout.excursions_mut().keep_places(before.into_excursions());
     }
 
     /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.
-    fn rebuild_candidates(&mut self) {
+    pub(super) fn rebuild_candidates(&mut self) {
         self.candidates.reset_to(new_candidates(&self.run, self.spec()));
         let everything = Region::everything(self.spec().goal_dim());
         let Self { candidates, replay, rollout, .. } = self;
@@ -166,7 +168,7 @@ impl Trainer {
 
 /// Lets the candidates visit again what the replay buffer has seen within their reach of `region`.
 /// Ends all episodes.
-fn revisit(replay: &Replay, candidates: &mut Candidates, spec: &Spec, region: &Region) {
+pub(super) fn revisit(replay: &Replay, candidates: &mut Candidates, spec: &Spec, region: &Region) {
     let reach = candidates.reach();
     // An episode that begins where the agent's last one ended continues its trajectory.
     let mut ends: Vec<Option<Vec<f32>>> = vec![None; replay.agents()];

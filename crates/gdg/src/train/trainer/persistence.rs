@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::recovery::LastGood;
 use super::{Result, Trainer};
 use crate::bridge::CandidatesState;
-use crate::learn::{ReplayState, Threads};
+use crate::learn::Threads;
 use crate::settings::Setting;
 use crate::store::{Store, StoreError};
 use crate::train::error::TrainError;
@@ -53,7 +53,7 @@ impl Trainer {
         if !store.is_finite() {
             return Err(TrainError::NotFinite);
         }
-        self.replay.snapshot().write(&mut store);
+        self.save_replay(&mut store)?;
         self.candidates.state().write(&mut store, CANDIDATES);
         self.rollout.excursions().write(&mut store)?;
         for (name, graph) in GRAPHS.iter().zip(self.graphs.state()) {
@@ -98,7 +98,7 @@ impl Trainer {
         memory::check(&run, &*world, registry)?;
         let mut trainer = Self::new(run, &*world, registry, threads)?;
         trainer.learner.load(store)?;
-        trainer.replay.restore(&ReplayState::read(store)?)?;
+        trainer.load_replay(store)?;
         trainer.candidates.restore(&CandidatesState::read(store, CANDIDATES)?)?;
         trainer.visits = Visits::read(store, trainer.world())?;
         trainer.rollout.excursions_mut().restore(world.spec(), store)?;

@@ -1,0 +1,271 @@
+//! Learning from recorded transitions.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use candle_core::{DType, Device, Tensor};
+use gdg::env::PointMaze;
+use gdg::map::parse_map;
+use gdg::train::{self, Dataset, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
+use gdg::train::{TrainError, data_file};
+
+/// A corridor that turns: most straight lines hit the wall.
+const CORNER: &str = "\
+............
+............
+..########..
+..########..
+..########..
+";
+
+fn settings() -> Settings {
+    let mut settings = Settings::default();
+    settings.learn.hidden = 32;
+    settings.learn.buffer_size = 50_000;
+    settings.bridge.candidates = 40;
+    settings.bridge.graph_every_updates = 100;
+    settings.train.agents = 4;
+    settings
+}
+
+fn trainer(method: &str, settings: Settings, seed: u64) -> Trainer {
+    let map = parse_map("corner", CORNER.as_bytes()).unwrap();
+    let run = Run { method: method.parse().unwrap(), preset: Preset::Default, seed, settings };
+    Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 1).unwrap()
+}
+
+/// Writes what agents see that walk at random; returns the file.
+fn recorded(folder: &Path) -> PathBuf {
+    let mut random = trainer("random", settings(), 7);
+    for _ in 0..5_000 {
+        random.tick().unwrap();
+    }
+    let file = folder.join("walks.npz");
+    std::fs::write(&file, data_file(random.replay()).unwrap()).unwrap();
+    file
+}
+
+fn learner(file: &Path, settings: Settings, seed: u64) -> Trainer {
+    let mut trainer = trainer(&Method::default().name(), settings, seed);
+    let data = Dataset::read(file, trainer.spec()).unwrap();
+    trainer.learn_from(&data);
+    trainer
+}
+
+fn train_to(trainer: &mut Trainer, updates: u64) {
+    while trainer.counters().updates < updates {
+        trainer.tick().unwrap();
+    }
+}
+
+/// Returns the networks and everything else that a checkpoint has, but the time.
+fn state(trainer: &Trainer) -> Vec<(String, String)> {
+    let store = trainer.save().unwrap();
+    let arrays = store.arrays().iter().map(|(name, array)| (name.clone(), format!("{array:?}")));
+    let texts =
+        store.texts().iter().filter(|(name, _)| !["trainer", "history"].contains(&&***name));
+    arrays.chain(texts.map(|(name, text)| (name.clone(), text.clone()))).collect()
+}
+
+#[test]
+fn a_run_learns_from_data_alone_and_the_same_seed_gives_the_same_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path());
+    let mut trainer = learner(&file, settings(), 1);
+    let (source, first) = (trainer.data().unwrap().clone(), trainer.world().states().to_vec());
+    assert!(source.transitions > 1_000 && source.episodes > 4, "{source:?}");
+    assert_eq!(trainer.replay().len(), source.transitions + source.episodes);
+    assert!(!trainer.candidates().is_empty(), "the data's states are candidates");
+    assert!(trainer.coverage().unwrap() > 0.5, "and count as visited");
+    train_to(&mut trainer, 600);
+    assert_eq!(trainer.counters().env_steps, 0);
+    assert_eq!(trainer.world().states(), first, "agents do not act");
+    let tasks = trainer.tasks(10).unwrap();
+    let found = trainer.evaluate(&tasks).unwrap();
+    let planned = found.planned.unwrap().success.unwrap();
+    assert!(planned > 0.9, "{planned}");
+    let mut again = learner(&file, settings(), 1);
+    train_to(&mut again, 600);
+    assert_eq!(state(&trainer), state(&again));
+    let mut other = learner(&file, settings(), 2);
+    train_to(&mut other, 600);
+    assert_ne!(state(&trainer), state(&other));
+}
+
+#[test]
+fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path());
+    let mut whole = learner(&file, settings(), 1);
+    train_to(&mut whole, 250);
+    let mut half = learner(&file, settings(), 1);
+    train_to(&mut half, 130);
+    let checkpoint = folder.path().join("half.safetensors");
+    train::save(&half, &SaveTo::CreateNew(checkpoint.clone())).unwrap();
+    let bytes = std::fs::metadata(&checkpoint).unwrap().len();
+    let mut resumed = train::load(&checkpoint, &Registry::builtin(), 1).unwrap().trainer;
+    train_to(&mut resumed, 250);
+    assert_eq!(state(&whole), state(&resumed));
+    // It does not contain the data.
+    assert!(half.save().unwrap().arrays().keys().all(|name| !name.starts_with("replay")));
+    assert!(bytes < 2_000_000, "{bytes}");
+    // Without the file it can be looked at, but does not go on.
+    let moved = folder.path().join("moved.npz");
+    std::fs::rename(&file, &moved).unwrap();
+    let mut lost = train::load(&checkpoint, &Registry::builtin(), 1).unwrap().trainer;
+    let error = lost.tick().unwrap_err();
+    assert!(matches!(error, TrainError::Data(_)), "{error:?}");
+    assert!(error.to_string().contains("walks.npz: the data cannot be read"), "{error}");
+    assert!(error.to_string().contains("--data FILE if it has moved"), "{error}");
+    assert!(lost.policy().is_ok());
+    let elsewhere = Registry::builtin().with_data(Some(moved.clone()));
+    let mut found = train::load(&checkpoint, &elsewhere, 1).unwrap().trainer;
+    train_to(&mut found, 250);
+    let but_file = |trainer: &Trainer| -> Vec<_> {
+        state(trainer).into_iter().filter(|(name, _)| name != "data").collect()
+    };
+    assert_eq!(but_file(&whole), but_file(&found));
+    // Other data are not taken for it.
+    std::fs::write(&file, data_file(learner(&moved, settings(), 3).replay()).unwrap()).unwrap();
+    let mut other = trainer("random", settings(), 8);
+    for _ in 0..3_000 {
+        other.tick().unwrap();
+    }
+    std::fs::write(&file, data_file(other.replay()).unwrap()).unwrap();
+    let other = train::load(&checkpoint, &Registry::builtin(), 1).unwrap().trainer;
+    let error = other.check_data().unwrap_err().to_string();
+    assert!(error.contains("has changed since the run began"), "{error}");
+}
+
+#[test]
+fn agents_act_after_the_data() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path());
+    let mut settings = settings();
+    (settings.train.offline_updates, settings.train.env_steps_per_update) = (100, 8);
+    let mut trainer = learner(&file, settings, 1);
+    let source = trainer.data().unwrap().clone();
+    train_to(&mut trainer, 100);
+    assert_eq!((trainer.counters().env_steps, trainer.acts()), (0, false));
+    train_to(&mut trainer, 200);
+    assert!(trainer.acts());
+    let steps = trainer.counters().env_steps;
+    assert!((700..900).contains(&steps), "eight an update: {steps}");
+    assert!(trainer.replay().len() as u64 >= source.transitions as u64 + steps, "both are kept");
+    // From then on, a checkpoint contains all.
+    let store = trainer.save().unwrap();
+    let mut resumed = Trainer::load(&store, &Registry::builtin(), 1).unwrap();
+    std::fs::remove_file(&file).unwrap();
+    while trainer.tick().unwrap() != Tick::Update {}
+    while resumed.tick().unwrap() != Tick::Update {}
+    assert_eq!(state(&trainer), state(&resumed));
+}
+
+#[test]
+fn any_learner_learns_from_data() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path());
+    for method in ["her", "ddpg", "gdg-distance", "her+sorb", "random"] {
+        let mut trainer = trainer(method, settings(), 1);
+        let data = Dataset::read(&file, trainer.spec()).unwrap();
+        trainer.learn_from(&data);
+        train_to(&mut trainer, 30);
+        assert_eq!(trainer.counters().env_steps, 0, "{method}");
+    }
+}
+
+/// Returns arrays of four rows: two episodes of a single transition.
+fn arrays() -> Vec<(&'static str, Tensor)> {
+    let table = |numbers: &[f32]| Tensor::from_slice(numbers, (4, 2), &Device::Cpu).unwrap();
+    let ends = Tensor::from_slice(&[0_u8, 1, 0, 1], 4, &Device::Cpu).unwrap();
+    vec![
+        ("observations", table(&[0.5, 0.5, 1.5, 0.5, 1.5, 0.5, 2.5, 0.5])),
+        ("actions", table(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])),
+        ("terminals", ends),
+    ]
+}
+
+/// Returns what is wrong with a file of these arrays.
+fn problem(change: impl Fn(&mut Vec<(&'static str, Tensor)>)) -> String {
+    let mut own = arrays();
+    change(&mut own);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("d.npz");
+    Tensor::write_npz(&own, &file).unwrap();
+    problem_of(&file)
+}
+
+fn problem_of(file: &Path) -> String {
+    let spec = trainer("random", settings(), 0).spec().clone();
+    let error = Dataset::read(file, &spec).unwrap_err().to_string();
+    error.strip_prefix(&format!("{}: ", file.display())).expect("it names the file").to_owned()
+}
+
+#[test]
+fn broken_files_are_refused_with_the_place_and_what_would_be_right() {
+    let with = |at: usize, value: f32| {
+        move |arrays: &mut Vec<(&'static str, Tensor)>| {
+            let mut numbers: Vec<f32> = arrays[at].1.flatten_all().unwrap().to_vec1().unwrap();
+            numbers[5] = value;
+            arrays[at].1 = Tensor::from_slice(&numbers, (4, 2), &Device::Cpu).unwrap();
+        }
+    };
+    let replaced = |at: usize, shape: &'static [usize]| {
+        move |arrays: &mut Vec<(&'static str, Tensor)>| {
+            arrays[at].1 = Tensor::zeros(shape, DType::F32, &Device::Cpu).unwrap();
+        }
+    };
+    assert_eq!(
+        problem(with(0, f32::NAN)),
+        "observations[2, 1] is NaN: it must be finite, and at most 1e9 in size"
+    );
+    assert_eq!(problem(with(1, 1.5)), "actions[2, 1] is 1.5: it must be in [-1, 1]");
+    assert_eq!(
+        problem(replaced(0, &[4, 29])),
+        "observations have 29 numbers a row, but the world's states 2"
+    );
+    assert_eq!(
+        problem(replaced(1, &[3, 2])),
+        "observations, actions and terminals have 4, 3 and 4 rows: they must have as many"
+    );
+    assert_eq!(problem(replaced(1, &[8])), "actions have shape [8]: it must be (rows, 2)");
+    assert_eq!(problem(replaced(2, &[4, 2])), "terminals have shape [4, 2]: it must be (rows,)");
+    assert_eq!(
+        problem(|arrays| drop(arrays.remove(2))),
+        "has no array terminals, but actions, observations: data are observations, actions and \
+         terminals"
+    );
+    let all = |arrays: &mut Vec<(&'static str, Tensor)>| {
+        arrays[2].1 = Tensor::ones(4, DType::U8, &Device::Cpu).unwrap();
+    };
+    assert_eq!(problem(all), "has no transition: all 4 rows are terminals");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("d.npz");
+    assert!(problem_of(&file).starts_with("the data cannot be read: "));
+    std::fs::write(&file, b"observations").unwrap();
+    assert!(problem_of(&file).starts_with("is no .npz file of NumPy: "));
+    // Cut short, or with a shape that the file cannot hold.
+    Tensor::write_npz(&arrays(), &file).unwrap();
+    let whole = std::fs::read(&file).unwrap();
+    std::fs::write(&file, &whole[..whole.len() / 2]).unwrap();
+    assert!(problem_of(&file).starts_with("is no .npz file of NumPy: "));
+    let (mut huge, shape) = (whole.clone(), b"(999999999,2,), }");
+    let at = whole.windows(6).position(|bytes| bytes == b"(4,2,)").unwrap();
+    huge[at..at + shape.len()].copy_from_slice(shape);
+    std::fs::write(&file, &huge).unwrap();
+    let found = problem_of(&file);
+    assert!(found.contains("has shape [999999999, 2]: more than the file holds"), "{found}");
+}
+
+#[test]
+fn an_episode_needs_no_end_at_the_end_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("d.npz");
+    let mut own = arrays();
+    own[2].1 = Tensor::from_slice(&[0.0_f64, 1.0, 0.0, 0.0], 4, &Device::Cpu).unwrap();
+    Tensor::write_npz(&own, &file).unwrap();
+    let spec = trainer("random", settings(), 0).spec().clone();
+    let data = Dataset::read(&file, &spec).unwrap();
+    assert_eq!((data.source().transitions, data.source().episodes), (2, 2));
+    assert_eq!(data.state(3), [2.5, 0.5]);
+}

@@ -1,0 +1,24 @@
+//! `gdg-tui export-data`: the transitions that a checkpoint's run has seen, for other programs.
+
+use std::sync::Arc;
+
+use miette::{IntoDiagnostic, Report};
+
+use super::output::{beside, write_file};
+use crate::cli::ExportDataArgs;
+use crate::host::report::from_checkpoint_error;
+use crate::host::setup::refuse_existing;
+use gdg::train::{self, Registry, data_file};
+
+/// Writes the transitions of a checkpoint's replay buffer and returns a line that says where: by
+/// default, `NAME.npz` beside `NAME.safetensors`.
+///
+/// # Errors
+/// The checkpoint cannot be read, has no transitions, or the file exists or cannot be written.
+pub fn run(args: &ExportDataArgs, registry: &Arc<Registry>) -> Result<String, Report> {
+    let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, ".npz"));
+    refuse_existing(&path, args.overwrite)?;
+    let loaded = train::load(&args.checkpoint, registry, 1).map_err(from_checkpoint_error)?;
+    let bytes = data_file(loaded.trainer.replay()).into_diagnostic()?;
+    write_file(&path, &bytes)
+}
