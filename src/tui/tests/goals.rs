@@ -7,9 +7,11 @@ use rand_chacha::ChaCha8Rng;
 use super::screens::check;
 use super::*;
 use crate::tui::action::Action;
+use crate::tui::panes::Pane;
 use crate::tui::scene::{GoalsState, Scene as Shown};
 use gdg::bridge::EdgeStatus;
 use gdg::env::{EnvError, Environment, PointMaze, Rendering, Spec};
+use gdg::train::DataSource;
 use gdg::viewer::{GoalsView, Reach, View};
 
 /// A maze that does not say that it is one, with a third number in its goals: the sum of the others.
@@ -153,6 +155,23 @@ fn a_space_of_goals_matches_its_snapshots() {
     let mut app = staged_app(80, 24);
     app.act(Action::Projection);
     check("goals-x-z-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn a_run_that_learns_from_data_says_so_instead_of_agents() {
+    let mut app = staged_app(120, 40);
+    let source =
+        DataSource { file: "a/walks.npz".into(), checksum: 7, transitions: 1_000_000, episodes: 5 };
+    app.change_snapshot(|snapshot| {
+        (snapshot.data, snapshot.agents) = (Some(Arc::new(source)), Arc::default());
+    });
+    type_text(&mut app, "f");
+    app.act(Action::Show(Pane::Training));
+    let shown = text(&draw(&mut app, 120, 40));
+    assert!(shown.contains("walks.npz") && shown.contains("1,000,000 recorded"), "{shown}");
+    app.act(Action::Show(Pane::Walk));
+    let shown = text(&draw(&mut app, 80, 24));
+    assert!(shown.contains("do not act:") && shown.contains("learns from data"), "{shown}");
 }
 
 #[test]

@@ -46,13 +46,7 @@ pub const KIND: WorldKind = WorldKind {
     }),
     load: |store, options| Ok(Box::new(Gym::load(store, options)?)),
     // Steps are slow, so each is worth an update, as of the arm.
-    defaults: &[
-        "agents=8",
-        "learning_starts=500",
-        "env_steps_per_update=1",
-        "near_goals=0",
-        "grid_cells=[4,2,1]",
-    ],
+    defaults: &["agents=8", "learning_starts=500", "env_steps_per_update=1", "near_goals=0"],
 };
 
 /// Name in the store.
