@@ -37,7 +37,7 @@ def steps_to_goal(policy, world, seed):
 policy = gdg_tui.load_policy(sys.argv[1])
 episodes = int(sys.argv[2]) if len(sys.argv) > 2 else 100
 seed = int(sys.argv[3]) if len(sys.argv) > 3 else 0
-known = policy.description.get("gym", ARM)
+known = policy.description.get("interface", ARM)
 importlib.import_module(known["package"] or ARM["package"])
 world = gymnasium.make(known["id"])
 taken = [steps_to_goal(policy, world, seed + episode) for episode in range(episodes)]

@@ -44,7 +44,7 @@ class Policy:
         self.description = description
         inputs, plans = description["inputs"], description.get("plans")
         self._actor = Actor(arrays, inputs)
-        self._interface = Interface(description.get("gym"), self.state_dim, self.goal_dim)
+        self._interface = Interface(description.get("interface"), self.state_dim, self.goal_dim)
         self._planner: Planner | None = None
         if plans is not None:
             graph = Graph(arrays, description, self._actor.encoder.achieved)

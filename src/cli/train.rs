@@ -77,8 +77,8 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     pub scen: Option<PathBuf>,
 
-    /// Learn from recorded transitions, and have agents act only after offline_updates: a file of
-    /// OGBench or of export-data; with --resume, where the run's file is now
+    /// Learn from recorded transitions instead of acting, or before (--set offline_updates=N): a
+    /// file of OGBench or of export-data; with --resume, where the run's file is now
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
 

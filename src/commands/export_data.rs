@@ -19,6 +19,7 @@ pub fn run(args: &ExportDataArgs, registry: &Arc<Registry>) -> Result<String, Re
     let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, ".npz"));
     refuse_existing(&path, args.overwrite)?;
     let loaded = train::load(&args.checkpoint, registry, 1).map_err(from_checkpoint_error)?;
+    loaded.trainer.check_data().into_diagnostic()?;
     let bytes = data_file(loaded.trainer.replay()).into_diagnostic()?;
     write_file(&path, &bytes)
 }

@@ -202,17 +202,9 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
         let help = "leave --cell, --margin and --goal-radius out: they are as they were";
         return Err(miette!(help = help, "--resume: a checkpoint contains its map and its scale"));
     }
-    let Loaded { mut trainer, warning } = if let Some(path) = &resumed {
-        train::load(path, registry, threads).map_err(from_checkpoint_error)?
-    } else {
-        let run = self::run(&request.run, &request.map, registry, request.seed)?;
-        let world = open_world(&request.map, &request.reading, &run, registry)?;
-        let mut trainer = begin(run, &*world, registry, threads)?;
-        if let Some(file) = &request.data {
-            let read = Dataset::read(file, trainer.spec());
-            trainer.learn_from(&read.map_err(from_data_error)?);
-        }
-        Loaded { trainer, warning: None }
+    let Loaded { mut trainer, warning } = match &resumed {
+        Some(path) => train::load(path, registry, threads).map_err(from_checkpoint_error)?,
+        None => begin_run(request, registry)?,
     };
     trainer.check_data().map_err(from_data_error)?;
     if request.data.is_some() && trainer.data().is_none() {
@@ -243,6 +235,27 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
         ..request.limits
     };
     Ok(Setup { trainer, edits, threads, limits, save, resumed, warnings })
+}
+
+/// Begins the run of `request` in its world, with its data.
+fn begin_run(request: &Request, registry: &Arc<Registry>) -> Result<Loaded, Report> {
+    let run = self::run(&request.run, &request.map, registry, request.seed)?;
+    let world = open_world(&request.map, &request.reading, &run, registry)?;
+    if request.data.is_none() && run.settings.train.offline_updates > 0 {
+        let help = "give --data FILE, or leave offline_updates out";
+        return Err(miette!(help = help, "offline_updates: without --data, agents always act"));
+    }
+    let mut trainer = begin(run, &*world, registry, request.threads)?;
+    let Some(file) = &request.data else { return Ok(Loaded { trainer, warning: None }) };
+    let data = Dataset::read(file, trainer.spec()).map_err(from_data_error)?;
+    let removed = trainer.learn_from(&data);
+    let (all, file) = (data.source().transitions, sanitized(&file.to_string_lossy()));
+    let warning = (removed > 0).then(|| {
+        format!(
+            "warning: {file}: {removed} of {all} transitions are left out: impossible on this map"
+        )
+    });
+    Ok(Loaded { trainer, warning })
 }
 
 /// Gives `maze` the tasks of a scenario; returns a warning if that names another map. The map of a

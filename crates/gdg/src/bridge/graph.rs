@@ -1,6 +1,6 @@
 //! The bridge graph: candidates connected by short paths that the agent can walk.
 
-mod frontier;
+mod radix_heap;
 mod routes;
 
 pub(crate) use routes::UNVERIFIED_FACTOR;

@@ -1,4 +1,4 @@
-//! What walks along a graph depend on besides the graph, for other programs that follow plans.
+//! The settings and constants that planned walks depend on, for other programs that follow plans.
 
 use serde_json::{Value, json};
 

@@ -176,33 +176,12 @@ impl Rendering {
         Self { width, pixels }
     }
 
-    /// Reads width and height, u32 each, and the pixels; or 0, 0 and a text.
-    ///
-    /// # Errors
-    /// The text, or that these bytes are no picture.
-    pub(super) fn read(bytes: &[u8]) -> Result<Self, String> {
-        let nothing = || "what it renders is no picture".to_owned();
-        let (head, rest) = bytes.split_at_checked(8).ok_or_else(nothing)?;
-        let [width, height] =
-            [0, 4].map(|at| u32::from_le_bytes(std::array::from_fn(|i| head[at + i])) as usize);
-        if (width, height) == (0, 0) {
-            return Err(String::from_utf8_lossy(rest).into_owned());
-        }
-        let (pixels, none) = rest.as_chunks();
-        let is_whole = none.is_empty() && Some(pixels.len()) == width.checked_mul(height);
-        if is_whole && !pixels.is_empty() {
-            Ok(Self::new(width, pixels.to_vec()))
-        } else {
-            Err(nothing())
-        }
-    }
-
-    /// Returns width and height.
+    /// Returns width and height in pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.pixels.len() / self.width)
     }
 
-    /// Returns the pixel at a place, or the nearest one.
+    /// Returns the pixel at (x, y), from the upper left, or the nearest one.
     pub fn at(&self, [x, y]: [f32; 2]) -> [u8; 3] {
         let (width, height) = self.size();
         let [column, row] =

@@ -30,7 +30,7 @@ use super::{
 };
 use crate::store::{Store, StoreError};
 use facts::Found;
-use frames::{Expected, MAX_TEXT_BYTES, Request, f32_bytes, f64_bytes, f64_numbers};
+use frames::{Expected, MAX_TEXT_BYTES, Request, f32_bytes, f64_bytes, f64_numbers, rendering};
 pub use options::{Address, GymOptions};
 use pool::Pool;
 use process::{Worker, failed};
@@ -130,7 +130,7 @@ impl Gym {
 
     /// Returns the walls of its maze, if it has one.
     fn maze(&self) -> Option<&Walls> {
-        self.pool.about.maze.as_ref()
+        self.pool.found.maze_of(&self.pool.about)
     }
 
     /// Returns the components of a row that form the state.
@@ -420,14 +420,14 @@ impl Episodes for Gym {
 
 impl Explored for Gym {
     fn places(&self) -> usize {
-        self.maze().map_or(0, Walls::cells)
+        self.maze().map_or(0, |maze| maze.cells() + 1)
     }
 
-    /// Returns the cell of the maze; places outside count as the first cell's, which is a wall.
+    /// Returns the cell of the maze; the last place is outside.
     fn place(&self, state: &[f32]) -> usize {
         let mut position = self.spec().achieved(state);
         let at = [(); 2].map(|()| position.next().unwrap_or(f32::NAN));
-        self.maze().and_then(|maze| maze.cell_at(at)).unwrap_or(0)
+        self.maze().map_or(0, |maze| maze.cell_at(at).unwrap_or(maze.cells()))
     }
 
     fn coverage(&self, visits: &[u32]) -> f64 {
@@ -460,7 +460,7 @@ impl Rendered for Gym {
         let reply = worker
             .ask(Request::Picture, &[head, f32_bytes(goal)].concat(), most)
             .map_err(|error| error.to_string())?;
-        Rendering::read(&reply)
+        rendering(&reply)
     }
 }
 

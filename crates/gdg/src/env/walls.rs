@@ -2,8 +2,8 @@
 
 use serde::Deserialize;
 
-/// Most rows and columns of a maze.
-const MOST: usize = 1024;
+/// Most rows, and most columns, of a maze.
+const MAX_SIDE_CELLS: usize = 1024;
 
 /// Which cells of a maze are walls, and where its cells are.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -20,8 +20,8 @@ impl Walls {
     /// Returns whether the numbers make sense: rows of one length, and cells with a size.
     pub fn is_sound(&self) -> bool {
         let (rows, columns) = (self.is_wall.len(), self.columns());
-        (1..=MOST).contains(&rows)
-            && (1..=MOST).contains(&columns)
+        (1..=MAX_SIDE_CELLS).contains(&rows)
+            && (1..=MAX_SIDE_CELLS).contains(&columns)
             && self.is_wall.iter().all(|row| row.len() == columns)
             && self.first.iter().all(|v| v.is_finite())
             && self.cell.iter().all(|v| v.is_normal())
@@ -66,7 +66,7 @@ impl Walls {
     /// Returns points of the free cells, row by row: `side` times `side` in each, evenly spread
     /// over the middle quarter of its area, where a body has room.
     pub fn free_points(&self, side: u32) -> impl Iterator<Item = [f32; 2]> + '_ {
-        let offset = move |i: u32| (f32::from(i as u16) + 0.5) / side as f32 * 0.5 - 0.25;
+        let offset = move |i: u32| (i as f32 + 0.5) / side as f32 * 0.5 - 0.25;
         (0..self.cells()).filter(|cell| !self.is_wall(*cell)).flat_map(move |cell| {
             let middle = [cell % self.columns(), cell / self.columns()];
             (0..side * side).map(move |i| {

@@ -1,7 +1,7 @@
 //! Recorded transitions, to learn from without acting: files as of OGBench, and the program's own.
 
 use std::fs::File;
-use std::io::{ErrorKind, Read};
+use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use candle_core::npy::NpzTensors;
@@ -9,6 +9,7 @@ use candle_core::{DType, Device, Tensor};
 use serde::{Deserialize, Serialize};
 
 use super::error::TrainError;
+use super::memory;
 use crate::env::{MAX_MAGNITUDE, Spec};
 use crate::learn::{Replay, ReplaySizes};
 use crate::store::StoreError;
@@ -101,6 +102,7 @@ impl Dataset {
         let arrays = Arrays::open(file, bytes).map_err(unfit)?;
         let sizes = ReplaySizes::of(spec);
         let read = || -> Result<Self, String> {
+            arrays.check_memory(sizes)?;
             let (rows, states) = arrays.table(STATES, sizes.state, "the world's states")?;
             let (others, mut actions) = arrays.table(ACTIONS, sizes.action, "its actions")?;
             let last = arrays.column(ENDS)?;
@@ -123,10 +125,12 @@ impl Dataset {
                 return Err(format!("has no transition: all {rows} rows are {ENDS}"));
             }
             let episodes = ends.len();
-            let source = DataSource { file: file.to_owned(), checksum, transitions, episodes };
+            // Resumed from anywhere.
+            let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+            let source = DataSource { file, checksum, transitions, episodes };
             Ok(Self { source, sizes, states, actions, ends })
         };
-        read().map_err(|problem| DataError::Unfit { file: name.clone(), problem })
+        read().map_err(unfit)
     }
 
     /// Reads the file that a run has learned from: `moved` if it is elsewhere now.
@@ -138,16 +142,22 @@ impl Dataset {
         moved: Option<&Path>,
         spec: &Spec,
     ) -> Result<Self, DataError> {
-        let file = moved.unwrap_or(&source.file);
-        let read = Self::read(file, spec)?;
-        if read.source.checksum != source.checksum {
-            let problem =
-                "has changed since the run began: give --data FILE with the data that it \
-                           has learned from"
-                    .to_owned();
-            return Err(DataError::Unfit { file: file.to_string_lossy().into_owned(), problem });
+        let is_own = |file: &&Path| checksum(file).is_ok_and(|(own, _)| own == source.checksum);
+        let places = [Some(&*source.file), moved].into_iter().flatten();
+        if let Some(file) = places.clone().find(is_own) {
+            return Self::read(file, spec);
         }
-        Ok(read)
+        let file = moved.unwrap_or(&source.file);
+        let name = file.to_string_lossy().into_owned();
+        Err(match checksum(file) {
+            Err(error) => DataError::Unread { file: name, error },
+            Ok(_) => DataError::Unfit {
+                file: name,
+                problem: "has changed since the run began: give --data FILE with the data that it \
+                          has learned from"
+                    .to_owned(),
+            },
+        })
     }
 
     /// Returns where it comes from.
@@ -173,15 +183,22 @@ impl Dataset {
     /// Returns a replay buffer of `agents` that is full of all episodes; `goal` returns the goal of
     /// each transition.
     pub fn replay(&self, agents: usize, mut goal: impl FnMut() -> Vec<f32>) -> Replay {
-        // Each next episode goes to the agent with the fewest rows.
-        let mut filled = vec![0; agents];
+        // Each next episode goes to the agent with the fewest rows, as batches draw agents evenly:
+        // none may have far more than the others, so longer ones are cut.
+        let (mut filled, longest) = (vec![0; agents], self.rows().div_ceil(agents).max(2));
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
-        let episodes: Vec<_> = starts
-            .zip(&self.ends)
-            .map(|(start, end)| {
+        let parts = starts.zip(&self.ends).flat_map(|(start, end)| {
+            // A part ends in the state that the next one begins with.
+            let step = longest - 1;
+            (start..(end - 1).max(start + 1))
+                .step_by(step)
+                .map(move |at| at..(at + step + 1).min(*end))
+        });
+        let episodes: Vec<_> = parts
+            .map(|rows| {
                 let least = (0..agents).min_by_key(|agent| filled[*agent]).unwrap_or(0);
-                filled[least] += end - start;
-                (least, start..*end)
+                filled[least] += rows.len();
+                (least, rows)
             })
             .collect();
         let most = filled.iter().max().copied().unwrap_or(0);
@@ -227,19 +244,12 @@ pub fn data_file(replay: &Replay) -> Result<Vec<u8>, TrainError> {
 
 /// Returns the CRC-32 and the length of a file.
 fn checksum(file: &Path) -> std::io::Result<(u32, u64)> {
-    let (mut file, mut hasher) = (File::open(file)?, crc32fast::Hasher::new());
-    let (mut buffer, mut bytes) = (vec![0; 1 << 16], 0);
-    loop {
-        match file.read(&mut buffer) {
-            Ok(0) => return Ok((hasher.finalize(), bytes)),
-            Ok(read) => {
-                hasher.update(&buffer[..read]);
-                bytes += read as u64;
-            }
-            Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
+    if !file.is_file() {
+        return Err(std::io::Error::new(ErrorKind::InvalidInput, "it is no file"));
     }
+    let mut reader = flate2::CrcReader::new(BufReader::new(File::open(file)?));
+    let bytes = std::io::copy(&mut reader, &mut std::io::sink())?;
+    Ok((reader.crc().sum(), bytes))
 }
 
 /// Checks the size of every number; the text says what it must be.
@@ -271,6 +281,21 @@ impl Arrays {
         let opened = NpzTensors::new(file);
         let file = opened.map_err(|error| format!("is no .npz file of NumPy: {error}"))?;
         Ok(Self { file, bytes })
+    }
+
+    /// Checks that the data fit into memory: as they are read, and in the replay buffer.
+    fn check_memory(&self, sizes: ReplaySizes) -> Result<(), String> {
+        let rows = self.shape(ENDS)?.first().copied().unwrap_or(0);
+        let (needed, available) = (2 * sizes.bytes(rows), memory::available_bytes());
+        let gigabytes = |bytes: u64| bytes as f64 / 1e9;
+        if needed <= available {
+            return Ok(());
+        }
+        Err(format!(
+            "{rows} rows need about {:.1} GB of memory, but {:.1} GB are available",
+            gigabytes(needed),
+            gigabytes(available)
+        ))
     }
 
     /// Returns the shape of an array, if the file can hold it.

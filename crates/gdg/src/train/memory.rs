@@ -11,6 +11,7 @@ use super::error::TrainError;
 use super::registry::Registry;
 use super::run::Run;
 use crate::env::{Environment, Recorded};
+use crate::learn::ReplaySizes;
 
 /// Copies of the network parameters in a run: value, average and two moments; the last good copy of
 /// these four; packed weights; gradients of the batch shards; frozen copies for graphs, evaluations
@@ -41,9 +42,9 @@ pub fn required_bytes(run: &Run, world: &dyn Environment, parameters: u64) -> u6
     let widest = learn.hidden.max(64) as u64;
     // Activations and their gradients, for each network that a batch shard passes through.
     let batch = learn.batch_size as u64 * widest * (learn.layers as u64 + 2) * 12;
-    let slot = f32s((spec.state_dim() + spec.goal_dim() + spec.action_dim) as u64) + 2;
     // One live copy, and two more while saving.
-    let replay = 3 * slot * (learn.buffer_size as u64 + run.settings.train.agents as u64);
+    let slots = learn.buffer_size + run.settings.train.agents;
+    let replay = 3 * ReplaySizes::of(spec).bytes(slots);
     let candidates = bridge.candidates as u64 * BYTES_PER_CANDIDATE;
     BASE_BYTES
         + f32s(parameters * PARAMETER_COPIES)

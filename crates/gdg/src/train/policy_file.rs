@@ -68,7 +68,7 @@ pub fn policy_file(trainer: &Trainer, with_plans: bool) -> Result<Vec<u8>, Train
         "updates": trainer.counters().updates,
     });
     if let Some(interface) = trainer.world().abilities().recorded.and_then(Recorded::interface) {
-        description[trainer.world().kind()] = interface;
+        description["interface"] = interface;
     }
     if with_plans {
         let (plans, more) = plans(trainer)?;

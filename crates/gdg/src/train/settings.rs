@@ -101,7 +101,7 @@ settings! {
         }
         Agents {
             offline_updates: u64 = 0;
-                "updates from the data of --data alone before agents act as well; 0: they never do",
+                "with --data, updates from the data alone before agents act as well; 0: they never do",
                 values: Values::count(0, MAX_OFFLINE_UPDATES), unit: "updates";
             agents: usize = 32, Paper | Sb3 => 1;
                 "agents exploring in parallel",

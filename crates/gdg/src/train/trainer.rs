@@ -294,10 +294,6 @@ impl Trainer {
         self.pulse.beat();
         self.check_data()?;
         self.begin_to_act();
-        if !self.acts() {
-            // No agent's steps make updates due.
-            self.counters.owed_steps = self.run.settings.train.env_steps_per_update;
-        }
         let tick = if self.is_update_due() { self.update()? } else { self.step()? };
         if tick == Tick::Update {
             self.update_took = Some(began.elapsed());
@@ -381,7 +377,9 @@ impl Trainer {
             log::debug!("update {} begins", self.counters.updates + 1);
         }
         let parts = is_long.then(|| Arc::new(Parts::new(&self.pulse, undo.is_some())));
-        self.counters.owed_steps -= self.run.settings.train.env_steps_per_update;
+        // With data, updates are due without steps.
+        let steps = self.run.settings.train.env_steps_per_update;
+        self.counters.owed_steps = self.counters.owed_steps.saturating_sub(steps);
         self.counters.updates += 1;
         if !self.learns() {
             return Ok(Tick::Update);

@@ -109,6 +109,8 @@ pub(super) struct GoalsWorker {
     /// Width and height of the pictures wanted, and when the latest was begun and took how long.
     picture: Option<(usize, usize)>,
     rendered: Option<(Instant, Duration)>,
+    /// State and goal of that picture.
+    pictured: Vec<f32>,
     view: GoalsView,
     scratch: Scratch,
 }
@@ -123,6 +125,7 @@ impl GoalsWorker {
             slice: None,
             picture: None,
             rendered: None,
+            pictured: Vec::new(),
             view: GoalsView::default(),
             scratch: Scratch::default(),
         }
@@ -134,13 +137,17 @@ impl GoalsWorker {
         if self.rendered.is_some_and(|(began, took)| began.elapsed() < 2 * took) {
             return;
         }
-        let began = Instant::now();
         let Some(world) = self.reacher.world() else { return };
+        let shown = [world.states(), goal].concat();
+        if self.view.picture.is_some() && self.pictured == shown {
+            return;
+        }
+        let began = Instant::now();
         let picture = match world.abilities().rendered {
             Some(rendered) => rendered.picture(0, goal, most).map(Arc::new),
             None => Err("this world renders no pictures".to_owned()),
         };
-        self.view.picture = Some(picture);
+        (self.view.picture, self.pictured) = (Some(picture), shown);
         self.rendered = Some((began, began.elapsed()));
         self.shown.changed = true;
     }

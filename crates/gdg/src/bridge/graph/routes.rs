@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::frontier::Frontier;
+use super::radix_heap::RadixHeap;
 use super::{BridgeGraph, Incoming, Link};
 use crate::learn::{
     ChangedDistances, DistancesByGoal, GoalIndex, KnownPair, Policy, Scratch, WAYPOINT_STEPS,
@@ -182,7 +182,7 @@ impl BridgeGraph {
         let mut best = vec![u64::MAX; self.candidates.len()];
         let mut next: Vec<u32> = (0..best.len() as u32).collect();
         let mut edges = vec![0; best.len()];
-        let mut reached = Frontier::new();
+        let mut reached = RadixHeap::new();
         for (candidate, cost) in &links {
             best[*candidate as usize] = u64::from(*cost).min(best[*candidate as usize]);
             reached.push(u64::from(*cost), *candidate);

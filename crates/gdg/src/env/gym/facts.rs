@@ -60,6 +60,11 @@ pub struct Found {
 }
 
 impl Found {
+    /// Returns the walls of the maze, if there is one and goals are positions in it.
+    pub fn maze_of<'a>(&self, about: &'a Description) -> Option<&'a Walls> {
+        about.maze.as_ref().filter(|_| self.goal_columns.starts_with(&[0, 1]))
+    }
+
     /// Checks what a checkpoint has kept.
     ///
     /// # Errors
@@ -253,10 +258,12 @@ fn scales(
     let widest = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
     let are_positions =
         spec.goal_dim() <= 3 && 2.0 * widest >= POSITIONS_RADII * MARGIN * spec.goal_radius;
-    // What is smaller than a cell is no matter of the maze: finer grids only learn noise.
-    let cell = about.maze.as_ref().map(Walls::cell_size);
-    spec.position_scale = are_positions.then(|| cell.unwrap_or(spec.goal_radius));
-    Found { spec, sizes: about.sizes(), columns, goal_columns, goals: goals.concat() }
+    let mut found =
+        Found { spec, sizes: about.sizes(), columns, goal_columns, goals: goals.concat() };
+    // Grids that are far finer than a maze learn noise, on which actors stand still.
+    let cell = found.maze_of(about).map_or(goal_radius, Walls::cell_size);
+    found.spec.position_scale = are_positions.then_some(cell);
+    found
 }
 
 /// Returns the range of `numbers` without the share `tail` of them below it and above it.

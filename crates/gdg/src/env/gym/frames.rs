@@ -1,6 +1,8 @@
 //! The messages between the program and a worker: a kind and a length, then that many bytes, all
 //! little-endian. `worker.py` is the other side.
 
+use crate::env::Rendering;
+
 /// Bytes before the contents of a frame.
 pub const HEADER_BYTES: usize = 8;
 
@@ -107,6 +109,27 @@ pub fn f32_numbers(bytes: &[u8]) -> impl Iterator<Item = f32> + '_ {
 /// Returns bytes as numbers.
 pub fn f64_numbers(bytes: &[u8]) -> impl Iterator<Item = f64> + '_ {
     bytes.as_chunks().0.iter().map(|number| f64::from_le_bytes(*number))
+}
+
+/// Reads width and height, u32 each, and the pixels; or 0, 0 and a text.
+///
+/// # Errors
+/// The text, or that these bytes are no picture.
+pub fn rendering(bytes: &[u8]) -> Result<Rendering, String> {
+    let nothing = || "what it renders is no picture".to_owned();
+    let (head, rest) = bytes.split_at_checked(8).ok_or_else(nothing)?;
+    let [width, height] =
+        [0, 4].map(|at| u32::from_le_bytes(std::array::from_fn(|i| head[at + i])) as usize);
+    if (width, height) == (0, 0) {
+        return Err(String::from_utf8_lossy(rest).into_owned());
+    }
+    let (pixels, none) = rest.as_chunks();
+    let is_whole = none.is_empty() && Some(pixels.len()) == width.checked_mul(height);
+    if is_whole && !pixels.is_empty() {
+        Ok(Rendering::new(width, pixels.to_vec()))
+    } else {
+        Err(nothing())
+    }
 }
 
 #[cfg(test)]

@@ -415,20 +415,21 @@ def picture(body):
 
     Another environment, which renders, is put into its state, so that the others need no window.
     """
-    global painter
+    global renderer
     index, width, height = struct.unpack("<III", body[:12])
     try:
-        if painter is None:
+        if renderer is None:
             made = Slot(render_mode="rgb_array")
             reset(made, 0, None)
-            painter = made
-        restore(painter, save(slots[index]))
-        show_goal(painter.env.unwrapped, np.frombuffer(body[12:], dtype="<f4"))
-        whole = np.asarray(painter.env.render())
+            renderer = made
+        restore(renderer, save(slots[index]))
+        show_goal(renderer.env.unwrapped, np.frombuffer(body[12:], dtype="<f4"))
+        whole = np.asarray(renderer.env.render())
         if whole.ndim != 3 or whole.shape[2] != 3 or whole.dtype != np.uint8:
             raise ValueError(f"an array of shape {whole.shape} of {whole.dtype} is no RGB picture")
         # Each pixel is the mean of a square.
         side = max(1, -(-whole.shape[1] // width), -(-whole.shape[0] // height))
+        side = min(side, *whole.shape[:2])
         rows, columns = whole.shape[0] // side, whole.shape[1] // side
         squares = whole[: rows * side, : columns * side].reshape(rows, side, columns, side, 3)
         pixels = squares.mean(axis=(1, 3)).astype(np.uint8).tobytes()
@@ -478,6 +479,6 @@ def serve():
 
 
 slots = []
-painter = None
+renderer = None
 end_with_the_program()
 serve()

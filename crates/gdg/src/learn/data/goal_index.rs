@@ -173,6 +173,7 @@ impl GoalIndex {
     /// Returns the squared distance between `at` and place `i`.
     fn squared(&self, at: &[f32], i: usize) -> f32 {
         match *at {
+            // The usual case, without a loop; the sum is the same bit for bit.
             [x, y] => {
                 let [dx, dy] = [x - self.goals[2 * i], y - self.goals[2 * i + 1]];
                 dx * dx + dy * dy

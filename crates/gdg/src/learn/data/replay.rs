@@ -49,6 +49,12 @@ impl ReplaySizes {
     pub fn of(spec: &Spec) -> Self {
         Self { state: spec.state_dim(), goal: spec.goal_dim(), action: spec.action_dim }
     }
+
+    /// Returns the memory in bytes of a replay buffer for this number of transitions.
+    pub fn bytes(self, transitions: usize) -> u64 {
+        let numbers = (self.state + self.goal + self.action) as u64;
+        (4 * numbers + 2).saturating_mul(transitions as u64)
+    }
 }
 
 #[cfg(test)]

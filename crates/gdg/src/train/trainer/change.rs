@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::recovery::LastGood;
-use super::{Result, Trainer, fork_world, new_candidates, new_learner, new_replay, new_rollout};
+use super::{Result, Trainer, fork_world, new_candidates, new_learner, new_rollout};
 use crate::bridge::Candidates;
 use crate::env::{Change, EnvError, Environment, Region, Spec};
 use crate::learn::Replay;
@@ -54,6 +54,7 @@ impl Trainer {
     /// # Errors
     /// `world` cannot replace the run's world; nothing has changed then.
     pub fn change_world(&mut self, world: &dyn Environment) -> Result<WorldChange> {
+        self.check_data()?;
         let _activity = self.pulse.begin("the edit of the world");
         let editable = world.abilities().editable.ok_or(EnvError::NotEditable(world.kind()))?;
         let change = editable.change_from(self.world())?;
@@ -90,6 +91,7 @@ impl Trainer {
     /// # Errors
     /// The learner or the world fails; nothing has changed then.
     pub fn change_run(&mut self, run: Run) -> Result<KeptState> {
+        self.check_data()?;
         let _activity = self.pulse.begin("the change of settings");
         let spec = self.spec();
         let fresh = || new_learner(&run, spec, &self.registry, self.threads);
@@ -146,7 +148,7 @@ impl Trainer {
     fn replace_agents(&mut self, rollout: Rollout, before: &Settings) {
         self.rollout.end_episodes(&mut self.replay);
         if !keeps_replay(before, &self.run.settings) {
-            let mut replay = new_replay(&self.run, self.spec());
+            let mut replay = self.replay_for_agents();
             self.replay.copy_episodes_into(&mut replay);
             self.replay = replay;
             self.own_replay();
@@ -158,17 +160,22 @@ impl Trainer {
     /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.
     pub(super) fn rebuild_candidates(&mut self) {
         self.candidates.reset_to(new_candidates(&self.run, self.spec()));
+        self.revisit_everything();
+        // The whole replay shows more paths than were known before.
+        self.candidates.adapt_spacing();
+    }
+
+    /// Lets the candidates visit again all that the replay buffer has seen.
+    pub(super) fn revisit_everything(&mut self) {
         let everything = Region::everything(self.spec().goal_dim());
         let Self { candidates, replay, rollout, .. } = self;
         revisit(replay, candidates, rollout.env().spec(), &everything);
-        // The whole replay shows more paths than were known before.
-        candidates.adapt_spacing();
     }
 }
 
 /// Lets the candidates visit again what the replay buffer has seen within their reach of `region`.
 /// Ends all episodes.
-pub(super) fn revisit(replay: &Replay, candidates: &mut Candidates, spec: &Spec, region: &Region) {
+fn revisit(replay: &Replay, candidates: &mut Candidates, spec: &Spec, region: &Region) {
     let reach = candidates.reach();
     // An episode that begins where the agent's last one ended continues its trajectory.
     let mut ends: Vec<Option<Vec<f32>>> = vec![None; replay.agents()];

@@ -4,17 +4,14 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::{Result, Stream, Trainer, stream};
-use crate::env::Region;
 use crate::learn::{Replay, ReplaySizes, ReplayState};
 use crate::store::{Store, StoreError};
 use crate::train::dataset::{DataError, DataSource, Dataset};
 use crate::train::error::TrainError;
+use crate::train::memory;
 
 /// Name in the store.
 const DATA: &str = "data";
-
-/// Largest replay of a run with data that a checkpoint may ask for, in transitions.
-const MOST_TRANSITIONS: usize = 1 << 30;
 
 /// The data of a run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -31,17 +28,23 @@ pub(super) struct Data {
 
 impl Trainer {
     /// Learns from `data` instead of acting: its transitions fill the replay buffer, and its states
-    /// are goals and bridge candidates. Call it before the first update.
-    pub fn learn_from(&mut self, data: &Dataset) {
+    /// are goals and bridge candidates. Call it before the first update. Returns how many
+    /// transitions are left out, as they are impossible in the world, if it knows that.
+    pub fn learn_from(&mut self, data: &Dataset) -> usize {
         self.replay = self.replay_of(data);
         self.visits.add(self.rollout.env(), data.states());
+        let editable = self.rollout.env().abilities().editable;
+        let possible = |s: &[f32], a: &[f32], next: &[f32]| {
+            editable.is_none_or(|editable| editable.is_possible(s, a, next))
+        };
+        let (removed, _) = self.replay.retain_possible(|s, a, next| Some(possible(s, a, next)));
         self.rebuild_candidates();
         // Paths from where candidates were found later.
-        let everything = Region::everything(self.spec().goal_dim());
-        let Self { candidates, replay, rollout, .. } = self;
-        super::change::revisit(replay, candidates, rollout.env().spec(), &everything);
+        self.revisit_everything();
         let source = data.source().clone();
-        self.data = Some(Data { source, acts: false, own_replay: None, missing: None });
+        let own_replay = (removed > 0).then(|| self.replay.capacity());
+        self.data = Some(Data { source, acts: false, own_replay, missing: None });
+        removed
     }
 
     /// Returns the replay buffer that holds `data`; goals are states of it, drawn at random.
@@ -68,13 +71,14 @@ impl Trainer {
     /// # Errors
     /// They are not.
     pub fn check_data(&self) -> Result<()> {
-        match self.data.as_ref().and_then(|data| Some((data, data.missing.as_ref()?))) {
-            None => Ok(()),
-            Some((data, problem)) => {
-                let file = data.source.file.to_string_lossy().into_owned();
-                Err(TrainError::Data(DataError::Unfit { file, problem: problem.clone() }))
-            }
-        }
+        let Some(data) = self.data.as_ref().filter(|data| !data.acts) else { return Ok(()) };
+        let problem = match &data.missing {
+            Some(problem) => problem.clone(),
+            None if self.replay.has_transitions() => return Ok(()),
+            None => "no transition is left that the world allows".to_owned(),
+        };
+        let file = data.source.file.to_string_lossy().into_owned();
+        Err(TrainError::Data(DataError::Unfit { file, problem }))
     }
 
     /// Has agents act as well once the run has learned from data alone for as long as it should.
@@ -91,6 +95,13 @@ impl Trainer {
         if let Some(data) = &mut self.data {
             (data.acts, data.own_replay) = (true, Some(room));
         }
+    }
+
+    /// Returns an empty replay buffer as the settings have it, with room for all that there is.
+    pub(super) fn replay_for_agents(&self) -> Replay {
+        let (settings, sizes) = (&self.run.settings, ReplaySizes::of(self.spec()));
+        let kept = if self.data.is_some() { self.replay.capacity() } else { 0 };
+        Replay::new(sizes, settings.train.agents, settings.learn.buffer_size.max(kept))
     }
 
     /// Takes note that the replay buffer is no longer what the file has.
@@ -119,17 +130,20 @@ impl Trainer {
         match &mut data {
             Some(data @ Data { own_replay: None, .. }) => {
                 match Dataset::reread(&data.source, self.registry.data(), self.spec()) {
-                    Ok(read) => self.replay = self.replay_of(&read),
+                    Ok(read) => {
+                        self.replay = self.replay_of(&read);
+                        data.source = read.source().clone();
+                    }
                     Err(error) => data.missing = Some(error.problem()),
                 }
             }
             other => {
                 if let Some(room) = other.as_ref().and_then(|data| data.own_replay) {
-                    if room > MOST_TRANSITIONS {
-                        let problem = "its replay buffer would have too many transitions";
+                    let sizes = ReplaySizes::of(self.spec());
+                    if sizes.bytes(room) > memory::available_bytes() {
+                        let problem = "its replay buffer does not fit into memory";
                         return Err(StoreError::inconsistent(problem).into());
                     }
-                    let sizes = ReplaySizes::of(self.spec());
                     self.replay = Replay::new(sizes, self.run.settings.train.agents, room);
                 }
                 self.replay.restore(&ReplayState::read(store)?)?;

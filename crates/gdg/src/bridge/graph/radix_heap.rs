@@ -6,13 +6,13 @@ const BUCKETS: usize = u64::BITS as usize + 1;
 /// A queue of candidates, cheapest first, for costs that never fall below the latest one popped: a
 /// radix heap (Ahuja et al. 1990). With it, searches take 0.7 of the time they take with a binary
 /// heap.
-pub struct Frontier {
+pub struct RadixHeap {
     latest: u64,
     /// Costs and candidates.
     buckets: [Vec<(u64, u32)>; BUCKETS],
 }
 
-impl Frontier {
+impl RadixHeap {
     /// Returns an empty queue.
     pub fn new() -> Self {
         Self { latest: 0, buckets: [const { Vec::new() }; BUCKETS] }
@@ -45,18 +45,18 @@ mod tests {
 
     #[test]
     fn candidates_leave_in_the_order_of_their_costs() {
-        let mut frontier = Frontier::new();
+        let mut heap = RadixHeap::new();
         let mut costs = vec![u64::from(u32::MAX) << 20, 0, 7, 7, 1 << 40, 1024];
-        costs.iter().zip(0..).for_each(|(cost, candidate)| frontier.push(*cost, candidate));
+        costs.iter().zip(0..).for_each(|(cost, candidate)| heap.push(*cost, candidate));
         let mut popped = Vec::new();
-        while let Some((cost, candidate)) = frontier.pop(|cost, _| cost != 1024) {
+        while let Some((cost, candidate)) = heap.pop(|cost, _| cost != 1024) {
             popped.push(cost);
             if candidate < 100 {
                 costs.push(cost + 3);
-                frontier.push(cost + 3, 100 + candidate);
+                heap.push(cost + 3, 100 + candidate);
             }
         }
-        costs.retain(|cost| *cost != 1024 && *cost != 1027);
+        costs.retain(|cost| *cost != 1024);
         costs.sort_unstable();
         assert_eq!(popped, costs);
     }
