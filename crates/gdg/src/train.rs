@@ -30,8 +30,8 @@ pub use config::{
     ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from,
     settings_from_text, settings_in_world, with_setting,
 };
-pub use dataset::{DataError, DataSource, Dataset, data_file};
-pub use error::TrainError;
+pub use dataset::{DataSource, Dataset, data_file};
+pub use error::{DataError, TrainError};
 pub use evaluate::{
     BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome,
     TaskWalk,

@@ -8,7 +8,7 @@ use candle_core::npy::NpzTensors;
 use candle_core::{DType, Device, Tensor};
 use serde::{Deserialize, Serialize};
 
-use super::error::TrainError;
+use super::error::{DataError, TrainError};
 use super::memory;
 use crate::env::{MAX_MAGNITUDE, Spec};
 use crate::learn::{Replay, ReplaySizes};
@@ -39,39 +39,6 @@ pub struct DataSource {
     pub transitions: usize,
     /// Number of episodes.
     pub episodes: usize,
-}
-
-/// Why a file of data cannot be learned from.
-#[derive(Debug, thiserror::Error)]
-pub enum DataError {
-    /// It cannot be read.
-    #[error("{file}: the data cannot be read: {error}")]
-    Unread {
-        /// The file.
-        file: String,
-        /// Why.
-        error: std::io::Error,
-    },
-    /// It is no such file, or does not fit the world.
-    #[error("{file}: {problem}")]
-    Unfit {
-        /// The file.
-        file: String,
-        /// What is wrong, and what would be right.
-        problem: String,
-    },
-}
-
-impl DataError {
-    /// Returns what is wrong, without the file.
-    pub fn problem(self) -> String {
-        match self {
-            Self::Unread { error, .. } => {
-                format!("the data cannot be read: {error}: give --data FILE if it has moved")
-            }
-            Self::Unfit { problem, .. } => problem,
-        }
-    }
 }
 
 /// Episodes of recorded transitions.

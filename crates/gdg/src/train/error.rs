@@ -1,6 +1,5 @@
 //! Errors from starting, continuing or saving a run.
 
-use super::dataset::DataError;
 use crate::env::EnvError;
 use crate::learn::LearnError;
 use crate::store::StoreError;
@@ -8,6 +7,39 @@ use crate::store::StoreError;
 impl From<candle_core::Error> for TrainError {
     fn from(error: candle_core::Error) -> Self {
         Self::Learn(error.into())
+    }
+}
+
+/// Why a file of data cannot be learned from.
+#[derive(Debug, thiserror::Error)]
+pub enum DataError {
+    /// It cannot be read.
+    #[error("{file}: the data cannot be read: {error}")]
+    Unread {
+        /// The file.
+        file: String,
+        /// Why.
+        error: std::io::Error,
+    },
+    /// It is no such file, or does not fit the world.
+    #[error("{file}: {problem}")]
+    Unfit {
+        /// The file.
+        file: String,
+        /// What is wrong, and what would be right.
+        problem: String,
+    },
+}
+
+impl DataError {
+    /// Returns what is wrong, without the file.
+    pub fn problem(self) -> String {
+        match self {
+            Self::Unread { error, .. } => {
+                format!("the data cannot be read: {error}: give --data FILE if it has moved")
+            }
+            Self::Unfit { problem, .. } => problem,
+        }
     }
 }
 

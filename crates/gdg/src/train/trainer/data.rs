@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::{Result, Stream, Trainer, stream};
 use crate::learn::{Replay, ReplaySizes, ReplayState};
 use crate::store::{Store, StoreError};
-use crate::train::dataset::{DataError, DataSource, Dataset};
-use crate::train::error::TrainError;
+use crate::train::dataset::{DataSource, Dataset};
+use crate::train::error::{DataError, TrainError};
 use crate::train::memory;
 
 /// Name in the store.
