@@ -11,10 +11,12 @@ use miette::{IntoDiagnostic, Report, miette};
 use crate::host::maps::{self, find_map, known_name};
 use crate::host::report::{from_checkpoint_error, from_config_error, from_map_error};
 use crate::host::runs::{self, SAVES};
+use crate::host::waiting::Waiting;
 use gdg::env::{Environment, PointMaze, Restart};
 use gdg::files;
 use gdg::learn::Threads;
 use gdg::map::{self, Grid, MapError, MapFormat, MapScale, Reading};
+use gdg::pulse::Pulse;
 use gdg::text::{safe_file_name, sanitized};
 use gdg::train::{
     self, Dataset, Limits, Loaded, Method, Overrides, Preset, Registry, Run, SaveTo, Settings,
@@ -179,6 +181,9 @@ pub fn run(
 /// A file or setting is invalid; the report is meant for the user.
 pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Report> {
     let threads = request.threads;
+    let pulse = Pulse::default();
+    let _opening = pulse.begin("the world to open");
+    let _waiting = Waiting::begin(&pulse, "Ctrl-C", || {});
     // Checked before training: otherwise, what was learned might be impossible to save.
     let resumed = resumed_file(request, registry)?;
     let save = request
@@ -207,11 +212,11 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
         None => begin_run(request, registry)?,
     };
     trainer.check_data().map_err(from_data_error)?;
-    if request.data.is_some() && trainer.data().is_none() {
+    if request.data.is_some() && !trainer.reads_data() {
         let help = "leave --data out, or begin a run with it";
         return Err(miette!(
             help = help,
-            "--data: the run that is resumed has not learned from data"
+            "--data: the checkpoint contains its transitions and reads no file"
         ));
     }
     let mut warnings = Vec::from_iter(warning);
@@ -240,6 +245,10 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
 /// Begins the run of `request` in its world, with its data.
 fn begin_run(request: &Request, registry: &Arc<Registry>) -> Result<Loaded, Report> {
     let run = self::run(&request.run, &request.map, registry, request.seed)?;
+    if let Some(file) = &request.data {
+        // Opening a world may take a minute.
+        Dataset::check_file(file).map_err(from_data_error)?;
+    }
     let world = open_world(&request.map, &request.reading, &run, registry)?;
     if request.data.is_none() && run.settings.train.offline_updates > 0 {
         let help = "give --data FILE, or leave offline_updates out";
@@ -250,6 +259,13 @@ fn begin_run(request: &Request, registry: &Arc<Registry>) -> Result<Loaded, Repo
     let data = Dataset::read(file, trainer.spec()).map_err(from_data_error)?;
     let removed = trainer.learn_from(&data);
     let (all, file) = (data.source().transitions, sanitized(&file.to_string_lossy()));
+    if 2 * removed > all {
+        let help = "give the data of this world: positions in its unit, on this map";
+        return Err(miette!(
+            help = help,
+            "{file}: {removed} of {all} transitions are impossible on this map"
+        ));
+    }
     let warning = (removed > 0).then(|| {
         format!(
             "warning: {file}: {removed} of {all} transitions are left out: impossible on this map"

@@ -102,7 +102,7 @@ fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
     let error = lost.tick().unwrap_err();
     assert!(matches!(error, TrainError::Data(_)), "{error:?}");
     assert!(error.to_string().contains("walks.npz: the data cannot be read"), "{error}");
-    assert!(error.to_string().contains("--data FILE if it has moved"), "{error}");
+    assert!(error.to_string().contains("--data FILE if they are elsewhere"), "{error}");
     assert!(lost.policy().is_ok());
     let elsewhere = Registry::builtin().with_data(Some(moved.clone()));
     let mut found = train::load(&checkpoint, &elsewhere, 1).unwrap().trainer;
@@ -123,7 +123,7 @@ fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
     std::fs::write(&file, data_file(other.replay()).unwrap()).unwrap();
     let other = train::load(&checkpoint, &Registry::builtin(), 1).unwrap().trainer;
     let error = other.check_data().unwrap_err().to_string();
-    assert!(error.contains("has changed since the run began"), "{error}");
+    assert!(error.contains("walks.npz: is not what the run has learned from"), "{error}");
 }
 
 #[test]
@@ -254,6 +254,26 @@ fn files_that_numpy_has_packed_are_read() {
     let data = Dataset::read(&file, &spec).unwrap();
     assert_eq!((data.source().transitions, data.source().episodes), (2, 2));
     assert_eq!(data.states(), [0.5, 0.5, 1.5, 0.5, 1.5, 0.5, 2.5, 0.5]);
+}
+
+#[test]
+fn what_a_map_does_not_allow_is_left_out_and_never_a_goal() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("d.npz");
+    let mut own = arrays();
+    // The second episode jumps to a place outside, as of another world.
+    let far = [0.5_f32, 0.5, 1.5, 0.5, 1.5, 0.5, 4e8, -85.0];
+    own[0].1 = Tensor::from_slice(&far, (4, 2), &Device::Cpu).unwrap();
+    Tensor::write_npz(&own, &file).unwrap();
+    let mut trainer = trainer("gdg-bridge", settings(), 0);
+    let data = Dataset::read(&file, trainer.spec()).unwrap();
+    assert_eq!(trainer.learn_from(&data), 1);
+    let mut states = Vec::new();
+    trainer.replay().visit_rows(|state, _, _| states.extend_from_slice(state));
+    assert_eq!(states, [0.5, 0.5, 1.5, 0.5]);
+    train_to(&mut trainer, 3);
+    let map = PointMaze::downcast_ref(trainer.world()).unwrap().map().clone();
+    assert!(trainer.candidates().points().chunks(2).all(|at| map.is_free_at(at[0], at[1])));
 }
 
 #[test]

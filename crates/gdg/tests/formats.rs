@@ -76,6 +76,15 @@ fn agents_of_a_planner_s_map_are_tasks_on_it_at_any_scale() {
 }
 
 #[test]
+fn a_list_may_begin_with_comments_but_walls_are_none() {
+    let list = "# a maze\n\n  # by hand\nMAZE = [\n[1,1,1],[1,0,1],[1,1,1]]\n";
+    let read = |text: &str| parse_map("maze", text.as_bytes()).unwrap();
+    assert_eq!(read(list), read("[[1,1,1],[1,0,1],[1,1,1]]"));
+    assert_eq!(read(list).free_count(), 1);
+    assert_eq!(read("###\n#.#\n###\n").free_count(), 1);
+}
+
+#[test]
 fn the_threshold_says_which_pixels_are_walls() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/valid/grey16.png");
     let free = |threshold| {

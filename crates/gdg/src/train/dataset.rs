@@ -69,17 +69,10 @@ impl Dataset {
         let arrays = Arrays::open(file, bytes).map_err(unfit)?;
         let sizes = ReplaySizes::of(spec);
         let read = || -> Result<Self, String> {
-            arrays.check_memory(sizes)?;
-            let (rows, states) = arrays.table(STATES, sizes.state, "the world's states")?;
-            let (others, mut actions) = arrays.table(ACTIONS, sizes.action, "its actions")?;
+            let rows = arrays.rows(sizes)?;
+            let states = arrays.table(STATES, sizes.state, "the world's states")?;
+            let mut actions = arrays.table(ACTIONS, sizes.action, "the world's actions")?;
             let last = arrays.column(ENDS)?;
-            if rows != others || rows != last.len() {
-                let ends = last.len();
-                return Err(format!(
-                    "{STATES}, {ACTIONS} and {ENDS} have {rows}, {others} and {ends} rows: they \
-                     must have as many"
-                ));
-            }
             check(STATES, &states, sizes.state, MAX_MAGNITUDE, "finite, and at most 1e9 in size")?;
             check(ACTIONS, &actions, sizes.action, 1.0 + ACTION_TOLERANCE, "in [-1, 1]")?;
             actions.iter_mut().for_each(|action| *action = action.clamp(-1.0, 1.0));
@@ -100,6 +93,20 @@ impl Dataset {
         read().map_err(unfit)
     }
 
+    /// Checks that a file can be read and has the arrays, without a world and without its numbers.
+    ///
+    /// # Errors
+    /// See [`Self::read`].
+    pub fn check_file(file: &Path) -> Result<(), DataError> {
+        let name = || file.to_string_lossy().into_owned();
+        let (_, bytes) =
+            checksum(file).map_err(|error| DataError::Unread { file: name(), error })?;
+        let arrays = Arrays::open(file, bytes);
+        let checked = arrays
+            .and_then(|a| [STATES, ACTIONS, ENDS].iter().try_for_each(|n| a.shape(n).map(drop)));
+        checked.map_err(|problem| DataError::Unfit { file: name(), problem })
+    }
+
     /// Reads the file that a run has learned from: `moved` if it is elsewhere now.
     ///
     /// # Errors
@@ -118,12 +125,14 @@ impl Dataset {
         let name = file.to_string_lossy().into_owned();
         Err(match checksum(file) {
             Err(error) => DataError::Unread { file: name, error },
-            Ok(_) => DataError::Unfit {
-                file: name,
-                problem: "has changed since the run began: give --data FILE with the data that it \
-                          has learned from"
-                    .to_owned(),
-            },
+            Ok(_) => {
+                let DataSource { file, transitions, .. } = source;
+                let problem = format!(
+                    "is not what the run has learned from, {} with {transitions} transitions",
+                    file.display()
+                );
+                DataError::Unfit { file: name, problem }
+            }
         })
     }
 
@@ -250,13 +259,24 @@ impl Arrays {
         Ok(Self { file, bytes })
     }
 
-    /// Checks that the data fit into memory: as they are read, and in the replay buffer.
-    fn check_memory(&self, sizes: ReplaySizes) -> Result<(), String> {
-        let rows = self.shape(ENDS)?.first().copied().unwrap_or(0);
+    /// Returns the number of rows, which is the same in all arrays, if the data fit into memory: as
+    /// they are read, and in the replay buffer.
+    fn rows(&self, sizes: ReplaySizes) -> Result<usize, String> {
+        let mut rows = [0; 3];
+        for (rows, name) in rows.iter_mut().zip([STATES, ACTIONS, ENDS]) {
+            *rows = self.shape(name)?.first().copied().unwrap_or(0);
+        }
+        let [rows, actions, ends] = rows;
+        if rows != actions || rows != ends {
+            return Err(format!(
+                "{STATES}, {ACTIONS} and {ENDS} have {rows}, {actions} and {ends} rows: they must \
+                 have as many"
+            ));
+        }
         let (needed, available) = (2 * sizes.bytes(rows), memory::available_bytes());
         let gigabytes = |bytes: u64| bytes as f64 / 1e9;
         if needed <= available {
-            return Ok(());
+            return Ok(rows);
         }
         Err(format!(
             "{rows} rows need about {:.1} GB of memory, but {:.1} GB are available",
@@ -301,10 +321,10 @@ impl Arrays {
         }
     }
 
-    /// Returns the rows of an array of two dimensions with this number of columns, and its numbers.
-    fn table(&self, name: &str, columns: usize, of: &str) -> Result<(usize, Vec<f32>), String> {
+    /// Returns the numbers of an array of two dimensions with this number of columns.
+    fn table(&self, name: &str, columns: usize, of: &str) -> Result<Vec<f32>, String> {
         match self.shape(name)?[..] {
-            [rows, own] if own == columns && rows > 0 => Ok((rows, self.numbers(name)?)),
+            [rows, own] if own == columns && rows > 0 => self.numbers(name),
             [rows, own] if rows > 0 => {
                 Err(format!("{name} have {own} numbers a row, but {of} {columns}"))
             }

@@ -1,5 +1,7 @@
 //! Errors from starting, continuing or saving a run.
 
+use std::sync::Arc;
+
 use crate::env::EnvError;
 use crate::learn::LearnError;
 use crate::store::StoreError;
@@ -14,7 +16,7 @@ impl From<candle_core::Error> for TrainError {
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// It cannot be read.
-    #[error("{file}: the data cannot be read: {error}")]
+    #[error("{file}: the data cannot be read: {error}: give --data FILE if they are elsewhere")]
     Unread {
         /// The file.
         file: String,
@@ -31,15 +33,9 @@ pub enum DataError {
     },
 }
 
-impl DataError {
-    /// Returns what is wrong, without the file.
-    pub fn problem(self) -> String {
-        match self {
-            Self::Unread { error, .. } => {
-                format!("the data cannot be read: {error}: give --data FILE if it has moved")
-            }
-            Self::Unfit { problem, .. } => problem,
-        }
+impl From<DataError> for TrainError {
+    fn from(error: DataError) -> Self {
+        Self::Data(error.into())
     }
 }
 
@@ -57,7 +53,7 @@ pub enum TrainError {
     Store(#[from] StoreError),
     /// The data that a run learns from cannot be used.
     #[error(transparent)]
-    Data(#[from] DataError),
+    Data(Arc<DataError>),
     /// A world cannot replace the current one.
     #[error(transparent)]
     Env(#[from] EnvError),

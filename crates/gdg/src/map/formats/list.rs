@@ -11,7 +11,7 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "rows of Gymnasium-Robotics and OGBench: [[1, 1], ['r', 0]]",
     endings: &["json", "py"],
     loses: "",
-    is: |source| source.is_text(|text| text.source[after_name(text.source)..].starts_with('[')),
+    is: |source| source.is_text(|text| text.source[start(text.source)..].starts_with('[')),
     read,
     write: |grid, _| write(grid).into_bytes(),
     image: None,
@@ -20,6 +20,16 @@ pub const FORMAT: MapFormat = MapFormat {
 const CELLS: &str = "a cell is 0 (free), 1 (wall), 'r' (start), 'g' (goal) or 'c' (both)";
 
 const ROWS: &str = "a map is one list of rows, each a list of cells: [[1, 1, 1], [1, 'r', 'g']]";
+
+/// Returns the byte at which the list begins: after comments of Python and a name.
+fn start(source: &str) -> usize {
+    let mut at = 0;
+    while let Some(comment) = source[at..].trim_start().strip_prefix('#') {
+        let next = comment.find('\n').map_or(comment.len(), |end| end + 1);
+        at = source.len() - comment.len() + next;
+    }
+    at + after_name(&source[at..])
+}
 
 /// Returns the byte after `NAME =` in Python and the blanks around it.
 pub fn after_name(source: &str) -> usize {
@@ -49,7 +59,7 @@ fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
     let mut rows = Rows::new(text);
     let (mut depth, mut row) = (0, Place::default());
-    for event in events(text, after_name(text.source)) {
+    for event in events(text, start(text.source)) {
         let (event, place) = event?;
         match (depth, event) {
             (0, Event::ListStart) => depth = 1,

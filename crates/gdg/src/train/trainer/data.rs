@@ -1,5 +1,7 @@
 //! Learning from recorded transitions instead of acting.
 
+use std::sync::Arc;
+
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
@@ -21,9 +23,9 @@ pub(super) struct Data {
     acts: bool,
     /// Room in the replay buffer if a checkpoint contains it, as it is no longer what the file has.
     own_replay: Option<usize>,
-    /// Why the file cannot be read again.
+    /// Why no file can be read again.
     #[serde(skip)]
-    missing: Option<String>,
+    missing: Option<Arc<DataError>>,
 }
 
 impl Trainer {
@@ -32,12 +34,13 @@ impl Trainer {
     /// transitions are left out, as they are impossible in the world, if it knows that.
     pub fn learn_from(&mut self, data: &Dataset) -> usize {
         self.replay = self.replay_of(data);
-        self.visits.add(self.rollout.env(), data.states());
         let editable = self.rollout.env().abilities().editable;
         let possible = |s: &[f32], a: &[f32], next: &[f32]| {
             editable.is_none_or(|editable| editable.is_possible(s, a, next))
         };
         let (removed, _) = self.replay.retain_possible(|s, a, next| Some(possible(s, a, next)));
+        let Self { visits, replay, rollout, .. } = self;
+        replay.visit_rows(|state, _, _| visits.add(rollout.env(), state));
         self.rebuild_candidates();
         // Paths from where candidates were found later.
         self.revisit_everything();
@@ -50,8 +53,15 @@ impl Trainer {
     /// Returns the replay buffer that holds `data`; goals are states of it, drawn at random.
     fn replay_of(&self, data: &Dataset) -> Replay {
         let (spec, mut rng) = (self.spec(), stream(self.run.seed, Stream::Data));
+        let (editable, idle) = (self.world().abilities().editable, vec![0.0; spec.action_dim]);
+        let is_place = |state: &[f32]| editable.is_none_or(|e| e.is_possible(state, &idle, state));
+        let mut places: Vec<usize> =
+            (0..data.rows()).filter(|row| is_place(data.state(*row))).collect();
+        if places.is_empty() {
+            places.push(0);
+        }
         data.replay(self.run.settings.train.agents, || {
-            let row = rng.random_range(0..data.rows());
+            let row = places[rng.random_range(0..places.len())];
             spec.achieved(data.state(row)).collect()
         })
     }
@@ -72,13 +82,18 @@ impl Trainer {
     /// They are not.
     pub fn check_data(&self) -> Result<()> {
         let Some(data) = self.data.as_ref().filter(|data| !data.acts) else { return Ok(()) };
-        let problem = match &data.missing {
-            Some(problem) => problem.clone(),
-            None if self.replay.has_transitions() => return Ok(()),
-            None => "no transition is left that the world allows".to_owned(),
-        };
         let file = data.source.file.to_string_lossy().into_owned();
-        Err(TrainError::Data(DataError::Unfit { file, problem }))
+        let problem = "no transition is left that the world allows".to_owned();
+        Err(TrainError::Data(match &data.missing {
+            Some(error) => error.clone(),
+            None if self.replay.has_transitions() => return Ok(()),
+            None => Arc::new(DataError::Unfit { file, problem }),
+        }))
+    }
+
+    /// Returns whether a checkpoint reads its transitions from the file.
+    pub fn reads_data(&self) -> bool {
+        self.data.as_ref().is_some_and(|data| data.own_replay.is_none())
     }
 
     /// Has agents act as well once the run has learned from data alone for as long as it should.
@@ -134,7 +149,7 @@ impl Trainer {
                         self.replay = self.replay_of(&read);
                         data.source = read.source().clone();
                     }
-                    Err(error) => data.missing = Some(error.problem()),
+                    Err(error) => data.missing = Some(Arc::new(error)),
                 }
             }
             other => {
