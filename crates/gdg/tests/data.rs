@@ -217,7 +217,7 @@ fn broken_files_are_refused_with_the_place_and_what_would_be_right() {
         problem(replaced(1, &[3, 2])),
         "observations, actions and terminals have 4, 3 and 4 rows: they must have as many"
     );
-    assert_eq!(problem(replaced(1, &[8])), "actions have shape [8]: it must be (rows, 2)");
+    assert_eq!(problem(replaced(1, &[4])), "actions have shape [4]: it must be (rows, 2)");
     assert_eq!(problem(replaced(2, &[4, 2])), "terminals have shape [4, 2]: it must be (rows,)");
     assert_eq!(
         problem(|arrays| drop(arrays.remove(2))),
