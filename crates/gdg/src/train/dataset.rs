@@ -121,19 +121,16 @@ impl Dataset {
         if let Some(file) = places.clone().find(is_own) {
             return Self::read(file, spec);
         }
-        let file = moved.unwrap_or(&source.file);
-        let name = file.to_string_lossy().into_owned();
-        Err(match checksum(file) {
-            Err(error) => DataError::Unread { file: name, error },
-            Ok(_) => {
-                let DataSource { file, transitions, .. } = source;
-                let problem = format!(
-                    "is not what the run has learned from, {} with {transitions} transitions",
-                    file.display()
-                );
-                DataError::Unfit { file: name, problem }
-            }
-        })
+        let file = moved.unwrap_or(&source.file).to_string_lossy().into_owned();
+        if let Err(error) = checksum(Path::new(&file)) {
+            return Err(DataError::Unread { file, error });
+        }
+        let problem = format!(
+            "is not what the run has learned from, {} with {} transitions",
+            source.file.display(),
+            source.transitions
+        );
+        Err(DataError::Unfit { file, problem })
     }
 
     /// Returns where it comes from.
