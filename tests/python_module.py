@@ -69,7 +69,7 @@ class Module(unittest.TestCase):
         self.assertEqual(policy(np.zeros((7, 3)), np.zeros((7, 2))).shape, (7, 2))
 
     def test_actions_lie_within_their_bounds_where_there_are_some(self):
-        policy = self.load(policy_file(actor([0.5, -0.5]), gym=GYM))
+        policy = self.load(policy_file(actor([0.5, -0.5]), interface=GYM))
         np.testing.assert_allclose(policy([0, 1, 2], [3, 4]), [2.25, -0.5], atol=1e-6)
 
     def test_observations_become_states_and_goals(self):
@@ -79,13 +79,13 @@ class Module(unittest.TestCase):
         np.testing.assert_array_equal(plain.goal(seen), [5, 6])
         # What is achieved is not part of the observation, and comes second.
         apart = {**GYM, "observation": 1, "state_columns": [0, 2, 1], "goal_columns": [1, 0]}
-        policy = self.load(policy_file(actor([0, 0]), gym=apart))
+        policy = self.load(policy_file(actor([0, 0]), interface=apart))
         seen["observation"] = [1]
         np.testing.assert_array_equal(policy.state(seen), [1, 3, 2])
         np.testing.assert_array_equal(policy.goal(seen), [6, 5])
         # OGBench: a vector, and the goal in info, of which only a part has to be achieved.
         tasks = {**GYM, "achieved_goal": 0, "desired_goal": 3, "goal_columns": [1, 2]}
-        policy = self.load(policy_file(actor([0, 0]), gym=tasks))
+        policy = self.load(policy_file(actor([0, 0]), interface=tasks))
         np.testing.assert_array_equal(policy.state(np.array([1, 2, 3])), [1, 2, 3])
         np.testing.assert_array_equal(policy.goal(np.zeros(3), {"goal": [7, 8, 9]}), [8, 9])
 
@@ -118,7 +118,7 @@ class Module(unittest.TestCase):
             gdg_tui.load_policy("no-such-file")
 
     def test_what_does_not_fit_is_said(self):
-        policy = self.load(policy_file(actor([0, 0]), gym=GYM))
+        policy = self.load(policy_file(actor([0, 0]), interface=GYM))
         for call, problem in [
             (lambda: policy([1, 2], [3, 4]), r"a state has 3 numbers.*\(2,\)"),
             (lambda: policy([1, 2, 3], [3]), "a goal has 2 numbers"),
