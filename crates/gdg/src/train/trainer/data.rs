@@ -82,13 +82,15 @@ impl Trainer {
     /// They are not.
     pub fn check_data(&self) -> Result<()> {
         let Some(data) = self.data.as_ref().filter(|data| !data.acts) else { return Ok(()) };
+        if let Some(error) = &data.missing {
+            return Err(TrainError::Data(error.clone()));
+        }
+        if self.replay.has_transitions() {
+            return Ok(());
+        }
         let file = data.source.file.to_string_lossy().into_owned();
         let problem = "no transition is left that the world allows".to_owned();
-        Err(TrainError::Data(match &data.missing {
-            Some(error) => error.clone(),
-            None if self.replay.has_transitions() => return Ok(()),
-            None => Arc::new(DataError::Unfit { file, problem }),
-        }))
+        Err(DataError::Unfit { file, problem }.into())
     }
 
     /// Returns whether a checkpoint reads its transitions from the file.
@@ -131,7 +133,7 @@ impl Trainer {
         if let Some(data) = &self.data {
             store.put_json(DATA, data)?;
         }
-        if self.data.as_ref().is_none_or(|data| data.own_replay.is_some()) {
+        if !self.reads_data() {
             self.replay.snapshot().write(store);
         }
         Ok(())
