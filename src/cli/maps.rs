@@ -35,7 +35,7 @@ impl From<&MapArgs> for Reading {
     fn from(args: &MapArgs) -> Self {
         let MapArgs { cell, margin, goal_radius, threshold } = *args;
         let goal_radius = goal_radius.unwrap_or(MapScale::default().goal_radius);
-        Self { scale: MapScale { cell, margin, goal_radius }, threshold }
+        Self { scale: MapScale { cell, margin, goal_radius, benchmark: None }, threshold }
     }
 }
 

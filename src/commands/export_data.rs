@@ -20,6 +20,6 @@ pub fn run(args: &ExportDataArgs, registry: &Arc<Registry>) -> Result<String, Re
     refuse_existing(&path, args.overwrite)?;
     let loaded = train::load(&args.checkpoint, registry, 1).map_err(from_checkpoint_error)?;
     loaded.trainer.check_data().into_diagnostic()?;
-    let bytes = data_file(loaded.trainer.replay()).into_diagnostic()?;
+    let bytes = data_file(loaded.trainer.replay(), loaded.trainer.world()).into_diagnostic()?;
     write_file(&path, &bytes)
 }

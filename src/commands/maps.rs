@@ -19,11 +19,11 @@ use gdg::train::Registry;
 /// Returns the table of built-in maps.
 fn list() -> String {
     let head =
-        format!("{:<12}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
+        format!("{:<28}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
     let lines = BUILTIN.iter().filter_map(|(name, _)| map::builtin(name)).map(|grid| {
         let size = format!("{}x{}", grid.width(), grid.height());
         let farthest = describe_diameter(Diameter::compute(&grid));
-        format!("{:<12}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count())
+        format!("{:<28}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count())
     });
     std::iter::once(head).chain(lines).collect()
 }

@@ -256,7 +256,7 @@ fn begin_run(request: &Request, registry: &Arc<Registry>) -> Result<Loaded, Repo
     }
     let mut trainer = begin(run, &*world, registry, request.threads)?;
     let Some(file) = &request.data else { return Ok(Loaded { trainer, warning: None }) };
-    let data = Dataset::read(file, trainer.spec()).map_err(from_data_error)?;
+    let data = Dataset::read(file, trainer.world()).map_err(from_data_error)?;
     let removed = trainer.learn_from(&data);
     let (all, file) = (data.source().transitions, sanitized(&file.to_string_lossy()));
     if 2 * removed > all {

@@ -14,6 +14,7 @@ mod grid;
 mod half_cells;
 mod load;
 mod octile;
+mod ogbench;
 mod random;
 mod scale;
 mod scenario;
@@ -32,6 +33,7 @@ pub use load::{
     Reading, agents_of, load_map, load_map_as, load_map_like, load_scenario, parse_map,
     parse_scenario_bytes, read_scenario,
 };
+pub use ogbench::Ogbench;
 pub use random::{RANDOM_SIZES, RandomMapKind, random};
 pub use scale::MapScale;
 pub use scenario::{Scenario, ScenarioTask};

@@ -64,7 +64,7 @@ fn samples_of_each_format_are_the_same_maze() {
 #[test]
 fn agents_of_a_planner_s_map_are_tasks_on_it_at_any_scale() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/valid/mapf.yaml");
-    let scale = MapScale { cell: 4, margin: 1.5, goal_radius: 2.0 };
+    let scale = MapScale { cell: 4, margin: 1.5, goal_radius: 2.0, benchmark: None };
     let map = load_map_as(&file, &Reading { scale, ..Reading::default() }).unwrap();
     assert_eq!((map.width(), map.height(), map.scale()), (20, 20, scale));
     for (map, to) in [(maze(&['S', 'G', 'C']), 1_usize), (map, 4)] {
@@ -102,7 +102,7 @@ fn an_edited_maze_gets_the_scale_of_the_run_and_an_enlarged_one_keeps_its_cells(
         std::fs::write(&path, text).unwrap();
         path
     };
-    let scale = MapScale { cell: 3, margin: 1.0, goal_radius: 2.0 };
+    let scale = MapScale { cell: 3, margin: 1.0, goal_radius: 2.0, benchmark: None };
     let run = scale.of("maze", &maze(&[])).unwrap();
     let like = |path: &Path| load_map_like(path, &run, 0.5).unwrap().named("maze");
     assert_eq!(like(&write("maze.txt", MAZE)), run);

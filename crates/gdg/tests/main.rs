@@ -7,6 +7,7 @@ mod data;
 mod fetch_reach;
 mod formats;
 mod maps;
+mod ogbench;
 mod rivals;
 mod runs;
 mod training;

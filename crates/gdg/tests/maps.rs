@@ -123,7 +123,7 @@ fn built_in_maps_have_the_expected_diameters() {
     };
     assert!((119..=120).contains(&farthest("fourrooms")), "{}", farthest("fourrooms"));
     assert!((235..=245).contains(&farthest("city")), "{}", farthest("city"));
-    assert_eq!(BUILTIN.len(), 3);
+    assert_eq!(BUILTIN.len(), 7);
 }
 
 #[test]

@@ -326,7 +326,7 @@ impl Worker {
             if let Some(data) = self.trainer.data()
                 && trainer.world().title() == self.trainer.world().title()
             {
-                trainer.learn_from(&Dataset::reread(data, registry.data(), trainer.spec())?);
+                trainer.learn_from(&Dataset::reread(data, registry.data(), trainer.world())?);
             }
             Ok::<_, TrainError>(trainer)
         };

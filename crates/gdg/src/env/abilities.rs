@@ -47,6 +47,13 @@ pub trait Recorded {
         None
     }
 
+    /// Turns a state of a file of recorded transitions into one of the world, if files have another
+    /// unit or origin; the same for a goal or any position.
+    fn own_state(&self, _state: &mut [f32]) {}
+
+    /// Turns a state of the world into one of such a file.
+    fn recorded_state(&self, _state: &mut [f32]) {}
+
     /// Writes the data that [`WorldKind::load`](super::WorldKind::load) reads. The trainer saves
     /// the agents' full states and the visits.
     fn save(&self, _store: &mut Store) {}

@@ -1,5 +1,6 @@
 //! The point maze: continuous positions on a grid map, the setting of SoRB (Eysenbach et al. 2019).
 
+mod ogbench;
 mod probe_grid;
 mod tasks;
 mod truth;
@@ -18,7 +19,7 @@ use super::{
     TaskSet, WorldKind,
 };
 use crate::map::{
-    Cell, Diameter, Grid, MapScale, ScenarioTask, StepSearch, parse_map, print_ascii,
+    Cell, Diameter, Grid, MapScale, Ogbench, ScenarioTask, StepSearch, parse_map, print_ascii,
 };
 use crate::store::{Store, StoreError};
 use crate::text::{counted, safe_file_name};
@@ -150,6 +151,11 @@ impl PointMaze {
         (self.map.width(), self.map.height())
     }
 
+    /// Returns the benchmark that the map is of, if any.
+    fn benchmark(&self) -> Option<Ogbench> {
+        self.map.scale().benchmark
+    }
+
     /// Returns the map that the agents move on.
     pub fn map(&self) -> &Arc<Grid> {
         &self.map
@@ -249,7 +255,7 @@ impl PointMaze {
 
     /// Steps all agents, as [`Environment::step`].
     pub fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) {
-        let noise = self.settings.noise;
+        let (noise, benchmark) = (self.settings.noise, self.benchmark());
         for (position, action) in self.positions.chunks_exact_mut(2).zip(actions.chunks_exact(2)) {
             let mut a = [action[0].clamp(-1.0, 1.0), action[1].clamp(-1.0, 1.0)];
             if noise > 0.0 {
@@ -258,7 +264,9 @@ impl PointMaze {
                     *component = (*component + noise * sample).clamp(-1.0, 1.0);
                 }
             }
-            position.copy_from_slice(&slide(&self.map, [position[0], position[1]], a));
+            let here = [position[0], position[1]];
+            let begin = benchmark.map_or(here, |benchmark| benchmark.begin_step(here, rng));
+            position.copy_from_slice(&slide(&self.map, begin, a));
         }
     }
 
@@ -275,13 +283,15 @@ impl PointMaze {
     }
 
     /// Returns tasks of the scenario if there is one: six times `per_group`, evenly spaced through
-    /// it. Otherwise draws random tasks at six distances, the farthest at 0.9 of the map's
-    /// diameter.
+    /// it. Otherwise draws `per_group` of each of the benchmark's, or random tasks at six distances,
+    /// the farthest at 0.9 of the map's diameter.
     pub fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
-        if self.scenario.is_empty() {
-            self.tasks_at(&tasks::distances(self.diameter()), per_group, rng)
-        } else {
-            tasks::from_scenario(&self.map, &self.scenario, per_group)
+        if !self.scenario.is_empty() {
+            return tasks::from_scenario(&self.map, &self.scenario, per_group);
+        }
+        match self.benchmark() {
+            Some(benchmark) => benchmark.draw_tasks(&self.map, per_group, rng),
+            None => self.tasks_at(&tasks::distances(self.diameter()), per_group, rng),
         }
     }
 }
@@ -368,6 +378,20 @@ impl Recorded for PointMaze {
         Map::from_iter([("map".to_owned(), facts)])
     }
 
+    fn own_state(&self, state: &mut [f32]) {
+        if self.benchmark().is_some() {
+            let cells = |length: f32| (length - Ogbench::ORIGIN) / Ogbench::CELL_LENGTH;
+            state.iter_mut().for_each(|component| *component = cells(*component));
+        }
+    }
+
+    fn recorded_state(&self, state: &mut [f32]) {
+        if self.benchmark().is_some() {
+            let length = |cells: f32| cells * Ogbench::CELL_LENGTH + Ogbench::ORIGIN;
+            state.iter_mut().for_each(|component| *component = length(*component));
+        }
+    }
+
     fn save(&self, store: &mut Store) {
         store.put_text("map_name", self.map.name());
         store.put_text("map", print_ascii(&self.map));
@@ -388,6 +412,10 @@ impl Episodes for PointMaze {
         self.map.starts().iter().any(|start| self.component_of[self.map.index(*start)] == component)
     }
 
+    fn episode_steps(&self) -> Option<u32> {
+        self.benchmark().map(|_| Ogbench::EPISODE_STEPS)
+    }
+
     /// Returns the task from the map's first start to its first goal.
     fn default_task(&self) -> Option<Task> {
         tasks::marked(&self.map)
@@ -399,7 +427,11 @@ impl Evaluated for PointMaze {
         Ok(self.tasks(per_group, rng))
     }
 
+    /// Returns those of paths on the map; none if there are teleports.
     fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
+        if self.benchmark().is_some_and(|benchmark| !benchmark.exits().is_empty()) {
+            return None;
+        }
         Some(Box::new(truth::MazeGroundTruth::new(
             &self.map,
             &self.components[self.largest as usize],
@@ -478,9 +510,19 @@ impl Editable for PointMaze {
         if !free(state) || !free(next) {
             return false;
         }
-        let reached = slide(&self.map, [state[0], state[1]], [action[0], action[1]]);
-        let off = (reached[0] - next[0]).abs().max((reached[1] - next[1]).abs());
-        self.settings.noise > 0.0 || off < POSITION_TOLERANCE_CELLS
+        if self.settings.noise > 0.0 {
+            return true;
+        }
+        let leads = |begin: [f32; 2]| {
+            let reached = slide(&self.map, begin, [action[0], action[1]]);
+            let off = (reached[0] - next[0]).abs().max((reached[1] - next[1]).abs());
+            off < POSITION_TOLERANCE_CELLS
+        };
+        let here = [state[0], state[1]];
+        match self.benchmark().map_or(&[][..], |benchmark| benchmark.exits_from(here)) {
+            [] => leads(here),
+            exits => exits.iter().any(|exit| leads(Ogbench::middle(*exit))),
+        }
     }
 }
 

@@ -18,6 +18,13 @@ impl MapScale {
             let help = format!("a goal radius is from {least} to {most} cells");
             return Err(MapError::whole_file(file, problem, help));
         }
+        if maze.scale() != Self::default() {
+            if self == Self::default() {
+                return Ok(maze.clone());
+            }
+            let help = "leave --cell, --margin and --goal-radius out";
+            return Err(MapError::whole_file(file, "the map has a scale of its own", help));
+        }
         if cell == 1 && margin == 0.0 {
             return Ok(maze.clone().with_scale(self));
         }
@@ -95,7 +102,7 @@ mod tests {
 
     fn scaled(text: &str, cell: usize, margin: f32) -> MapResult<String> {
         let maze = parse_map("maze", text.as_bytes()).expect("a map");
-        let scale = MapScale { cell, margin, goal_radius: 2.0 };
+        let scale = MapScale { cell, margin, goal_radius: 2.0, ..MapScale::default() };
         let map = scale.of("maze", &maze)?;
         assert_eq!(map.scale(), scale);
         Ok(print_ascii(&map))

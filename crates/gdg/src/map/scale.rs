@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::ogbench::Ogbench;
+
 /// How the cells of a map relate to the maze that it was read from and to the body that moves there.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -12,11 +14,14 @@ pub struct MapScale {
     pub margin: f32,
     /// A goal is reached below this distance, in cells.
     pub goal_radius: f32,
+    /// The benchmark that it is of, with tasks of its own, if any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub benchmark: Option<Ogbench>,
 }
 
 impl Default for MapScale {
     fn default() -> Self {
-        Self { cell: 1, margin: 0.0, goal_radius: 1.0 }
+        Self { cell: 1, margin: 0.0, goal_radius: 1.0, benchmark: None }
     }
 }
 
@@ -29,6 +34,16 @@ impl MapScale {
 
     /// The goal radii that a map can have, in cells.
     pub const GOAL_RADII: std::ops::RangeInclusive<f32> = 0.1..=100.0;
+
+    /// Returns the scale of a maze of OGBench.
+    pub fn of_benchmark(benchmark: Ogbench) -> Self {
+        Self {
+            cell: Ogbench::BLOCK_CELLS,
+            margin: Ogbench::BALL_CELLS,
+            goal_radius: Ogbench::GOAL_CELLS,
+            benchmark: Some(benchmark),
+        }
+    }
 
     /// Returns whether all values are within their ranges.
     pub fn is_valid(&self) -> bool {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::{DataError, TrainError};
 use super::memory;
-use crate::env::{MAX_MAGNITUDE, Spec};
+use crate::env::{Environment, MAX_MAGNITUDE};
 use crate::learn::{Replay, ReplaySizes};
 use crate::store::StoreError;
 
@@ -57,23 +57,26 @@ pub struct Dataset {
 impl Dataset {
     /// Reads an `.npz` file with `observations` (rows, `state_dim`), `actions` (rows, `action_dim`)
     /// in [-1, 1], and `terminals` (rows), which are not 0 in the last row of each episode. The
-    /// action of a row leads to the next one.
+    /// action of a row leads to the next one. States are in the unit of the world's records.
     ///
     /// # Errors
-    /// It cannot be read, is no such file, or does not fit a world with `spec`.
-    pub fn read(file: &Path, spec: &Spec) -> Result<Self, DataError> {
+    /// It cannot be read, is no such file, or does not fit the world.
+    pub fn read(file: &Path, world: &dyn Environment) -> Result<Self, DataError> {
         let name = file.to_string_lossy().into_owned();
         let unread = |error| DataError::Unread { file: name.clone(), error };
         let (checksum, bytes) = checksum(file).map_err(unread)?;
         let unfit = |problem| DataError::Unfit { file: name.clone(), problem };
         let arrays = Arrays::open(file, bytes).map_err(unfit)?;
-        let sizes = ReplaySizes::of(spec);
+        let sizes = ReplaySizes::of(world.spec());
         let read = || -> Result<Self, String> {
             let rows = arrays.rows(sizes)?;
-            let states = arrays.table(STATES, sizes.state, "the world's states")?;
+            let mut states = arrays.table(STATES, sizes.state, "the world's states")?;
             let mut actions = arrays.table(ACTIONS, sizes.action, "the world's actions")?;
             let last = arrays.column(ENDS)?;
             check(STATES, &states, sizes.state, MAX_MAGNITUDE, "finite, and at most 1e9 in size")?;
+            if let Some(recorded) = world.abilities().recorded {
+                states.chunks_exact_mut(sizes.state).for_each(|s| recorded.own_state(s));
+            }
             check(ACTIONS, &actions, sizes.action, 1.0 + ACTION_TOLERANCE, "in [-1, 1]")?;
             actions.iter_mut().for_each(|action| *action = action.clamp(-1.0, 1.0));
             let mut ends: Vec<usize> = (1..=rows).filter(|row| last[row - 1] != 0.0).collect();
@@ -114,12 +117,12 @@ impl Dataset {
     pub fn reread(
         source: &DataSource,
         moved: Option<&Path>,
-        spec: &Spec,
+        world: &dyn Environment,
     ) -> Result<Self, DataError> {
         let is_own = |file: &&Path| checksum(file).is_ok_and(|(own, _)| own == source.checksum);
         let places = [Some(&*source.file), moved].into_iter().flatten();
         if let Some(file) = places.clone().find(is_own) {
-            return Self::read(file, spec);
+            return Self::read(file, world);
         }
         let file = moved.unwrap_or(&source.file).to_string_lossy().into_owned();
         if let Err(error) = checksum(Path::new(&file)) {
@@ -188,12 +191,12 @@ impl Dataset {
     }
 }
 
-/// Returns the contents of an `.npz` file with all complete transitions of a replay buffer, as
-/// [`Dataset::read`] reads them.
+/// Returns the contents of an `.npz` file with all complete transitions of a replay buffer in
+/// `world`, as [`Dataset::read`] reads them.
 ///
 /// # Errors
 /// There are none, or no temporary file can be written.
-pub fn data_file(replay: &Replay) -> Result<Vec<u8>, TrainError> {
+pub fn data_file(replay: &Replay, world: &dyn Environment) -> Result<Vec<u8>, TrainError> {
     let (mut states, mut actions, mut ends) = (Vec::new(), Vec::new(), Vec::new());
     replay.visit_rows(|state, action, is_last| {
         states.extend(state);
@@ -203,6 +206,10 @@ pub fn data_file(replay: &Replay) -> Result<Vec<u8>, TrainError> {
     let rows = ends.len();
     if rows == 0 {
         return Err(StoreError::inconsistent("it has no transitions yet").into());
+    }
+    if let Some(recorded) = world.abilities().recorded {
+        let width = states.len() / rows;
+        states.chunks_exact_mut(width).for_each(|state| recorded.recorded_state(state));
     }
     let table = |numbers: Vec<f32>| {
         let columns = numbers.len() / rows;

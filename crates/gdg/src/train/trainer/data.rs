@@ -146,7 +146,7 @@ impl Trainer {
             store.texts().contains_key(DATA).then(|| store.json(DATA)).transpose()?;
         match &mut data {
             Some(data @ Data { own_replay: None, .. }) => {
-                match Dataset::reread(&data.source, self.registry.data(), self.spec()) {
+                match Dataset::reread(&data.source, self.registry.data(), self.world()) {
                     Ok(read) => {
                         self.replay = self.replay_of(&read);
                         data.source = read.source().clone();
