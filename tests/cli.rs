@@ -891,6 +891,25 @@ fn frames_writes_nothing_on_errors_and_replaces_files_only_with_overwrite() {
 }
 
 #[test]
+fn recorded_data_of_ogbench_are_learned_from_in_its_built_in_mazes() {
+    let recording = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("crates/gdg/tests/data/ogbench/giant.npz")
+        .into_os_string()
+        .into_string()
+        .unwrap();
+    let small = ["--set", "hidden=16", "--max-updates", "5", "--eval-tasks", "1"];
+    let args = [&["--no-ui", "ogbench-pointmaze-giant", "--data", &recording][..], &small].concat();
+    let output = gdg().args(&args).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let warning = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(warning.contains("of 4000 transitions are left out"), "contacts differ: {warning}");
+    let output = gdg().args(["check", "ogbench-pointmaze-giant", "--cell", "2"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(error.contains("the map has a scale of its own"), "{error}");
+}
+
+#[test]
 fn a_map_can_be_edited_at_a_given_update() {
     let folder = tempfile::tempdir().unwrap();
     let edited = folder.path().join("wider.txt");

@@ -386,3 +386,61 @@ fn bad_arguments_are_named_before_anything_runs() {
         assert!(!place.path("out").exists(), "{args:?}");
     }
 }
+
+/// The mazes of OGBench.
+const MAZES: [&str; 4] = ["medium", "large", "giant", "teleport"];
+
+#[test]
+fn ogbench_is_learned_from_files_and_stands_beside_published_results() {
+    let place = Place::new();
+    std::fs::create_dir(place.path("sets")).unwrap();
+    let recordings = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/gdg/tests/data/ogbench");
+    for (maze, kind) in MAZES.iter().flat_map(|maze| [(maze, "navigate"), (maze, "stitch")]) {
+        let to = place.path(&format!("sets/pointmaze-{maze}-{kind}-v0.npz"));
+        std::fs::copy(recordings.join(format!("{maze}.npz")), to).unwrap();
+    }
+    let args = ["ogbench", "--updates", "40", "--data-dir", "sets", "--out", "out"];
+    let whole = place.run(&args);
+    assert_eq!(whole.status, Some(0), "{}", whole.err);
+    let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
+    has_parts(
+        &report,
+        &[
+            "# OGBench's point mazes",
+            "gdg-tui reproduce ogbench --budget quick --updates 40 --seeds 1 --eval-tasks 1 --data-dir sets",
+            "| giant-navigate | 0 | 68 | 27 | 46 | 92 | 67 | ",
+            "| teleport-stitch | 44 | 9 | 4 | 34 | - | 13 | ",
+            "](figures/ogbench.png)",
+        ],
+    );
+    assert!(!report.contains("the city"), "what is said of the paper's maps");
+    let data: Value = serde_json::from_slice(&place.files("out/data")["ogbench.json"]).unwrap();
+    assert_eq!(data["data"]["methods"].as_array().unwrap().len(), 8);
+    for panel in data["data"]["panels"].as_array().unwrap() {
+        assert_eq!(panel["curves"].as_array().unwrap().len(), 8, "{}", panel["measure"]);
+    }
+    // Another file in place of one is another job.
+    let again = place.run(&args);
+    has_parts(&again.err, &["8 jobs done, 0 to run"]);
+    let changed = place.path("sets/pointmaze-giant-stitch-v0.npz");
+    std::fs::remove_file(&changed).unwrap();
+    std::fs::copy(place.path("sets/pointmaze-large-stitch-v0.npz"), &changed).unwrap();
+    let other = place.run(&args);
+    has_parts(&other.err, &["7 jobs done, 1 to run", "impossible on this map"]);
+    assert_eq!(other.status, Some(0), "{}", other.err);
+}
+
+#[test]
+fn a_dataset_that_is_not_there_needs_ogbench_in_python() {
+    let place = Place::new();
+    let args = ["ogbench", "--data-dir", "sets", "--python", "/no/such/python", "--out", "out"];
+    let refused = place.run(&args);
+    assert_eq!(refused.status, Some(2), "{}", refused.err);
+    has_parts(
+        &refused.err,
+        &["medium-navigate: not collected: /no/such/python: not found", "the package ogbench"],
+    );
+    let collect = place.run(&["ogbench", "--data-dir", "sets", "--collect"]);
+    assert_eq!(collect.status, Some(2), "{}", collect.err);
+    has_parts(&collect.err, &["pointmaze-medium-navigate-v0.npz"]);
+}

@@ -6,13 +6,14 @@ use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use super::values::{counts, output};
-use crate::experiment::reproduce::{self, Budget, FIGURES};
+use crate::experiment::reproduce::{self, Budget, DataFolder, FIGURES};
 
 const EXAMPLES: &str = "\
 Examples:
   gdg-tui reproduce all                      all figures; the same command resumes after an interruption
   gdg-tui reproduce fig3 fig4 --budget paper --out /shared/paper
   gdg-tui reproduce fig6 --set gdg:hidden=256    another network for one method: runs only its jobs again
+  gdg-tui reproduce ogbench                  learning from OGBench's datasets, beside published results
   gdg-tui reproduce all --list-jobs          a complete command per line, for the nodes of a cluster
   gdg-tui reproduce all --collect            figures and report from the jobs that are done
 
@@ -23,7 +24,7 @@ Exit status: 0 success; 1 a job failed, or --collect found jobs missing; 2 bad u
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct ReproduceArgs {
-    /// Figures of the paper, or all of them
+    /// Figures of the paper, all of them, or OGBench's point mazes
     #[arg(value_name = "FIGURE", required = true, value_parser = figures())]
     pub figures: Vec<String>,
 
@@ -46,6 +47,15 @@ pub struct ReproduceArgs {
     /// Runs per method in figures over several seeds, with seeds 1, 2, ...
     #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1000))]
     pub seeds: Option<u64>,
+
+    /// Folder of OGBench's datasets, for the figure ogbench; those that are not there are collected
+    #[arg(long, value_name = "FOLDER", default_value = "saves/ogbench", value_parser = output())]
+    pub data_dir: PathBuf,
+
+    /// Python interpreter with the package ogbench, to collect them [default: that of the active
+    /// virtual environment, else python3]
+    #[arg(long, value_name = "PATH")]
+    pub python: Option<PathBuf>,
 
     /// Evaluation tasks at each of six distances (five for the arm) at the end, and at most that
     /// many along the way
@@ -84,7 +94,7 @@ pub struct ReproduceArgs {
 
 fn figures() -> PossibleValuesParser {
     let figures = FIGURES.iter().map(|figure| PossibleValue::new(figure.name).help(figure.title));
-    figures.chain([PossibleValue::new("all").help("All of them")]).collect::<Vec<_>>().into()
+    figures.chain([PossibleValue::new("all").help("All of the paper's")]).collect::<Vec<_>>().into()
 }
 
 fn budgets() -> impl TypedValueParser<Value = Budget> {
@@ -104,6 +114,7 @@ impl From<ReproduceArgs> for reproduce::Options {
             steps: args.steps,
             seeds: args.seeds,
             eval_tasks: args.eval_tasks,
+            data: DataFolder { folder: args.data_dir, python: args.python },
             set: args.set,
             out: args.out,
             jobs: args.jobs,

@@ -1,5 +1,7 @@
 //! How long a job trains, when it evaluates, and what it measures at the end.
 
+use std::path::PathBuf;
+
 use serde::Serialize;
 
 use gdg::train::{Counters, EvaluateAt, Limits};
@@ -57,6 +59,16 @@ impl Length {
     }
 }
 
+/// Recorded transitions that a job learns from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct JobData {
+    /// The file.
+    #[serde(skip)]
+    pub file: PathBuf,
+    /// CRC-32 of its contents.
+    pub checksum: u32,
+}
+
 /// What a job does besides training.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plan {
@@ -79,6 +91,9 @@ pub struct Plan {
     /// Whether to walk the longest of a few evaluation tasks at the end, in any world.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub long_walk: bool,
+    /// What it learns from instead of acting, if given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub data: Option<JobData>,
 }
 
 impl Plan {
@@ -94,6 +109,7 @@ impl Plan {
             bridge: false,
             picture: false,
             long_walk: false,
+            data: None,
         }
     }
 

@@ -1,7 +1,8 @@
 //! `gdg-tui reproduce`: the figures of "Reinforcement Learning with Goal-Distance Gradient", one
-//! command each.
+//! command each, and the point mazes of OGBench.
 
 mod curves;
+mod datasets;
 mod draw;
 mod figures;
 mod grip;
@@ -28,6 +29,7 @@ use super::world::JobWorld;
 use crate::host::report::from_config_error;
 use crate::host::setup::{parallel_jobs, settings_of, split_prefix};
 use crate::host::status::EXIT_FAILURE;
+pub use datasets::DataFolder;
 pub use figures::{Budget, FIGURES, Figure};
 use gdg::printing::eprint_line;
 use gdg::text::counted;
@@ -37,7 +39,7 @@ use methods::Entry;
 /// Which figures to reproduce, how, and where.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Names of figures, or `all`.
+    /// Names of figures, or `all` for those of the paper.
     pub figures: Vec<String>,
     /// How much to train.
     pub budget: Budget,
@@ -51,6 +53,8 @@ pub struct Options {
     pub seeds: Option<u64>,
     /// Evaluation tasks at each distance; otherwise those of the figure.
     pub eval_tasks: Option<u32>,
+    /// Where datasets are.
+    pub data: DataFolder,
     /// Changes of settings of all methods, or of one, `[METHOD:]NAME=VALUE`.
     pub set: Vec<String>,
     /// Folder of jobs and results.
@@ -107,10 +111,17 @@ pub fn prepare<'a>(
     options: &'a Options,
     registry: &Arc<Registry>,
 ) -> Result<Reproduction<'a>, Report> {
-    let chosen =
-        |figure: &&Figure| options.figures.iter().any(|name| name == figure.name || name == "all");
+    let chosen = |figure: &&Figure| {
+        let is_named = |name: &String| name == figure.name || name == "all" && figure.is_of_paper();
+        options.figures.iter().any(is_named)
+    };
     let chosen: Vec<&'static Figure> = FIGURES.iter().filter(chosen).collect();
     check_prefixes(&options.set, &chosen)?;
+    if !options.collect {
+        let entries = chosen.iter().flat_map(|figure| figure.methods);
+        let datasets: Vec<&str> = entries.filter_map(|entry| entry.dataset).collect();
+        options.data.collect(&datasets, parallel_jobs(options.jobs))?;
+    }
     let (mut figures, mut unavailable) = (Vec::new(), BTreeSet::new());
     for figure in chosen {
         let mut methods = Vec::new();
@@ -157,13 +168,15 @@ fn jobs(
 ) -> Result<Vec<Job>, Report> {
     let own = entry.set.iter().map(|text| (*text).to_owned());
     let set: Vec<String> = own.chain(settings_of(entry.name, &options.set)).collect();
-    let defaults = registry.world_opened_by(figure.world).map_or(&[][..], |kind| kind.defaults);
+    let world = entry.world(figure.world);
+    let defaults = registry.world_opened_by(&world).map_or(&[][..], |kind| kind.defaults);
     let settings = settings_from(preset, &Overrides { defaults, config: None, set: &set })
         .map_err(|error| {
             from_config_error(error)
                 .wrap_err(format!("the settings of {} cannot be used", entry.name))
         })?;
     let mut plan = figure.plan(options.budget, entry.name);
+    plan.data = entry.dataset.map(|dataset| options.data.find(dataset)).transpose()?;
     let lengths = [
         options.updates.map(Length::Updates),
         options.episodes.map(Length::Episodes),
@@ -173,10 +186,14 @@ fn jobs(
     if let Some(tasks) = options.eval_tasks {
         (plan.eval_tasks, plan.last_tasks) = (plan.eval_tasks.min(tasks), tasks);
     }
-    let seeds = if figure.several_seeds { options.seeds.unwrap_or(figure.seeds()) } else { 1 };
+    let seeds = if figure.several_seeds {
+        options.seeds.unwrap_or(figure.seeds(options.budget))
+    } else {
+        1
+    };
     let job = |seed| {
         let run = Run { method: entry.method(), preset, seed, settings: settings.clone() };
-        Job::new(JobWorld::find(figure.world, seed, registry)?, Some(entry.name), run, plan.clone())
+        Job::new(JobWorld::find(&world, seed, registry)?, Some(entry.name), run, plan.clone())
     };
     (1..=seeds).map(job).collect()
 }
@@ -278,6 +295,9 @@ impl Reproduction<'_> {
         for (name, value) in numbers {
             words.extend(value.map(|value| format!("{name} {value}")));
         }
+        if self.figures.iter().any(|jobs| !jobs.figure.is_of_paper()) {
+            words.push(format!("--data-dir {}", quoted(&options.data.folder.to_string_lossy())));
+        }
         words.extend(options.set.iter().map(|setting| format!("--set {}", quoted(setting))));
         words.join(" ")
     }
@@ -319,7 +339,9 @@ impl Reproduction<'_> {
             }
         }
         let missing: Vec<String> = missing.into_iter().collect();
-        let text = report::report(&self.arguments(), &sections, &missing, &self.unavailable);
+        let of_paper = self.figures.iter().any(|jobs| jobs.figure.is_of_paper());
+        let arguments = self.arguments();
+        let text = report::report(&arguments, of_paper, &sections, &missing, &self.unavailable);
         self.folder.write("report.md", text.as_bytes())?;
         print_raw(&charts)?;
         eprint_line(&format!("report: {}", self.folder.path("report.md").display()));

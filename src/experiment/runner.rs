@@ -16,7 +16,7 @@ use super::plan::Length;
 use super::progress::Progress;
 use crate::headless::{Saver, evaluate, save_interval};
 use crate::host::report::print_error;
-use crate::host::setup::{begin, elsewhere, save_elsewhere};
+use crate::host::setup::{begin, elsewhere, learn_from, save_elsewhere};
 use crate::host::signals::TerminationSignal;
 use gdg::files::{LockFile, check_writable};
 use gdg::printing::eprint_line;
@@ -200,6 +200,7 @@ impl Runner {
         {
             match train::load(&checkpoint, &self.registry, 1) {
                 Ok(loaded) if job.is_run_of(&loaded.trainer) => {
+                    loaded.trainer.check_data().into_diagnostic()?;
                     loaded.warning.iter().for_each(|warning| at.progress.line(warning));
                     let done = length.done(&loaded.trainer.counters());
                     at.progress.line(&format!("{name}: resumes after {done} of {amount} {unit}"));
@@ -212,7 +213,13 @@ impl Runner {
             }
         }
         at.progress.line(&format!("{name}: begins, {amount} {unit}"));
-        begin(job.run.clone(), &*job.world.create(&self.registry)?, &self.registry, 1)
+        let world = job.world.create(&self.registry)?;
+        let mut trainer = begin(job.run.clone(), &*world, &self.registry, 1)?;
+        let data = job.plan.data.as_ref();
+        if let Some(warning) = data.map_or(Ok(None), |data| learn_from(&mut trainer, &data.file))? {
+            at.progress.line(&warning);
+        }
+        Ok(trainer)
     }
 
     /// Trains and evaluates to the end; returns whether it got there before a signal arrived.

@@ -212,7 +212,7 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
         None => begin_run(request, registry)?,
     };
     trainer.check_data().map_err(from_data_error)?;
-    if request.data.is_some() && !trainer.reads_data() {
+    if resumed.is_some() && request.data.is_some() && !trainer.reads_data() {
         let help = "leave --data out, or begin a run with it";
         return Err(miette!(
             help = help,
@@ -255,7 +255,17 @@ fn begin_run(request: &Request, registry: &Arc<Registry>) -> Result<Loaded, Repo
         return Err(miette!(help = help, "offline_updates: without --data, agents always act"));
     }
     let mut trainer = begin(run, &*world, registry, request.threads)?;
-    let Some(file) = &request.data else { return Ok(Loaded { trainer, warning: None }) };
+    let data = request.data.as_deref();
+    let warning = data.map_or(Ok(None), |file| learn_from(&mut trainer, file))?;
+    Ok(Loaded { trainer, warning })
+}
+
+/// Has `trainer` learn from the recorded transitions in `file`; returns a warning if some of them
+/// are impossible in its world.
+///
+/// # Errors
+/// The file cannot be read, does not fit, or most of it is impossible.
+pub fn learn_from(trainer: &mut Trainer, file: &Path) -> Result<Option<String>, Report> {
     let data = Dataset::read(file, trainer.world()).map_err(from_data_error)?;
     let removed = trainer.learn_from(&data);
     let (all, file) = (data.source().transitions, sanitized(&file.to_string_lossy()));
@@ -266,12 +276,11 @@ fn begin_run(request: &Request, registry: &Arc<Registry>) -> Result<Loaded, Repo
             "{file}: {removed} of {all} transitions are impossible on this map"
         ));
     }
-    let warning = (removed > 0).then(|| {
+    Ok((removed > 0).then(|| {
         format!(
             "warning: {file}: {removed} of {all} transitions are left out: impossible on this map"
         )
-    });
-    Ok(Loaded { trainer, warning })
+    }))
 }
 
 /// Gives `maze` the tasks of a scenario; returns a warning if that names another map. The map of a

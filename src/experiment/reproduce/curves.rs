@@ -46,6 +46,12 @@ impl Point {
         self.values.iter().map(|(_, value)| value).sum::<f64>() / self.values.len() as f64
     }
 
+    /// Returns the shares as per cent.
+    pub fn in_percent(&self) -> Self {
+        let values = self.values.iter().map(|(seed, value)| (*seed, 100.0 * value)).collect();
+        Self { x: self.x, values }
+    }
+
     /// Returns the smallest and the largest value of any seed.
     pub fn range(&self) -> (f64, f64) {
         let values = || self.values.iter().map(|(_, value)| *value);
@@ -97,6 +103,20 @@ pub fn panels(figure: &Figure, methods: &[MethodResults]) -> Vec<Panel> {
                 }),
             },
         ],
+        Shows::Datasets => {
+            let of = |measure, label, success: fn(&Evaluation) -> Option<f64>| Panel {
+                measure,
+                labels: [over.label(), label],
+                top: Some(1.0),
+                curves: curves(methods, |method, result| {
+                    training(over, &method.plan, result, &success)
+                }),
+            };
+            vec![
+                of("planned", "success rate, planned", |e| e.planned.as_ref()?.success),
+                of("actor_alone", "success rate, actor alone", |e| e.greedy.success),
+            ]
+        }
         Shows::Bridge | Shows::Paths => Vec::new(),
     }
 }

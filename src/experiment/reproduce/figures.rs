@@ -2,7 +2,7 @@
 
 use super::methods::{
     ARM_DDPG_DISTANCE, ARM_GDG, ARM_GDG_BRIDGE, ARM_GDG_DISTANCE, ARM_HER, DDPG, DDPG_DISTANCE,
-    DEFAULT, DEFAULT_GDG, Entry, GDG, GDG_BRIDGE, HER, RANDOM, SORB,
+    DEFAULT, DEFAULT_GDG, Entry, GDG, GDG_BRIDGE, HER, OGBENCH, RANDOM, SORB,
 };
 use crate::experiment::plan::{Length, Plan};
 
@@ -66,7 +66,7 @@ pub struct Figure {
     pub name: &'static str,
     /// What it shows, in a few words.
     pub title: &'static str,
-    /// The built-in map or world.
+    /// The built-in map or world; `ogbench` if every entry has its own.
     pub world: &'static str,
     /// The methods.
     pub methods: &'static [Entry],
@@ -95,13 +95,15 @@ pub enum Shows {
     Paths,
     /// Distance left to the map's goal, over training.
     DistanceLeft,
+    /// Success over training on several datasets, with and without plans.
+    Datasets,
 }
 
 /// The methods of Figures 3 and 4: the paper's five, our default and SoRB.
 const COMPARED: &[Entry] = &[DEFAULT, GDG_BRIDGE, GDG, HER, DDPG, SORB, RANDOM];
 
 /// All figures.
-pub const FIGURES: [Figure; 7] = [
+pub const FIGURES: [Figure; 8] = [
     Figure {
         name: "fig1",
         title: "Arm: success over training",
@@ -176,6 +178,15 @@ pub const FIGURES: [Figure; 7] = [
             ("ddpg-distance", "does not reach it"),
         ],
     },
+    Figure {
+        name: "ogbench",
+        title: "OGBench's point mazes: success over training on recorded data",
+        world: "ogbench",
+        methods: &OGBENCH,
+        shows: Shows::Datasets,
+        several_seeds: true,
+        paper: &[],
+    },
 ];
 
 impl Figure {
@@ -183,6 +194,10 @@ impl Figure {
     /// plans and share jobs.
     pub fn plan(&self, budget: Budget, method: &str) -> Plan {
         match self.world {
+            "ogbench" => {
+                let updates = if budget == Budget::Quick { 5_000 } else { 10_000 };
+                Plan { last_tasks: 50, ..Plan::new(Length::Updates(updates), updates / 500, 10) }
+            }
             "fetch-reach" => ARM.plan(budget),
             "fetch-reach-wall" => Plan { long_walk: true, ..ARM_WALL.plan(budget) },
             _ => self.maze_plan(budget, method),
@@ -219,12 +234,18 @@ impl Figure {
     }
 
     /// Returns the number of seeds under a budget.
-    pub fn seeds(&self) -> u64 {
-        match (self.several_seeds, self.world) {
-            (false, _) => 1,
-            (true, "trap") => 3,
-            (true, _) => 5,
+    pub fn seeds(&self, budget: Budget) -> u64 {
+        match (self.several_seeds, self.world, budget) {
+            (false, ..) => 1,
+            (true, "ogbench", Budget::Paper) => 8,
+            (true, "trap" | "ogbench", _) => 3,
+            (true, ..) => 5,
         }
+    }
+
+    /// Returns whether it is one of the paper's.
+    pub fn is_of_paper(&self) -> bool {
+        self.shows != Shows::Datasets
     }
 }
 
@@ -242,18 +263,27 @@ impl ArmSteps {
 
 #[cfg(test)]
 mod tests {
+    use super::super::datasets::published_on;
     use super::*;
     use gdg::map::builtin;
     use gdg::train::Registry;
 
     #[test]
     fn figures_name_worlds_and_methods_that_exist_and_show_our_default_on_maps() {
-        for figure in &FIGURES {
+        for figure in FIGURES.iter().filter(|figure| figure.is_of_paper()) {
             let names: Vec<&str> = figure.methods.iter().map(|entry| entry.name).collect();
             let map = builtin(figure.world).is_some();
             assert!(map || Registry::builtin().world(figure.world).is_some(), "{}", figure.name);
             assert_eq!(map, names.contains(&"default"), "{}", figure.name);
             assert!(figure.paper.iter().all(|(name, _)| names.contains(name)), "{}", figure.name);
+        }
+    }
+
+    #[test]
+    fn every_dataset_has_a_map_and_published_results() {
+        for entry in &OGBENCH {
+            assert!(builtin(&entry.world("ogbench")).is_some(), "{}", entry.name);
+            assert!(published_on(entry.name).is_some(), "{}", entry.name);
         }
     }
 
@@ -270,7 +300,8 @@ mod tests {
 
     #[test]
     fn the_arm_is_evaluated_after_whole_steps_of_all_agents() {
-        for figure in FIGURES.iter().filter(|figure| builtin(figure.world).is_none()) {
+        let arm = |figure: &&Figure| figure.is_of_paper() && builtin(figure.world).is_none();
+        for figure in FIGURES.iter().filter(arm) {
             let registry = Registry::builtin();
             let defaults = registry.world(figure.world).expect("a world").defaults;
             assert!(defaults.contains(&"agents=8"), "{defaults:?}");

@@ -19,6 +19,9 @@ pub struct Entry {
     pub preset: &'static str,
     /// Settings that differ from the preset's, as `--set` takes them.
     pub set: &'static [&'static str],
+    /// The dataset of OGBench that it learns from instead of acting, in the built-in maze that
+    /// this is of, if any.
+    pub dataset: Option<&'static str>,
     /// Its colour: from Okabe and Ito's palette, which colour-blind people can tell apart, or grey.
     pub colour: Rgb,
 }
@@ -35,6 +38,7 @@ pub const DEFAULT: Entry = Entry {
     planner: Planner::Bridges,
     preset: "default",
     set: &[NOISE],
+    dataset: None,
     colour: (213, 94, 0),
 };
 
@@ -74,6 +78,7 @@ pub const HER: Entry = Entry {
     planner: Planner::None,
     preset: "tuned",
     set: &[NOISE],
+    dataset: None,
     colour: (0, 158, 115),
 };
 
@@ -119,7 +124,30 @@ pub const ARM_GDG: Entry = Entry { preset: "default", ..GDG };
 /// The arm: D is learned, with bridge points.
 pub const ARM_GDG_BRIDGE: Entry = Entry { preset: "default", ..GDG_BRIDGE };
 
+/// Our default on OGBench's datasets.
+pub const OGBENCH: [Entry; 8] = [
+    on_dataset("medium-navigate", (86, 180, 233)),
+    on_dataset("large-navigate", (0, 114, 178)),
+    on_dataset("giant-navigate", (0, 0, 0)),
+    on_dataset("teleport-navigate", (150, 150, 150)),
+    on_dataset("medium-stitch", (230, 159, 0)),
+    on_dataset("large-stitch", (213, 94, 0)),
+    on_dataset("giant-stitch", (0, 158, 115)),
+    on_dataset("teleport-stitch", (204, 121, 167)),
+];
+
+/// Returns our default on a dataset.
+const fn on_dataset(name: &'static str, colour: Rgb) -> Entry {
+    Entry { name, title: name, set: &[], dataset: Some(name), colour, ..DEFAULT }
+}
+
 impl Entry {
+    /// Returns the map or world that it learns in, in a figure of `world`.
+    pub fn world(&self, world: &str) -> String {
+        let maze = self.dataset.and_then(|dataset| dataset.split('-').next());
+        maze.map_or(world.to_owned(), |maze| format!("ogbench-pointmaze-{maze}"))
+    }
+
     /// Returns its preset, if `registry` has its learner: a build may lack either.
     pub fn preset(&self, registry: &Registry) -> Option<Preset> {
         registry.learner(self.learner).is_ok().then(|| Preset::named(self.preset)).flatten()

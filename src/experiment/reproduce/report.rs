@@ -2,6 +2,7 @@
 
 use super::MethodResults;
 use super::curves::{Curve, Panel, Point, stays_at};
+use super::datasets::{PUBLISHED_METHODS, published_on};
 use super::figures::{Figure, Shows};
 use super::output::{Drawn, paths_file};
 use crate::experiment::plan::Length;
@@ -27,20 +28,36 @@ const GRIP: &str = "The arm starts on one side of the wall, the goal is on the o
                     training with the first seed: from behind the robot with the table below, and \
                     from above. Red: the plan, with its waypoints.";
 
-/// Returns the report, with the sections of all figures.
+/// How datasets are learned from, and where the numbers of others come from.
+const DATASETS: &str = "in the built-in maze, after learning from a million recorded transitions \
+                        alone, on one core. Others: a million updates; GCIVL, QRL, CRL and HIQL \
+                        as in OGBench (Park et al., \
+                        [2410.20092](https://arxiv.org/abs/2410.20092)), TTGS as in \
+                        [2510.07257](https://arxiv.org/abs/2510.07257), ALPS as in \
+                        [2602.05031](https://arxiv.org/abs/2602.05031).";
+
+/// How the paper's figures were made.
+const OF_PAPER: &str = " Success: the goal reached within 500 steps, with the arm within its episode \
+                        of 50; methods that plan are evaluated with planning. Our maps are not the \
+                        paper's, whose arrays are not published: the city's farthest task takes \
+                        240 steps in both. \"-\": the paper gives no number.";
+
+/// Returns the report, with the sections of all figures, any of which is `of_paper`.
 pub fn report(
     arguments: &str,
+    of_paper: bool,
     sections: &[String],
     missing: &[String],
     unavailable: &[&str],
 ) -> String {
+    let (title, more) = if of_paper {
+        ("\"Reinforcement Learning with Goal-Distance Gradient\", reproduced", OF_PAPER)
+    } else {
+        ("OGBench's point mazes", "")
+    };
     let mut out = format!(
-        "# \"Reinforcement Learning with Goal-Distance Gradient\", reproduced\n\nMade by gdg-tui \
-         {} with\n\n```sh\ngdg-tui {arguments}\n```\n\nLines are means over seeds, bands reach \
-         from the worst to the best seed. Success: the goal reached within 500 steps, with the arm \
-         within its episode of 50; methods that plan are evaluated with planning. Our maps are not \
-         the paper's, whose arrays are not published: the city's farthest task takes 240 steps in \
-         both. \"-\": the paper gives no number.\n",
+        "# {title}\n\nMade by gdg-tui {} with\n\n```sh\ngdg-tui {arguments}\n```\n\nLines are means \
+         over seeds, bands reach from the worst to the best seed.{more}\n",
         env!("CARGO_PKG_VERSION")
     );
     if !unavailable.is_empty() {
@@ -79,6 +96,7 @@ pub fn section(figure: &Figure, methods: &[MethodResults], drawn: &Drawn) -> Str
         Shows::SuccessByDistance => distance_table(methods, &drawn.panels),
         Shows::Bridge => format!("{BRIDGE_SEARCH}\n\n{}", maps_table(drawn)),
         Shows::Paths => maps_table(drawn),
+        Shows::Datasets => datasets_table(methods, &drawn.panels),
     };
     out
 }
@@ -171,6 +189,36 @@ fn complete_from(curve: &Curve) -> String {
     } else {
         format!("{range} ({} of {} seeds)", places.len(), from.len())
     }
+}
+
+/// Returns success in per cent on every dataset, beside the published one.
+fn datasets_table(methods: &[MethodResults], panels: &[Panel]) -> String {
+    let episodes = methods.first().map_or(0, |method| method.plan.last_tasks);
+    let mut out = format!(
+        "Success in per cent, {} of each of the five tasks, {DATASETS}\n\n| dataset | {} | **ours, planned** | ours, actor alone | seconds | run \
+         |\n|---|{}---|\n",
+        counted(episodes.into(), "episode"),
+        PUBLISHED_METHODS.join(" | "),
+        "---:|".repeat(PUBLISHED_METHODS.len() + 3)
+    );
+    for method in methods {
+        let name = method.entry.name;
+        let success = published_on(name).map_or([None; _], |published| published.success);
+        let published = success.map(|success| success.map_or("-".to_owned(), |s| s.to_string()));
+        let ours = panels.iter().map(|panel| {
+            let curve = panel.curves.iter().find(|curve| curve.entry.name == name);
+            numbers(curve.and_then(|curve| curve.points.last()).map(Point::in_percent).as_ref(), 0)
+        });
+        let seconds = method.results.iter().map(|result| (result.seed, result.seconds)).collect();
+        out += &format!(
+            "| {name} | {} | {} | {} | {} |\n",
+            published.join(" | "),
+            ours.collect::<Vec<_>>().join(" | "),
+            numbers(Some(&Point { x: 0, values: seconds }), 0),
+            run(method)
+        );
+    }
+    out
 }
 
 /// Returns success at every distance.

@@ -96,17 +96,19 @@ impl Dataset {
         read().map_err(unfit)
     }
 
-    /// Checks that a file can be read and has the arrays, without a world and without its numbers.
+    /// Checks that a file can be read and has the arrays, without a world and without its numbers;
+    /// returns its CRC-32.
     ///
     /// # Errors
     /// See [`Self::read`].
-    pub fn check_file(file: &Path) -> Result<(), DataError> {
+    pub fn check_file(file: &Path) -> Result<u32, DataError> {
         let name = || file.to_string_lossy().into_owned();
-        let (_, bytes) =
+        let (checksum, bytes) =
             checksum(file).map_err(|error| DataError::Unread { file: name(), error })?;
         let arrays = Arrays::open(file, bytes);
         let checked = arrays
             .and_then(|a| [STATES, ACTIONS, ENDS].iter().try_for_each(|n| a.shape(n).map(drop)));
+        let checked = checked.map(|()| checksum);
         checked.map_err(|problem| DataError::Unfit { file: name(), problem })
     }
 
