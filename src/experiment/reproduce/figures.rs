@@ -196,7 +196,7 @@ impl Figure {
         match self.world {
             "ogbench" => {
                 let updates = if budget == Budget::Quick { 5_000 } else { 10_000 };
-                Plan { last_tasks: 50, ..Plan::new(Length::Updates(updates), updates / 500, 10) }
+                Plan { last_tasks: 50, ..Plan::new(Length::Updates(updates), updates / 1_000, 10) }
             }
             "fetch-reach" => ARM.plan(budget),
             "fetch-reach-wall" => Plan { long_walk: true, ..ARM_WALL.plan(budget) },
