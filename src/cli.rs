@@ -150,6 +150,9 @@ pub enum Command {
         /// Map of the scenario, if it is not in the same folder
         #[arg(long, value_name = "FILE")]
         map: Option<PathBuf>,
+        /// Exit with status 3 if a marked goal cannot be reached, or a start is cut off, and say where
+        #[arg(long)]
+        strict: bool,
         /// How the map is read.
         #[command(flatten)]
         reading: MapArgs,

@@ -52,8 +52,8 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Frames(args)) => text(frames::run(&args)),
         Some(Command::Completions { shell }) => print(&completions(shell)),
         Some(Command::Man) => print(&manual().or_failure()?),
-        Some(Command::Check { file, map, reading }) => {
-            text(check::run(&file, map.as_deref(), &(&reading).into(), registry))
+        Some(Command::Check { file, map, strict, reading }) => {
+            check::run(&file, map.as_deref(), &(&reading).into(), strict, registry)
         }
         Some(Command::ExportData(args)) => text(export_data::run(&args, registry)),
         Some(Command::ExportPolicy(args)) => text(export_policy::run(&args, registry)),

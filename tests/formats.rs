@@ -115,3 +115,37 @@ fn agents_of_a_planner_s_map_are_evaluated() {
         "{records}"
     );
 }
+
+#[test]
+fn strict_checks_say_which_goals_and_starts_are_cut_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let checked = |map: &str| {
+        std::fs::write(folder.path().join("m.txt"), map).unwrap();
+        let mut command = program_in(folder.path());
+        command.args(["check", "m.txt", "--strict"]);
+        let found = ran(command);
+        let faults = found.out.lines().filter_map(|line| line.strip_prefix("fault:"));
+        (found.status, faults.map(|fault| fault.trim().to_owned()).collect::<Vec<_>>())
+    };
+    assert_eq!(checked("S...G\n"), (Some(0), Vec::new()));
+    let apart = checked("S....\n#####\n.S#.G\n");
+    assert_eq!(apart.0, Some(3));
+    assert_eq!(
+        apart.1,
+        [
+            "the goal G at column 5, row 3 cannot be reached from any start S",
+            "the start S at column 1, row 1 reaches no goal G",
+            "the start S at column 2, row 3 reaches no goal G",
+        ]
+    );
+    let small = checked(".....\n#####\n.S###\n");
+    let cut_off = "the start S at column 2, row 3 is cut off from the largest component";
+    assert_eq!(small, (Some(3), vec![cut_off.to_owned()]));
+    let drawn = checked(".....\n#####\n..#.G\n");
+    assert!(
+        drawn.0 == Some(3)
+            && drawn.1[0].ends_with("from the largest component, where agents start")
+    );
+    let (facts, _) = run(folder.path(), &["check", "m.txt"]);
+    assert!(!facts.contains("fault:"), "{facts}");
+}

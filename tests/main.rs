@@ -17,6 +17,7 @@ mod gym;
 mod mishaps;
 mod own_world;
 mod ran;
+mod records;
 mod reproduce;
 mod suite;
 #[cfg(unix)]

@@ -7,15 +7,18 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Report, miette};
 
+use super::output::{OrFail, Outcome, print_safely};
 use crate::host::maps::{doubts, find_map, unconnected_parts};
 use crate::host::progress_bar;
 use crate::host::report::from_map_error;
+use crate::host::status::EXIT_NOT_REACHED;
 use gdg::files::has_extension;
-use gdg::map::{self, Diameter, Grid, MapError, MapScale, Reading, Scenario, StepSearch};
+use gdg::map::{self, Cell, Diameter, Grid, MapError, MapScale, Reading, Scenario, StepSearch};
 use gdg::text::counted;
 use gdg::train::Registry;
 
-/// Validates a map or scenario file, or a built-in map, and returns the facts about it.
+/// Prints the facts about a map or scenario file, or a built-in map; the exit status says whether
+/// `strict` finds a fault.
 ///
 /// # Errors
 /// Returns what is wrong with the file.
@@ -23,8 +26,23 @@ pub fn run(
     file: &Path,
     map_file: Option<&Path>,
     reading: &Reading,
+    strict: bool,
     registry: &Registry,
-) -> Result<String, Report> {
+) -> Outcome {
+    let (text, grid) = checked(file, map_file, reading, registry).or_bad_input()?;
+    let faults = if strict { faults(&grid) } else { Vec::new() };
+    let lines: String = faults.iter().map(|fault| format!("fault:      {fault}\n")).collect();
+    print_safely(&(text + &lines))?;
+    Ok(if faults.is_empty() { 0 } else { EXIT_NOT_REACHED })
+}
+
+/// Returns the facts about a file, and the map.
+fn checked(
+    file: &Path,
+    map_file: Option<&Path>,
+    reading: &Reading,
+    registry: &Registry,
+) -> Result<(String, Grid), Report> {
     let _spinner = Spinner::start("measuring the map");
     if !has_extension(file, "scen") {
         if map_file.is_some() {
@@ -37,14 +55,46 @@ pub fn run(
         }
         let grid = find_map(file, reading, registry)?;
         let Some(scenario) = map::agents_of(file).map_err(from_map_error)? else {
-            return Ok(facts(&grid, None));
+            return Ok((facts(&grid, None), grid));
         };
-        return tasks(&scenario, &grid);
+        return Ok((tasks(&scenario, &grid)?, grid));
     }
     let scenario = map::read_scenario(file).map_err(from_map_error)?;
     let path = map_file
         .map_or_else(|| map_beside(file, &scenario.map_name()), |path| Ok(path.to_owned()))?;
-    tasks(&scenario, &map::load_map_as(&path, reading).map_err(from_map_error)?)
+    let grid = map::load_map_as(&path, reading).map_err(from_map_error)?;
+    Ok((tasks(&scenario, &grid)?, grid))
+}
+
+/// Returns which marked goals no agent can reach, and which starts are cut off.
+fn faults(grid: &Grid) -> Vec<String> {
+    let components = StepSearch::new(grid).components(grid);
+    let part = |cell: &Cell| components.of_cell[grid.index(*cell)];
+    let parts = |cells: &[Cell]| cells.iter().filter_map(part).collect::<Vec<_>>();
+    let (starts, goals, largest) = (grid.starts(), grid.goals(), components.largest());
+    // On a map without S, agents start in the largest component.
+    let (from, to) = match starts {
+        [] => (vec![largest], "the largest component, where agents start"),
+        _ => (parts(starts), "any start S"),
+    };
+    let goal = |cell: &Cell| {
+        let is_reached = part(cell).is_some_and(|own| from.contains(&own));
+        (!is_reached).then(|| format!("the goal G at {} cannot be reached from {to}", place(*cell)))
+    };
+    let ends = parts(goals);
+    let start = |cell: &Cell| {
+        let problem = match part(cell) {
+            Some(own) if !ends.is_empty() && !ends.contains(&own) => "reaches no goal G",
+            Some(own) if own != largest => "is cut off from the largest component",
+            _ => return None,
+        };
+        Some(format!("the start S at {} {problem}", place(*cell)))
+    };
+    goals.iter().filter_map(goal).chain(starts.iter().filter_map(start)).collect()
+}
+
+fn place(cell: Cell) -> String {
+    format!("column {}, row {}", cell.x + 1, cell.y + 1)
 }
 
 /// Returns the facts about a scenario and its map.
