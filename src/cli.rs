@@ -12,6 +12,7 @@ mod frames;
 mod gym;
 mod maps;
 mod method;
+mod plot;
 mod reproduce;
 #[cfg(feature = "tui")]
 mod screen;
@@ -38,6 +39,7 @@ pub use film::FilmArgs;
 pub use frames::FramesArgs;
 pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand};
 pub use method::RunArgs;
+pub use plot::PlotArgs;
 pub use reproduce::ReproduceArgs;
 #[cfg(feature = "tui")]
 pub use screen::ScreenArgs;
@@ -61,6 +63,7 @@ Examples:
   gdg-tui --no-ui gym:gymnasium_robotics:PointMaze_UMaze-v3    a Gymnasium environment, in Python
   gdg-tui compare gdg-bridge gdg             two methods side by side: with bridge points and without
   gdg-tui suite maps/ --seeds 3              train on every map of a folder: a table, and a report with pictures
+  gdg-tui plot saves/suite --out fig.pdf     their learning curves over the seeds, at the size of a paper's column
   gdg-tui reproduce all                      the paper's figures, with our default beside its methods
 
 Exit status: 0 success; 1 failure while running; 2 bad usage or input; 3 --require-success not reached;
@@ -121,6 +124,8 @@ pub enum Command {
     Compare(CompareArgs),
     /// Benchmark suite: train on every map, and write a table and a report with pictures
     Suite(SuiteArgs),
+    /// Draw the curves of several runs over their seeds, as a figure for a paper and as a table
+    Plot(PlotArgs),
     /// Reproduce the paper's figures: data, drawings and a report that compares
     Reproduce(ReproduceArgs),
     /// Ablation study: measure the effect of switching off each component of the default preset

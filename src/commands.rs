@@ -11,6 +11,7 @@ mod film;
 pub mod frames;
 mod maps;
 mod output;
+mod plot;
 mod reproduce;
 #[cfg(feature = "tui")]
 mod screen;
@@ -46,6 +47,7 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         #[cfg(feature = "tui")]
         Some(Command::Compare(args)) => compare::run(&args, registry),
         Some(Command::Suite(args)) => suite::run(args, registry),
+        Some(Command::Plot(args)) => plot::run(args),
         Some(Command::Reproduce(args)) => reproduce::run(args, registry),
         Some(Command::Ablate(args)) => ablate::run(args, registry),
         #[cfg(feature = "tui")]

@@ -11,6 +11,7 @@ pub mod job;
 pub mod measure;
 pub mod picture;
 pub mod plan;
+pub mod plot;
 pub mod progress;
 pub mod report;
 pub mod reproduce;

@@ -335,7 +335,7 @@ pub fn evaluate(
     let evaluation = run_interruptibly("evaluation", termination, work)?;
     let evaluation = evaluation.transpose().into_diagnostic()?;
     if let Some(evaluation) = evaluation.as_ref().filter(|evaluation| evaluation.is_finite()) {
-        trainer.record_evaluation(trainer.counters().updates, evaluation.clone());
+        trainer.record_evaluation(trainer.moment(), evaluation.clone());
     }
     Ok(evaluation)
 }

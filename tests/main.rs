@@ -16,6 +16,7 @@ mod gym;
 #[cfg(unix)]
 mod mishaps;
 mod own_world;
+mod plot;
 mod ran;
 mod records;
 mod reproduce;

@@ -46,7 +46,7 @@ fn fault(value: &Value, schema: &Value, root: &Value) -> Option<String> {
 
 /// Whether `value` meets a rule about itself alone.
 fn is_met(value: &Value, rule: &str, wanted: &Value) -> bool {
-    let number = |value: &Value| value.as_f64();
+    let number = Value::as_f64;
     match rule {
         "const" => value == wanted,
         "enum" => wanted.as_array().unwrap().contains(value),

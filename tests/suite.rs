@@ -81,6 +81,9 @@ fn without_times(results: Vec<Vec<u8>>) -> Vec<Value> {
         let mut result: Value = serde_json::from_slice(&bytes).unwrap();
         result.as_object_mut().unwrap().remove("seconds").unwrap();
         result.as_object_mut().unwrap().remove("checksum").unwrap();
+        for evaluation in result["evaluations"].as_array_mut().unwrap() {
+            assert!(evaluation.as_object_mut().unwrap().remove("seconds").unwrap().is_number());
+        }
         result
     };
     results.into_iter().map(without).collect()
@@ -127,7 +130,7 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
     let table: Vec<&str> = first.out.lines().collect();
     assert_eq!(table.len(), 2 + 3 + 2, "{}", first.out);
     assert!(
-        table[2].starts_with("| open | 36 | 60 | ") && table[2].contains(" ("),
+        table[2].starts_with("| open | gdg-bridge | 36 | 60 | ") && table[2].contains(" ("),
         "mean and worst: {}",
         table[2]
     );
@@ -138,8 +141,8 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
             &first.out,
             "hidden=16",
             "(drawn)",
-            "](pictures/trap-2-",
-            "coverage `",
+            "](pictures/trap-gdg-bridge-2-",
+            "![Learning curves](success.svg)",
             "at the map's `S`",
         ],
     );
@@ -159,6 +162,56 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
     // Other settings make other jobs.
     let listed = place.run(&[&args[..], &["--set", "tau=0.02", "--list"]].concat()).out;
     assert!(listed.lines().all(|line| line.ends_with("not begun")), "{listed}");
+}
+
+#[test]
+fn several_methods_and_variants_share_a_folder_and_a_report() {
+    let place = Place::new();
+    let args = |methods: &[&'static str]| {
+        [&["maps/open.map", "--budget", "30", "--out", "out"], methods].concat()
+    };
+    let first = place.run(&args(&["--method", "her"]));
+    assert_eq!(first.status, Some(0), "{}", first.err);
+    let both = ["--method", "gdg", "--method", "ddpg", "--set", "small:tau=0.02"];
+    let second = place.run(&args(&[&both[..], &["--set", "ddpg:discount=0.9"]].concat()));
+    assert_eq!(second.status, Some(0), "{}", second.err);
+    has_parts(&second.err, &["0 jobs done, 4 to run"]);
+    let table: Vec<&str> = second.out.lines().skip(2).collect();
+    let parts: Vec<Vec<&str>> = table.iter().map(|line| line.split(" | ").collect()).collect();
+    let methods: Vec<&str> = parts.iter().map(|row| row[1]).collect();
+    let expected = [
+        "gdg",
+        "gdg, small (tau=0.02)",
+        "ddpg (discount=0.9)",
+        "ddpg, small (tau=0.02 discount=0.9)",
+        "her",
+    ];
+    let sorted = |label: &str| {
+        label
+            .split([' ', '(', ')', ','])
+            .map(str::to_owned)
+            .collect::<std::collections::BTreeSet<_>>()
+    };
+    assert_eq!(methods.len(), expected.len(), "{}", second.out);
+    for (found, wanted) in methods.iter().zip(expected) {
+        assert_eq!(sorted(&found.replace('\\', "")), sorted(wanted), "{}", second.out);
+    }
+    let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
+    has_parts(
+        &report,
+        &[&second.out, "\n### her\n", "](pictures/open-ddpg-small-1-", "](pictures/open-her-1-"],
+    );
+    let again = place.run(&args(&["--method", "her", "--require-success", "0"]));
+    assert_eq!(again.status, Some(0), "only its own jobs count: {}", again.err);
+    has_parts(&again.out, &["| open | her |", "| open | gdg |"]);
+    for (set, parts) in [
+        ("sorb:tau=0.02", &["sorb is not among the methods", "add --method sorb"][..]),
+        ("a/b:tau=0.02", &["not the name of a variant", "only letters, digits"]),
+    ] {
+        let ran = place.run(&args(&["--set", set]));
+        assert_eq!(ran.status, Some(2), "{}", ran.err);
+        has_parts(&ran.err, parts);
+    }
 }
 
 #[cfg(unix)]
@@ -231,11 +284,14 @@ fn jobs_are_listed_and_run_by_name() {
     assert_eq!(lines.len(), 2, "the same map counts once: {}", listed.out);
     assert_eq!(
         lines[1][1..],
-        ["two-parts", "24", "cells", "seed", "1", "30", "updates", "not", "begun"]
+        ["two-parts", "gdg-bridge", "24", "cells", "seed", "1", "30", "updates", "not", "begun"]
     );
     assert!(!place.path("out").exists(), "nothing runs");
     let (open, parts) = (lines[0][0], lines[1][0]);
-    assert!(open.starts_with("open-1-") && parts.starts_with("two-parts-1-"), "{open} {parts}");
+    assert!(
+        open.starts_with("open-gdg-bridge-1-") && parts.starts_with("two-parts-gdg-bridge-1-"),
+        "{open} {parts}"
+    );
 
     let unknown = place.run(&[&args[..], &["--job", "open-1"]].concat());
     assert_eq!(unknown.status, Some(2));
@@ -244,7 +300,7 @@ fn jobs_are_listed_and_run_by_name() {
     let one = place.run(&[&args[..], &["--job", parts, "--keep"]].concat());
     assert_eq!(one.status, Some(0), "{}", one.err);
     assert_eq!(place.files("out/jobs"), [format!("{parts}.json"), format!("{parts}.safetensors")]);
-    has_parts(&one.out, &["| open | 36 | 30 | - | - |"]);
+    has_parts(&one.out, &["| open | gdg-bridge | 36 | 30 | - | - |"]);
     let listed = list().out;
     let states: Vec<bool> = listed.lines().map(|line| line.ends_with("  done")).collect();
     assert_eq!(states, [false, true], "{listed}");
@@ -273,7 +329,11 @@ fn damaged_results_are_named_and_made_again() {
     assert_ne!(digit, written);
     has_parts(
         &done(&digit),
-        &["open-1-", ".json: is damaged: its checksum is wrong; it runs again", "1 to run"],
+        &[
+            "open-gdg-bridge-1-",
+            ".json: is damaged: its checksum is wrong; it runs again",
+            "1 to run",
+        ],
     );
     has_parts(&done(&written[..written.len() / 2]), &["is damaged: EOF while parsing", "1 to run"]);
     // As written before there were checksums.
@@ -285,7 +345,10 @@ fn damaged_results_are_named_and_made_again() {
     std::fs::create_dir(&file).unwrap();
     let blocked = place.run(&args);
     assert_eq!(blocked.status, Some(1), "{}", blocked.err);
-    has_parts(&blocked.err, &["open-1-", ".json: the result cannot be saved", "move it away"]);
+    has_parts(
+        &blocked.err,
+        &["open-gdg-bridge-1-", ".json: the result cannot be saved", "move it away"],
+    );
     assert!(!blocked.err.contains("begins"), "nothing is trained in vain: {}", blocked.err);
 }
 
@@ -295,8 +358,8 @@ fn a_job_that_fails_does_not_end_the_others() {
     let args = ["maps", "--budget", "30", "--out", "out", "--jobs", "1"];
     let ran = place.run_with(&args, &[("GDG_TUI_FAULTS", "trainer=panic@5")]);
     assert_eq!((ran.status, place.results("out").len()), (Some(1), 1), "{}", ran.err);
-    has_parts(&ran.err, &["injected fault", "1 job failed: open-1-"]);
-    has_parts(&ran.out, &["| open | 36 | 30 | - | - |"]);
+    has_parts(&ran.err, &["injected fault", "1 job failed: open-gdg-bridge-1-"]);
+    has_parts(&ran.out, &["| open | gdg-bridge | 36 | 30 | - | - |"]);
     let again = place.run(&[&args[..], &["--require-success", "1"]].concat());
     has_parts(&again.err, &["1 job done, 1 to run", "is below the required 1"]);
     assert_eq!((again.status, place.results("out").len()), (Some(3), 2), "{}", again.err);

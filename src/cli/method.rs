@@ -20,6 +20,18 @@ pub struct RunArgs {
     #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
     pub method: Method,
 
+    /// What its settings are based on.
+    #[command(flatten)]
+    pub base: BaseArgs,
+
+    /// Change one setting (repeatable)
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// What the settings of a run are based on.
+#[derive(Clone, Debug, Args)]
+pub struct BaseArgs {
     /// Preset to start from [default: tuned for ddpg, her and ddpg-distance, otherwise default]
     #[arg(long, value_parser = preset_parser())]
     pub preset: Option<Preset>,
@@ -27,14 +39,10 @@ pub struct RunArgs {
     /// Settings file: a JSON object as printed by --print-config
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-
-    /// Change one setting (repeatable)
-    #[arg(long, value_name = "NAME=VALUE")]
-    pub set: Vec<String>,
 }
 
 impl From<RunArgs> for RunChoice {
-    fn from(RunArgs { method, preset, config, set }: RunArgs) -> Self {
+    fn from(RunArgs { method, base: BaseArgs { preset, config }, set }: RunArgs) -> Self {
         Self { method, preset, config, set }
     }
 }
@@ -82,7 +90,7 @@ impl TypedValueParser for MethodParser {
 }
 
 /// Returns the long help of `--method`, which lists learners and planners.
-fn methods_help() -> String {
+pub fn methods_help() -> String {
     let list = |entries: Vec<(&str, &str)>| {
         entries.iter().map(|(name, about)| format!("  {name:<13} {about}\n")).collect::<String>()
     };

@@ -4,14 +4,18 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::MapArgs;
+use super::method::{BaseArgs, MethodParser, methods_help};
 use super::values::{counts, output, parse_share};
-use super::{MapArgs, RunArgs};
 use crate::experiment::suite;
+use gdg::train::{METHODS, Method};
 
 const EXAMPLES: &str = "\
 Examples:
   gdg-tui suite maps/ --seeds 3              every map of a folder; the same command resumes after an interruption
   gdg-tui suite fourrooms city my.map --budget 20000 --set hidden=128
+  gdg-tui suite my.map --seeds 3 --method gdg-bridge --method her    two methods; gdg-tui plot draws their curves
+  gdg-tui suite my.map --set small:hidden=32 --set small:grid_cells=0    a variant called small, beside the default
   gdg-tui suite maps/ --list                 one line per job
   gdg-tui suite maps/ --job den312d-1-3f2a9c --out /shared/suite    a single job, for a node of a cluster
 
@@ -48,9 +52,19 @@ pub struct SuiteArgs {
     #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
     pub jobs: Option<u16>,
 
-    /// Method and settings.
+    /// Learner and planner: one of these methods, or LEARNER+PLANNER (repeatable: each trains on
+    /// every map)
+    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
+    pub method: Vec<Method>,
+
+    /// What the settings are based on.
     #[command(flatten)]
-    pub run: RunArgs,
+    pub base: BaseArgs,
+
+    /// Change one setting, of all runs, or of the method called NAME; any other NAME is a variant,
+    /// which trains with these changes beside the runs without (repeatable)
+    #[arg(long, value_name = "[NAME:]SETTING=VALUE")]
+    pub set: Vec<String>,
 
     /// Print one line per job and exit
     #[arg(long)]
@@ -83,7 +97,10 @@ impl From<SuiteArgs> for suite::Options {
             eval_tasks: args.eval_tasks,
             out: args.out,
             jobs: args.jobs,
-            run: args.run.into(),
+            methods: args.method,
+            preset: args.base.preset,
+            config: args.base.config,
+            set: args.set,
             list: args.list,
             job: args.job,
             keep: args.keep,

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::job::{Job, JobResult};
 use crate::host::setup::elsewhere;
-use gdg::files::{self, LockFile, backup_path};
+use gdg::files::{self, LockFile, backup_path, has_extension, is_hidden};
 use gdg::text::sanitized;
 use gdg::train::{describe, is_checkpoint, remove_own};
 
@@ -35,7 +35,7 @@ pub enum State {
 
 /// Why a result cannot be used.
 #[derive(Debug, thiserror::Error)]
-enum ResultError {
+pub enum ResultError {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[from] std::io::Error),
@@ -61,6 +61,21 @@ fn checksum_of(result: &JobResult) -> String {
     // A result that cannot be serialised matches no stored checksum.
     let json = serde_json::to_vec(result).unwrap_or_default();
     format!("{:08x}", crc32fast::hash(&json))
+}
+
+/// Reads a result without knowing its job.
+///
+/// # Errors
+/// The file cannot be read, or is not a result as it was written.
+pub fn read_result(path: &Path) -> Result<JobResult, ResultError> {
+    let bytes = files::read(path, MAX_RESULT_BYTES)?;
+    let StoredResult { result, checksum } =
+        serde_json::from_slice(&bytes).map_err(|error| ResultError::Damaged(error.to_string()))?;
+    // Older results have no checksum.
+    if checksum.is_some_and(|checksum| checksum != checksum_of(&result)) {
+        return Err(ResultError::Damaged("its checksum is wrong".to_owned()));
+    }
+    Ok(result)
 }
 
 /// The folder of an experiment.
@@ -169,20 +184,30 @@ impl Folder {
 
     /// Reads the job's result, if there is one.
     fn read(&self, job: &Job) -> Result<Option<JobResult>, ResultError> {
-        let bytes = match files::read(&self.result(job), MAX_RESULT_BYTES) {
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            bytes => bytes?,
-        };
-        let StoredResult { result, checksum } = serde_json::from_slice(&bytes)
-            .map_err(|error| ResultError::Damaged(error.to_string()))?;
-        // Older results have no checksum.
-        if checksum.is_some_and(|checksum| checksum != checksum_of(&result)) {
-            return Err(ResultError::Damaged("its checksum is wrong".to_owned()));
+        match read_result(&self.result(job)) {
+            Err(ResultError::Unreadable(error)) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Ok(result) if result.key != job.key => Err(ResultError::Other),
+            result => result.map(Some),
         }
-        if result.key != job.key {
-            return Err(ResultError::Other);
+    }
+
+    /// Returns the results of all jobs ever finished in it, sorted by name, and says why the others
+    /// cannot be used.
+    pub fn results(&self) -> (Vec<JobResult>, Vec<String>) {
+        let entries = std::fs::read_dir(self.0.join("jobs")).into_iter().flatten().flatten();
+        let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+        paths.retain(|path| has_extension(path, "json") && !is_hidden(path));
+        paths.sort();
+        let (mut results, mut problems) = (Vec::new(), Vec::new());
+        for path in paths {
+            match read_result(&path) {
+                Ok(result) => results.push(result),
+                Err(problem) => {
+                    problems.push(sanitized(&format!("{}: {problem}", path.display())));
+                }
+            }
         }
-        Ok(Some(result))
+        (results, problems)
     }
 
     /// Checks that the job's result, checkpoint and picture can be written.
@@ -197,7 +222,7 @@ impl Folder {
             })
         };
         check(self.result(job), "result")?;
-        check(self.path(&picture_name(job)), "picture")?;
+        check(self.path(&picture_name(&job.name)), "picture")?;
         let path = self.checkpoint(job);
         if path.is_file() && !is_checkpoint(&path) && !backup_path(&path).is_file() {
             let problem = "is not a checkpoint of gdg-tui and is not replaced";
@@ -244,7 +269,7 @@ impl Folder {
     ) -> Result<(), Report> {
         let stored = StoredResult { checksum: Some(checksum_of(result)), result: result.clone() };
         let json = serde_json::to_string_pretty(&stored).into_diagnostic()? + "\n";
-        let drawn = picture.map_or(Ok(()), |picture| self.write(&picture_name(job), picture));
+        let drawn = picture.map_or(Ok(()), |picture| self.write(&picture_name(&job.name), picture));
         // The result last: it marks the job as done.
         self.write(&format!("jobs/{}.json", job.name), json.as_bytes())?;
         if !keep {
@@ -259,6 +284,6 @@ impl Folder {
 }
 
 /// Returns the path of a job's picture within the folder.
-pub fn picture_name(job: &Job) -> String {
-    format!("pictures/{}.png", job.name)
+pub fn picture_name(job: &str) -> String {
+    format!("pictures/{job}.png")
 }

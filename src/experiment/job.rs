@@ -8,7 +8,7 @@ use super::measure::Measured;
 use super::plan::{Length, Plan};
 use super::world::JobWorld;
 use gdg::text::safe_file_name;
-use gdg::train::{Evaluation, Method, Preset, Run, Trainer};
+use gdg::train::{Evaluation, History, Method, Preset, Run, Trainer};
 
 /// Hexadecimal digits of the key in the job's name.
 const NAME_DIGITS: usize = 6;
@@ -20,10 +20,12 @@ const RESULTS_VERSION: u32 = 2;
 /// A run in a world, its length, and what is measured.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// The world's name, the label if any, the seed and the beginning of the key.
+    /// The world's name, the label if any (method and variant), the seed and the beginning of the key.
     pub name: String,
     /// Checksum of everything that the result depends on, in hexadecimal digits.
     pub key: String,
+    /// Name of the variant, if its settings have one. The result does not depend on it.
+    pub variant: Option<String>,
     /// The world.
     pub world: JobWorld,
     /// Method, settings and seed.
@@ -44,10 +46,10 @@ impl Job {
         // The order in which settings are listed means nothing.
         determines.sort_all_objects();
         let key = format!("{:08x}", crc32fast::hash(determines.to_string().as_bytes()));
-        let label = label.map_or(String::new(), |label| format!("{label}-"));
+        let label = label.map_or(String::new(), |label| format!("{}-", file_stem(label)));
         let name =
             format!("{}-{label}{}-{}", file_stem(world.name()), run.seed, &key[..NAME_DIGITS]);
-        Ok(Self { name, key, world, run, plan })
+        Ok(Self { name, key, variant: None, world, run, plan })
     }
 
     /// Whether `trainer` is this job, begun earlier.
@@ -62,22 +64,18 @@ impl Job {
 
     /// Returns the settings that differ from the preset's, as `--set` takes them.
     pub fn changed_settings(&self) -> Vec<String> {
-        let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        self.run
-            .changed_settings()
-            .iter()
-            .map(|(name, value)| format!("{name}={}", text(value)))
-            .collect()
+        let changed = self.run.changed_settings();
+        changed.iter().map(|(name, value)| setting_text(name, value)).collect()
     }
 
     /// Returns the result of a finished `trainer`, with what was measured at the end.
     pub fn result(&self, trainer: &Trainer, measured: Option<Measured>) -> JobResult {
-        let evaluations = trainer.history().evaluations().iter().cloned();
         JobResult {
             name: self.name.clone(),
             key: self.key.clone(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             method: self.run.method.clone(),
+            variant: self.variant.clone(),
             preset: self.run.preset,
             settings: self.changed_settings(),
             seed: self.run.seed,
@@ -85,12 +83,30 @@ impl Job {
             map: MapFacts::of(&self.world),
             updates: trainer.counters().updates,
             seconds: trainer.seconds(),
-            evaluations: evaluations
-                .map(|(updates, evaluation)| EvaluationAt { updates, evaluation })
-                .collect(),
+            evaluations: evaluations(trainer.history()),
             measured,
         }
     }
+}
+
+/// Returns a setting as `--set` takes it.
+pub fn setting_text(name: &str, value: &Value) -> String {
+    let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    format!("{name}={value}")
+}
+
+/// Returns the evaluations of a run, oldest first.
+pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
+    let evaluation = |(updates, evaluation): &(u64, Evaluation)| {
+        let made = history.moment(*updates);
+        EvaluationAt {
+            updates: *updates,
+            env_steps: made.map(|made| made.env_steps),
+            seconds: made.map(|made| made.seconds),
+            evaluation: evaluation.clone(),
+        }
+    };
+    history.evaluations().iter().map(evaluation).collect()
 }
 
 /// A finished job, as stored in its JSON file.
@@ -104,6 +120,9 @@ pub struct JobResult {
     pub version: String,
     /// The method.
     pub method: Method,
+    /// Name of the variant, if its settings have one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<String>,
     /// The preset that the settings are based on.
     pub preset: Preset,
     /// Settings that differ from the preset's, as `--set` takes them.
@@ -151,6 +170,12 @@ impl MapFacts {
 pub struct EvaluationAt {
     /// Updates done before it.
     pub updates: u64,
+    /// Environment steps before it, summed over all agents; older results do not have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub env_steps: Option<u64>,
+    /// Training time before it in seconds; older results do not have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
     /// Its results.
     #[serde(flatten)]
     pub evaluation: Evaluation,

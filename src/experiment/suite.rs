@@ -7,15 +7,17 @@ use std::sync::Arc;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::folder::{Folder, State};
-use super::job::Job;
+use super::job::{Job, JobResult};
 use super::plan::Plan;
-use super::report::report;
+use super::plot::{self, By, Drawn, PlottedRun};
+use super::report::{CURVES, report};
 use super::runner::{End, Outcome, Runner};
 use super::table::{Row, table};
 use super::world::JobWorld;
+use crate::figure::Format;
 use crate::host::maps::{find_map, warn};
 use crate::host::report::from_map_error;
-use crate::host::setup::{self, RunChoice, parallel_jobs};
+use crate::host::setup::{self, RunChoice, parallel_jobs, split_prefix};
 use crate::host::status::{EXIT_FAILURE, EXIT_NOT_REACHED};
 use gdg::env::maze;
 use gdg::files::{has_extension, is_hidden};
@@ -23,7 +25,7 @@ use gdg::map::{Grid, Reading, builtin, load_map_as};
 use gdg::printing::eprint_line;
 use gdg::printing::print_text;
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
-use gdg::train::Registry;
+use gdg::train::{METHODS, Method, Preset, Registry};
 
 /// What to train on, and where results go.
 #[derive(Clone, Debug)]
@@ -42,8 +44,15 @@ pub struct Options {
     pub out: PathBuf,
     /// Parallel jobs; otherwise one a core.
     pub jobs: Option<u16>,
-    /// Method and settings.
-    pub run: RunChoice,
+    /// The methods.
+    pub methods: Vec<Method>,
+    /// The preset to start from; otherwise that of each method.
+    pub preset: Option<Preset>,
+    /// A settings file.
+    pub config: Option<PathBuf>,
+    /// Changes of single settings, `[NAME:]SETTING=VALUE`: of all runs, of one method, or of a
+    /// variant.
+    pub set: Vec<String>,
     /// Whether to print the jobs instead.
     pub list: bool,
     /// Names of the only jobs to run.
@@ -65,8 +74,64 @@ pub struct Suite<'a> {
     options: &'a Options,
     registry: Arc<Registry>,
     folder: Folder,
-    /// The jobs of each map, a job per seed.
+    /// The jobs of each map, method and variant, a job per seed.
     groups: Vec<Vec<Job>>,
+}
+
+/// A method with settings of its own.
+struct Variant {
+    name: Option<String>,
+    run: RunChoice,
+}
+
+impl Variant {
+    /// Returns the method and the name, as in names of jobs.
+    fn label(&self) -> String {
+        let method = self.run.method.name();
+        self.name.as_ref().map_or(method.clone(), |name| format!("{method}-{name}"))
+    }
+}
+
+/// Returns every method as it is, and with the settings of each variant.
+///
+/// # Errors
+/// A setting is of a method that is not trained, or a variant's name has characters that names of
+/// files may not have.
+fn variants(options: &Options) -> Result<Vec<Variant>, Report> {
+    let methods: Vec<String> = options.methods.iter().map(Method::name).collect();
+    let mut names: Vec<Option<&str>> = vec![None];
+    for name in options.set.iter().filter_map(|text| split_prefix(text).0) {
+        if !methods.iter().any(|method| method == name) && !names.contains(&Some(name)) {
+            check_name(name, &methods)?;
+            names.push(Some(name));
+        }
+    }
+    let variant = |method: &Method, name: Option<&str>| {
+        let is_own = |text: &&String| match split_prefix(text).0 {
+            Some(prefix) => prefix == method.name() || Some(prefix) == name,
+            None => true,
+        };
+        let own = options.set.iter().filter(is_own).map(|text| split_prefix(text).1.to_owned());
+        let (preset, config) = (options.preset, options.config.clone());
+        let run = RunChoice { method: method.clone(), preset, config, set: own.collect() };
+        Variant { name: name.map(str::to_owned), run }
+    };
+    let of_method =
+        |method| names.iter().map(move |name| variant(method, *name)).collect::<Vec<_>>();
+    Ok(options.methods.iter().flat_map(of_method).collect())
+}
+
+/// Checks the name of a variant.
+fn check_name(name: &str, methods: &[String]) -> Result<(), Report> {
+    if METHODS.iter().any(|method| method.name == name) {
+        let help = format!("add --method {name}, or name one of {}", methods.join(", "));
+        return Err(miette!(help = help, "--set {name}:...: {name} is not among the methods"));
+    }
+    if name.is_empty() || !name.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c)) {
+        let help = "NAME has only letters, digits and -_.: --set small:hidden=32";
+        return Err(miette!(help = help, "--set {name}:...: not the name of a variant"));
+    }
+    Ok(())
 }
 
 /// Reads all maps and checks all arguments.
@@ -75,29 +140,41 @@ pub struct Suite<'a> {
 /// A map, a setting or a job's name is invalid, or the folder is not writable.
 pub fn prepare<'a>(options: &'a Options, registry: &Arc<Registry>) -> Result<Suite<'a>, Report> {
     let (mut groups, mut known) = (Vec::new(), BTreeSet::new());
-    let job = |map: &Grid, seed, plan: &Plan| {
-        let run = setup::run(&options.run, Path::new(maze::KIND.name), registry, seed)?;
-        Job::new(JobWorld::maze(map, seed), None, run, plan.clone())
+    let variants = variants(options)?;
+    let job = |map: &Grid, variant: &Variant, seed, plan: &Plan| {
+        let run = setup::run(&variant.run, Path::new(maze::KIND.name), registry, seed)?;
+        let world = JobWorld::maze(map, seed);
+        let job = Job::new(world, Some(&variant.label()), run, plan.clone())?;
+        Ok::<_, Report>(Job { variant: variant.name.clone(), ..job })
     };
     for map in &options.maps {
         for grid in maps(map, &options.reading, registry)? {
             let updates = options.budget.unwrap_or_else(|| default_budget(&grid));
             let plan = Plan::suite(updates, options.eval_tasks);
-            let jobs = (1..=options.seeds).map(|seed| job(&grid, seed, &plan));
-            let mut jobs = jobs.collect::<Result<Vec<_>, _>>()?;
-            // The same map may be given twice, by itself and in its folder.
-            jobs.retain(|job| known.insert(job.name.clone()));
-            if !jobs.is_empty() {
-                groups.push(jobs);
+            for variant in &variants {
+                let jobs = (1..=options.seeds).map(|seed| job(&grid, variant, seed, &plan));
+                let mut jobs = jobs.collect::<Result<Vec<_>, _>>()?;
+                // The same map may be given twice, by itself and in its folder.
+                jobs.retain(|job| known.insert(job.name.clone()));
+                if !jobs.is_empty() {
+                    groups.push(jobs);
+                }
             }
         }
     }
     let suite =
         Suite { options, registry: registry.clone(), folder: Folder::new(&options.out), groups };
     suite.check_names()?;
-    registry.learner(&options.run.method.learner).into_diagnostic()?;
+    for method in &options.methods {
+        registry.learner(&method.learner).into_diagnostic()?;
+    }
     if !options.list {
-        suite.folder.check_writable(&["report.md", "jobs/NAME.json", "pictures/NAME.png"])?;
+        suite.folder.check_writable(&[
+            "report.md",
+            CURVES,
+            "jobs/NAME.json",
+            "pictures/NAME.png",
+        ])?;
     }
     Ok(suite)
 }
@@ -173,7 +250,8 @@ impl Suite<'_> {
         let (parallel, keep) = (parallel_jobs(self.options.jobs), self.options.keep);
         let outcome = Runner::run_open(&self.folder, &self.registry, jobs, parallel, keep)?;
         let rows = self.rows();
-        let text = report(&self.groups, &rows, &self.folder);
+        let caption = self.draw_curves(&rows)?;
+        let text = report(&rows, &self.folder, caption.as_deref());
         self.folder.write("report.md", text.as_bytes())?;
         print(&table(&rows))?;
         eprint_line(&format!("report: {}", self.folder.path("report.md").display()));
@@ -181,7 +259,7 @@ impl Suite<'_> {
         match outcome.interrupted {
             Some(status) => Ok(status),
             None if failed => Ok(EXIT_FAILURE),
-            None => Ok(self.required_success(&rows, &outcome)),
+            None => Ok(self.required_success(&outcome)),
         }
     }
 
@@ -194,38 +272,63 @@ impl Suite<'_> {
                 State::Done(_) => "done".to_owned(),
             };
             let (name, map, seed) = (&job.name, sanitized(job.world.name()), job.run.seed);
+            let variant = job.variant.as_ref().map_or(String::new(), |name| format!(" {name}"));
+            let method = format!("{}{variant}", job.run.method);
             let cells = job.world.map().map_or(0, |map| map.free_count());
             let updates = job.plan.length.amount();
             let (cells, updates) = (format!("{cells:>8} cells"), format!("{updates:>7} updates"));
-            vec![name.clone(), map, cells, format!("seed {seed}"), updates, state]
+            vec![name.clone(), map, method, cells, format!("seed {seed}"), updates, state]
         };
         aligned(&self.jobs().map(row).collect::<Vec<_>>())
     }
 
-    /// Returns the rows of the table, with the results there are.
+    /// Returns the rows of the table: those of these jobs, with the results there are, and those of
+    /// other runs in the folder, so that no method's results replace those of another.
     fn rows(&self) -> Vec<Row> {
-        let row = |jobs: &Vec<Job>| {
-            let map = jobs.first()?.world.map()?;
-            Some(Row {
-                map: map.name().to_owned(),
-                free_cells: map.free_count(),
-                updates: jobs[0].plan.length.amount(),
-                seeds: jobs.len(),
-                results: jobs.iter().filter_map(|job| self.folder.result_of(job)).collect(),
-            })
+        let own = |jobs: &Vec<Job>| {
+            let results = jobs.iter().filter_map(|job| self.folder.result_of(job)).collect();
+            Row::of(jobs, results)
         };
-        self.groups.iter().filter_map(row).collect()
+        let mut rows: Vec<Row> = self.groups.iter().filter_map(own).collect();
+        let (results, problems) = self.folder.results();
+        problems.iter().for_each(|problem| eprint_line(&format!("{problem}: left out")));
+        for result in results.into_iter().filter(|result| result.map.is_some()) {
+            if let Some(row) = rows.iter_mut().find(|row| row.is_of(&result)) {
+                row.add(result);
+            } else {
+                let last = rows.iter().rposition(|row| row.map == result.world);
+                rows.insert(last.map_or(rows.len(), |i| i + 1), Row::other(result));
+            }
+        }
+        rows
+    }
+
+    /// Draws the learning curves, a chart for each map; returns their caption, or `None` without
+    /// results.
+    fn draw_curves(&self, rows: &[Row]) -> Result<Option<String>, Report> {
+        let results =
+            rows.iter().flat_map(|row| &row.results).filter(|r| !r.evaluations.is_empty());
+        let run = |result: &JobResult| PlottedRun::of_result(result.clone(), PathBuf::new());
+        let runs: Vec<PlottedRun> = results.map(run).collect();
+        if runs.is_empty() {
+            return Ok(None);
+        }
+        let options =
+            plot::Options { by: vec![By::Method, By::Setting], ..plot::Options::default() };
+        let Drawn { sheet, table, caption, .. } = plot::draw(&runs, &options)?;
+        self.folder.write(CURVES, &Format::Svg.encode(&sheet)?)?;
+        self.folder.write("success.csv", &table)?;
+        Ok(Some(caption))
     }
 
     /// Returns the exit status for `--require-success` and reports the jobs below it. Jobs that run
     /// in other processes have not reached it yet.
-    fn required_success(&self, rows: &[Row], Outcome { ends, .. }: &Outcome) -> u8 {
+    fn required_success(&self, Outcome { ends, .. }: &Outcome) -> u8 {
         let Some(required) = self.options.require_success else { return 0 };
         let elsewhere = ends.contains(&End::Elsewhere);
-        let results = rows.iter().flat_map(|row| &row.results);
-        let rate = |result: &super::job::JobResult| {
-            result.last().and_then(gdg::train::Evaluation::success_rate)
-        };
+        let results = self.jobs().filter_map(|job| self.folder.result_of(job));
+        let rate =
+            |result: &JobResult| result.last().and_then(gdg::train::Evaluation::success_rate);
         let below: Vec<_> =
             results.filter(|result| rate(result).is_none_or(|rate| rate < required)).collect();
         for result in &below {

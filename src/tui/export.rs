@@ -17,6 +17,7 @@ use super::render;
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
 use super::theme::{Rgb, Theme};
+use crate::figure::Format;
 use gdg::files::{self, write_atomically};
 use gdg::viewer::{FilmError, animate};
 pub use picture::{picture_of, png_of};
@@ -37,8 +38,8 @@ pub enum ExportError {
     #[error(transparent)]
     Png(#[from] png::EncodingError),
     /// The curves cannot be drawn.
-    #[error(transparent)]
-    Drawing(#[from] plotters::drawing::DrawingAreaErrorKind<std::io::Error>),
+    #[error("{0}")]
+    Figure(miette::Report),
     /// There is no film, or it cannot be drawn.
     #[error(transparent)]
     Film(#[from] FilmError),
@@ -90,7 +91,9 @@ fn write_contents(path: &Path, contents: Result<Vec<u8>, ExportError>) -> Result
 /// What cannot be drawn or encoded.
 pub fn contents(kind: ExportKind, screen: &Screen, scene: &Scene) -> Result<Vec<u8>, ExportError> {
     match kind {
-        ExportKind::CurvesSvg => curves::svg(screen),
+        ExportKind::CurvesSvg => figure(Format::Svg, screen, scene),
+        ExportKind::CurvesPng => figure(Format::Png, screen, scene),
+        ExportKind::CurvesPdf => figure(Format::Pdf, screen, scene),
         ExportKind::CurvesCsv => curves::csv(screen),
         ExportKind::Film => Ok(animate(&screen.snapshot)?),
         ExportKind::MapPng | ExportKind::MapSvg | ExportKind::ScreenPng | ExportKind::ScreenSvg => {
@@ -109,6 +112,13 @@ pub fn contents(kind: ExportKind, screen: &Screen, scene: &Scene) -> Result<Vec<
             }
         }
     }
+}
+
+/// Draws the curves.
+fn figure(format: Format, screen: &Screen, scene: &Scene) -> Result<Vec<u8>, ExportError> {
+    let run = screen.run();
+    let title = format!("{}, {}, seed {}", scene.title(&screen.snapshot), run.method, run.seed);
+    format.encode(&curves::figure(screen, &title)).map_err(ExportError::Figure)
 }
 
 /// Draws the screen without dialogs; returns it with the area of the map pane.

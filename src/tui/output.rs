@@ -13,6 +13,10 @@ pub enum ExportKind {
     ScreenSvg,
     /// The curves as a vector drawing.
     CurvesSvg,
+    /// The curves as a bitmap.
+    CurvesPng,
+    /// The curves as a vector drawing for papers.
+    CurvesPdf,
     /// The curves as a table.
     CurvesCsv,
     /// The film of how distance was learned, as an animation.
@@ -21,12 +25,14 @@ pub enum ExportKind {
 
 impl ExportKind {
     /// All kinds.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::MapPng,
         Self::MapSvg,
         Self::ScreenPng,
         Self::ScreenSvg,
         Self::CurvesSvg,
+        Self::CurvesPng,
+        Self::CurvesPdf,
         Self::CurvesCsv,
         Self::Film,
     ];
@@ -34,7 +40,8 @@ impl ExportKind {
     /// Returns the name shown on the screen, where the scene is called `noun`.
     pub fn name(self, noun: &str) -> String {
         let form = match self {
-            Self::MapPng | Self::ScreenPng => "bitmap",
+            Self::MapPng | Self::ScreenPng | Self::CurvesPng => "bitmap",
+            Self::CurvesPdf => "PDF",
             Self::MapSvg | Self::ScreenSvg | Self::CurvesSvg => "vector graphic",
             Self::CurvesCsv => "table",
             Self::Film => "animation",
@@ -47,7 +54,7 @@ impl ExportKind {
         match self {
             Self::MapPng | Self::MapSvg => noun,
             Self::ScreenPng | Self::ScreenSvg => "screen",
-            Self::CurvesSvg | Self::CurvesCsv => "curves",
+            Self::CurvesSvg | Self::CurvesPng | Self::CurvesPdf | Self::CurvesCsv => "curves",
             Self::Film => "film",
         }
     }
@@ -55,7 +62,8 @@ impl ExportKind {
     /// Returns the file extension.
     pub fn file_type(self) -> &'static str {
         match self {
-            Self::MapPng | Self::ScreenPng | Self::Film => "png",
+            Self::MapPng | Self::ScreenPng | Self::CurvesPng | Self::Film => "png",
+            Self::CurvesPdf => "pdf",
             Self::MapSvg | Self::ScreenSvg | Self::CurvesSvg => "svg",
             Self::CurvesCsv => "csv",
         }

@@ -16,7 +16,7 @@ const LIBRARY: [&str; 15] = [
 ];
 
 /// The program's modules: each depends only on those before it, and on the library.
-const PROGRAM: [&str; 6] = ["host", "headless", "experiment", "tui", "cli", "commands"];
+const PROGRAM: [&str; 7] = ["host", "figure", "headless", "experiment", "tui", "cli", "commands"];
 
 /// Modules that work with states, goals and actions, and do not depend on maps.
 const MAP_FREE_MODULES: [&str; 4] = ["learn", "bridge", "train", "engine"];

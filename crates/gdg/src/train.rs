@@ -24,7 +24,7 @@ mod visits;
 pub use crate::settings::{Effect, Preset, Setting};
 pub use checkpoint::{
     CheckpointError, Description, LoadError, Loaded, SaveTo, describe, examine, from_bytes,
-    is_checkpoint, is_own, load, remove_own, save, unpacked, with_updated_checksum,
+    is_checkpoint, is_own, load, read_history, remove_own, save, unpacked, with_updated_checksum,
 };
 pub use config::{
     ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from,
@@ -38,7 +38,7 @@ pub use evaluate::{
 };
 pub use film::{Film, FilmFrame};
 pub use history::{
-    CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Notes, Stretch, UsedMethod,
+    CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Moment, Notes, Stretch, UsedMethod,
 };
 pub use method::{METHODS, Method, NamedMethod, UnknownMethod};
 pub use policy_file::policy_file;

@@ -10,7 +10,7 @@ use gdg::learn::{LearnSettings, Scratch, Threads};
 use gdg::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
 use gdg::settings::{Auto, Effect};
 use gdg::store::{Array, Store};
-use gdg::train::{self, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
+use gdg::train::{self, Method, Moment, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
 
 /// Two rooms joined by a door: most straight lines between them hit the wall.
 const TWO_ROOMS: &str = "\
@@ -293,7 +293,7 @@ fn a_checkpoint_is_described_without_being_loaded() {
     let mut run = trainer(settings(), 5, 1);
     train_to(&mut run, 120);
     let evaluation = run.evaluate(&run.tasks(2).unwrap()).unwrap();
-    run.record_evaluation(100, evaluation.clone());
+    run.record_evaluation(Moment { updates: 100, ..run.moment() }, evaluation.clone());
     train::save(&run, &SaveTo::Replace(path.clone())).unwrap();
     let found = train::describe(&path).unwrap();
     assert_eq!(

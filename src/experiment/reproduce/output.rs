@@ -7,13 +7,14 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::curves::{Panel, Point, panels};
-use super::draw::{self, Drawing};
+use super::draw::Drawing;
 use super::figures::Figure;
 use super::maps::rows;
 use super::panel::MapPanel;
 use super::{MethodResults, curves};
 use crate::experiment::folder::Folder;
 use crate::experiment::measure::Measured;
+use crate::figure::Format;
 use gdg::map::builtin;
 
 /// A figure, drawn.
@@ -27,8 +28,8 @@ pub struct Drawn {
     csv: Vec<u8>,
     /// Paths in space, if it shows them beside curves.
     paths: Option<Vec<u8>>,
-    svg: String,
-    png: Vec<u8>,
+    /// The drawing in each format.
+    drawings: [(Format, Vec<u8>); 2],
 }
 
 impl Drawn {
@@ -45,9 +46,10 @@ impl Drawn {
         };
         let paths =
             (!panels.is_empty() && !maps.is_empty()).then(|| positions_csv(methods)).transpose()?;
-        let drawing = Drawing { title: figure.title, panels: &panels, maps: &maps };
-        let (svg, png) = (draw::svg(&drawing)?, draw::png(&drawing)?);
-        Ok(Self { figure, panels, maps, data, csv, paths, svg, png })
+        let sheet = Drawing { title: figure.title, panels: &panels, maps: &maps }.draw();
+        let drawn = |format: Format| Ok::<_, Report>((format, format.encode(&sheet)?));
+        let drawings = [drawn(Format::Svg)?, drawn(Format::Png)?];
+        Ok(Self { figure, panels, maps, data, csv, paths, drawings })
     }
 
     /// Writes data and drawings into `folder`; `arguments` made them.
@@ -76,8 +78,9 @@ impl Drawn {
         self.paths
             .iter()
             .try_for_each(|paths| folder.write(&format!("data/{}", paths_file(name)), paths))?;
-        folder.write(&format!("figures/{name}.svg"), self.svg.as_bytes())?;
-        folder.write(&format!("figures/{name}.png"), &self.png)
+        self.drawings.iter().try_for_each(|(format, bytes)| {
+            folder.write(&format!("figures/{name}.{}", format.extension()), bytes)
+        })
     }
 
     /// Returns the figure as text for the terminal.

@@ -47,7 +47,7 @@ fn chart(panel: &Panel, coloured: bool) -> String {
             .data(points)
     });
     let axis = |top: f64| {
-        let labels = [0.0, 0.5, 1.0].map(|share| Line::from(super::draw::tick(share * top)));
+        let labels = [0.0, 0.5, 1.0].map(|share| Line::from(crate::figure::tick(share * top)));
         Axis::default().bounds([0.0, 1.02 * top]).labels(labels)
     };
     // Names of axes and methods are around the chart, where no line crosses them.

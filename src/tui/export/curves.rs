@@ -1,98 +1,73 @@
-//! Curves as a drawing (SVG) and as a table (CSV).
-
-use plotters::coord::Shift;
-use plotters::prelude::*;
+//! Curves as a figure, and as a table (CSV).
 
 use super::ExportError;
+use crate::figure::{Chart, Curve, MILLIMETRE, Page, Point, Range, Sheet, colour};
 use crate::tui::screen::Screen;
 use gdg::engine::Snapshot;
-use gdg::train::{CurvePoint, Evaluation};
+use gdg::train::Evaluation;
 
-/// Size of the drawing.
-const SIZE: (u32, u32) = (960, 720);
+/// Width of the figure.
+const WIDTH: f32 = 130.0 * MILLIMETRE;
 
-/// A line's name and its (updates, value) points.
-type Series = (String, Vec<(f64, f64)>);
+/// A curve's name and its points: updates done by a learner, and values.
+type Series = (&'static str, Vec<(u64, f64)>);
 
-/// Draws success with coverage, errors and losses, one below the other.
-pub fn svg(screen: &Screen) -> Result<Vec<u8>, ExportError> {
-    let mut drawing = String::new();
-    {
-        let root = SVGBackend::with_string(&mut drawing, SIZE).into_drawing_area();
-        let draw = || -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
-            root.fill(&WHITE)?;
-            let parts = root.split_evenly((3, 1));
-            chart(&parts[0], "success and coverage", &success(&screen.snapshot), Some(1.0))?;
-            chart(&parts[1], "relative error of D", &errors(&screen.snapshot), None)?;
-            chart(&parts[2], "loss of D (log10)", &[losses(screen)], None)?;
-            root.present()
+/// Draws success with coverage, errors and the critic's loss, one below the other and over the same
+/// updates.
+pub fn figure(screen: &Screen, title: &str) -> Sheet {
+    let snapshot = &screen.snapshot;
+    let loss = snapshot.curve.iter().map(|point| (point.updates, f64::from(point.losses[0])));
+    let coverage = snapshot.coverage().into_iter();
+    let success = [
+        series("planned", snapshot, |e| e.planned.as_ref()?.success),
+        series("greedy", snapshot, |e| e.greedy.success),
+        ("explored", learned(snapshot, coverage)),
+    ];
+    let errors = [
+        series("of D", snapshot, |e| Some(e.distance_error?.mape)),
+        series("via graph", snapshot, |e| Some(e.distance_error?.graph?.mape)),
+    ];
+    let losses = [("critic", learned(snapshot, loss))];
+    let last = snapshot.learned(snapshot.counters.updates).max(1) as f64;
+    let chart = |label: &str, series: &[Series]| {
+        let values = series.iter().flat_map(|(_, points)| points).map(|(_, value)| *value);
+        let is_known = |(_, (_, points)): &(usize, &Series)| !points.is_empty();
+        let curve = |(i, (name, points)): (usize, &Series)| Curve {
+            name: (*name).to_owned(),
+            colour: colour(i),
+            marker: i,
+            points: points.iter().map(|(x, value)| Point::single(*x as f64, *value)).collect(),
         };
-        draw()?;
-    }
-    Ok(drawing.into_bytes())
+        Chart {
+            title: String::new(),
+            labels: ["updates", label].map(str::to_owned),
+            x: [0.0, last],
+            y: if series.len() == 3 { Range::SHARE } else { Range::of_errors(values) },
+            curves: series.iter().enumerate().filter(is_known).map(curve).collect(),
+        }
+    };
+    let charts = [
+        chart("success rate, share explored", &success),
+        chart("relative error of D", &errors),
+        chart("loss of D", &losses),
+    ];
+    Page { title, has_heading: true, charts: &charts, width: WIDTH, columns: 1 }.draw()
 }
 
-fn chart(
-    area: &DrawingArea<SVGBackend, Shift>,
-    title: &str,
-    series: &[Series],
-    max: Option<f64>,
-) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
-    let points = || series.iter().flat_map(|(_, points)| points.iter());
-    let last = points().map(|p| p.0).fold(1.0, f64::max);
-    let low = points().map(|p| p.1).fold(0.0, f64::min);
-    let high = max.unwrap_or_else(|| points().map(|p| p.1).fold(low + 1e-3, f64::max));
-    let mut chart = ChartBuilder::on(area)
-        .caption(title, ("sans-serif", 16))
-        .margin(8)
-        .x_label_area_size(28)
-        .y_label_area_size(44)
-        .build_cartesian_2d(0.0..last, low..high)?;
-    chart.configure_mesh().x_desc("updates").draw()?;
-    for (i, (name, points)) in series.iter().enumerate() {
-        let colour = Palette99::pick(i).to_rgba();
-        chart
-            .draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(2)))?
-            .label(name.as_str())
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], colour.stroke_width(2)));
-    }
-    chart
-        .configure_series_labels()
-        .background_style(WHITE.mix(0.8))
-        .border_style(BLACK.mix(0.3))
-        .draw()
+fn learned(snapshot: &Snapshot, points: impl Iterator<Item = (u64, f64)>) -> Vec<(u64, f64)> {
+    points.map(|(updates, value)| (snapshot.learned(updates), value)).collect()
 }
 
-fn series(name: &str, snapshot: &Snapshot, value: impl Fn(&Evaluation) -> Option<f64>) -> Series {
+fn series(
+    name: &'static str,
+    snapshot: &Snapshot,
+    value: impl Fn(&Evaluation) -> Option<f64>,
+) -> Series {
     // Leave out what other methods reached.
     let own =
         |at: u64| snapshot.methods.name(at).is_none_or(|name| name == snapshot.run.method.name());
     let evaluations = snapshot.evaluations.iter().filter(|(at, _)| own(*at));
-    let points = evaluations.filter_map(|(at, e)| Some((snapshot.learned(*at) as f64, value(e)?)));
-    (name.to_owned(), points.collect())
-}
-
-fn success(snapshot: &Snapshot) -> Vec<Series> {
-    let planned = series("planned", snapshot, |e| e.planned.as_ref()?.success);
-    let greedy = series("greedy", snapshot, |e| e.greedy.success);
-    let coverage =
-        snapshot.coverage().into_iter().map(|(at, share)| (snapshot.learned(at) as f64, share));
-    vec![planned, greedy, ("coverage".to_owned(), coverage.collect())]
-}
-
-fn errors(snapshot: &Snapshot) -> Vec<Series> {
-    let learned = series("learned", snapshot, |e| Some(e.distance_error?.mape));
-    let composed = series("via graph", snapshot, |e| Some(e.distance_error?.graph?.mape));
-    vec![learned, composed]
-}
-
-fn losses(screen: &Screen) -> Series {
-    let snapshot = &screen.snapshot;
-    let loss = |p: &CurvePoint| {
-        (snapshot.learned(p.updates) as f64, f64::from(p.losses[0].max(1e-9)).log10())
-    };
-    let points = snapshot.curve.iter().map(loss);
-    ("critic".to_owned(), points.collect())
+    (name, learned(snapshot, evaluations.filter_map(|(at, e)| Some((*at, value(e)?)))))
 }
 
 /// Writes one line per evaluation and per point of the curves of losses and coverage, in order,

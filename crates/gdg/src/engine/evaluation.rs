@@ -7,7 +7,7 @@ use super::snapshot::{NextEvaluation, next_multiple};
 use super::{EVALUATE_EVERY_UPDATES, Worker};
 use crate::env::EnvError;
 use crate::pulse::{Cancelled, Wanted};
-use crate::train::{Evaluation, TrainError};
+use crate::train::{Evaluation, Moment, TrainError};
 
 /// Tasks at each distance.
 const EVALUATION_TASKS: usize = 10;
@@ -25,7 +25,7 @@ const MAX_AGE_UPDATES: f64 = 1_500.0;
 
 /// An evaluation running on its own thread.
 pub struct RunningEvaluation {
-    updates: u64,
+    made: Moment,
     began: Instant,
     result: JoinHandle<Result<Option<Evaluation>, EnvError>>,
     wanted: Wanted,
@@ -45,8 +45,8 @@ impl Worker {
                 let tasks = job.tasks(EVALUATION_TASKS)?;
                 job.run_unless(&cancelled, &tasks)
             })?;
-        let updates = self.trainer.counters().updates;
-        self.evaluation = Some(RunningEvaluation { updates, began, result, wanted });
+        let made = self.trainer.moment();
+        self.evaluation = Some(RunningEvaluation { made, began, result, wanted });
         self.evaluation_is_due = false;
         self.current.next_evaluation = NextEvaluation::Running;
         Ok(true)
@@ -81,19 +81,20 @@ impl Worker {
 
     /// Collects the evaluation if it has finished.
     pub(super) fn collect_evaluation(&mut self) {
-        let Some(RunningEvaluation { updates, began, result, wanted }) =
+        let Some(RunningEvaluation { made, began, result, wanted }) =
             self.evaluation.take_if(|e| e.result.is_finished())
         else {
             return;
         };
         drop(wanted);
+        let updates = made.updates;
         let now = Instant::now();
         let pause = pause_after(now - began, self.evaluation_pause, self.current.rates.0);
         self.next_evaluation_at = Some(now + pause);
         match result.join() {
             Ok(Ok(None)) => {}
             Ok(Ok(Some(evaluation))) if evaluation.is_finite() => {
-                self.trainer.record_evaluation(updates, evaluation);
+                self.trainer.record_evaluation(made, evaluation);
                 self.current.evaluations = self.trainer.history().evaluations().clone();
             }
             Ok(Ok(_)) => self

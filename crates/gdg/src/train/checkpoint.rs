@@ -20,14 +20,16 @@ use std::time::SystemTime;
 use parking_lot::Mutex;
 
 use super::error::TrainError;
+use super::history::History;
 use super::memory;
 use super::registry::Registry;
 use super::run::Run;
 use super::score::Success;
-use super::trainer::{LEARNED, Trainer, TrainerState};
+use super::trainer::{HISTORY, LEARNED, Trainer, TrainerState};
 use crate::env::EnvError;
 use crate::files::{self, Format, Mismatch, Wanted};
 use crate::learn::Threads;
+use crate::store::{Store, StoreError};
 use crate::text::{safe_file_name, sanitized, truncated};
 pub use content::{ContentError, unpacked, with_updated_checksum};
 use content::{MAX_HEADER_BYTES, texts_from_start};
@@ -80,11 +82,34 @@ const CHECKPOINT: Wanted = Wanted {
 /// # Errors
 /// The file cannot be read or is not a checkpoint of this program.
 pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
+    parse_start(path, |_| Ok(())).map(|(description, ())| description)
+}
+
+/// Reads a checkpoint's summary and history without its tensors or its world.
+///
+/// # Errors
+/// The file cannot be read or is not a checkpoint of this program.
+pub fn read_history(path: &Path) -> Result<(Description, History), CheckpointError> {
+    // The first format has no history.
+    parse_start(path, |store| {
+        if store.texts().contains_key(HISTORY) {
+            store.json(HISTORY)
+        } else {
+            Ok(History::default())
+        }
+    })
+}
+
+/// Reads a checkpoint's summary, and what `more` reads besides.
+fn parse_start<T>(
+    path: &Path,
+    more: impl FnOnce(&Store) -> Result<T, StoreError>,
+) -> Result<(Description, T), CheckpointError> {
     let (start, facts) =
         read_start(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     let parsed = || {
         let store = texts_from_start(&start, facts.len())?;
-        Ok::<_, ContentError>(Description {
+        let description = Description {
             file: path.to_owned(),
             // Older formats only had maps.
             world: safe_file_name(store.text("world").unwrap_or("maze")),
@@ -98,7 +123,8 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
             success: store.json("success")?,
             bytes: facts.len(),
             written: facts.modified().ok(),
-        })
+        };
+        Ok::<_, ContentError>((description, more(&store)?))
     };
     parsed().map_err(|e| unreadable(path, &e.to_string()))
 }

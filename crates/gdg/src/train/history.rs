@@ -38,6 +38,17 @@ pub struct CurvePoint {
     pub coverage: Option<f32>,
 }
 
+/// How far a run was when it was evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Moment {
+    /// Updates done.
+    pub updates: u64,
+    /// Environment steps, summed over all agents.
+    pub env_steps: u64,
+    /// Training time in seconds, without evaluation.
+    pub seconds: f64,
+}
+
 /// An event.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogEntry {
@@ -68,6 +79,9 @@ pub struct History {
     points: Arc<Vec<CurvePoint>>,
     #[serde(with = "shared")]
     evaluations: Arc<Vec<(u64, Evaluation)>>,
+    /// When these were made; older checkpoints do not have it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    moments: Vec<Moment>,
     /// The methods used; only in runs whose method has changed.
     #[serde(default, skip_serializing_if = "is_default")]
     pub(super) methods: Methods,
@@ -82,6 +96,7 @@ impl Default for History {
             every: POINT_EVERY_UPDATES,
             points: Arc::default(),
             evaluations: Arc::default(),
+            moments: Vec::new(),
             methods: Methods::default(),
             notes: Notes::default(),
         }
@@ -109,10 +124,11 @@ impl History {
         }
     }
 
-    /// Adds an evaluation made at an update.
-    pub fn add_evaluation(&mut self, updates: u64, evaluation: Evaluation) {
+    /// Adds an evaluation.
+    pub fn add_evaluation(&mut self, made: Moment, evaluation: Evaluation) {
         let evaluations = Arc::make_mut(&mut self.evaluations);
-        evaluations.push((updates, evaluation));
+        evaluations.push((made.updates, evaluation));
+        self.moments.push(made);
         if evaluations.len() > MAX_EVALUATIONS {
             // Always keeps the latest one.
             let last = evaluations.len() - 1;
@@ -121,6 +137,7 @@ impl History {
                 i += 1;
                 (i - 1) % 2 == last % 2
             });
+            self.moments.retain(|made| evaluations.iter().any(|(at, _)| *at == made.updates));
         }
     }
 
@@ -132,6 +149,11 @@ impl History {
     /// Returns the evaluations with their updates, oldest first.
     pub fn evaluations(&self) -> &Arc<Vec<(u64, Evaluation)>> {
         &self.evaluations
+    }
+
+    /// Returns when the evaluation after `updates` was made, unless an older version made it.
+    pub fn moment(&self, updates: u64) -> Option<Moment> {
+        self.moments.iter().rev().find(|made| made.updates == updates).copied()
     }
 
     /// Returns the methods used.
@@ -165,6 +187,8 @@ impl History {
             && self.points.is_sorted_by_key(|point| point.updates)
             && self.evaluations.len() <= MAX_EVALUATIONS
             && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_finite())
+            && self.moments.len() <= MAX_EVALUATIONS
+            && self.moments.iter().all(|made| made.seconds.is_finite())
             && self.methods.is_sound()
             && log.len() <= MAX_LOG_ENTRIES
             && log.iter().all(short)

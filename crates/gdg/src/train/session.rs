@@ -226,10 +226,9 @@ mod tests {
         assert_eq!(all.iter().map(|(_, due)| *due).collect::<Vec<_>>(), [Due::Evaluation; 3]);
         assert!((0..2).all(|i| all[i].0 == 0) && all[2].0 == trainer.counters().updates);
         assert!(reason == EndReason::MaxSteps && !trainer.is_update_due());
-        let updates = trainer.counters().updates;
         let evaluation =
             trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("an evaluation");
-        trainer.record_evaluation(updates, evaluation);
+        trainer.record_evaluation(trainer.moment(), evaluation);
         let mut resumed = Session::resume(schedule, &trainer);
         assert_eq!(std::iter::from_fn(|| resumed.next_due()).count(), 2, "one of three is made");
     }
@@ -252,7 +251,7 @@ mod tests {
         assert_eq!(due(&trainer), [Due::Edit(0), Due::Evaluation]);
         let evaluation =
             trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("an evaluation");
-        trainer.record_evaluation(3, evaluation);
+        trainer.record_evaluation(trainer.moment(), evaluation);
         assert_eq!(due(&trainer), [Due::Edit(0)]);
         trainer.pulse().stop();
         let ended = Session::new(schedule).tick(&mut trainer, &Limits::default());

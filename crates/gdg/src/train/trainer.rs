@@ -18,7 +18,7 @@ use super::error::TrainError;
 use super::evaluate::{Evaluation, EvaluationJob};
 use super::film::Film;
 use super::graphs::{BuiltGraph, Graphs};
-use super::history::{History, Notes};
+use super::history::{History, Moment, Notes};
 use super::registry::Registry;
 use super::rollout::{Rollout, StepContext};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
@@ -33,7 +33,7 @@ use crate::learn::{
 use crate::pulse::{Parts, Pulse};
 pub use change::{KeptState, WorldChange};
 use data::Data;
-pub(super) use persistence::{LEARNED, TrainerState};
+pub(super) use persistence::{HISTORY, LEARNED, TrainerState};
 use recovery::LastGood;
 pub use recovery::Recovery;
 
@@ -501,9 +501,15 @@ impl Trainer {
         &self.film
     }
 
-    /// Adds an evaluation made after `updates` to the history.
-    pub fn record_evaluation(&mut self, updates: u64, evaluation: Evaluation) {
-        self.history.add_evaluation(updates, evaluation);
+    /// Returns how far the run is.
+    pub fn moment(&self) -> Moment {
+        let Counters { updates, env_steps, .. } = self.counters;
+        Moment { updates, env_steps, seconds: self.seconds }
+    }
+
+    /// Adds an evaluation to the history.
+    pub fn record_evaluation(&mut self, made: Moment, evaluation: Evaluation) {
+        self.history.add_evaluation(made, evaluation);
     }
 
     /// Replaces what the front end keeps in checkpoints.

@@ -26,6 +26,9 @@ use crate::train::visits::Visits;
 const CANDIDATES: &str = "bridge";
 const GRAPHS: [&str; 2] = ["graph", "next_graph"];
 
+/// Where the history is kept.
+pub(in crate::train) const HISTORY: &str = "history";
+
 /// Name in the store of the updates done by a learner, if fewer than those counted.
 pub(in crate::train) const LEARNED: &str = "learned_updates";
 
@@ -74,7 +77,7 @@ impl Trainer {
             // For lists of checkpoints.
             store.put_json(LEARNED, &self.learned_updates())?;
         }
-        store.put_json("history", &self.history)?;
+        store.put_json(HISTORY, &self.history)?;
         self.film.write(&mut store)?;
         Ok(store)
     }
@@ -105,8 +108,8 @@ impl Trainer {
         let [current, next] = GRAPHS.map(|name| StoredGraph::read(store, name));
         let graphs = [current?, next?];
         // Format 1 has no history.
-        let history = if store.texts().contains_key("history") {
-            store.json("history")?
+        let history = if store.texts().contains_key(HISTORY) {
+            store.json(HISTORY)?
         } else {
             History::default()
         };

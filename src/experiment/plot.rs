@@ -1,0 +1,236 @@
+//! `gdg-tui plot`: curves of runs over their seeds, as a figure for a paper and as a table.
+
+mod lines;
+mod read;
+
+use std::path::{Path, PathBuf};
+
+use miette::{IntoDiagnostic, Report, miette};
+
+use crate::figure::{Format, MILLIMETRE, Page, Sheet};
+use crate::host::setup::refuse_existing;
+use gdg::files::{named, write_atomically};
+use gdg::printing::eprint_line;
+use gdg::train::Evaluation;
+use lines::{Grouping, Panels};
+pub use read::PlottedRun;
+
+/// Width of a paper's column.
+pub const COLUMN: f32 = 84.0 * MILLIMETRE;
+/// Width of its page.
+pub const PAGE: f32 = 174.0 * MILLIMETRE;
+
+/// Width of a chart among several side by side, at least.
+const PANEL_WIDTH: f32 = 160.0;
+
+/// What to draw, and where to.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Folders of experiments or of checkpoints, checkpoints, and files of records.
+    pub runs: Vec<PathBuf>,
+    /// What curves differ in; otherwise whatever runs differ in.
+    pub by: Vec<By>,
+    /// What is drawn.
+    pub y: Measure,
+    /// What it is drawn over.
+    pub x: Axis,
+    /// Whether curves go on to their own ends.
+    pub whole: bool,
+    /// Files to write; otherwise an SVG beside the first run.
+    pub out: Vec<PathBuf>,
+    /// Whether they are replaced if they exist.
+    pub overwrite: bool,
+    /// Width in points.
+    pub width: f32,
+}
+
+impl Default for Options {
+    /// Success over updates, of all charts on a page.
+    fn default() -> Self {
+        Self {
+            runs: Vec::new(),
+            by: Vec::new(),
+            y: Measure::Success,
+            x: Axis::Updates,
+            whole: true,
+            out: Vec::new(),
+            overwrite: false,
+            width: PAGE,
+        }
+    }
+}
+
+/// What runs differ in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum By {
+    /// Their methods.
+    Method,
+    /// Their maps or worlds.
+    Map,
+    /// Their settings.
+    Setting,
+}
+
+/// A result of evaluations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measure {
+    /// Success rate, with plans if the method plans.
+    Success,
+    /// Success rate of the actor alone.
+    Greedy,
+    /// Relative error of D.
+    Error,
+    /// Share of the world explored.
+    Coverage,
+}
+
+/// What the horizontal axis counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// Updates.
+    Updates,
+    /// Environment steps.
+    Steps,
+    /// Seconds of training.
+    Seconds,
+}
+
+impl Measure {
+    /// Returns its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Success => "success",
+            Self::Greedy => "greedy",
+            Self::Error => "error",
+            Self::Coverage => "coverage",
+        }
+    }
+
+    fn label(self) -> &'static str {
+        match self {
+            Self::Success => "success rate",
+            Self::Greedy => "success rate without plans",
+            Self::Error => "relative error of D",
+            Self::Coverage => "share explored",
+        }
+    }
+
+    fn of(self, evaluation: &Evaluation) -> Option<f64> {
+        let value = match self {
+            Self::Success => evaluation.success_rate(),
+            Self::Greedy => evaluation.greedy.success,
+            Self::Error => evaluation.distance_error.map(|error| error.mape),
+            Self::Coverage => evaluation.coverage,
+        };
+        value.filter(|value| value.is_finite())
+    }
+}
+
+impl Axis {
+    /// Returns its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Updates => "updates",
+            Self::Steps => "steps",
+            Self::Seconds => "seconds",
+        }
+    }
+
+    fn label(self) -> &'static str {
+        match self {
+            Self::Updates => "updates",
+            Self::Steps => "environment steps",
+            Self::Seconds => "seconds of training",
+        }
+    }
+}
+
+/// A figure of curves, and the table behind it.
+pub struct Drawn {
+    /// The figure.
+    pub sheet: Sheet,
+    /// The table, as CSV.
+    pub table: Vec<u8>,
+    /// What the figure shows, for its caption.
+    pub caption: String,
+    /// What it leaves out.
+    pub notes: Vec<String>,
+}
+
+/// Draws runs.
+///
+/// # Errors
+/// Nothing is known of what is asked for, or the table cannot be written.
+pub fn draw(runs: &[PlottedRun], options: &Options) -> Result<Drawn, Report> {
+    let grouping = Grouping::new(runs, &options.by);
+    let Panels { charts, table, seeds, notes } = lines::panels(runs, &grouping, options)?;
+    let columns = (options.width / PANEL_WIDTH).floor().max(1.0) as usize;
+    let title = format!("{} over {}", options.y.label(), options.x.label());
+    let page =
+        Page { title: &title, has_heading: false, charts: &charts, width: options.width, columns };
+    let band = match seeds {
+        [_, 0 | 1] => "one seed".to_owned(),
+        [least, most] => {
+            let seeds = if least == most { most.to_string() } else { format!("{least} to {most}") };
+            format!("mean of {seeds} seeds, with a band from the lowest to the highest")
+        }
+    };
+    Ok(Drawn { sheet: page.draw(), table, caption: format!("{title}: {band}"), notes })
+}
+
+/// Reads runs, draws them and writes the files; returns a line for each.
+///
+/// # Errors
+/// A run cannot be read, nothing is known of what is asked for, or a file exists or cannot be
+/// written.
+pub fn run(options: &Options) -> Result<String, Report> {
+    let first = options.runs.first().map_or(Path::new(""), PathBuf::as_path);
+    let out = match &options.out[..] {
+        [] => vec![beside(first, options.y.name())],
+        out => out.to_vec(),
+    };
+    let format = |path: &PathBuf| {
+        let help = "give --out a file that ends in .svg, .png or .pdf";
+        Format::of(path).ok_or_else(|| miette!(help = help, "{}: not a figure", path.display()))
+    };
+    let formats = out.iter().map(format).collect::<Result<Vec<_>, _>>()?;
+    let table = out[0].with_extension("csv");
+    for path in out.iter().chain([&table]) {
+        refuse_existing(path, options.overwrite)?;
+    }
+    let (runs, mut notes) = read::runs(&options.runs)?;
+    let drawn = draw(&runs, options)?;
+    notes.extend(drawn.notes);
+    notes.iter().for_each(|note| eprint_line(note));
+    eprint_line(&drawn.caption);
+    let mut lines = String::new();
+    for (path, format) in out.iter().zip(formats) {
+        lines += &write(path, &format.encode(&drawn.sheet)?)?;
+    }
+    Ok(lines + &write(&table, &drawn.table)?)
+}
+
+/// Returns where the figure of runs at `path` is written.
+fn beside(path: &Path, name: &str) -> PathBuf {
+    if path.is_dir() {
+        return path.join(name).with_extension("svg");
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    named(folder, path.file_stem().unwrap_or_default(), &format!(".{name}.svg"))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<String, Report> {
+    let written = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+    written.and_then(|()| write_atomically(path, bytes)).map_err(|error| {
+        let help = "give --out a file in a writable folder";
+        miette!(help = help, "{}: cannot be written: {error}", path.display())
+    })?;
+    Ok(format!("{}\n", path.display()))
+}
+
+/// Returns bytes of CSV.
+fn csv_of(rows: &[Vec<String>]) -> Result<Vec<u8>, Report> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    rows.iter().try_for_each(|row| writer.write_record(row)).into_diagnostic()?;
+    writer.into_inner().into_diagnostic()
+}

@@ -1,0 +1,268 @@
+//! Groups runs to charts and curves, and averages over seeds.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use miette::{Report, miette};
+
+use super::read::PlottedRun;
+use super::{Axis, By, Measure, Options, csv_of};
+use crate::figure::{Chart, Curve, Point, Range, colour};
+
+/// Which runs share a curve, and which curves a chart.
+pub struct Grouping {
+    by: Vec<By>,
+    /// What each run differs in from the others: method, map and settings.
+    parts: Vec<[String; 3]>,
+    /// Which of these differ at all.
+    differ: [bool; 3],
+}
+
+/// The order in [`Grouping`].
+const PARTS: [By; 3] = [By::Method, By::Map, By::Setting];
+
+impl Grouping {
+    /// Groups runs by what they differ in: curves by `by`, or else by method and settings, and by
+    /// map if they differ in neither.
+    pub fn new(runs: &[PlottedRun], by: &[By]) -> Self {
+        let setting = |run: &PlottedRun| {
+            let of_method = || runs.iter().filter(|other| other.method == run.method);
+            let is_own = |set: &&String| !of_method().all(|other| other.settings.contains(set));
+            let own: Vec<&str> = run.settings.iter().filter(is_own).map(String::as_str).collect();
+            match &run.variant {
+                Some(name) => name.clone(),
+                None => own.join(" "),
+            }
+        };
+        let parts: Vec<[String; 3]> =
+            runs.iter().map(|run| [run.method.clone(), run.map.clone(), setting(run)]).collect();
+        let differ = [0, 1, 2].map(|i| parts.iter().any(|part| part[i] != parts[0][i]));
+        let by = match (by, differ) {
+            ([], [false, true, false]) => vec![By::Map],
+            ([], _) => vec![By::Method, By::Setting],
+            (by, _) => by.to_vec(),
+        };
+        Self { by, parts, differ }
+    }
+
+    /// Returns the names of a run's chart and curve.
+    fn names(&self, run: usize) -> (String, String) {
+        let named = |on_curve: bool| {
+            let parts = PARTS.iter().enumerate().filter(|(i, part)| {
+                self.by.contains(part) == on_curve
+                    && (self.differ[*i] || on_curve && self.by.len() == 1)
+            });
+            let names = parts.map(|(i, part)| match &self.parts[run][i] {
+                name if !name.is_empty() => name.as_str(),
+                _ if *part == By::Setting && (self.by.len() == 1 || !on_curve) => "default",
+                _ => "",
+            });
+            names.filter(|name| !name.is_empty()).collect::<Vec<_>>().join(", ")
+        };
+        let (chart, curve) = (named(false), named(true));
+        (chart, if curve.is_empty() { self.parts[run][0].clone() } else { curve })
+    }
+}
+
+/// Charts, and the table behind them.
+pub struct Panels {
+    pub charts: Vec<Chart>,
+    /// The table, as CSV.
+    pub table: Vec<u8>,
+    /// The smallest and the largest number of seeds of a curve.
+    pub seeds: [usize; 2],
+    /// What is left out.
+    pub notes: Vec<String>,
+}
+
+/// The points of one seed, in order.
+type Points = Vec<(f64, f64)>;
+
+/// Chart, curve, and the points of each seed; in the order in which they first appear.
+type Lines = Vec<(String, String, BTreeMap<u64, Points>)>;
+
+/// Returns the charts of all runs.
+///
+/// # Errors
+/// No run knows the measure, or one does not know the axis.
+pub fn panels(
+    runs: &[PlottedRun],
+    grouping: &Grouping,
+    options: &Options,
+) -> Result<Panels, Report> {
+    let mut notes = Vec::new();
+    let lines = lines(runs, grouping, options, &mut notes)?;
+    let x = range(&lines, options, &mut notes);
+    let mut table = vec![vec![
+        "chart".to_owned(),
+        "curve".to_owned(),
+        "seed".to_owned(),
+        options.x.name().to_owned(),
+        options.y.name().to_owned(),
+        "low".to_owned(),
+        "high".to_owned(),
+    ]];
+    let mut names: Vec<&String> = Vec::new();
+    let mut charts: Vec<Chart> = Vec::new();
+    for (title, name, seeds) in &lines {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+        let number = names.iter().position(|known| *known == name).unwrap_or(0);
+        let points = mean(seeds, x);
+        rows(&mut table, title, name, seeds, &points);
+        let curve = Curve { name: name.clone(), colour: colour(number), marker: number, points };
+        match charts.iter_mut().find(|chart| chart.title == *title) {
+            Some(chart) => chart.curves.push(curve),
+            None => charts.push(Chart {
+                title: title.clone(),
+                labels: [options.x.label(), options.y.label()].map(str::to_owned),
+                x,
+                y: Range::SHARE,
+                curves: vec![curve],
+            }),
+        }
+    }
+    if options.y == Measure::Error {
+        let points = charts.iter().flat_map(|chart| &chart.curves).flat_map(|curve| &curve.points);
+        let range = Range::of_errors(points.flat_map(|point| [point.low, point.high]));
+        charts.iter_mut().for_each(|chart| chart.y = range);
+    }
+    let seeds = || lines.iter().map(|(_, _, seeds)| seeds.len());
+    let seeds = [seeds().min(), seeds().max()].map(Option::unwrap_or_default);
+    Ok(Panels { charts, table: csv_of(&table)?, seeds, notes })
+}
+
+/// Returns the points of every run, by chart, curve and seed.
+fn lines(
+    runs: &[PlottedRun],
+    grouping: &Grouping,
+    options: &Options,
+    notes: &mut Vec<String>,
+) -> Result<Lines, Report> {
+    let mut lines: Lines = Vec::new();
+    for (i, run) in runs.iter().enumerate() {
+        let (chart, curve) = grouping.names(i);
+        let points = points(run, options)?;
+        if points.is_empty() {
+            let (y, source) = (options.y.label(), run.source.display());
+            notes.push(format!("{source}: {} has no {y}: left out", run.method));
+            continue;
+        }
+        let known = lines.iter().position(|line| line.0 == chart && line.1 == curve);
+        let at = known.unwrap_or_else(|| {
+            lines.push((chart, curve, BTreeMap::new()));
+            lines.len() - 1
+        });
+        let own: &mut Points = lines[at].2.entry(run.seed).or_default();
+        own.extend(points);
+        own.sort_by(|a, b| a.0.total_cmp(&b.0));
+        own.dedup_by_key(|point| point.0);
+    }
+    if lines.is_empty() {
+        let help = "--y success, greedy, error or coverage";
+        let (y, methods) = (options.y.label(), runs.iter().map(|run| run.method.as_str()));
+        let methods: BTreeSet<&str> = methods.collect();
+        let methods = methods.into_iter().collect::<Vec<_>>().join(", ");
+        return Err(miette!(help = help, "none of these runs ({methods}) has a {y}"));
+    }
+    Ok(lines)
+}
+
+fn points(run: &PlottedRun, options: &Options) -> Result<Points, Report> {
+    let mut points = Vec::new();
+    for at in &run.evaluations {
+        let x = match options.x {
+            Axis::Updates => Some(at.updates as f64),
+            Axis::Steps => at.env_steps.map(|steps| steps as f64),
+            Axis::Seconds => at.seconds,
+        };
+        let Some(x) = x else {
+            let (source, x) = (run.source.display(), options.x.name());
+            let help = "--x updates, which all runs know; or run it again, with this version";
+            return Err(miette!(
+                help = help,
+                "{source}: written by an older version, which did not keep the {x} of evaluations"
+            ));
+        };
+        points.extend(options.y.of(&at.evaluation).map(|y| (x, y)));
+    }
+    Ok(points)
+}
+
+/// Returns the horizontal range: up to where the shortest curve ends or, if each goes on to its own
+/// end, the longest.
+fn range(lines: &Lines, options: &Options, notes: &mut Vec<String>) -> [f64; 2] {
+    let end = |seeds: &BTreeMap<u64, Points>| {
+        let ends = seeds.values().filter_map(|points| Some(points.last()?.0));
+        ends.fold(f64::INFINITY, f64::min)
+    };
+    let ends = || lines.iter().map(|(chart, curve, seeds)| (end(seeds), chart, curve));
+    let longest = ends().map(|(end, ..)| end).fold(0.0, f64::max);
+    let shortest = ends().min_by(|a, b| a.0.total_cmp(&b.0));
+    match shortest {
+        Some((end, chart, curve)) if end < longest && !options.whole => {
+            let of = if chart.is_empty() { curve.clone() } else { format!("{curve} ({chart})") };
+            notes.push(format!(
+                "drawn up to {end:.0} {}, where {of} ends, of {longest:.0}: --whole draws all",
+                options.x.name()
+            ));
+            [0.0, end]
+        }
+        _ => [0.0, longest],
+    }
+}
+
+/// Averages over seeds wherever all of them have points on both sides, up to the end of the range.
+fn mean(seeds: &BTreeMap<u64, Points>, [_, end]: [f64; 2]) -> Vec<Point> {
+    let ends = |of: fn(&Points) -> Option<&(f64, f64)>| {
+        seeds.values().filter_map(of).map(|point| point.0).collect::<Vec<_>>()
+    };
+    let from = ends(|points| points.first()).into_iter().fold(0.0, f64::max);
+    let to = ends(|points| points.last()).into_iter().fold(end, f64::min);
+    let mut places: Vec<f64> = seeds.values().flatten().map(|point| point.0).collect();
+    places.push(to);
+    places.retain(|x| (from..=to).contains(x));
+    places.sort_by(f64::total_cmp);
+    places.dedup();
+    let at = |x: f64| {
+        let values: Vec<f64> =
+            seeds.values().filter_map(|points| interpolated(points, x)).collect();
+        let (low, high) = values
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+        Point { x, mean: values.iter().sum::<f64>() / values.len() as f64, low, high }
+    };
+    places.into_iter().map(at).collect()
+}
+
+/// Returns the value at `x` on the line through `points`.
+fn interpolated(points: &Points, x: f64) -> Option<f64> {
+    let next = points.iter().position(|point| point.0 >= x)?;
+    let (to, right) = points[next];
+    if to == x || next == 0 {
+        return Some(right);
+    }
+    let (from, left) = points[next - 1];
+    Some(left + (right - left) * (x - from) / (to - from))
+}
+
+/// Adds a row per point of each seed, and of their mean.
+fn rows(
+    table: &mut Vec<Vec<String>>,
+    chart: &str,
+    curve: &str,
+    seeds: &BTreeMap<u64, Points>,
+    means: &[Point],
+) {
+    let mut row = |seed: String, x: f64, y: f64, band: [String; 2]| {
+        let numbers = [x.to_string(), y.to_string()];
+        let texts = [chart.to_owned(), curve.to_owned(), seed];
+        table.push(texts.into_iter().chain(numbers).chain(band).collect());
+    };
+    for (seed, points) in seeds {
+        points.iter().for_each(|(x, y)| row(seed.to_string(), *x, *y, Default::default()));
+    }
+    for Point { x, mean, low, high } in means {
+        row("mean".to_owned(), *x, *mean, [low.to_string(), high.to_string()]);
+    }
+}

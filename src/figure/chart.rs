@@ -1,0 +1,384 @@
+//! Charts of curves: means over seeds with their bands, all over the same range.
+
+use gdg::draw::Rgb;
+
+use super::labels::spread;
+use super::letters::{fitted, width};
+use super::sheet::{Anchor, Mark, Sheet, Text, circle};
+use super::ticks;
+
+/// Size of letters: of ticks and labels, of charts' titles, and of the page's.
+const LETTERS: f32 = 7.0;
+const TITLE: f32 = 7.5;
+const HEADING: f32 = 9.0;
+
+/// Widths of lines: of curves, of axes and ticks, and of the grid.
+const CURVE: f32 = 1.2;
+const AXIS: f32 = 0.6;
+const GRID: f32 = 0.4;
+
+const INK: Rgb = (40, 40, 40);
+const GRID_INK: Rgb = (225, 225, 225);
+
+/// Length of ticks, and distance from them to their labels.
+const TICK: f32 = 2.5;
+const GAP: f32 = 2.0;
+
+/// Distance between ticks of the horizontal axis, at least.
+const TICKS_APART: f32 = 24.0;
+
+/// Between charts, and around the page.
+const MARGIN: f32 = 5.0;
+
+/// Height of a chart's lines, as a share of its width: of charts one below the other, and of
+/// others.
+const FLAT: f32 = 0.4;
+const SHAPE: f32 = 0.62;
+
+/// Names are beside the curves if they take at most this share of a chart's width.
+const NAMES_SHARE: f32 = 0.34;
+
+/// Length of the line in front of a name above the charts.
+const SAMPLE: f32 = 14.0;
+
+/// Points between two markers, on average, and radius of a marker.
+const MARKERS: usize = 10;
+const RADIUS: f32 = 1.7;
+
+/// How much of its colour a band has.
+const BAND: f32 = 0.18;
+
+/// Colours that colour-blind people can tell apart (Okabe and Ito 2008), without yellow, which is
+/// too light for lines on white.
+const COLOURS: [Rgb; 7] = [
+    (0, 114, 178),
+    (213, 94, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (86, 180, 233),
+    (230, 159, 0),
+    (0, 0, 0),
+];
+
+/// Returns the colour of curve `i`.
+pub fn colour(i: usize) -> Rgb {
+    COLOURS[i % COLOURS.len()]
+}
+
+/// A chart.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    /// What it shows, above it; may be empty.
+    pub title: String,
+    /// Labels of both axes.
+    pub labels: [String; 2],
+    /// The horizontal range.
+    pub x: [f64; 2],
+    /// The vertical range.
+    pub y: Range,
+    /// The curves.
+    pub curves: Vec<Curve>,
+}
+
+/// A vertical range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Its lower end.
+    pub low: f64,
+    /// Its upper end.
+    pub high: f64,
+    /// Whether equal distances are equal ratios.
+    pub log: bool,
+}
+
+/// A curve.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// Its name.
+    pub name: String,
+    /// Its colour.
+    pub colour: Rgb,
+    /// The number of its marker: shapes tell curves apart without colours, too.
+    pub marker: usize,
+    /// Points from left to right.
+    pub points: Vec<Point>,
+}
+
+/// A point of a curve: the mean over seeds, and the band.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Place on the horizontal axis.
+    pub x: f64,
+    /// Mean over the seeds.
+    pub mean: f64,
+    /// Ends of the band.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// Charts on a page.
+#[derive(Clone, Debug)]
+pub struct Page<'a> {
+    /// What they show, for the file's metadata.
+    pub title: &'a str,
+    /// Whether that is written above them.
+    pub has_heading: bool,
+    /// The charts, row by row.
+    pub charts: &'a [Chart],
+    /// Its width.
+    pub width: f32,
+    /// Charts side by side.
+    pub columns: usize,
+}
+
+impl Point {
+    /// Returns the point of one run.
+    pub fn single(x: f64, value: f64) -> Self {
+        Self { x, mean: value, low: value, high: value }
+    }
+}
+
+impl Range {
+    /// Shares, from 0 to 1.
+    pub const SHARE: Self = Self { low: 0.0, high: 1.0, log: false };
+
+    /// Returns the range from 0 to the highest of `values`.
+    pub fn from_zero(values: impl Iterator<Item = f64>) -> Self {
+        let high = values.filter(|value| value.is_finite()).fold(0.0, f64::max);
+        let step = ticks::round(0.0, if high > 0.0 { high } else { 1.0 }, 6);
+        let step = if let [first, second, ..] = step[..] { second - first } else { 1.0 };
+        Self { low: 0.0, high: (high / step).ceil().max(1.0) * step, log: false }
+    }
+
+    /// Returns the range of `values` if they are positive and differ by a factor of twenty or more,
+    /// and otherwise one from 0.
+    pub fn of_errors(values: impl Iterator<Item = f64> + Clone) -> Self {
+        let known = values.clone().filter(|value| value.is_finite());
+        let (low, high) = known.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), value| {
+            (low.min(value), high.max(value))
+        });
+        if low > 0.0 && high >= 20.0 * low {
+            let (low, high) = (ticks::outwards(low, false), ticks::outwards(high, true));
+            return Self { low, high, log: true };
+        }
+        Self::from_zero(values)
+    }
+
+    /// Returns the place of a value, from 0 at the lower end to 1 at the upper end.
+    fn share(&self, value: f64) -> f64 {
+        let on = |value: f64| if self.log { value.max(f64::MIN_POSITIVE).ln() } else { value };
+        let (low, high) = (on(self.low), on(self.high));
+        ((on(value) - low) / (high - low)).clamp(0.0, 1.0)
+    }
+
+    fn ticks(&self) -> Vec<f64> {
+        if self.log {
+            ticks::logarithmic(self.low, self.high)
+        } else {
+            ticks::round(self.low, self.high, 6)
+        }
+    }
+}
+
+/// A rectangle: left, top, right and bottom.
+#[derive(Clone, Copy)]
+struct Area {
+    left: f32,
+    top: f32,
+    right: f32,
+    bottom: f32,
+}
+
+/// A chart at its place.
+struct Placed<'a> {
+    chart: &'a Chart,
+    area: Area,
+}
+
+impl Page<'_> {
+    /// Draws the charts.
+    pub fn draw(&self) -> Sheet {
+        let columns = self.columns.clamp(1, self.charts.len().max(1));
+        let column = (self.width - MARGIN * (columns as f32 + 1.0)) / columns as f32;
+        let names = self.names();
+        let widest = names.iter().map(|curve| width(&curve.name, LETTERS)).fold(0.0, f32::max);
+        let beside = columns == 1 && widest <= NAMES_SHARE * column;
+        let mut sheet =
+            Sheet { size: [self.width, 0.0], title: self.title.to_owned(), marks: Vec::new() };
+        let mut top = MARGIN;
+        if self.has_heading {
+            let size = fitted(self.title, HEADING, self.width - 2.0 * MARGIN);
+            sheet.text([MARGIN, top + HEADING], self.title, size, Anchor::Start, INK);
+            top += 2.0 * HEADING;
+        }
+        if !beside && !names.is_empty() {
+            top = legend(&mut sheet, &names, top);
+        }
+        let ticks = self.charts.iter().flat_map(|chart| ticks::labels(&chart.y.ticks()));
+        let ticks = ticks.map(|text| width(&text, LETTERS)).fold(0.0, f32::max);
+        let left = LETTERS * 1.3 + GAP + ticks + GAP + TICK;
+        let right = if beside { widest + 6.0 } else { 6.0 };
+        let (below, labelled) = (TICK + GAP + LETTERS, LETTERS * 1.4);
+        let shape = if columns == 1 && self.charts.len() > 1 { FLAT } else { SHAPE };
+        for (row, charts) in self.charts.chunks(columns).enumerate() {
+            let is_last = (row + 1) * columns >= self.charts.len();
+            if charts.iter().any(|chart| !chart.title.is_empty()) {
+                top += TITLE * 1.5;
+            }
+            let bottom = top + shape * (column - left).max(20.0);
+            for (i, chart) in charts.iter().enumerate() {
+                let start = MARGIN + i as f32 * (column + MARGIN);
+                let (from, to) = (start + left, start + column - right);
+                let placed = Placed { chart, area: Area { left: from, top, right: to, bottom } };
+                let is_lowest = (row + 1) * columns + i >= self.charts.len();
+                placed.axes(&mut sheet, start, [is_lowest, i == 0]);
+                placed.curves(&mut sheet);
+                if beside {
+                    placed.names(&mut sheet);
+                }
+            }
+            top = bottom + below + if is_last { labelled } else { MARGIN };
+        }
+        sheet.size[1] = top + MARGIN;
+        sheet
+    }
+
+    /// Returns the first curve of each name.
+    fn names(&self) -> Vec<&Curve> {
+        let mut names: Vec<&Curve> = Vec::new();
+        for curve in self.charts.iter().flat_map(|chart| &chart.curves) {
+            if names.iter().all(|known| known.name != curve.name) {
+                names.push(curve);
+            }
+        }
+        names
+    }
+}
+
+/// Draws the names of curves in lines from `top`; returns where they end.
+fn legend(sheet: &mut Sheet, names: &[&Curve], top: f32) -> f32 {
+    let (mut x, mut y) = (MARGIN, top + LETTERS);
+    for curve in names {
+        let length = SAMPLE + GAP + width(&curve.name, LETTERS);
+        if x > MARGIN && x + length > sheet.size[0] - MARGIN {
+            (x, y) = (MARGIN, y + 1.4 * LETTERS);
+        }
+        let middle = y - 0.35 * LETTERS;
+        sheet.line(vec![[x, middle], [x + SAMPLE, middle]], CURVE, curve.colour);
+        sheet.area(marker(curve.marker, [x + SAMPLE / 2.0, middle]), curve.colour);
+        sheet.text([x + SAMPLE + GAP, y], &curve.name, LETTERS, Anchor::Start, INK);
+        x += length + 2.0 * MARGIN;
+    }
+    y + MARGIN
+}
+
+/// Returns the corners of a marker.
+fn marker(number: usize, [x, y]: [f32; 2]) -> Vec<[f32; 2]> {
+    let r = 1.15 * RADIUS;
+    match number % 5 {
+        0 => circle([x, y], RADIUS),
+        1 => vec![[x - r, y - r], [x + r, y - r], [x + r, y + r], [x - r, y + r]],
+        2 => vec![[x, y - 1.3 * r], [x + 1.2 * r, y + r], [x - 1.2 * r, y + r]],
+        3 => vec![[x, y - 1.5 * r], [x + 1.5 * r, y], [x, y + 1.5 * r], [x - 1.5 * r, y]],
+        _ => vec![[x, y + 1.3 * r], [x - 1.2 * r, y - r], [x + 1.2 * r, y - r]],
+    }
+}
+
+/// Returns `colour`, darkened until text in it is easy to read on white (a contrast of 4.5).
+fn dark(colour: Rgb) -> Rgb {
+    let linear = |part: u8| (f32::from(part) / 255.0).powf(2.2);
+    let is_dark = |(r, g, b): Rgb| {
+        1.05 / (0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b) + 0.05) >= 4.5
+    };
+    let mut found = colour;
+    while !is_dark(found) {
+        let darker = |part: u8| (f32::from(part) * 0.95) as u8;
+        found = (darker(found.0), darker(found.1), darker(found.2));
+    }
+    found
+}
+
+impl Placed<'_> {
+    /// Returns where a value is drawn.
+    fn at(&self, x: f64, y: f64) -> [f32; 2] {
+        let (Area { left, top, right, bottom }, [from, to]) = (self.area, self.chart.x);
+        let along = if to > from { ((x - from) / (to - from)) as f32 } else { 0.5 };
+        let up = self.chart.y.share(y) as f32;
+        [left + along * (right - left), bottom - up * (bottom - top)]
+    }
+
+    /// Draws title, axes and grid, and the labels of those axes that are to be `labelled`; the one
+    /// of the vertical axis at `start`.
+    fn axes(&self, sheet: &mut Sheet, start: f32, labelled: [bool; 2]) {
+        let (Area { left, top, right, bottom }, chart) = (self.area, self.chart);
+        sheet.text([left, top - 0.6 * TITLE], &chart.title, TITLE, Anchor::Start, INK);
+        let ticks = chart.y.ticks();
+        for (value, label) in ticks.iter().zip(ticks::labels(&ticks)) {
+            let [_, y] = self.at(chart.x[0], *value);
+            sheet.line(vec![[left, y], [right, y]], GRID, GRID_INK);
+            sheet.line(vec![[left - TICK, y], [left, y]], AXIS, INK);
+            let place = [left - TICK - GAP, y + 0.36 * LETTERS];
+            sheet.text(place, &label, LETTERS, Anchor::End, INK);
+        }
+        let most = ((right - left) / TICKS_APART) as usize;
+        let ticks = ticks::round(chart.x[0], chart.x[1], most);
+        for (value, label) in ticks.iter().zip(ticks::labels(&ticks)) {
+            let [x, _] = self.at(*value, chart.y.low);
+            sheet.line(vec![[x, bottom], [x, bottom + TICK]], AXIS, INK);
+            let place = [x, bottom + TICK + GAP + 0.75 * LETTERS];
+            sheet.text(place, &label, LETTERS, Anchor::Middle, INK);
+        }
+        sheet.line(vec![[left, top], [left, bottom], [right, bottom]], AXIS, INK);
+        let [along, up] = &chart.labels;
+        if labelled[0] {
+            let place = [f32::midpoint(left, right), bottom + TICK + GAP + 2.2 * LETTERS];
+            sheet.text(place, along, LETTERS, Anchor::Middle, INK);
+        }
+        if labelled[1] {
+            let at = [start + 0.9 * LETTERS, f32::midpoint(top, bottom)];
+            let (text, anchor) = (up.clone(), Anchor::Middle);
+            let text = Text { at, text, size: LETTERS, colour: INK, anchor, turned: true };
+            sheet.marks.push(Mark::Text(text));
+        }
+    }
+
+    /// Draws bands, curves and markers, the first curve on top.
+    fn curves(&self, sheet: &mut Sheet) {
+        for Curve { colour, points, .. } in self.chart.curves.iter().rev() {
+            if points.iter().any(|point| point.low < point.high) {
+                let up = points.iter().map(|point| self.at(point.x, point.high));
+                let down = points.iter().rev().map(|point| self.at(point.x, point.low));
+                let (points, colour) = (up.chain(down).collect(), *colour);
+                sheet.marks.push(Mark::Area { points, colour, opacity: BAND });
+            }
+        }
+        for curve in self.chart.curves.iter().rev() {
+            let means: Vec<_> = curve.points.iter().map(|at| self.at(at.x, at.mean)).collect();
+            let every = means.len().div_ceil(MARKERS).max(1);
+            let markers = means.iter().skip(means.len().saturating_sub(1) % every).step_by(every);
+            let markers: Vec<_> = markers.map(|at| marker(curve.marker, *at)).collect();
+            sheet.line(means, CURVE, curve.colour);
+            markers.into_iter().for_each(|corners| sheet.area(corners, curve.colour));
+        }
+    }
+
+    /// Writes the name of each curve beside its end.
+    fn names(&self, sheet: &mut Sheet) {
+        let Area { top, right, bottom, .. } = self.area;
+        let ends: Vec<(&Curve, [f32; 2])> = (self.chart.curves.iter())
+            .filter_map(|curve| Some((curve, curve.points.last()?)))
+            .map(|(curve, last)| (curve, self.at(last.x, last.mean)))
+            .collect();
+        let wanted: Vec<f32> = ends.iter().map(|(_, [_, y])| *y).collect();
+        let places = spread(&wanted, 1.2 * LETTERS, top, bottom);
+        for ((curve, [x, y]), place) in ends.into_iter().zip(places) {
+            if (place - y).abs() > 1.0 || right - x > 2.0 * RADIUS {
+                let from = x + 1.2 * RADIUS;
+                sheet.line(vec![[from, y], [right + 5.0, place]], GRID, curve.colour);
+            }
+            let at = [right + 6.0, place + 0.36 * LETTERS];
+            sheet.text(at, &curve.name, LETTERS, Anchor::Start, dark(curve.colour));
+        }
+    }
+}

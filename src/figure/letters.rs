@@ -1,0 +1,85 @@
+//! Widths and outlines of text in DejaVu Sans.
+
+use std::sync::LazyLock;
+
+use ttf_parser::{Face, GlyphId, OutlineBuilder};
+
+use super::sheet::Text;
+
+/// The font, unless it cannot be read, in which case text is left out.
+static FACE: LazyLock<Option<Face>> =
+    LazyLock::new(|| Face::parse(dejavu::sans::regular(), 0).ok());
+
+/// Returns the width of `text` at this size of letters.
+pub fn width(text: &str, size: f32) -> f32 {
+    FACE.as_ref().map_or(0.0, |face| glyphs(face, text).map(|(_, advance)| size * advance).sum())
+}
+
+/// Returns the size of letters, at most `size`, at which `text` is at most `room` wide.
+pub fn fitted(text: &str, size: f32, room: f32) -> f32 {
+    size * (room / width(text, size)).min(1.0)
+}
+
+/// Returns the glyphs of `text`, each with its share of the letters' size.
+fn glyphs<'a>(face: &'a Face, text: &'a str) -> impl Iterator<Item = (GlyphId, f32)> + 'a {
+    let per_em = f32::from(face.units_per_em());
+    text.chars().map(move |c| {
+        let glyph = face.glyph_index(c).unwrap_or_default();
+        (glyph, f32::from(face.glyph_hor_advance(glyph).unwrap_or(0)) / per_em)
+    })
+}
+
+/// Draws the outlines of a text with `pen`.
+pub fn outline(text: &Text, pen: &mut dyn OutlineBuilder) {
+    let Some(face) = FACE.as_ref() else { return };
+    let scale = text.size / f32::from(face.units_per_em());
+    let mut along = -text.anchor.share() * width(&text.text, text.size);
+    for (glyph, advance) in glyphs(face, &text.text) {
+        face.outline_glyph(glyph, &mut Placed { text, scale, along, pen });
+        along += text.size * advance;
+    }
+}
+
+/// Moves a glyph to its place in a text.
+struct Placed<'a> {
+    text: &'a Text,
+    scale: f32,
+    /// Distance from the text's point along the baseline.
+    along: f32,
+    pen: &'a mut dyn OutlineBuilder,
+}
+
+impl Placed<'_> {
+    fn place(&self, x: f32, y: f32) -> (f32, f32) {
+        let (along, up) = (self.along + self.scale * x, self.scale * y);
+        let [x, y] = self.text.at;
+        if self.text.turned { (x - up, y - along) } else { (x + along, y - up) }
+    }
+}
+
+impl OutlineBuilder for Placed<'_> {
+    fn move_to(&mut self, x: f32, y: f32) {
+        let (x, y) = self.place(x, y);
+        self.pen.move_to(x, y);
+    }
+
+    fn line_to(&mut self, x: f32, y: f32) {
+        let (x, y) = self.place(x, y);
+        self.pen.line_to(x, y);
+    }
+
+    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
+        let ((x1, y1), (x, y)) = (self.place(x1, y1), self.place(x, y));
+        self.pen.quad_to(x1, y1, x, y);
+    }
+
+    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
+        let ((x1, y1), (x2, y2), (x, y)) =
+            (self.place(x1, y1), self.place(x2, y2), self.place(x, y));
+        self.pen.curve_to(x1, y1, x2, y2, x, y);
+    }
+
+    fn close(&mut self) {
+        self.pen.close();
+    }
+}

@@ -1,0 +1,228 @@
+//! `gdg-tui plot`: curves of suites, checkpoints and records, and what it says where there are
+//! none.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::ran::{Ran, SMALL, has_parts, program_in, ran};
+use serde_json::{Value, json};
+
+const ROOM: &str = "S.....\n......\n.....G\n";
+
+/// Returns the records of a run evaluated every 100 updates, whose success grows to `last`.
+fn records(method: &str, seed: u64, evaluations: u64, last: f64, settings: &Value) -> String {
+    let start = json!({
+        "event": "start", "version": "0.2.0", "world": "maze", "map": {"name": "room"},
+        "method": method, "preset": "default", "settings": settings, "seed": seed,
+        "threads": "auto", "updates": 0,
+    });
+    let score = |success: f64| json!({"success": success, "spl": success, "steps_ratio": null, "by_distance": []});
+    let error = json!({"mape": 0.5, "near_mape": 0.5, "bias": 0.0, "spearman": 1.0, "graph": null});
+    let evaluation = |i: u64| {
+        let share = i as f64 / evaluations as f64;
+        let plans = method.starts_with("gdg-bridge");
+        json!({
+            "event": "evaluation", "seconds": i as f64 * 1.5, "updates": 100 * i,
+            "env_steps": 1600 * i, "greedy": score(0.5 * last * share),
+            "planned": if plans { score(last * share) } else { Value::Null },
+            "distance_error": if method == "her" { Value::Null } else { error.clone() },
+            "bridges": null, "coverage": share,
+        })
+    };
+    let all = std::iter::once(start).chain((1..=evaluations).map(evaluation));
+    all.map(|record| record.to_string() + "\n").collect()
+}
+
+fn plot(folder: &Path, args: &[&str]) -> Ran {
+    let mut command = program_in(folder);
+    command.arg("plot").args(args);
+    ran(command)
+}
+
+/// Returns the rows of a table as maps from column to text.
+fn rows(path: &Path) -> Vec<Vec<String>> {
+    let mut reader = csv::ReaderBuilder::new().has_headers(false).from_path(path).unwrap();
+    reader.records().map(|row| row.unwrap().iter().map(str::to_owned).collect()).collect()
+}
+
+#[test]
+fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: String| std::fs::write(folder.path().join(name), text).unwrap();
+    let none = json!({});
+    write("a.jsonl", records("gdg-bridge", 1, 4, 0.6, &none));
+    write("b.jsonl", records("gdg-bridge", 2, 4, 1.0, &none));
+    // The last line of a run that goes on is not complete.
+    write("c.jsonl", records("her", 1, 2, 0.5, &none) + "{\"event\":\"evalu");
+    let out = ["--out", "fig.pdf", "--out", "fig.svg", "--out", "fig.png"];
+    let done = plot(folder.path(), &[&[".", "--width", "84mm"], &out[..]].concat());
+    assert_eq!(done.status, Some(0), "{}", done.err);
+    assert_eq!(done.out, "fig.pdf\nfig.svg\nfig.png\nfig.csv\n");
+    has_parts(
+        &done.err,
+        &["drawn up to 200 updates, where her ends, of 400", "mean of 1 to 2 seeds"],
+    );
+    let table = rows(&folder.path().join("fig.csv"));
+    assert_eq!(table[0], ["chart", "curve", "seed", "updates", "success", "low", "high"]);
+    assert!(
+        table.contains(&["", "gdg-bridge", "2", "400", "1", "", ""].map(str::to_owned).to_vec())
+    );
+    let means: Vec<&Vec<String>> = table.iter().filter(|row| row[2] == "mean").collect();
+    let of = |curve: &str| {
+        let own = means.iter().filter(|row| row[1] == curve);
+        own.map(|row| [3, 4, 5, 6].map(|i| row[i].parse::<f64>().unwrap())).collect::<Vec<_>>()
+    };
+    assert_eq!(of("gdg-bridge"), [[100.0, 0.2, 0.15, 0.25], [200.0, 0.4, 0.3, 0.5]]);
+    assert_eq!(of("her"), [[100.0, 0.125, 0.125, 0.125], [200.0, 0.25, 0.25, 0.25]]);
+
+    let file = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    let svg = String::from_utf8(file("fig.svg")).unwrap();
+    for label in ["updates", "success rate", "gdg-bridge", "her", "0.2", "200", "fill-opacity"] {
+        assert!(svg.contains(label), "{label}: {svg}");
+    }
+    assert!(!svg.contains("1000.0") && !svg.contains("NaN"), "{svg}");
+    let (pdf, png) = (file("fig.pdf"), file("fig.png"));
+    assert!(pdf.starts_with(b"%PDF-") && pdf.ends_with(b"%%EOF"));
+    let info = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap().info().clone();
+    assert_eq!(info.width, 993, "84 mm at 300 pixels an inch");
+
+    let again = plot(folder.path(), &[&["."], &out[..]].concat());
+    assert_eq!(again.status, Some(2));
+    has_parts(&again.err, &["fig.pdf", "already exists", "--overwrite"]);
+    let whole = ["a.jsonl", "c.jsonl", "--whole", "--x", "seconds", "--y", "greedy", "--overwrite"];
+    let whole = plot(folder.path(), &[&whole, &out[..]].concat());
+    assert_eq!(
+        (whole.status, whole.err.contains("drawn up to")),
+        (Some(0), false),
+        "{}",
+        whole.err
+    );
+    let table = rows(&folder.path().join("fig.csv"));
+    assert!(
+        table.contains(&["", "gdg-bridge", "1", "6", "0.3", "", ""].map(str::to_owned).to_vec())
+    );
+}
+
+#[test]
+fn curves_differ_in_what_is_asked_for_and_charts_in_the_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: String| std::fs::write(folder.path().join(name), text).unwrap();
+    for (i, (method, hidden)) in
+        [("gdg", 32), ("gdg", 64), ("her", 32), ("her", 64)].into_iter().enumerate()
+    {
+        let settings = json!({"hidden": hidden, "tau": 0.01});
+        write(&format!("{i}.jsonl"), records(method, 1, 2, 0.5, &settings));
+    }
+    let named = |by: &[&str]| {
+        let done = plot(folder.path(), &[&[".", "--out", "f.svg", "--overwrite"], by].concat());
+        assert_eq!(done.status, Some(0), "{}", done.err);
+        let mut names: Vec<[String; 2]> = rows(&folder.path().join("f.csv"))[1..]
+            .iter()
+            .map(|row| [row[0].clone(), row[1].clone()])
+            .collect();
+        names.sort();
+        names.dedup();
+        names.iter().map(|[chart, curve]| format!("{chart}/{curve}")).collect::<Vec<_>>()
+    };
+    assert_eq!(
+        named(&[]),
+        ["/gdg, hidden=32", "/gdg, hidden=64", "/her, hidden=32", "/her, hidden=64"]
+    );
+    assert_eq!(
+        named(&["--by", "setting"]),
+        ["gdg/hidden=32", "gdg/hidden=64", "her/hidden=32", "her/hidden=64"]
+    );
+    assert_eq!(
+        named(&["--by", "method"]),
+        ["hidden=32/gdg", "hidden=32/her", "hidden=64/gdg", "hidden=64/her"]
+    );
+}
+
+#[test]
+fn what_cannot_be_drawn_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    let all = records("her", 1, 2, 0.5, &json!({}));
+    write("her.jsonl", &all);
+    write("begun.jsonl", all.lines().next().unwrap());
+    write("bad.jsonl", &(all.lines().next().unwrap().to_owned() + "\n{\"event\": 3}\n"));
+    write("late.jsonl", all.lines().nth(1).unwrap());
+    write("map.txt", ROOM);
+    let out = ["--out", "f.svg"];
+    for (args, parts) in [
+        (&["empty"][..], &["empty: no runs here", "a folder of gdg-tui suite"][..]),
+        (&["missing"], &["missing: cannot be read"]),
+        (&["begun.jsonl"], &["begun.jsonl: no evaluation yet", "--evaluate-every"]),
+        (&["bad.jsonl"], &["bad.jsonl:2:", "not a record"]),
+        (&["late.jsonl"], &["late.jsonl:1:1: an evaluation before any start record"]),
+        (&["map.txt"], &["map.txt:1:1: not a record"]),
+        (&["her.jsonl", "--y", "error"], &["none of these runs (her) has a relative error of D"]),
+        (&["her.jsonl", "--y", "sucess"], &["'success'"]),
+        (&["her.jsonl", "--width", "3"], &["from 40 to 1000"]),
+        (&["her.jsonl", "--out", "f.jpg"], &["f.jpg: not a figure", ".svg, .png or .pdf"]),
+    ] {
+        let args = if args.contains(&"--out") { args.to_vec() } else { [args, &out].concat() };
+        let failed = plot(folder.path(), &args);
+        assert_eq!(failed.status, Some(2), "{args:?}: {}", failed.err);
+        has_parts(&failed.err, parts);
+        assert!(!folder.path().join("f.svg").exists(), "{args:?}");
+    }
+}
+
+#[test]
+fn suites_and_checkpoints_are_drawn_over_updates_and_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("room.txt"), ROOM).unwrap();
+    let run = |args: &[&str]| {
+        let mut command: Command = program_in(folder.path());
+        command.args(args).args(SMALL).args(["--eval-tasks", "1"]);
+        let done = ran(command);
+        assert_eq!(done.status, Some(0), "{}", done.err);
+    };
+    run(&[
+        "suite", "room.txt", "--budget", "60", "--seeds", "2", "--method", "gdg", "--method",
+        "her", "--out", "out",
+    ]);
+    run(&[
+        "--no-ui",
+        "room.txt",
+        "--max-updates",
+        "60",
+        "--evaluate-every",
+        "30",
+        "--save",
+        "a.safetensors",
+    ]);
+    let done = plot(folder.path(), &["out", "--x", "steps", "--overwrite"]);
+    assert_eq!(
+        (done.status, &*done.out),
+        (Some(0), "out/success.svg\nout/success.csv\n"),
+        "{}",
+        done.err
+    );
+    let table = rows(&folder.path().join("out/success.csv"));
+    let steps: Vec<u64> = table[1..].iter().map(|row| row[3].parse().unwrap()).collect();
+    assert_eq!(table.len(), 1 + 2 * 3 * 10);
+    assert!(steps.iter().all(|steps| *steps > 200), "after learning_starts: {steps:?}");
+    let one = plot(folder.path(), &["a.safetensors", "--y", "coverage"]);
+    assert_eq!(one.out, "a.coverage.svg\na.coverage.csv\n", "{}", one.err);
+    let table = rows(&folder.path().join("a.coverage.csv"));
+    assert_eq!(table[1][..4], ["", "gdg-bridge", "0", "30"].map(str::to_owned));
+
+    // Results of older versions do not say after how many steps evaluations were made.
+    let jobs = folder.path().join("out/jobs");
+    for entry in std::fs::read_dir(&jobs).unwrap() {
+        let path = entry.unwrap().path();
+        let mut result: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        result.as_object_mut().unwrap().remove("checksum");
+        for evaluation in result["evaluations"].as_array_mut().unwrap() {
+            evaluation.as_object_mut().unwrap().remove("env_steps");
+        }
+        std::fs::write(path, result.to_string()).unwrap();
+    }
+    let old = plot(folder.path(), &["out", "--x", "steps", "--out", "old.svg"]);
+    assert_eq!(old.status, Some(2));
+    has_parts(&old.err, &["older version", "--x updates"]);
+    assert_eq!(plot(folder.path(), &["out", "--out", "old.svg"]).status, Some(0));
+}
