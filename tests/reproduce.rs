@@ -399,7 +399,7 @@ fn ogbench_is_learned_from_files_and_stands_beside_published_results() {
         let to = place.path(&format!("sets/pointmaze-{maze}-{kind}-v0.npz"));
         std::fs::copy(recordings.join(format!("{maze}.npz")), to).unwrap();
     }
-    let args = ["ogbench", "--updates", "40", "--data-dir", "sets", "--out", "out"];
+    let args = ["ogbench", "--updates", "2", "--data-dir", "sets", "--out", "out"];
     let whole = place.run(&args);
     assert_eq!(whole.status, Some(0), "{}", whole.err);
     let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
@@ -407,7 +407,7 @@ fn ogbench_is_learned_from_files_and_stands_beside_published_results() {
         &report,
         &[
             "# OGBench's point mazes",
-            "gdg-tui reproduce ogbench --budget quick --updates 40 --seeds 1 --eval-tasks 1 --data-dir sets",
+            "gdg-tui reproduce ogbench --budget quick --updates 2 --seeds 1 --eval-tasks 1 --data-dir sets",
             "| giant-navigate | 0 | 68 | 27 | 46 | 92 | 67 | ",
             "| teleport-stitch | 44 | 9 | 4 | 34 | - | 13 | ",
             "](figures/ogbench.png)",
