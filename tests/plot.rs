@@ -153,7 +153,7 @@ fn what_cannot_be_drawn_is_named() {
     for (args, parts) in [
         (&["empty"][..], &["empty: no runs here", "a folder of gdg-tui suite"][..]),
         (&["missing"], &["missing: cannot be read"]),
-        (&["begun.jsonl"], &["begun.jsonl: no evaluation yet", "--evaluate-every"]),
+        (&["begun.jsonl"], &["begun.jsonl: no evaluation yet", "--eval-every-updates"]),
         (&["bad.jsonl"], &["bad.jsonl:2:", "not a record"]),
         (&["late.jsonl"], &["late.jsonl:1:1: an evaluation before any start record"]),
         (&["map.txt"], &["map.txt:1:1: not a record"]),
@@ -189,7 +189,7 @@ fn suites_and_checkpoints_are_drawn_over_updates_and_steps() {
         "room.txt",
         "--max-updates",
         "60",
-        "--evaluate-every",
+        "--eval-every-updates",
         "30",
         "--save",
         "a.safetensors",

@@ -133,7 +133,7 @@ fn the_page_lists_every_field() {
 fn the_lines_for_jq_work() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("room.txt"), "S...\n...G\n").unwrap();
-    let run = ["room.txt", "--max-updates", "1500", "--evaluate-every", "500"];
+    let run = ["room.txt", "--max-updates", "1500", "--eval-every-updates", "500"];
     std::fs::write(folder.path().join("run.jsonl"), recorded(folder.path(), &run)).unwrap();
     let lines: Vec<&str> = PAGE.lines().filter(|line| line.starts_with("jq ")).collect();
     let answers: Vec<String> = lines

@@ -79,7 +79,7 @@ pub fn runs(paths: &[PathBuf]) -> Result<(Vec<PlottedRun>, Vec<String>), Report>
     let evaluated = runs.iter().filter(|run| !run.evaluations.is_empty()).count();
     if evaluated == 0 {
         let source = runs.first().map_or(String::new(), |run| run.source.display().to_string());
-        let help = "runs are evaluated on the way with --evaluate-every N, and at the end";
+        let help = "runs are evaluated on the way with --eval-every-updates N, and at the end";
         return Err(miette!(help = help, "{source}: no evaluation yet"));
     }
     if evaluated < runs.len() {
