@@ -5,14 +5,10 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use gdg_tui::commands::frames::play;
+use gdg_tui_fuzz::memory_file;
 use libfuzzer_sys::fuzz_target;
 
-/// One file per process, in memory if possible.
-static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
-    let memory = PathBuf::from("/dev/shm");
-    let folder = if memory.is_dir() { memory } else { std::env::temp_dir() };
-    folder.join(format!("gdg-tui-fuzz-{}.cast", std::process::id()))
-});
+static FILE: LazyLock<PathBuf> = LazyLock::new(|| memory_file("cast"));
 
 fuzz_target!(|bytes: &[u8]| {
     std::fs::write(&*FILE, bytes).expect("written");
