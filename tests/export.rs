@@ -5,7 +5,7 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 
 use gdg::bridge::Guide;
@@ -53,23 +53,30 @@ fn running(script: &str) -> Command {
     command
 }
 
-/// Compares the lines of a trace with what the module computes from an exported policy; returns
-/// what it has counted.
-fn compared(run: &Trainer, with_plans: bool, trace: &[Value]) -> Value {
+/// Has the module follow the lines of a trace with an exported policy, without some of its rules.
+fn followed(run: &Trainer, with_plans: bool, trace: &[Value], without: &[&str]) -> Output {
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), policy_file(run, with_plans).unwrap()).unwrap();
     let mut child = running("tests/same_walks.py")
         .arg(file.path())
+        .args(without)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
         .spawn()
         .unwrap();
     let lines: String = trace.iter().map(|line| line.to_string() + "\n").collect();
     // It ends early where something differs.
-    let written = child.stdin.take().unwrap().write_all(lines.as_bytes());
-    let output = child.wait_with_output().unwrap();
-    assert!(output.status.success(), "{}", run.world().kind());
-    written.unwrap();
+    let _ = child.stdin.take().unwrap().write_all(lines.as_bytes());
+    child.wait_with_output().unwrap()
+}
+
+/// Compares the lines of a trace with what the module computes from an exported policy; returns
+/// what it has counted.
+fn compared(run: &Trainer, with_plans: bool, trace: &[Value]) -> Value {
+    let output = followed(run, with_plans, trace, &[]);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{}: {error}", run.world().kind());
     let counts: Value = serde_json::from_slice(&output.stdout).unwrap();
     println!("{}, {}: {counts}", run.world().kind(), run.run().method);
     assert_eq!(counts["steps"], trace.len());
@@ -113,8 +120,8 @@ fn the_python_module_reads_files_and_observations_and_says_what_is_wrong() {
 }
 
 /// Walks tasks as planned evaluations do, `steps` steps each; returns what the walks headed for and
-/// did.
-fn walks(run: &Trainer, count: usize, steps: usize) -> Vec<Value> {
+/// did. Agents that do not move stay where they are, whatever they do.
+fn walks(run: &Trainer, count: usize, steps: usize, move_on: bool) -> Vec<Value> {
     let (job, mut scratch) = (run.evaluation().unwrap(), Scratch::default());
     let graph = job.graph().unwrap();
     let guide = Guide { policy: job.policy(), graph: Some(&graph) };
@@ -133,10 +140,55 @@ fn walks(run: &Trainer, count: usize, steps: usize) -> Vec<Value> {
                 "begins": step == 0, "state": state, "goal": task.goal, "waypoint": aim,
                 "action": action,
             }));
-            world.step(&action, &mut rng).unwrap();
+            if move_on {
+                world.step(&action, &mut rng).unwrap();
+            }
         }
     }
     trace
+}
+
+/// Trains a small run that plans.
+fn planner(world: &dyn Environment, method: &str, updates: u64) -> Trainer {
+    trained_with(world, method, updates, |settings| {
+        settings.learn.hidden = 32;
+        settings.bridge.graph_every_updates = 200;
+    })
+}
+
+/// Returns the run after hops of three steps and more have failed, so that plans expect delays.
+fn with_failed_hops(run: &Trainer) -> Trainer {
+    let mut store = run.save().unwrap();
+    let failed = |steps| if steps < 3 { 0.0 } else { 4.0 };
+    let hops: Vec<f32> = (0..32).flat_map(|steps| [2.0, failed(steps)]).collect();
+    store.put("bridge.hops", hops);
+    Trainer::load(&store, &Registry::builtin(), 2).unwrap()
+}
+
+#[test]
+#[ignore = "needs Python with numpy"]
+fn numpy_expects_delays_and_bans_for_longer_as_the_program_does() {
+    let maze = gdg::map::random(RandomMapKind::Perfect, Some(17), 3);
+    let maze = PointMaze::new(Arc::new(maze), 0);
+    let late = planner(&maze, "gdg-bridge", 1_200);
+    let failing = with_failed_hops(&late);
+    let traces = [
+        (&failing, walks(&failing, 6, 100, true)),
+        (&late, walks(&late, 12, 150, true)),
+        // Where nothing helps, waypoints are banned for longer and longer.
+        (&late, walks(&late, 3, 500, false)),
+    ];
+    for (run, trace) in &traces {
+        compared(run, true, trace);
+    }
+    let rules = ["delays", "longer bans"];
+    let is_free = rules.map(|rule| {
+        traces.iter().all(|(run, trace)| {
+            let output = followed(run, true, trace, &[rule]);
+            !String::from_utf8_lossy(&output.stderr).contains("heads for")
+        })
+    });
+    assert_eq!(is_free, [false; 2], "walks that do not depend on one of {rules:?}");
 }
 
 #[test]
@@ -145,11 +197,8 @@ fn numpy_follows_bridges_step_by_step_as_the_program_does() {
     let maze = gdg::map::random(RandomMapKind::Perfect, Some(17), 3);
     let maze = PointMaze::new(Arc::new(maze), 0);
     let compare = |world: &dyn Environment, method: &str, updates: u64, count, steps| {
-        let run = trained_with(world, method, updates, |settings| {
-            settings.learn.hidden = 32;
-            settings.bridge.graph_every_updates = 200;
-        });
-        let counts = compared(&run, true, &walks(&run, count, steps));
+        let run = planner(world, method, updates);
+        let counts = compared(&run, true, &walks(&run, count, steps, true));
         let number = |name: &str| counts[name].as_u64().unwrap();
         assert!(number("rounded") * 100 <= number("steps"), "{counts}");
         ["late", "looked_ahead", "waypoints"].map(number)
@@ -191,7 +240,10 @@ fn an_exported_actor_solves_the_real_fetch_reach() {
 fn export_refuses_what_it_cannot_read_or_must_not_replace() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.safetensors");
-    save(&trained(&FetchReach::new(None, 0), "gdg", 1), &SaveTo::CreateNew(path.clone())).unwrap();
+    let arm = FetchReach::new(None, 0);
+    save(&trained(&arm, "gdg", 1), &SaveTo::CreateNew(path.clone())).unwrap();
+    let other = folder.path().join("her.safetensors");
+    save(&trained(&arm, "her", 1), &SaveTo::CreateNew(other.clone())).unwrap();
     let export = |more: &[&str]| {
         assert_cmd::Command::cargo_bin("gdg-tui")
             .unwrap()
@@ -208,6 +260,8 @@ fn export_refuses_what_it_cannot_read_or_must_not_replace() {
         (&[own][..], "already exists"),
         (&[policy.to_str().unwrap(), "--out", "x"], "not a checkpoint"),
         (&["no-such-file", "--out", "x"], "cannot be read"),
+        (&[own, "--plans", "--overwrite"], "the method gdg does not plan"),
+        (&[other.to_str().unwrap(), "--plans"], "the actor of the learner her cannot be exported"),
     ] {
         let output = export(args);
         // The message is wrapped to the width of the terminal.

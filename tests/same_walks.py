@@ -1,6 +1,6 @@
 """Follows walks of the program with an exported policy, and compares each step.
 
-    python tests/same_walks.py POLICY.safetensors < TRACE
+    python tests/same_walks.py POLICY.safetensors [WITHOUT] < TRACE
 
 A line of the trace is {"begins", "state", "goal", "waypoint", "action"}: whether a walk begins, and
 what the program headed for and did in that state. Without "waypoint", the actor alone acted.
@@ -8,7 +8,8 @@ what the program headed for and did in that state. Without "waypoint", the actor
 Program and module round differently, which matters where a choice is close. Where the module
 chooses otherwise, it tries again with errors of D as large as those of rounding, and must make the
 program's choice with one of them; how often that was so is counted. Prints the counts as JSON, and
-fails at the first step that differs.
+fails at the first step that differs. WITHOUT is one of the RULES, which is left out: where that
+makes no difference, the trace does not test it.
 """
 
 import copy
@@ -25,6 +26,13 @@ TOLERANCE = 1e-4
 # Most that rounding changes D by, in steps and as a share of D, and how often errors are drawn.
 ROUNDING = 2e-4
 DRAWS = 200
+
+
+# Rules of walks, and how to do without each.
+RULES = {
+    "delays": lambda graph: setattr(graph, "hops", np.zeros_like(graph.hops)),
+    "longer bans": lambda graph: setattr(graph.rules, "ban_strikes", 10**9),
+}
 
 
 def with_errors(policy, seed, act):
@@ -66,6 +74,8 @@ def follow(policy, walk, line):
 
 def main():
     policy = gdg_tui.load_policy(sys.argv[1])
+    for rule in sys.argv[2:]:
+        RULES[rule](policy._planner.graph)
     names = ["steps", "walks", "waypoints", "late", "looked_ahead", "rounded", "largest"]
     counts, walk, before = dict.fromkeys(names, 0), None, None
     for line in map(json.loads, sys.stdin):
