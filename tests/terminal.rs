@@ -35,6 +35,53 @@ fn the_interface_opens_pauses_shows_help_saves_and_leaves_a_summary() {
     assert_eq!(short.end(), 0);
 }
 
+/// Gymnasium-Robotics' maze for points, with a start and a goal.
+const U_MAZE: &str = "\
+# As in gymnasium_robotics.envs.maze.maps
+U_MAZE = [[1, 1, 1, 1, 1],
+          [1, 'r', 0, 0, 1],
+          [1, 1, 1, 0, 1],
+          [1, 'g', 0, 0, 1],
+          [1, 1, 1, 1, 1]]
+";
+
+#[test]
+fn a_maze_of_another_program_is_opened_and_trained_on() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("umaze.py"), U_MAZE).unwrap();
+    let args = ["umaze.py", "--cell", "4", "--goal-radius", "1.5", "--seed", "2"];
+    let mut session = Session::start(folder.path(), &args);
+    session.wait_for("training");
+    assert!(session.screen_text().contains("umaze"), "{}", session.screen_text());
+    session.press("3");
+    session.wait_for("to G      6.5, 14.5");
+    // Between the goal and the start is a wall, which can be opened.
+    session.press("e");
+    session.wait_for("EDIT");
+    session.press("kkk2x");
+    session.wait_for("1 cell opened");
+    session.press("u");
+    session.wait_for("1 cell walled");
+    session.press("\x1b");
+    session.wait_until_gone("EDIT");
+    session.press("s");
+    session.wait_for("saved saves/umaze-gdg-bridge-seed2.safetensors");
+    session.press("q");
+    session.wait_for_end_or("quit without saving");
+    session.press("\x1b[B\r");
+    assert_eq!(session.end(), 0);
+    // The checkpoint keeps the map and its scale.
+    let mut again =
+        Session::start(folder.path(), &["--resume", "saves/umaze-gdg-bridge-seed2.safetensors"]);
+    again.wait_for("training");
+    again.press("3");
+    again.wait_for("to G      6.5, 14.5");
+    again.press("q");
+    again.wait_for_end_or("quit without saving");
+    again.press("\x1b[B\r");
+    assert_eq!(again.end(), 0);
+}
+
 /// A map of two rooms joined by a door, small enough to learn in seconds.
 const ROOMS: &str = "\
 S.....#......
