@@ -25,7 +25,7 @@ mod values;
 use std::path::PathBuf;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::host::runs::SAVES;
 pub use ablate::AblateArgs;
@@ -88,7 +88,10 @@ impl Cli {
     /// # Errors
     /// The error, or the requested help, to be printed.
     pub fn from_arguments() -> Result<Self, clap::Error> {
-        Self::try_parse().map_err(|error| match error.get(ContextKind::InvalidSubcommand) {
+        // Of all commands: `--margin -1` is a wrong number, not an unknown option.
+        let command = Self::command().mut_subcommands(|each| each.allow_negative_numbers(true));
+        let parsed = command.try_get_matches().and_then(|found| Self::from_arg_matches(&found));
+        parsed.map_err(|error| match error.get(ContextKind::InvalidSubcommand) {
             // clap takes the second of two maps for a command.
             Some(ContextValue::String(second))
                 if error.kind() == ErrorKind::ArgumentConflict && Self::command().find_subcommand(second).is_none() =>

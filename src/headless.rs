@@ -14,12 +14,14 @@ use std::path::PathBuf;
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
 
+use crate::host::runs::resume_command;
 use crate::host::setup::{Setup, save_elsewhere};
 use crate::host::signals::TerminationSignal;
 use crate::host::status::{EXIT_BAD_INPUT, EXIT_NOT_REACHED};
-use gdg::env::Recorded;
+use gdg::env::{EnvError, Recorded};
 use gdg::printing;
 use gdg::printing::eprint_line;
+use gdg::pulse::Cancelled;
 use gdg::text::{counted, escape_json_line, grouped};
 use gdg::train::{Due, EndReason, EvaluateAt, Evaluation, Recovery, Schedule, Session, Trainer};
 use interruptible::run_interruptibly;
@@ -77,7 +79,7 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     // Saves what was learned, even after an error.
     let saved = run.save_at_end();
     run.report_unsaved(updates_before, ended.as_ref().ok().map(|(reason, _)| *reason));
-    let (reason, evaluation) = ended?;
+    let (reason, evaluation) = ended.map_err(|error| run.explained(error))?;
     saved?;
     if let Some(failure) = gdg::faults::take_failures().first() {
         let problem = format!("internal error in thread {}: {}", failure.thread, failure.message);
@@ -149,7 +151,7 @@ impl HeadlessRun<'_> {
             // Save first: the evaluation may take long and be interrupted.
             run.save_periodically();
             match run.evaluate()? {
-                Some(evaluation) => Ok((reason, Some(evaluation))),
+                Some(evaluation) => Ok((reason, Some(evaluation.into_diagnostic()?))),
                 None => Ok((EndReason::Interrupted, None)),
             }
         };
@@ -185,11 +187,10 @@ impl HeadlessRun<'_> {
                     Due::Edit(i) => self.apply_edit(i)?,
                     // An evaluation at the end follows anyway.
                     Due::Evaluation if self.limit_reached().is_some() => {}
-                    Due::Evaluation => {
-                        if self.evaluate()?.is_none() {
-                            return Ok(EndReason::Interrupted);
-                        }
-                    }
+                    Due::Evaluation => match self.evaluate()? {
+                        Some(evaluation) => self.report_left_out(evaluation.err()),
+                        None => return Ok(EndReason::Interrupted),
+                    },
                     Due::Save => self.save_periodically(),
                 }
             }
@@ -302,42 +303,67 @@ impl HeadlessRun<'_> {
         self.setup.trainer.limit_reached(&self.setup.limits)
     }
 
-    /// Evaluates and prints the result; returns `None` if a signal arrives.
-    fn evaluate(&mut self) -> Result<Option<Evaluation>, Report> {
+    /// Reports an evaluation that the world has prevented; training goes on.
+    fn report_left_out(&self, error: Option<EnvError>) {
+        let Some(error) = error else { return };
+        log::warn!("{error}");
+        let at = grouped(self.setup.trainer.counters().updates);
+        crate::host::report::print_error(Report::msg(error).wrap_err(format!(
+            "training continues without the evaluation at update {at}, which failed twice"
+        )));
+    }
+
+    /// Adds to the error that has ended training where the run is saved, unless the error itself
+    /// says what to do.
+    fn explained(&self, error: Report) -> Report {
+        let saved = self.saver.as_ref().filter(|saver| saver.has_saved(&self.setup.trainer));
+        match saved {
+            Some(saver) if error.help().is_none() => {
+                let (file, resume) = (saver.path().display(), resume_command(saver.path()));
+                let help = format!("the run is saved to {file}: {resume} goes on");
+                let causes: Vec<String> = error.chain().map(ToString::to_string).collect();
+                miette!(help = help, "{}", causes.join(": "))
+            }
+            _ => error,
+        }
+    }
+
+    /// Evaluates and prints the result, or returns why the world prevents it; returns `None` if a
+    /// signal arrives.
+    fn evaluate(&mut self) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
         let trainer = &mut self.setup.trainer;
-        let Some(evaluation) = evaluate(trainer, self.options.eval_tasks, None, &self.termination)?
-        else {
-            return Ok(None);
-        };
+        let evaluated = evaluate(trainer, self.options.eval_tasks, None, &self.termination)?;
+        let Some(Ok(evaluation)) = evaluated else { return Ok(evaluated) };
         if evaluation.success_rate().is_none() {
             eprint_line("the evaluation has no tasks, so there is no success rate");
         }
         print(&Record::evaluation(&self.setup.trainer, &evaluation))?;
         self.table.iter_mut().for_each(|table| table.add(&self.setup.trainer, Some(&evaluation)));
-        Ok(Some(evaluation))
+        Ok(Some(Ok(evaluation)))
     }
 }
 
 /// Evaluates `trainer` on `per_group` tasks at each distance, each within its own budget or
 /// `max_steps`, and adds a finite result to its history. Runs on another thread so that signals are
-/// handled at once; returns `None` if one arrives.
+/// handled at once; returns `None` if one arrives, and the error if the world fails.
 ///
 /// # Errors
-/// The learner, the world or the evaluation fails.
+/// The learner or the evaluation fails.
 pub fn evaluate(
     trainer: &mut Trainer,
     per_group: usize,
     max_steps: Option<u32>,
     termination: &TerminationSignal,
-) -> Result<Option<Evaluation>, Report> {
+) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
     let job = trainer.evaluation().into_diagnostic()?.within(max_steps);
-    let work = move || job.run(&job.tasks(per_group)?);
-    let evaluation = run_interruptibly("evaluation", termination, work)?;
-    let evaluation = evaluation.transpose().into_diagnostic()?;
-    if let Some(evaluation) = evaluation.as_ref().filter(|evaluation| evaluation.is_finite()) {
+    let work = move || job.evaluate(per_group, &Cancelled::default()).transpose();
+    let evaluated = run_interruptibly("evaluation", termination, work)?.flatten();
+    if let Some(Ok(evaluation)) =
+        evaluated.as_ref().filter(|done| done.as_ref().is_ok_and(Evaluation::is_finite))
+    {
         trainer.record_evaluation(trainer.moment(), evaluation.clone());
     }
-    Ok(evaluation)
+    Ok(evaluated)
 }
 
 /// Returns the mean rate of updates over the whole training.

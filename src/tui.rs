@@ -57,6 +57,7 @@ mod scene;
 mod screen;
 mod sheet;
 mod slice;
+mod stall;
 mod style;
 mod terminal;
 #[cfg(test)]

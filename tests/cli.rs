@@ -343,8 +343,14 @@ fn limits_of_a_resumed_run_count_from_the_start_of_training() {
         without_times(all.to_vec()).into_iter().find(|r| r["event"] == "evaluation")
     };
     assert_eq!(evaluation(&straight), evaluation(&resumed));
-    let conflict = gdg().args(["--resume", half, "--seed", "3"]).output().unwrap();
-    assert_eq!(conflict.status.code(), Some(2));
+    // What it was begun with, also if it is what it was, or belongs to other worlds.
+    for (option, value) in
+        [("--seed", "3"), ("--goal-radius", "1"), ("--cell", "1"), ("--python", "python3")]
+    {
+        let conflict = gdg().args(["--no-ui", "--resume", half, option, value]).output().unwrap();
+        assert_eq!(conflict.status.code(), Some(2), "{option}");
+        assert!(String::from_utf8_lossy(&conflict.stderr).contains(option), "{option}");
+    }
 }
 
 #[test]
@@ -652,6 +658,22 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
         (&["suite", "trap", "--budget", "-3"], &["invalid value '-3' for '--budget"]),
         (&["--no-ui", "--require-success", "2"], &["fraction from 0 to 1"]),
         (&["--no-ui", "--max-seconds", "soon"], &["number of seconds"]),
+        (&["check", "trap", "--margin", "-1"], &["--margin", "a number from 0"]),
+        (
+            &["--no-ui", "trap", "--python", "python3"],
+            &["--python applies only to environments in Python", "gym:ID"],
+        ),
+        (
+            &["--no-ui", "fetch-reach", "--env-timeout", "5"],
+            &["--env-timeout applies only to environments in Python", "leave --env-timeout out"],
+        ),
+        (&["--no-ui", "trap", "--goal", "0,1"], &["--goal applies only to environments"]),
+        (
+            &["--no-ui", "trap", "--workers", "2", "--print-config"],
+            &["--workers applies only to environments"],
+        ),
+        (&["--no-ui", "fetch-reach", "--cell", "1"], &["--cell applies only to maps"]),
+        (&["--no-ui", "fetch-reach", "--threshold", "0.5"], &["--threshold applies only to maps"]),
         (&["--nonsense"], &["--nonsense"]),
     ];
     for (args, expected) in bad {

@@ -408,15 +408,10 @@ fn an_exported_policy_reaches_goals_in_its_environment() {
     let more = ["--set", "graph_every_updates=100", "--save", "run"];
     let output = train(folder.path(), "Point", &[&args[..], &more].concat()).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
-    // The command looks for python3.
-    let found = std::env::split_paths(&std::env::var_os("PATH").unwrap()).collect::<Vec<_>>();
-    let folders = python().parent().map(Path::to_path_buf).into_iter().chain(found);
-    let path = std::env::join_paths(folders).unwrap();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     for more in [&["--overwrite"][..], &["--overwrite", "--plans"]] {
         let mut export = program(folder.path());
-        let output = export.env("PATH", &path).args(["export-policy", "run"]).args(more).output();
-        let output = output.unwrap();
+        let output = export.args(["export-policy", "run"]).args(more).output().unwrap();
         assert!(output.status.success(), "{}", stderr(&output));
         let packages = [root.join("python"), root.join("tests/gym")];
         let output = Command::new(python())
@@ -453,6 +448,7 @@ fn whatever_goes_wrong_the_run_is_saved_and_goes_on() {
             train(folder.path(), name, &args).env("AWKWARD_AFTER", AFTER).output().unwrap();
         assert_eq!(output.status.code(), Some(1), "{name}: {}", stderr(&output));
         assert_says(&stderr(&output), said);
+        assert_says(&stderr(&output), "the run is saved to run: gdg-tui --resume run goes on");
         if name == "Raises" {
             assert_says(&stderr(&output), "awkward.py, line");
         }
@@ -466,6 +462,60 @@ fn whatever_goes_wrong_the_run_is_saved_and_goes_on() {
         assert_eq!(records(&resumed, "end")[0]["updates"], 150);
         assert!(stderr(&resumed).contains("the agents begin new episodes"), "{}", stderr(&resumed));
     }
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn an_evaluation_whose_environment_fails_is_tried_once_more_and_then_left_out() {
+    // The first process trains, the others evaluate.
+    let run = |slow: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let args = ["--max-updates", "60", "--eval-every-updates", "20", "--save", "run"];
+        let output =
+            train(folder.path(), "Dawdles", &[&args[..], &["--env-timeout", "6"]].concat())
+                .env("AWKWARD_SLOW", slow)
+                .output()
+                .unwrap();
+        (output, folder)
+    };
+    let (undisturbed, _) = run("");
+    let whole = records(&undisturbed, "evaluation");
+    assert_eq!((whole.len(), undisturbed.status.code()), (3, Some(0)));
+    let (once, _) = run("2");
+    assert_eq!((records(&once, "evaluation"), once.status.code()), (whole.clone(), Some(0)));
+    let (twice, _) = run("2,3");
+    assert_eq!(records(&twice, "evaluation"), whole[1..], "the first one is left out");
+    assert_eq!(twice.status.code(), Some(0));
+    let warning = stderr(&twice);
+    assert_says(&warning, "training continues without the evaluation at update 20");
+    assert_says(&warning, "took more than 6 seconds to step");
+    // The last one is what was asked for.
+    let (always, folder) = run("2,3,4,5,6,7");
+    assert_eq!((records(&always, "evaluation").len(), always.status.code()), (0, Some(1)));
+    assert_says(&stderr(&always), "the run is saved to run: gdg-tui --resume run goes on");
+    let resumed = resume(folder.path(), "run", &["--max-updates", "60"]).output().unwrap();
+    assert_eq!(records(&resumed, "evaluation"), whole[2..], "{}", stderr(&resumed));
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn what_a_checkpoint_knows_is_exported_without_its_environment() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["--max-updates", "300", "--set", "graph_every_updates=100", "--save", "run"];
+    assert!(train(folder.path(), "Point", &args).output().unwrap().status.success());
+    let nowhere = |args: &[&str]| {
+        let mut command = program(folder.path());
+        command.env("PATH", "").args(args).output().unwrap()
+    };
+    let exported = nowhere(&["export-policy", "run", "--plans"]);
+    assert!(exported.status.success(), "{}", stderr(&exported));
+    let exported = nowhere(&["export-data", "run"]);
+    assert!(exported.status.success(), "{}", stderr(&exported));
+    let film = nowhere(&["film", "run"]);
+    assert!(stderr(&film).contains("films show maps and the arm"), "{}", stderr(&film));
+    // To go on, it needs it.
+    let resumed = nowhere(&["--no-ui", "--resume", "run"]);
+    assert_says(&stderr(&resumed), "there is no Python interpreter");
 }
 
 #[test]

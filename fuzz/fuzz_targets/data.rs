@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::sync::{Arc, LazyLock};
 
-use gdg::env::{Environment, PointMaze};
+use gdg::env::PointMaze;
 use gdg::map::builtin;
 use gdg::train::Dataset;
 use gdg_tui_fuzz::memory_file;
@@ -17,7 +17,7 @@ static FILE: LazyLock<PathBuf> = LazyLock::new(|| memory_file("npz"));
 
 fuzz_target!(|bytes: &[u8]| {
     std::fs::write(&*FILE, bytes).expect("written");
-    match Dataset::read(&FILE, TRAP.spec()) {
+    match Dataset::read(&FILE, &*TRAP) {
         Ok(data) => {
             assert!(data.states().iter().all(|number| number.is_finite()));
             let replay = data.replay(2, || vec![0.5; 2]);

@@ -21,24 +21,38 @@ pub struct GymArgs {
     #[arg(long, value_name = "I,J,...", value_delimiter = ',', conflicts_with = "resume")]
     pub goal: Option<Vec<u16>>,
 
-    /// Python processes that the agents' environments are spread over
-    #[arg(long, value_name = "K", default_value_t = 1, value_parser = counts::<u16>(1..=256))]
-    pub workers: u16,
+    /// Python processes that the agents' environments are spread over [default: 1]
+    #[arg(long, value_name = "K", value_parser = counts::<u16>(1..=256))]
+    pub workers: Option<u16>,
 
     /// Longest time in seconds that an environment may take to open, to begin an episode or to step
-    #[arg(long, value_name = "S", default_value_t = 60.0, value_parser = parse_timeout)]
-    pub env_timeout: f64,
+    /// [default: 60]
+    #[arg(long, value_name = "S", value_parser = parse_timeout)]
+    pub env_timeout: Option<f64>,
 }
 
 impl GymArgs {
+    /// Returns the options that were given.
+    pub fn given(&self) -> Vec<&'static str> {
+        let all = [
+            (self.python.is_some(), "--python"),
+            (self.goal.is_some(), "--goal"),
+            (self.workers.is_some(), "--workers"),
+            (self.env_timeout.is_some(), "--env-timeout"),
+        ];
+        all.into_iter().filter(|(given, _)| *given).map(|(_, option)| option).collect()
+    }
+
     /// Returns the options of environments whose goals are reached within `goal_radius`.
     pub fn options(&self, goal_radius: Option<f32>) -> GymOptions {
+        let default = GymOptions::default();
         GymOptions {
             python: self.python.clone(),
             goal: self.goal.as_ref().map(|goal| goal.iter().map(|i| usize::from(*i)).collect()),
             goal_radius,
-            workers: self.workers.into(),
-            timeout: Duration::from_secs_f64(self.env_timeout),
+            workers: self.workers.map_or(default.workers, usize::from),
+            timeout: self.env_timeout.map_or(default.timeout, Duration::from_secs_f64),
+            ..default
         }
     }
 }

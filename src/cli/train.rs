@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::gym::GymArgs;
+use super::maps::GOAL_RADIUS;
 #[cfg(feature = "tui")]
 use super::screen::InterfaceArgs;
 use super::values::{
@@ -15,7 +16,6 @@ use crate::headless;
 use crate::host::logging::LogLevel;
 use crate::host::setup::{EditAt, Request};
 use gdg::learn::Threads;
-use gdg::map::{MapScale, Reading};
 use gdg::train::Limits;
 
 /// The map to train on unless another is given.
@@ -145,15 +145,13 @@ impl TrainArgs {
         self.map.as_deref().unwrap_or(Path::new(DEFAULT_MAP))
     }
 
-    /// Returns how maps are read. The goal radius of an environment in Python is not a map's.
-    fn reading(&self) -> Reading {
-        let reading = Reading::from(&self.reading);
+    /// Returns the options given for maps. The goal radius of an environment in Python is not a
+    /// map's.
+    fn map_options(&self) -> Vec<&'static str> {
+        let mut given = self.reading.given();
         let is_python = self.map().to_str().is_some_and(|name| name.starts_with("gym:"));
-        if !is_python || self.resume.is_some() {
-            return reading;
-        }
-        let goal_radius = MapScale::default().goal_radius;
-        Reading { scale: MapScale { goal_radius, ..reading.scale }, ..reading }
+        given.retain(|option| !is_python || self.resume.is_some() || *option != GOAL_RADIUS);
+        given
     }
 
     /// Returns the run to begin or to resume.
@@ -161,7 +159,9 @@ impl TrainArgs {
         Request {
             map: self.map().to_owned(),
             named_map: self.map.is_some(),
-            reading: self.reading(),
+            reading: (&self.reading).into(),
+            map_options: self.map_options(),
+            python_options: self.gym.given(),
             run: self.run.clone().into(),
             seed: self.seed,
             resume: self.resume.clone(),

@@ -4,11 +4,10 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report};
 
-use super::output::{beside, write_file};
+use super::output::{beside, look_into, write_file};
 use crate::cli::ExportDataArgs;
-use crate::host::report::from_checkpoint_error;
 use crate::host::setup::refuse_existing;
-use gdg::train::{self, Registry, data_file};
+use gdg::train::{Registry, data_file};
 
 /// Writes the transitions of a checkpoint's replay buffer and returns a line that says where: by
 /// default, `NAME.npz` beside `NAME.safetensors`.
@@ -18,7 +17,7 @@ use gdg::train::{self, Registry, data_file};
 pub fn run(args: &ExportDataArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, ".npz"));
     refuse_existing(&path, args.overwrite)?;
-    let loaded = train::load(&args.checkpoint, registry, 1).map_err(from_checkpoint_error)?;
+    let loaded = look_into(&args.checkpoint, registry)?;
     loaded.trainer.check_data().into_diagnostic()?;
     let bytes = data_file(loaded.trainer.replay(), loaded.trainer.world()).into_diagnostic()?;
     write_file(&path, &bytes)

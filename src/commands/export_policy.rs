@@ -4,11 +4,10 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report};
 
-use super::output::{beside, write_file};
+use super::output::{beside, look_into, write_file};
 use crate::cli::ExportPolicyArgs;
-use crate::host::report::from_checkpoint_error;
 use crate::host::setup::refuse_existing;
-use gdg::train::{self, Registry, policy_file};
+use gdg::train::{Registry, policy_file};
 
 /// Writes the policy of a checkpoint and returns a line that says where: by default,
 /// `NAME.policy.safetensors` beside `NAME.safetensors`.
@@ -18,7 +17,7 @@ use gdg::train::{self, Registry, policy_file};
 pub fn run(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, ".policy.safetensors"));
     refuse_existing(&path, args.overwrite)?;
-    let loaded = train::load(&args.checkpoint, registry, 1).map_err(from_checkpoint_error)?;
+    let loaded = look_into(&args.checkpoint, registry)?;
     let bytes = policy_file(&loaded.trainer, args.plans).into_diagnostic()?;
     write_file(&path, &bytes)
 }

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
 
-use super::output::{beside, write_file};
+use super::output::{beside, look_into, write_file};
 use crate::cli::FilmArgs;
-use crate::host::report::from_checkpoint_error;
 use crate::host::setup::refuse_existing;
 use gdg::engine::Snapshot;
-use gdg::train::{self, Registry};
+use gdg::env::Scene;
+use gdg::train::Registry;
 use gdg::viewer::{FilmError, animate};
 
 /// Writes the film in a checkpoint and returns a line that says where: by default, `NAME.film.png`
@@ -20,12 +20,14 @@ use gdg::viewer::{FilmError, animate};
 pub fn run(args: &FilmArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, ".film.png"));
     refuse_existing(&path, args.overwrite)?;
-    let loaded = train::load(&args.checkpoint, registry, 1).map_err(from_checkpoint_error)?;
+    let loaded = look_into(&args.checkpoint, registry)?;
     let run = Snapshot::capture(&loaded.trainer).into_diagnostic()?;
     let bytes = animate(&run).map_err(|error| {
         let help = match error {
-            FilmError::NoFrames => "train on: gdg-tui --resume FILE films the rest",
-            FilmError::NoScene => "films show maps and the arm",
+            FilmError::NoFrames if !matches!(run.scene, Scene::Goals(_)) => {
+                "train on: gdg-tui --resume FILE films the rest"
+            }
+            FilmError::NoFrames | FilmError::NoScene => "films show maps and the arm",
             FilmError::Png(_) => "please report this",
         };
         miette!(help = help, "{}: {error}", args.checkpoint.display())

@@ -72,7 +72,7 @@ fn warn_of_losses(input: &Path, grid: &Grid, format: &MapFormat) -> Result<(), R
         warn(&format!("the format {} has no {}", format.name, format.loses));
     }
     let radius = grid.scale().goal_radius;
-    if radius != Reading::default().scale.goal_radius {
+    if radius != Reading::default().scale.goal_radius && !format.keeps_goal_radius {
         warn(&format!("the file has no goal radius: give --goal-radius {radius} with it"));
     }
     if map::agents_of(input).map_err(from_map_error)?.is_some() {

@@ -1,13 +1,16 @@
 //! How commands print and fail.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use miette::{Report, miette};
 
+use crate::host::report::from_checkpoint_error;
 use crate::host::status::{EXIT_BAD_INPUT, EXIT_FAILURE};
 use gdg::files;
 use gdg::printing::print_text;
 use gdg::text::sanitized_lines;
+use gdg::train::{self, Loaded, Registry};
 
 /// Why a command failed.
 pub struct Failure {
@@ -49,6 +52,14 @@ impl<T> OrFail<T> for Result<T, Report> {
 pub fn beside(checkpoint: &Path, end: &str) -> PathBuf {
     let folder = checkpoint.parent().unwrap_or(Path::new(""));
     files::named(folder, checkpoint.file_stem().unwrap_or_default(), end)
+}
+
+/// Loads the run in a checkpoint without opening its world, where that is possible.
+///
+/// # Errors
+/// The checkpoint cannot be read.
+pub fn look_into(checkpoint: &Path, registry: &Arc<Registry>) -> Result<Loaded, Report> {
+    train::load(checkpoint, &registry.clone().only_reading(), 1).map_err(from_checkpoint_error)
 }
 
 /// Writes a file and returns a line that says where.

@@ -267,7 +267,8 @@ impl Runner {
         let (plan, length) = (&job.plan, job.plan.length);
         let done = length.done(&trainer.counters());
         let tasks = plan.tasks_after(done);
-        let Some(evaluation) = evaluate(trainer, tasks, plan.max_steps, &self.termination)? else {
+        let evaluated = evaluate(trainer, tasks, plan.max_steps, &self.termination)?;
+        let Some(evaluation) = evaluated.transpose().into_diagnostic()? else {
             return Ok(false);
         };
         let updates = trainer.counters().updates;

@@ -94,7 +94,7 @@ pub fn known_name(path: &Path) -> &str {
 pub fn find_map(path: &Path, reading: &Reading, registry: &Registry) -> Result<Grid, Report> {
     let name = known_name(path);
     if let Some(grid) = map::builtin(name) {
-        return reading.scale.of(name, &grid).map_err(from_map_error);
+        return reading.map_of(name, &grid).map_err(from_map_error);
     }
     if registry.world_without_file(name).is_some() && !path.exists() {
         let help = "give a map: a built-in name or a file";

@@ -15,13 +15,16 @@ use crate::host::waiting::Waiting;
 use gdg::env::{Environment, PointMaze, Restart};
 use gdg::files;
 use gdg::learn::Threads;
-use gdg::map::{self, Grid, MapError, MapFormat, MapScale, Reading};
+use gdg::map::{self, Grid, MapError, MapFormat, Reading};
 use gdg::pulse::Pulse;
 use gdg::text::{safe_file_name, sanitized};
 use gdg::train::{
     self, Dataset, Limits, Loaded, Method, Overrides, Preset, Registry, Run, SaveTo, Settings,
     TrainError, Trainer,
 };
+
+/// The option for maps that are images.
+pub const THRESHOLD: &str = "--threshold";
 
 /// Which method to train, and with which settings.
 #[derive(Clone, Debug)]
@@ -59,6 +62,10 @@ pub struct Request {
     pub map: PathBuf,
     /// How the map is read.
     pub reading: Reading,
+    /// The options given for that, and those given for environments in Python.
+    pub map_options: Vec<&'static str>,
+    /// See `map_options`.
+    pub python_options: Vec<&'static str>,
     /// Whether the user has named it.
     pub named_map: bool,
     /// Method and settings.
@@ -131,7 +138,9 @@ pub fn settings(choice: &RunChoice, world: &Path, registry: &Registry) -> Result
 /// # Errors
 /// See [`settings`] and [`train::load`].
 pub fn settings_to_print(request: &Request, registry: &Arc<Registry>) -> Result<Settings, Report> {
-    match resumed_file(request, registry)? {
+    let resumed = resumed_file(request, registry)?;
+    check_options(request, resumed.as_deref(), registry)?;
+    match resumed {
         Some(path) => Ok(train::load(&path, registry, 1)
             .map_err(from_checkpoint_error)?
             .trainer
@@ -203,10 +212,7 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
     if let Some(path) = &request.recording {
         refuse_input("--record", path, inputs(request, resumed.as_deref()))?;
     }
-    if resumed.is_some() && request.reading.scale != MapScale::default() {
-        let help = "leave --cell, --margin and --goal-radius out: they are as they were";
-        return Err(miette!(help = help, "--resume: a checkpoint contains its map and its scale"));
-    }
+    check_options(request, resumed.as_deref(), registry)?;
     let Loaded { mut trainer, warning } = match &resumed {
         Some(path) => train::load(path, registry, threads).map_err(from_checkpoint_error)?,
         None => begin_run(request, registry)?,
@@ -240,6 +246,35 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
         ..request.limits
     };
     Ok(Setup { trainer, edits, threads, limits, save, resumed, warnings })
+}
+
+/// Checks that the world of `request`, or of the checkpoint `resumed`, takes the options given.
+fn check_options(
+    request: &Request,
+    resumed: Option<&Path>,
+    registry: &Registry,
+) -> Result<(), Report> {
+    let kind = match resumed {
+        // A file that cannot be read gets an error of its own.
+        Some(file) => train::describe(file).map(|found| registry.world(&found.world).copied()),
+        None => Ok(registry.world_without_file(known_name(&request.map)).copied()),
+    };
+    if let (Some(option), Ok(kind)) = (request.python_options.first(), &kind)
+        && kind.is_none_or(|kind| kind.open.is_none())
+    {
+        let help = format!("leave {option} out, or give gym:ID or gym:PACKAGE:ID");
+        return Err(miette!(help = help, "{option} applies only to environments in Python"));
+    }
+    // Maps that replace the checkpoint's may be images.
+    let applies = |option: &&&str| **option == THRESHOLD && !request.edits.is_empty();
+    match (request.map_options.iter().find(|option| !applies(option)), resumed, kind) {
+        (Some(option), Some(_), _) => {
+            let help = format!("leave {option} out: it is as it was");
+            Err(miette!(help = help, "{option}: a checkpoint contains its world and its scale"))
+        }
+        (Some(option), None, Ok(Some(_))) => Err(not_a_maze(option)),
+        _ => Ok(()),
+    }
 }
 
 /// Begins the run of `request` in its world, with its data.
@@ -383,9 +418,6 @@ fn open_world(
     registry: &Registry,
 ) -> Result<Box<dyn Environment>, Report> {
     if let Some(opened) = registry.open(known_name(name)) {
-        if *reading != Reading::default() {
-            return Err(not_a_maze("the scale of a map"));
-        }
         return opened.into_diagnostic();
     }
     open_maze(name, reading, run, registry).map(|maze| Box::new(maze) as _)

@@ -277,7 +277,8 @@ impl Interface for App {
         saver.on_tick(scene, screen, link);
         let offer_changed = offer::on_tick(search, screen);
         let tour_changed = guide.on_tick(scene, screen, link);
-        screen.log.on_tick() || offer_changed || tour_changed
+        let stall_changed = screen.stall.look(link.engine().pulse());
+        screen.log.on_tick() || offer_changed || tour_changed || stall_changed
     }
 
     fn take_terminal_request(&mut self) -> Option<TerminalRequest> {

@@ -7,6 +7,7 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
 use super::dialog::{Choice, Item, Picker};
+use crate::host::runs::resume_command;
 use crate::tui::action::{Action, Binding, Mode, When, bindings};
 use crate::tui::output::ExportKind;
 use crate::tui::scene::Scene;
@@ -219,7 +220,7 @@ pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
         // A long detail is fine: the selected item is shown in full below the list.
         Item::new(
             "save and quit",
-            format!("to {}; {problem}; {hint}", file.display()),
+            format!("to {}; {} goes on", file.display(), resume_command(file)),
             Choice::Quit { save: true },
         )
         .on('y'),
@@ -230,7 +231,7 @@ pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
         )
         .on('n'),
     ];
-    Picker::new(title, items)
+    Picker::new(title, items).explaining(format!("{problem}\n{hint}"))
 }
 
 /// Asks how to switch to `map`, which may come from a `file`, from map `now`, if the world has one;

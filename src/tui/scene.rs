@@ -314,7 +314,7 @@ impl Scene {
         match (self, view) {
             (Self::Maze(maze), View::Maze(view)) => maze.show(view, screen, link),
             (Self::Arm(arm), View::Arm(view)) => arm.show(view, screen, link),
-            (Self::Goals(goals), View::Goals(view)) => goals.show(view, link),
+            (Self::Goals(goals), View::Goals(view)) => goals.show(view, screen, link),
             _ => {}
         }
     }

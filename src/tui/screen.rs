@@ -12,6 +12,7 @@ use super::layout::ScreenLayout;
 use super::log::Log;
 use super::offer::Offer;
 use super::panes::Pane;
+use super::stall::Stall;
 use super::theme::{ColourDepth, Theme};
 use super::tour::ShownStep;
 use crate::tui::marker::Marker;
@@ -60,6 +61,8 @@ pub struct Screen {
     pub dialogs: Vec<Dialog>,
     /// Whether the trainer has been asked to pause.
     pub pausing: bool,
+    /// What the trainer waits for, if it does not move.
+    pub stall: Stall,
     /// Whether the screen is frozen.
     pub frozen: bool,
     /// Minimum upper end of the colour scale, which the screens of a comparison share.
@@ -105,6 +108,7 @@ impl Screen {
             on_arrival: OnArrival::default(),
             dialogs: Vec::new(),
             pausing: false,
+            stall: Stall::default(),
             frozen: false,
             least_farthest: 0.0,
             least_contour_interval: 0.0,
@@ -184,6 +188,14 @@ impl Screen {
 
     /// Describes the phase in a word or two, where the trainer may still be `applying_edit`s.
     pub fn phase(&self, applying_edit: bool) -> String {
+        let phase = self.own_phase(applying_edit);
+        match self.stall.text().filter(|_| !self.frozen) {
+            Some(text) => format!("{phase}: {text}"),
+            None => phase,
+        }
+    }
+
+    fn own_phase(&self, applying_edit: bool) -> String {
         match &self.snapshot.phase {
             _ if self.frozen => "screen frozen".to_owned(),
             Phase::Running | Phase::Stepping(_) if self.pausing => "pausing".to_owned(),

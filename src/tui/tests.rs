@@ -46,6 +46,7 @@ use super::tool::Tool;
 use gdg::engine::{Command, Engine, EngineLink, Phase, Snapshot};
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Cell, Grid, parse_map};
+use gdg::pulse::Pulse;
 use gdg::train::{
     self, Description, FilmFrame, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Trainer,
 };
@@ -228,7 +229,7 @@ fn still_of(trainer: &Trainer) -> Still {
     let (request, requests) = channel();
     let (publish, snapshots) = watch::channel(snapshot);
     let (show, views) = watch::channel(View::default());
-    let engine = EngineLink::new(sender, snapshots);
+    let engine = EngineLink::new(sender, snapshots, Pulse::default());
     let viewer = Viewer::new(request, views);
     let mut app = App::new(engine, viewer, &UiConfig::default(), keymap(), Files::default());
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);

@@ -18,6 +18,7 @@ SIDE, RADIUS = 5.0, 0.5
 AFTER = int(os.environ.get("AWKWARD_AFTER", "1000000000"))
 EXTRA = int(os.environ.get("AWKWARD_EXTRA", "0"))
 steps = 0
+number = None
 
 
 class Point(gym.Env):
@@ -207,6 +208,24 @@ class Dense(Point):
 
     def compute_reward(self, achieved, desired, info):
         return -float(np.linalg.norm(np.subtract(achieved, desired)))
+
+
+class Dawdles(Point):
+    """Hangs in the processes that AWKWARD_SLOW counts, from 1 for the first one of a folder."""
+
+    def __init__(self, **how):
+        super().__init__(**how)
+        global number
+        if number is None:
+            with open("processes", "a+") as processes:
+                processes.write("1")
+                number = processes.tell()
+
+    def step(self, action):
+        # Later than when it is opened, which takes 25 steps.
+        if steps > 40 and str(number) in os.environ.get("AWKWARD_SLOW", "").split(","):
+            time.sleep(1000)
+        return super().step(action)
 
 
 class Slow(Point):

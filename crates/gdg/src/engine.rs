@@ -53,12 +53,22 @@ const NICENESS: i32 = 10;
 pub struct EngineLink {
     commands: SyncSender<Command>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
+    pulse: Pulse,
 }
 
 impl EngineLink {
-    /// Creates a link to whatever receives `commands` and publishes `snapshots`.
-    pub fn new(commands: SyncSender<Command>, snapshots: watch::Receiver<Arc<Snapshot>>) -> Self {
-        Self { commands, snapshots }
+    /// Creates a link to whatever receives `commands`, publishes `snapshots` and has this `pulse`.
+    pub fn new(
+        commands: SyncSender<Command>,
+        snapshots: watch::Receiver<Arc<Snapshot>>,
+        pulse: Pulse,
+    ) -> Self {
+        Self { commands, snapshots, pulse }
+    }
+
+    /// Returns the trainer's progress signal: whether it advances, and its current activity.
+    pub fn pulse(&self) -> &Pulse {
+        &self.pulse
     }
 
     /// Queues a command, which runs before the next update. Drops it and returns `false` if the
@@ -77,7 +87,6 @@ impl EngineLink {
 pub struct Engine {
     link: EngineLink,
     thread: JoinHandle<Trainer>,
-    pulse: Pulse,
 }
 
 impl Engine {
@@ -123,7 +132,7 @@ impl Engine {
         };
         let thread =
             std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
-        Ok(Self { link: EngineLink::new(commands, snapshots), thread, pulse })
+        Ok(Self { link: EngineLink::new(commands, snapshots, pulse), thread })
     }
 
     /// Returns a link for a front end, which must be gone before the trainer can be stopped.
@@ -141,9 +150,9 @@ impl Engine {
         self.link.snapshots()
     }
 
-    /// Returns the trainer's progress signal: whether it advances, and its current activity.
+    /// Returns the progress signal like [`EngineLink::pulse`].
     pub fn pulse(&self) -> &Pulse {
-        &self.pulse
+        self.link.pulse()
     }
 
     /// Stops training and returns the trainer; waits as long as there is progress. `None` if its
@@ -153,11 +162,12 @@ impl Engine {
     }
 
     fn stop_unless_hung(self, hung_after: Duration) -> Option<Trainer> {
+        let pulse = self.pulse().clone();
         drop(self.link);
-        self.pulse.stop();
-        let (mut beats, mut moved) = (self.pulse.beats(), Instant::now());
+        pulse.stop();
+        let (mut beats, mut moved) = (pulse.beats(), Instant::now());
         while !self.thread.is_finished() {
-            let now = self.pulse.beats();
+            let now = pulse.beats();
             if now != beats {
                 (beats, moved) = (now, Instant::now());
             } else if moved.elapsed() > hung_after {

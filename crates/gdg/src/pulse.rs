@@ -76,7 +76,12 @@ impl Pulse {
 
     /// Returns what is being done.
     pub fn activity(&self) -> &'static str {
-        self.0.activities.lock().last().copied().unwrap_or(TRAINING)
+        self.activity_besides_training().unwrap_or(TRAINING)
+    }
+
+    /// Returns what is being done, if anybody has said so.
+    pub fn activity_besides_training(&self) -> Option<&'static str> {
+        self.0.activities.lock().last().copied()
     }
 
     /// Wishes that training stops: an update in progress may be left unfinished.

@@ -232,12 +232,30 @@ fn broken_files_are_refused_with_the_place_and_what_would_be_right() {
     let file = folder.path().join("d.npz");
     assert!(problem_of(&file).starts_with("the data cannot be read: "));
     std::fs::write(&file, b"observations").unwrap();
-    assert!(problem_of(&file).starts_with("is no .npz file of NumPy: "));
+    assert_eq!(problem_of(&file), "is a text file, not an .npz file of NumPy");
+    std::fs::write(&file, b"\x93NUMPY\x01\0v\0{'descr': '<f4'}").unwrap();
+    assert_eq!(problem_of(&file), "is a NumPy array (npy), not an .npz file of NumPy");
     // Cut short, or with a shape that the file cannot hold.
     Tensor::write_npz(&arrays(), &file).unwrap();
     let whole = std::fs::read(&file).unwrap();
     std::fs::write(&file, &whole[..whole.len() / 2]).unwrap();
-    assert!(problem_of(&file).starts_with("is no .npz file of NumPy: "));
+    assert_eq!(problem_of(&file), "is no .npz file of NumPy, or its end is missing");
+    // Numbers that NumPy stores in another way.
+    for (usual, other, found) in [
+        (
+            "'fortran_order': False",
+            "'fortran_order': True ",
+            "numpy.ascontiguousarray(observations)",
+        ),
+        ("'<f4', 'fortran", "'>f4', 'fortran", "save observations.astype('float32')"),
+    ] {
+        let mut changed = whole.clone();
+        let at = changed.windows(usual.len()).position(|bytes| bytes == usual.as_bytes()).unwrap();
+        changed[at..at + usual.len()].copy_from_slice(other.as_bytes());
+        std::fs::write(&file, &changed).unwrap();
+        let problem = problem_of(&file);
+        assert!(problem.contains(found), "{problem}");
+    }
     let (mut huge, shape) = (whole.clone(), b"(999999999,2,), }");
     let at = whole.windows(6).position(|bytes| bytes == b"(4,2,)").unwrap();
     huge[at..at + shape.len()].copy_from_slice(shape);

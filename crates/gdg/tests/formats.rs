@@ -76,6 +76,26 @@ fn agents_of_a_planner_s_map_are_tasks_on_it_at_any_scale() {
 }
 
 #[test]
+fn a_goal_radius_in_a_file_is_that_of_the_map_unless_another_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("maze.yaml");
+    let text = "map:\n  dimensions: [3, 1]\n  obstacles:\n  - [1, 0]\ngoal_radius: ";
+    let read = |radius: &str, reading: &Reading| {
+        std::fs::write(&file, format!("{text}{radius}\n")).unwrap();
+        load_map_as(&file, reading).map(|map| map.scale().goal_radius)
+    };
+    let usual = Reading::default();
+    assert_eq!(read("0.5", &usual).ok(), Some(0.5));
+    let scale = MapScale { cell: 4, ..usual.scale };
+    assert_eq!(read("0.5", &Reading { scale, ..usual }).ok(), Some(2.0), "four cells are a block");
+    assert_eq!(read("0.5", &Reading { goal_radius: Some(1.0), ..usual }).ok(), Some(1.0));
+    for wrong in ["0", "-1", "wide", "[1]"] {
+        let error = read(wrong, &usual).unwrap_err();
+        assert_eq!(error.at, Some((5, 14)), "{error}");
+    }
+}
+
+#[test]
 fn a_list_may_begin_with_comments_but_walls_are_none() {
     let list = "# a maze\n\n  # by hand\nMAZE = [\n[1,1,1],[1,0,1],[1,1,1]]\n";
     let read = |text: &str| parse_map("maze", text.as_bytes()).unwrap();
@@ -125,7 +145,12 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn what_is_written_in_a_format_is_read(grid in grids()) {
+    fn what_is_written_in_a_format_is_read(
+        grid in grids(),
+        goal_radius in prop::sample::select(vec![1.0_f32, 0.3, 2.25]),
+    ) {
+        let scaled = |goal_radius| MapScale { goal_radius, ..MapScale::default() };
+        let grid = grid.with_scale(scaled(goal_radius));
         for format in &FORMATS {
             let folder = tempfile::tempdir().unwrap();
             let file = folder.path().join("random").with_extension(format.endings[0]);
@@ -136,7 +161,9 @@ proptest! {
             let read = load_map(&file).unwrap_or_else(|error| panic!("{error}"));
             let starts = if format.loses.contains("starts") { &[] } else { grid.starts() };
             let goals = if format.loses.contains("goals") { &[] } else { grid.goals() };
-            prop_assert_eq!(read, grid.with_marks(starts.to_vec(), goals.to_vec()), "{}", format.name);
+            let kept = if format.keeps_goal_radius { goal_radius } else { 1.0 };
+            let expected = grid.with_marks(starts.to_vec(), goals.to_vec()).with_scale(scaled(kept));
+            prop_assert_eq!(read, expected, "{}", format.name);
         }
     }
 

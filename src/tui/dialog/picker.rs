@@ -27,6 +27,8 @@ pub enum Row<'a> {
 pub struct Picker {
     /// The title.
     pub title: String,
+    /// What is shown above the items; empty for nothing.
+    pub text: String,
     /// Another action on the selected item.
     pub button: Option<(Action, &'static str)>,
     /// Whether search results are sorted by group first, then by score.
@@ -44,7 +46,14 @@ impl Picker {
     pub fn new(title: impl Into<String>, items: Vec<Item>) -> Self {
         let shown = (0..items.len()).collect();
         let (title, typed) = (title.into(), Input::default());
-        Self { title, button: None, keeps_groups: false, items, typed, shown, selected: 0 }
+        let text = String::new();
+        Self { title, text, button: None, keeps_groups: false, items, typed, shown, selected: 0 }
+    }
+
+    /// Shows a text above the items.
+    #[must_use]
+    pub fn explaining(self, text: String) -> Self {
+        Self { text, ..self }
     }
 
     /// Selects the first item whose choice satisfies `is`.

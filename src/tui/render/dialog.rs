@@ -44,19 +44,22 @@ pub fn draw_picker(
     let rows = picker.rows();
     let search_rows = u16::from(!picker.is_question());
     let height = MAX_LIST_SIZE.1.min(area.height.saturating_sub(2));
-    let below =
-        rows_below(picker, columns, labels).min(height.saturating_sub(2 + search_rows + MIN_ROWS));
-    let wanted = u16::try_from(picker.most_rows())
-        .unwrap_or(u16::MAX)
-        .saturating_add(2 + search_rows + below);
+    let most_rows = u16::try_from(picker.most_rows()).unwrap_or(u16::MAX);
+    let room = height.saturating_sub(2 + search_rows);
+    let text = lines_above(picker, columns, room.saturating_sub(MIN_ROWS.min(most_rows)));
+    let above = text.len() as u16;
+    let below = rows_below(picker, columns, labels).min(room.saturating_sub(above + MIN_ROWS));
+    let wanted = most_rows.saturating_add(2 + search_rows + above + below);
     let dialog_area = middle(area, width as u16, height.min(wanted));
     let inner = draw_box(frame, dialog_area, &picker.title, buttons(screen, picker), layout);
-    let [line, list, below] = Layout::vertical([
+    let [top, line, list, below] = Layout::vertical([
+        Constraint::Length(above),
         Constraint::Length(search_rows),
         Constraint::Min(0),
         Constraint::Length(below),
     ])
     .areas(inner);
+    frame.render_widget(Paragraph::new(text), top);
     if !picker.is_question() {
         draw_search(frame, line, picker);
     }
@@ -78,11 +81,33 @@ pub fn draw_picker(
     layout.rows = (list, first);
 }
 
+/// Returns the lines of the text above a list, up to `most`, and an empty one; the log has what is
+/// cut off.
+fn lines_above(picker: &Picker, columns: usize, most: u16) -> Vec<Line<'static>> {
+    let room = usize::from(most).saturating_sub(1);
+    let mut lines: Vec<String> = picker
+        .text
+        .lines()
+        .flat_map(|line| wrapped(line, columns.saturating_sub(2).max(1)))
+        .collect();
+    if lines.len() > room {
+        lines.truncate(room);
+        if let Some(last) = lines.last_mut() {
+            *last = format!("{} ...", last.unicode_truncate(columns.saturating_sub(6)).0);
+        }
+    }
+    if !lines.is_empty() {
+        lines.push(String::new());
+    }
+    lines.into_iter().map(|line| Line::from(format!(" {line}"))).collect()
+}
+
 /// Returns the columns that a list needs, its box included, up to `most`.
 fn list_width(picker: &Picker, most: u16) -> usize {
     let detail = picker.items().map(|item| display_width(&item.detail)).max().unwrap_or(0);
     let label = picker.items().map(|item| display_width(&item.label)).max().unwrap_or(0);
-    let title = display_width(&picker.title) + 2;
+    let text = picker.text.lines().map(|line| display_width(line) + 2).max().unwrap_or(0);
+    let title = (display_width(&picker.title) + 2).max(text);
     let least = if picker.is_question() { title } else { title.max(MIN_SEARCHED_WIDTH) };
     let key = if picker.is_question() { KEY_MARGIN } else { 0 };
     (label + LABEL_MARGIN + key + detail + 1)

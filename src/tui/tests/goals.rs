@@ -147,14 +147,70 @@ fn a_space_of_goals_matches_its_snapshots() {
     view.picture = Some(Ok(Arc::new(picture)));
     app.on_view(View::Goals(Arc::new(view.clone())));
     check("goals-picture-120x40", &mut app, 120, 40);
+    // Where there is none, the space has the width again, and the notice says why.
+    let width = |app: &mut App| {
+        draw(app, 120, 40);
+        app.screen.layout.goals.as_ref().expect("room").frame.area.width
+    };
+    let beside = width(&mut app);
     view.picture = Some(Err("gladLoadGL error".to_owned()));
     app.on_view(View::Goals(Arc::new(view)));
     let shown = text(&draw(&mut app, 80, 24));
-    assert!(shown.contains("gladLoadGL error"), "{shown}");
+    assert!(shown.contains("no picture of the world: gladLoadGL error"), "{shown}");
+    assert!(width(&mut app) > beside && app.screen.layout.picture.is_none());
     // Other components.
     let mut app = staged_app(80, 24);
     app.act(Action::Projection);
     check("goals-x-z-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn where_there_are_no_other_components_the_key_says_so() {
+    let mut app = staged_app(80, 24);
+    app.act(Action::Projection);
+    let says = |app: &mut App| text(&draw(app, 80, 24)).contains("goals have only the two");
+    assert!(!says(&mut app), "there are three");
+    let flat = PointMaze::new(Arc::new(rooms()), 0);
+    let space = gdg::env::GoalSpace::of(&flat);
+    app.change_snapshot(|snapshot| snapshot.scene = gdg::env::Scene::Goals(space));
+    app.act(Action::Projection);
+    assert!(says(&mut app));
+}
+
+#[test]
+fn a_trainer_that_waits_for_the_environment_says_so() {
+    let mut app = staged_app(80, 24);
+    app.change_snapshot(|snapshot| snapshot.phase = gdg::engine::Phase::Running);
+    app.on_tick();
+    let waiting = app.link.engine().pulse().begin("the environment to step");
+    app.on_tick();
+    press(&mut app, KeyCode::Char(' '));
+    assert!(!text(&draw(&mut app, 80, 24)).contains("waiting for"));
+    std::thread::sleep(std::time::Duration::from_millis(1_100));
+    assert!(app.on_tick(), "there is something new to draw");
+    let shown = text(&draw(&mut app, 80, 24));
+    assert!(shown.contains("pausing: waiting for the environment to step (1 s)"), "{shown}");
+    drop(waiting);
+    assert!(app.on_tick());
+    assert!(!text(&draw(&mut app, 80, 24)).contains("waiting for"));
+}
+
+#[test]
+fn a_failure_of_the_environment_is_read_whole_on_a_small_screen() {
+    let mut app = staged_app(80, 24);
+    let cause = "PointMaze_UMaze-v3: its Python process has ended: killed by signal 9\n  one last \
+                 line of the environment, which says what it did before it was killed";
+    app.change_snapshot(|snapshot| {
+        snapshot.phase = gdg::engine::Phase::Failed(cause.to_owned());
+    });
+    let shown = text(&draw(&mut app, 80, 24));
+    let words: Vec<&str> = shown.split(|c: char| c.is_whitespace() || c == '\u{2502}').collect();
+    let words = words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ");
+    for part in ["killed by signal 9", "what it did before it was killed", "--resume"] {
+        assert!(words.contains(part), "{part:?} in\n{shown}");
+    }
+    let at = |part: &str| shown.find(part).expect(part);
+    assert!(at("its Python process") < at("save and quit"), "the cause comes first\n{shown}");
 }
 
 #[test]

@@ -40,11 +40,9 @@ impl Worker {
         let job = self.trainer.evaluation()?;
         let (began, cancelled) = (Instant::now(), Cancelled::default());
         let wanted = Wanted::from(&cancelled);
-        let result =
-            std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || {
-                let tasks = job.tasks(EVALUATION_TASKS)?;
-                job.run_unless(&cancelled, &tasks)
-            })?;
+        let result = std::thread::Builder::new()
+            .name("evaluation".to_owned())
+            .spawn(move || job.evaluate(EVALUATION_TASKS, &cancelled))?;
         let made = self.trainer.moment();
         self.evaluation = Some(RunningEvaluation { made, began, result, wanted });
         self.evaluation_is_due = false;

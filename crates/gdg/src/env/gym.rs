@@ -24,11 +24,13 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
+use super::walls::WallsTruth;
 use super::{
     Abilities, Drawn, EnvError, EnvSettings, Environment, Episodes, Evaluated, Explored, GoalSpace,
-    Recorded, Rendered, Rendering, Scene, Spec, Task, TaskSet, Walls, WorldKind,
+    GroundTruth, Recorded, Rendered, Rendering, Scene, Spec, Task, TaskSet, Walls, WorldKind,
 };
 use crate::store::{Store, StoreError};
+use description::Description;
 use facts::Found;
 use frames::{Expected, MAX_TEXT_BYTES, Request, f32_bytes, f64_bytes, f64_numbers, rendering};
 pub use options::{Address, GymOptions};
@@ -71,6 +73,10 @@ const NO_TASK: f64 = 0.0;
 struct Stored {
     address: Address,
     found: Found,
+    /// What the environment says of itself, and the length of full states; earlier checkpoints do
+    /// not have it.
+    #[serde(default)]
+    about: Option<(Description, usize)>,
 }
 
 /// Agents in environments of Gymnasium.
@@ -100,9 +106,13 @@ impl Gym {
     }
 
     fn load(store: &Store, options: &GymOptions) -> Result<Self, EnvError> {
-        let Stored { address, found } = store.json(STORED)?;
+        let Stored { address, found, about } = store.json(STORED)?;
         let address: Address = address.to_string().parse().map_err(StoreError::inconsistent)?;
-        Ok(Self::without_agents(Arc::new(Pool::resume(&address, options, found)?)))
+        let pool = match about.filter(|_| options.reads_only) {
+            Some(about) => Pool::only_read(&address, options, about, found)?,
+            None => Pool::resume(&address, options, found)?,
+        };
+        Ok(Self::without_agents(Arc::new(pool)))
     }
 
     fn without_agents(pool: Arc<Pool>) -> Self {
@@ -170,13 +180,14 @@ impl Gym {
         done
     }
 
-    /// Checks that no worker has failed before.
+    /// Checks that there are workers, none of which has failed before.
     fn check(&self) -> Result<(), EnvError> {
-        if self.has_failed {
-            let problem = "it has failed before: resume the run from its checkpoint".to_owned();
-            return Err(failed(&self.pool.address.id, problem, Vec::new()));
-        }
-        Ok(())
+        let problem = match (self.has_failed, self.pool.only_read.is_some()) {
+            (true, _) => "it has failed before: resume the run from its checkpoint",
+            (false, true) => "only what its checkpoint knows of it is read here",
+            (false, false) => return Ok(()),
+        };
+        Err(failed(&self.pool.address.id, problem.to_owned(), Vec::new()))
     }
 
     /// Steps all environments; returns their rows, and which have ended.
@@ -241,6 +252,9 @@ impl Environment for Gym {
     }
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
+        if self.pool.only_read.is_some() {
+            return Ok(());
+        }
         self.begin(agent, rng.next_u32(), None).map(drop)
     }
 
@@ -280,6 +294,9 @@ impl Environment for Gym {
         world.noise = self.noise;
         world.states = vec![0.0; agents * self.spec().state_dim()];
         (world.ended, world.retired) = (vec![false; agents], vec![false; agents]);
+        if self.pool.only_read.is_some() {
+            return Ok(Box::new(world));
+        }
         let each = agents.div_ceil(self.pool.options.workers.max(1)).max(1);
         for start in (0..agents).step_by(each) {
             let range = start..(start + each).min(agents);
@@ -304,6 +321,10 @@ impl Environment for Gym {
 
     fn full_state(&self, agent: usize) -> Vec<f64> {
         let mut full = self.state_of(agent);
+        if let Some(length) = self.pool.only_read {
+            full.resize(length.max(full.len()), 0.0);
+            return full;
+        }
         let mut saved = self.saved.lock();
         if let Some(numbers) = saved.get_or_insert_with(|| self.save_all()).get(agent) {
             full.push(RESTORED);
@@ -315,6 +336,10 @@ impl Environment for Gym {
     fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool, EnvError> {
         let (state, rest) = full_state.split_at(self.spec().state_dim().min(full_state.len()));
         match rest {
+            _ if self.pool.only_read.is_some() => {
+                self.set_state(agent, &state.iter().map(|v| *v as f32).collect::<Vec<_>>());
+                Ok(true)
+            }
             [SEEDED, seed, task] => {
                 let tasks = self.pool.about.tasks.unwrap_or(0);
                 let task = Some(*task as u32).filter(|task| (1..=tasks).contains(task));
@@ -406,9 +431,12 @@ impl Recorded for Gym {
     }
 
     fn save(&self, store: &mut Store) {
-        let (address, found) = (self.pool.address.clone(), self.pool.found.clone());
+        let Pool { address, found, about, .. } = &*self.pool;
+        let full_state = if self.states.is_empty() { 0 } else { self.full_state(0).len() };
+        let about = Some((about.clone(), full_state));
+        let (address, found) = (address.clone(), found.clone());
         // All its numbers are finite, so this cannot fail.
-        let _ = store.put_json(STORED, &Stored { address, found });
+        let _ = store.put_json(STORED, &Stored { address, found, about });
     }
 }
 
@@ -491,5 +519,11 @@ impl Evaluated for Gym {
 
     fn tasks_at_once(&self) -> usize {
         TASKS_AT_ONCE
+    }
+
+    /// Returns distances along the walls of its maze, if it has one.
+    fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
+        let truth = WallsTruth::new(self.maze()?, self.spec())?;
+        Some(Box::new(truth) as _)
     }
 }

@@ -1,12 +1,16 @@
 //! The walls of a maze that somebody else simulates, for goals and for a picture.
 
-use serde::Deserialize;
+mod truth;
+
+use serde::{Deserialize, Serialize};
+
+pub use truth::WallsTruth;
 
 /// Most rows, and most columns, of a maze.
 const MAX_SIDE_CELLS: usize = 1024;
 
 /// Which cells of a maze are walls, and where its cells are.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Walls {
     /// Whether each cell is a wall, by row.
     is_wall: Vec<Vec<bool>>,

@@ -26,6 +26,8 @@ pub enum Format {
     Recording,
     /// Settings.
     Json,
+    /// Recorded transitions.
+    Npz,
     /// Any other text.
     Text,
     /// A file of other programs.
@@ -162,7 +164,7 @@ fn binary(start: &[u8]) -> Option<Kind> {
         let first = start.get(30..)?;
         let first = &first[..length.min(first.len())];
         if first.ends_with(b".npy") {
-            return Some(Kind::new("an archive of NumPy arrays (npz)", Format::Foreign, NUMPY));
+            return Some(Kind::new("an archive of NumPy arrays (npz)", Format::Npz, NUMPY));
         }
         let is_of_office =
             [&b"[Content_Types].xml"[..], b"_rels/", b"docProps/", b"xl/", b"word/", b"mimetype"];

@@ -21,6 +21,7 @@ use std::path::{Path, PathBuf};
 
 use super::error::MapResult;
 use super::grid::{Cell, Grid};
+use super::scale::MapScale;
 use super::text::Text;
 use image::Image;
 pub use mapf::{agents, has_agents, is_mapf};
@@ -72,6 +73,24 @@ impl<'a> Source<'a> {
 /// The brightness, from 0 to 1, below which pixels of images are walls unless another is given.
 pub const THRESHOLD: f32 = 0.5;
 
+/// The key of a map's goal radius, in cells, in formats with keys. Other programs ignore it.
+const GOAL_RADIUS: &str = "goal_radius";
+
+/// What a goal radius can be.
+const RADII: &str = "goal_radius is a number of cells from 0.1 to 100";
+
+/// Returns the goal radius to write with a map, unless it is the usual one.
+fn written_goal_radius(grid: &Grid) -> Option<f32> {
+    let radius = grid.scale().goal_radius;
+    (radius != MapScale::default().goal_radius).then_some(radius)
+}
+
+/// Returns the map with the goal radius that is written with it; `None` if that is out of range.
+fn with_goal_radius(grid: Grid, radius: f32) -> Option<Grid> {
+    let scale = MapScale { goal_radius: radius, ..grid.scale() };
+    scale.is_valid().then(|| grid.with_scale(scale))
+}
+
 /// Returns the name of a file without its ending.
 fn name_of(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
@@ -91,6 +110,8 @@ pub struct MapFormat {
     pub endings: &'static [&'static str],
     /// What is lost when a map is written in it; empty if nothing is.
     pub loses: &'static str,
+    /// Whether its files keep a map's goal radius.
+    pub keeps_goal_radius: bool,
     /// Whether a file's content is of this format.
     is: fn(&Source) -> bool,
     read: fn(&Source) -> MapResult<Grid>,

@@ -49,15 +49,37 @@ const SCENARIO: Wanted = Wanted {
 /// How the file of a map is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// The scale of the map.
+    /// The scale of the map; its goal radius is that of files and maps without one of their own.
     pub scale: MapScale,
+    /// The goal radius, instead of the map's own, in cells.
+    pub goal_radius: Option<f32>,
     /// The brightness, from 0 to 1, below which pixels of images are walls.
     pub threshold: f32,
 }
 
 impl Default for Reading {
     fn default() -> Self {
-        Self { scale: MapScale::default(), threshold: THRESHOLD }
+        Self { scale: MapScale::default(), goal_radius: None, threshold: THRESHOLD }
+    }
+}
+
+impl Reading {
+    /// Returns the map of a `maze` at the scale; errors refer to it as `file`.
+    ///
+    /// # Errors
+    /// The map cannot have this scale.
+    pub fn map_of(&self, file: &str, maze: &Grid) -> MapResult<Grid> {
+        if maze.scale().benchmark.is_some() {
+            let goal_radius = self.goal_radius.unwrap_or(self.scale.goal_radius);
+            return MapScale { goal_radius, ..self.scale }.of(file, maze);
+        }
+        let own = Some(maze.scale().goal_radius)
+            .filter(|radius| *radius != MapScale::default().goal_radius)
+            // In the cells of the maze.
+            .map(|radius| radius * self.scale.cell as f32);
+        let goal_radius = self.goal_radius.or(own).unwrap_or(self.scale.goal_radius);
+        let maze = maze.clone().with_scale(MapScale::default());
+        MapScale { goal_radius, ..self.scale }.of(file, &maze)
     }
 }
 
@@ -76,7 +98,7 @@ pub fn load_map(path: &Path) -> MapResult<Grid> {
 /// Like [`load_map`]; also if the map cannot have this scale.
 pub fn load_map_as(path: &Path, reading: &Reading) -> MapResult<Grid> {
     let maze = load_maze(path, reading.threshold)?;
-    reading.scale.of(&path.to_string_lossy(), &maze)
+    reading.map_of(&path.to_string_lossy(), &maze)
 }
 
 /// Reads a map file that replaces `map` while agents move there: a maze that the map's scale
@@ -89,6 +111,8 @@ pub fn load_map_like(path: &Path, map: &Grid, threshold: f32) -> MapResult<Grid>
     let fits =
         |cell: usize| (cell * maze.width(), cell * maze.height()) == (map.width(), map.height());
     if fits(scale.cell) {
+        // The run's goal radius counts.
+        let maze = maze.with_scale(MapScale::default());
         return scale.of(&path.to_string_lossy(), &maze);
     }
     Ok(if fits(1) { maze.with_scale(scale) } else { maze })

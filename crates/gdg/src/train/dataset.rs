@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::error::{DataError, TrainError};
 use super::memory;
 use crate::env::{Environment, MAX_MAGNITUDE};
+use crate::files::{Format, Wanted};
 use crate::learn::{Replay, ReplaySizes};
 use crate::store::StoreError;
 
@@ -252,6 +253,31 @@ fn check(
     }
 }
 
+/// What is read as data.
+const DATA: Wanted =
+    Wanted { name: "an .npz file of NumPy", help: "numpy.savez writes one", own: &[Format::Npz] };
+
+/// What is wrong with an archive that is recognised as one.
+const CUT_OFF: &str = "is no .npz file of NumPy, or its end is missing";
+
+/// Says why an array cannot be read, and what to do in NumPy.
+fn unread_array(name: &str, error: &candle_core::Error) -> String {
+    let said = error.to_string();
+    if said.contains("fortran order") {
+        return format!(
+            "{name} is stored column by column (Fortran order): save \
+             numpy.ascontiguousarray({name})"
+        );
+    }
+    let is_type = said.contains("descr") || said.contains("unsupported dtype");
+    if is_type {
+        return format!(
+            "{name} has numbers of a kind that cannot be read: save {name}.astype('float32')"
+        );
+    }
+    format!("{name} cannot be read, as if the file were damaged: {said}")
+}
+
 /// The arrays of a file.
 struct Arrays {
     file: NpzTensors,
@@ -261,9 +287,11 @@ struct Arrays {
 
 impl Arrays {
     fn open(file: &Path, bytes: u64) -> Result<Self, String> {
-        let opened = NpzTensors::new(file);
-        let file = opened.map_err(|error| format!("is no .npz file of NumPy: {error}"))?;
-        Ok(Self { file, bytes })
+        let explained = |error| {
+            log::debug!("{}: {error}", file.display());
+            DATA.mismatch(file).map_or(CUT_OFF.to_owned(), |found| found.problem)
+        };
+        Ok(Self { file: NpzTensors::new(file).map_err(explained)?, bytes })
     }
 
     /// Returns the number of rows, which is the same in all arrays, if the data fit into memory: as
@@ -304,7 +332,7 @@ impl Arrays {
             ));
         }
         let read = self.file.get_shape_and_dtype(name);
-        let (shape, kind) = read.map_err(|error| format!("{name}: {error}"))?;
+        let (shape, kind) = read.map_err(|error| unread_array(name, &error))?;
         let count = shape.dims().iter().try_fold(1_usize, |count, n| count.checked_mul(*n));
         let most = self.bytes.saturating_mul(MOST_PACKED) / kind.size_in_bytes().max(1) as u64;
         match count {
@@ -322,9 +350,9 @@ impl Arrays {
     fn numbers(&self, name: &str) -> Result<Vec<f32>, String> {
         let flat = |array: Tensor| array.to_dtype(DType::F32)?.flatten_all()?.to_vec1();
         match self.file.get(name) {
-            Ok(Some(array)) => flat(array).map_err(|error| format!("{name}: {error}")),
+            Ok(Some(array)) => flat(array).map_err(|error| unread_array(name, &error)),
             Ok(None) => Err(format!("has no array {name}")),
-            Err(error) => Err(format!("{name}: {error}")),
+            Err(error) => Err(unread_array(name, &error)),
         }
     }
 

@@ -54,6 +54,24 @@ impl EvaluationJob {
         self.world.tasks(per_group, &mut self.task_rng.clone())
     }
 
+    /// Draws tasks like [`Self::tasks`] and evaluates on them; returns `None` once `cancelled` is
+    /// set. Where the world fails, tries once more: a world in another process gets a new one, and
+    /// the result is the same.
+    ///
+    /// # Errors
+    /// The world fails twice.
+    pub fn evaluate(
+        &self,
+        per_group: usize,
+        cancelled: &Cancelled,
+    ) -> Result<Option<Evaluation>, EnvError> {
+        let once = || self.run_unless(cancelled, &self.tasks(per_group)?);
+        once().or_else(|error| {
+            log::warn!("the evaluation is tried once more: {error}");
+            once()
+        })
+    }
+
     /// Evaluates on `tasks` against ground truth.
     ///
     /// # Errors
@@ -88,10 +106,13 @@ impl EvaluationJob {
             return Ok(None);
         };
         let mut truth = world.abilities().evaluated.and_then(Evaluated::ground_truth);
+        let distance_error = truth.as_mut().and_then(|truth| {
+            let pairs = truth.pairs(rng);
+            distance_error(&pairs, truth.is_in_steps(), &*self.policy, graph.as_ref())
+        });
+        let mut truth = truth.filter(|truth| truth.is_in_steps());
         Ok(Some(Evaluation {
-            distance_error: truth
-                .as_mut()
-                .and_then(|truth| distance_error(&truth.pairs(rng), &*self.policy, graph.as_ref())),
+            distance_error,
             bridges: graph.as_ref().map(|graph| bridge_facts(graph, truth.as_deref_mut())),
             coverage: self.coverage,
             marked: marked_task(world, truth.as_deref_mut(), &greedy, planned.as_ref(), rng)?,

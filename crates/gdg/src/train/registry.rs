@@ -52,6 +52,15 @@ impl Registry {
         Arc::new(Self { options, ..registry })
     }
 
+    /// Has worlds of checkpoints only looked at, where that is possible: no process is started, and
+    /// their agents cannot act.
+    #[must_use]
+    pub fn only_reading(self: Arc<Self>) -> Arc<Self> {
+        let mut registry = Arc::unwrap_or_clone(self);
+        registry.options.reads_only = true;
+        Arc::new(registry)
+    }
+
     /// Adds a world; it replaces an earlier one of the same name.
     #[must_use]
     pub fn with_world(self: Arc<Self>, kind: WorldKind) -> Arc<Self> {

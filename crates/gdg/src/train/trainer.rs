@@ -313,6 +313,8 @@ impl Trainer {
     }
 
     fn step(&mut self) -> Result<Tick> {
+        // Those in other processes may take long, or hang.
+        let _activity = self.pulse.begin("the environment to step");
         let Some(round) = self.with_step_context(Rollout::step)?? else {
             self.roll_back()?;
             return Ok(Tick::Step);

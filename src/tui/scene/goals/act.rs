@@ -82,8 +82,17 @@ impl GoalsState {
             Action::NewGoal => draw_goal(screen, link),
             Action::Move(right, down) => self.nudge([right as f32, down as f32], screen, link),
             Action::NewStart => link.request(Request::Restart),
-            Action::Projection => self.pair += 1,
+            Action::Projection => self.show_next_pair(screen),
             Action::Alone => self.has_picture = !self.has_picture,
+            _ => {}
+        }
+    }
+
+    fn show_next_pair(&mut self, screen: &mut Screen) {
+        self.pair += 1;
+        match space(screen).map(|space| space.spec().goal_dim()) {
+            Some(1) => screen.say("goals have only the component that is shown"),
+            Some(2) => screen.say("goals have only the two components that are shown"),
             _ => {}
         }
     }
@@ -141,12 +150,18 @@ impl GoalsState {
     }
 
     /// Shows a new view.
-    pub fn show(&mut self, view: Arc<GoalsView>, link: &Link) {
+    pub fn show(&mut self, view: Arc<GoalsView>, screen: &mut Screen, link: &Link) {
         // Also goals that the viewer has drawn, but none older than the latest request.
         if let (Some(goal), number) = &view.goal
             && *number == link.goal_request()
         {
             self.goal.clone_from(goal);
+        }
+        if let (true, Some(Err(why))) = (self.has_picture, &view.picture) {
+            // Nothing but that would be shown in its place.
+            self.has_picture = false;
+            let why = why.lines().collect::<Vec<_>>().join(" ");
+            screen.report(&format!("no picture of the world: {why}"));
         }
         self.view = view;
     }

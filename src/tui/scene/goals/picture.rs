@@ -2,8 +2,6 @@
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
-use ratatui::text::Line;
-use ratatui::widgets::{Paragraph, Wrap};
 
 use super::GoalsState;
 use crate::tui::canvas::{Canvas, shade};
@@ -11,24 +9,17 @@ use crate::tui::screen::Screen;
 use crate::tui::slice::ShownSlice;
 use gdg::env::Rendering;
 
-/// Draws the latest picture, or why there is none; returns the width and height in pixels that a
-/// picture may have here.
+/// Draws the latest picture; returns the width and height in pixels that a picture may have here.
 pub fn draw(
     frame: &mut Frame,
     area: Rect,
     state: &GoalsState,
     screen: &Screen,
 ) -> Option<(usize, usize)> {
-    let text = match &state.view.picture {
-        Some(Ok(picture)) => {
-            paint(frame, area, picture, screen);
-            ""
-        }
-        Some(Err(why)) => why,
-        None => "rendering ...",
-    };
-    let lines: Vec<Line> = text.lines().map(Line::from).collect();
-    frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: false }), area);
+    match &state.view.picture {
+        Some(Ok(picture)) => paint(frame, area, picture, screen),
+        _ => frame.render_widget("rendering ...", area),
+    }
     let whole = ShownSlice::fit(area, [0, 1], [[0.0, 1.0]; 2], false, screen.marker)?;
     Some(whole.slice.raster.pixels)
 }

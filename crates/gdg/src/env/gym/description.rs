@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::frames::{Expected, MAX_TEXT_BYTES, Request};
 use super::process::Worker;
 use crate::env::{EnvError, Walls};
 
-/// What a worker says of its environment.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// What a worker says of its environment. A checkpoint keeps it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// Length of an observation.
     pub observed: usize,
@@ -51,7 +51,7 @@ impl Description {
     }
 
     /// Returns whether the numbers make sense.
-    fn is_sound(&self) -> bool {
+    pub fn is_sound(&self) -> bool {
         const MOST: usize = 4096;
         let sizes = [self.observed, self.goal, self.low.len()];
         sizes.iter().all(|size| (1..=MOST).contains(size))

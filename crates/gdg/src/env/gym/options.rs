@@ -71,6 +71,9 @@ pub struct GymOptions {
     pub workers: usize,
     /// Longest time for any answer.
     pub timeout: Duration,
+    /// Whether worlds of checkpoints are only looked at: no process is started, and their agents
+    /// cannot act.
+    pub reads_only: bool,
 }
 
 impl Default for GymOptions {
@@ -81,6 +84,7 @@ impl Default for GymOptions {
             goal_radius: None,
             workers: 1,
             timeout: Duration::from_mins(1),
+            reads_only: false,
         }
     }
 }

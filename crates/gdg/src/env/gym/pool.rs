@@ -6,8 +6,9 @@ use super::description::{Description, describe};
 use super::facts::{self, Found};
 use super::options::{Address, GymOptions};
 use super::process::Worker;
-use super::slots;
+use super::{MAX_STATE_BYTES, slots};
 use crate::env::EnvError;
+use crate::store::StoreError;
 
 /// What all worlds of one environment share.
 pub struct Pool {
@@ -17,6 +18,8 @@ pub struct Pool {
     pub about: Description,
     /// What has been found out.
     pub found: Found,
+    /// Length of full states, if the environment is not opened: its agents cannot act.
+    pub only_read: Option<usize>,
     idle: Mutex<Vec<Worker>>,
 }
 
@@ -28,7 +31,7 @@ impl Pool {
     pub fn open(address: &Address, options: &GymOptions) -> Result<Self, EnvError> {
         let (mut worker, about) = start(address, options)?;
         let found = facts::find(&mut worker, &about, options)?;
-        Ok(Self::new(address, options, about, found, worker))
+        Ok(Self::new(address, options, about, found, Some(worker)))
     }
 
     /// Opens an environment that has been found out about before.
@@ -38,7 +41,27 @@ impl Pool {
     pub fn resume(address: &Address, options: &GymOptions, found: Found) -> Result<Self, EnvError> {
         let (worker, about) = start(address, options)?;
         found.check(&about)?;
-        Ok(Self::new(address, options, about, found, worker))
+        Ok(Self::new(address, options, about, found, Some(worker)))
+    }
+
+    /// Returns what a checkpoint knows of an environment with full states of this length, which is
+    /// not opened and has no workers.
+    ///
+    /// # Errors
+    /// What is known makes no sense.
+    pub fn only_read(
+        address: &Address,
+        options: &GymOptions,
+        (about, full_state): (Description, usize),
+        found: Found,
+    ) -> Result<Self, EnvError> {
+        if !about.is_sound() || full_state > MAX_STATE_BYTES / 8 {
+            let problem = "what it stores of its environment makes no sense";
+            return Err(StoreError::inconsistent(problem).into());
+        }
+        found.check(&about)?;
+        let pool = Self::new(address, options, about, found, None);
+        Ok(Self { only_read: Some(full_state), ..pool })
     }
 
     fn new(
@@ -46,10 +69,11 @@ impl Pool {
         options: &GymOptions,
         about: Description,
         found: Found,
-        worker: Worker,
+        worker: Option<Worker>,
     ) -> Self {
         let (address, options) = (address.clone(), options.clone());
-        Self { address, options, about, found, idle: Mutex::new(vec![worker]) }
+        let idle = Mutex::new(Vec::from_iter(worker));
+        Self { address, options, about, found, only_read: None, idle }
     }
 
     /// Returns a worker with at least this number of environments.

@@ -13,6 +13,7 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "a string of D4RL, in which O is free: \"#####\\\\#GOO#\\\\#####\"",
     endings: &["d4rl"],
     loses: "starts",
+    keeps_goal_radius: false,
     is: |source| source.is_text(is_d4rl),
     read,
     write: |grid, _| write(grid).into_bytes(),

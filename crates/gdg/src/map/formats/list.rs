@@ -11,6 +11,7 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "rows of Gymnasium-Robotics and OGBench: [[1, 1], ['r', 0]]",
     endings: &["json", "py"],
     loses: "",
+    keeps_goal_radius: false,
     is: |source| source.is_text(|text| text.source[start(text.source)..].starts_with('[')),
     read,
     write: |grid, _| write(grid).into_bytes(),

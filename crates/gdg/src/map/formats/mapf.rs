@@ -6,7 +6,7 @@ use super::super::grid::{Cell, Grid, MAX_CELLS, is_size, size_limits};
 use super::super::text::{Place, Text};
 use super::ros::has_key;
 use super::rows::grid;
-use super::yaml::{Node, tree};
+use super::yaml::{Node, goal_radius_line, tree};
 use super::{MapFormat, Mark, marks};
 
 pub const FORMAT: MapFormat = MapFormat {
@@ -14,13 +14,14 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "YAML of multi-agent planners; its agents are tasks for --scen",
     endings: &["yaml", "yml"],
     loses: "starts and goals, except as agents, pair by pair",
+    keeps_goal_radius: true,
     is: |source| source.is_text(is_mapf),
     read: |source| {
         let text = source.text()?;
         let root = tree(text)?;
-        map(text, &source.name(), &root)
+        root.with_goal_radius(text, map(text, &source.name(), &root)?)
     },
-    write: |grid, _| write(grid).into_bytes(),
+    write: |grid, _| (goal_radius_line(grid) + &write(grid)).into_bytes(),
     image: None,
 };
 

@@ -11,6 +11,7 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "an image in PGM or PPM, with the colours of PNG",
     endings: &["pgm", "ppm", "pnm"],
     loses: "starts and goals",
+    keeps_goal_radius: false,
     is: |source| is_pgm(source.bytes),
     read: |source| source.read_image(decode),
     write: |grid, _| write(grid),

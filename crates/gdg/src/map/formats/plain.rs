@@ -15,6 +15,7 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "a character a cell: '#' wall, '.' free, S start, G goal, C both",
     endings: &["txt"],
     loses: "",
+    keeps_goal_radius: false,
     is: |_| false,
     read: |source| {
         let text = source.text()?;

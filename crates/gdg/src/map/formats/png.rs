@@ -14,6 +14,7 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "an image, a pixel a cell: dark is a wall, green S, red G, yellow both",
     endings: &["png"],
     loses: "",
+    keeps_goal_radius: false,
     is: |source| is_png(source.bytes),
     read: |source| source.read_image(decode),
     write: |grid, _| encode(grid).unwrap_or_default(),

@@ -7,7 +7,7 @@ use super::super::file::read as read_file;
 use super::super::grid::Grid;
 use super::super::text::Text;
 use super::image::Image;
-use super::yaml::{Node, tree};
+use super::yaml::{Node, goal_radius_line, tree};
 use super::{MapFormat, Source, name_of, pgm, png};
 
 pub const FORMAT: MapFormat = MapFormat {
@@ -15,9 +15,10 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "ROS's map.yaml with its image; unknown cells are walls",
     endings: &["yaml", "yml"],
     loses: "starts and goals",
+    keeps_goal_radius: true,
     is: |source| source.is_text(|text| has_key(text, "image") && has_key(text, "resolution")),
     read,
-    write: |_, stem| write(stem).into_bytes(),
+    write: |grid, stem| (write(stem) + &goal_radius_line(grid)).into_bytes(),
     image: Some(("pgm", pgm::write)),
 };
 
@@ -86,7 +87,7 @@ fn read(source: &Source) -> MapResult<Grid> {
             let problem = format!("the image {name}{at}: {}", error.problem);
             text.error_at(image.place, problem, IMAGE)
         })?;
-    Ok(map.named(&source.name()))
+    root.with_goal_radius(text, map.named(&source.name()))
 }
 
 /// Decodes an image in any of the formats.

@@ -98,7 +98,8 @@ impl<'a> Rows<'a> {
         if height > 0 && !is_size(width, height) {
             return Err(too_large(self.text, width, height));
         }
-        let none = || MapError::whole_file(self.text.file, "the map has no free cell", cells);
+        let problem = if height == 0 { "the map has no rows" } else { "the map has no free cell" };
+        let none = || MapError::whole_file(self.text.file, problem, cells);
         grid(name, width, &self.marks).ok_or_else(none)
     }
 }

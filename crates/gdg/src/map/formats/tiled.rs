@@ -7,7 +7,9 @@ use roxmltree::{Document, Node};
 use super::super::error::{MapError, MapResult};
 use super::super::grid::Grid;
 use super::super::text::{Place, Text};
-use super::{MapFormat, Mark, Rows, Source, marks};
+use super::{
+    GOAL_RADIUS, MapFormat, Mark, RADII, Rows, Source, marks, with_goal_radius, written_goal_radius,
+};
 use crate::text::line_and_column;
 
 pub const FORMAT: MapFormat = MapFormat {
@@ -15,6 +17,7 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "Tiled's TMX in CSV: tiles of layers called walls, or else of any layer",
     endings: &["tmx"],
     loses: "",
+    keeps_goal_radius: true,
     is: |source| source.is_text(is_tiled),
     read,
     write: |grid, _| write(grid).into_bytes(),
@@ -69,7 +72,20 @@ fn read(source: &Source) -> MapResult<Grid> {
         row.iter().try_for_each(|cell| rows.push(*cell))?;
         rows.end_row(Place::default())?;
     }
-    rows.finish(&source.name(), WALLS)
+    with_radius_of(text, root, rows.finish(&source.name(), WALLS)?)
+}
+
+/// Returns a map with the goal radius among the properties of the file, if there is one.
+fn with_radius_of(text: &Text, root: Node, grid: Grid) -> MapResult<Grid> {
+    let properties = root.children().filter(|node| node.has_tag_name("properties"));
+    let mut own = properties.flat_map(|node| node.children());
+    let Some(own) = own.find(|node| node.attribute("name") == Some(GOAL_RADIUS)) else {
+        return Ok(grid);
+    };
+    let radius = own.attribute("value").and_then(|value| value.parse().ok());
+    let place = place_of(text, own.range().start);
+    let wrong = || text.error_at(place, "there is no such goal radius", RADII);
+    radius.and_then(|radius| with_goal_radius(grid, radius)).ok_or_else(wrong)
 }
 
 /// Returns an attribute of the map that is a size.
@@ -150,10 +166,14 @@ fn write(grid: &Grid) -> String {
         let _ =
             writeln!(objects, "  <object name=\"{name}\" x=\"{x}\" y=\"{y}\"><point/></object>");
     }
+    let properties = written_goal_radius(grid).map_or(String::new(), |radius| {
+        let value = format!("name=\"{GOAL_RADIUS}\" type=\"float\" value=\"{radius}\"");
+        format!(" <properties>\n  <property {value}/>\n </properties>\n")
+    });
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
          <map version=\"1.10\" orientation=\"orthogonal\" renderorder=\"right-down\" width=\"{width}\" \
-         height=\"{height}\" tilewidth=\"{TILE}\" tileheight=\"{TILE}\" infinite=\"0\">\n \
+         height=\"{height}\" tilewidth=\"{TILE}\" tileheight=\"{TILE}\" infinite=\"0\">\n{properties} \
          <layer id=\"1\" name=\"walls\" width=\"{width}\" height=\"{height}\">\n  \
          <data encoding=\"csv\">\n{}\n</data>\n </layer>\n \
          <objectgroup id=\"2\" name=\"marks\">\n{objects} </objectgroup>\n</map>\n",

@@ -1,12 +1,16 @@
 //! YAML as a sequence of events with their places. Lists of Python and JSON are YAML too.
 
 use std::borrow::Cow;
+use std::ffi::OsStr;
+use std::path::Path;
 use std::str::FromStr;
 
 use saphyr_parser::{Event as Parsed, Marker, Parser, ScanError};
 
 use super::super::error::MapResult;
+use super::super::grid::Grid;
 use super::super::text::{Place, Text};
+use super::{GOAL_RADIUS, RADII, with_goal_radius, written_goal_radius};
 use crate::text::line_and_column;
 
 /// A piece of a YAML document.
@@ -32,7 +36,7 @@ pub fn events<'a>(
         Place { line: line + first_line - 1, column }
     };
     let fault = move |error: &ScanError| {
-        let problem = format!("this is not YAML: {}", error.info());
+        let problem = format!("this is not {}: {}", language(text), error.info());
         let help = "brackets, quotes and indentation must be those of YAML, JSON or a list of Python, and a file \
                     has one map";
         text.error_at(place(error.marker()), problem, help)
@@ -73,6 +77,17 @@ pub fn events<'a>(
     })
 }
 
+/// Returns what a file is written in, by the ending of its name.
+fn language(text: &Text) -> &'static str {
+    match Path::new(text.file).extension().and_then(OsStr::to_str) {
+        Some("json") => "JSON",
+        Some("py") => "a list of Python",
+        Some("yaml" | "yml") => "YAML",
+        _ if text.source.trim_start().starts_with('[') => "a list",
+        _ => "YAML",
+    }
+}
+
 /// A value of a YAML document, with its place.
 #[derive(Debug)]
 pub struct Node<'a> {
@@ -85,6 +100,11 @@ enum Value<'a> {
     Scalar(Cow<'a, str>),
     List(Vec<Node<'a>>),
     Map(Vec<(Cow<'a, str>, Node<'a>)>),
+}
+
+/// Returns the line with the goal radius of a map, unless that is the usual one.
+pub fn goal_radius_line(grid: &Grid) -> String {
+    written_goal_radius(grid).map_or(String::new(), |radius| format!("{GOAL_RADIUS}: {radius}\n"))
 }
 
 /// The deepest nesting of values.
@@ -156,6 +176,17 @@ impl Node<'_> {
     pub fn get(&self, key: &str) -> Option<&Self> {
         let Value::Map(entries) = &self.value else { return None };
         entries.iter().find(|(name, _)| name == key).map(|(_, value)| value)
+    }
+
+    /// Returns a map with the goal radius that this document has for it, if any.
+    ///
+    /// # Errors
+    /// That is no such number.
+    pub fn with_goal_radius(&self, text: &Text, grid: Grid) -> MapResult<Grid> {
+        let Some(node) = self.get(GOAL_RADIUS) else { return Ok(grid) };
+        let radius = node.parsed(text, "a number", RADII)?;
+        let wrong = || text.error_at(node.place, "there is no such goal radius", RADII);
+        with_goal_radius(grid, radius).ok_or_else(wrong)
     }
 
     /// Returns the value of a key.
