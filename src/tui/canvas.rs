@@ -141,27 +141,27 @@ impl Canvas {
         ends: impl Iterator<Item = [[f32; 2]; 2]>,
         pen: Pen,
     ) {
+        self.lines_via(map_frame, ends, pen, |at| at);
+    }
+
+    /// Draws straight lines whose positions are shown at `place` of them.
+    pub fn lines_via(
+        &mut self,
+        map_frame: &MapFrame,
+        ends: impl Iterator<Item = [[f32; 2]; 2]>,
+        pen: Pen,
+        place: impl Fn([f32; 2]) -> [f32; 2],
+    ) {
         let mut covered = vec![false; self.pixels.len()];
-        for ends in ends {
-            self.cover(map_frame, ends, &mut covered);
+        for at in ends.flat_map(|ends| samples(map_frame, ends)) {
+            if let Some(i) = self.at(map_frame, place(at)) {
+                covered[i] = true;
+            }
         }
         for i in (0..covered.len()).filter(|i| covered[*i]) {
             self.pixels[i] = self.pixels[i].map(|ground| blend(ground, pen.rgb, pen.share));
             self.marks[i] = pen.mark;
             self.changed.push(i);
-        }
-    }
-
-    /// Marks the pixels of a straight line in `covered`.
-    fn cover(&self, map_frame: &MapFrame, [from, to]: [[f32; 2]; 2], covered: &mut [bool]) {
-        let pixels_a_cell = map_frame.scale()
-            * map_frame.marker.pixels().0.max(map_frame.marker.pixels().1 / 2) as f32;
-        let cells = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
-        let samples = (cells * pixels_a_cell).ceil().max(1.0) as usize;
-        for at in positions_along([from, to], samples) {
-            if let Some(i) = self.at(map_frame, at) {
-                covered[i] = true;
-            }
         }
     }
 
@@ -210,7 +210,8 @@ impl Canvas {
         }
         let mut colours = [None; MAX_PIXELS];
         (0..count).for_each(|n| colours[n] = self.pixels[own(n)]);
-        let (mut mask, mut front, mut back) = two_colours(&colours[..count]);
+        let merge = if theme.has_all_colours() { mean } else { most_frequent };
+        let (mut mask, mut front, mut back) = two_colours(&colours[..count], merge);
         if map_frame.marker == Marker::Braille && back.is_some() {
             let thin = (0..count).fold(0, |thin, n| thin | u8::from(self.thin[own(n)]) << n);
             if is_inside_out(mask, thin) {
@@ -218,9 +219,24 @@ impl Canvas {
             }
         }
         let colour = |rgb: Option<Rgb>| rgb.map_or(Color::Reset, |rgb| theme.colour(rgb));
+        if theme.prefers_in_front(colour(back), colour(front)) {
+            let all = ((1u16 << count) - 1) as u8;
+            (mask, front, back) = (!mask & all, back, front);
+        }
         cell.set_char(glyph(map_frame.marker, mask))
             .set_style(Style::new().fg(colour(front)).bg(colour(back)));
     }
+}
+
+/// Returns positions along a straight line, at least one in each of its pixels.
+fn samples(
+    map_frame: &MapFrame,
+    [from, to]: [[f32; 2]; 2],
+) -> impl Iterator<Item = [f32; 2]> + use<> {
+    let (across, down) = map_frame.marker.pixels();
+    let pixels_a_cell = map_frame.scale() * across.max(down / 2) as f32;
+    let cells = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
+    positions_along([from, to], (cells * pixels_a_cell).ceil().max(1.0) as usize)
 }
 
 /// Ranks a mark by how informative it is: shades, unvisited cells, wall, anything else.
@@ -243,8 +259,8 @@ pub fn shade(share: f32) -> char {
 /// first pixel), the front colour and the back colour.
 ///
 /// Pixels are grouped around the first one and the one most different from it, and each group is
-/// shown by its mean. Pixels outside the map, if any, are the background.
-fn two_colours(colours: &[Option<Rgb>]) -> (u8, Option<Rgb>, Option<Rgb>) {
+/// shown by the colour that `merge` makes of it. Pixels outside the map, if any, are the background.
+fn two_colours(colours: &[Option<Rgb>], merge: Merge) -> (u8, Option<Rgb>, Option<Rgb>) {
     let first = colours[0];
     let all = ((1u16 << colours.len()) - 1) as u8;
     if colours.iter().all(|c| *c == first) {
@@ -256,17 +272,9 @@ fn two_colours(colours: &[Option<Rgb>]) -> (u8, Option<Rgb>, Option<Rgb>) {
     let bits = |front: &dyn Fn(Option<Rgb>) -> bool| {
         colours.iter().enumerate().fold(0u8, |mask, (i, c)| mask | u8::from(front(*c)) << i)
     };
-    let mean = |mask: u8| {
-        let own =
-            colours.iter().enumerate().filter(|(i, _)| mask >> i & 1 == 1).filter_map(|(_, c)| *c);
-        let (sum, n) = own.fold(((0u32, 0u32, 0u32), 0u32), |((r, g, b), n), c| {
-            ((r + u32::from(c.0), g + u32::from(c.1), b + u32::from(c.2)), n + 1)
-        });
-        (n > 0).then(|| ((sum.0 / n) as u8, (sum.1 / n) as u8, (sum.2 / n) as u8))
-    };
     let Some(first) = first.filter(|_| colours.iter().all(Option::is_some)) else {
         let mask = bits(&|c| c.is_some());
-        return (mask, mean(mask), None);
+        return (mask, merge(colours, mask, None), None);
     };
     let apart = |a: Rgb, b: Rgb| {
         let squared = |a: u8, b: u8| (i32::from(a) - i32::from(b)).pow(2);
@@ -274,7 +282,32 @@ fn two_colours(colours: &[Option<Rgb>]) -> (u8, Option<Rgb>, Option<Rgb>) {
     };
     let other = colours.iter().flatten().copied().max_by_key(|c| apart(*c, first)).unwrap_or(first);
     let mask = bits(&|c| c.is_some_and(|c| apart(c, first) <= apart(c, other)));
-    (mask, mean(mask), mean(all & !mask))
+    (mask, merge(colours, mask, Some(first)), merge(colours, all & !mask, Some(other)))
+}
+
+/// Makes one colour of those in a mask, among them the most typical one of its group, if there are
+/// groups.
+type Merge = fn(&[Option<Rgb>], u8, Option<Rgb>) -> Option<Rgb>;
+
+/// Returns the colours in `mask`.
+fn in_mask(colours: &[Option<Rgb>], mask: u8) -> impl Iterator<Item = Rgb> + Clone {
+    colours.iter().enumerate().filter(move |(i, _)| mask >> i & 1 == 1).filter_map(|(_, c)| *c)
+}
+
+/// Returns the mean of the colours in `mask`.
+fn mean(colours: &[Option<Rgb>], mask: u8, _: Option<Rgb>) -> Option<Rgb> {
+    let (sum, n) = in_mask(colours, mask).fold(((0u32, 0u32, 0u32), 0u32), |((r, g, b), n), c| {
+        ((r + u32::from(c.0), g + u32::from(c.1), b + u32::from(c.2)), n + 1)
+    });
+    (n > 0).then(|| ((sum.0 / n) as u8, (sum.1 / n) as u8, (sum.2 / n) as u8))
+}
+
+/// Returns the most frequent of the colours in `mask`, preferably the `typical` one: with few
+/// colours, a mean of two kinds of ground may look like a third.
+fn most_frequent(colours: &[Option<Rgb>], mask: u8, typical: Option<Rgb>) -> Option<Rgb> {
+    let own = in_mask(colours, mask);
+    let count = |colour: &Rgb| own.clone().filter(|other| other == colour).count();
+    own.clone().max_by_key(|colour| (count(colour), Some(*colour) == typical))
 }
 
 /// Returns whether a dot pattern, which has gaps, looks better with front and back swapped: the
@@ -313,18 +346,18 @@ mod tests {
     #[test]
     fn two_pixels_keep_their_colours() {
         let (a, b) = ((10, 20, 30), (200, 100, 0));
-        let (mask, front, back) = two_colours(&[Some(a), Some(b)]);
+        let (mask, front, back) = two_colours(&[Some(a), Some(b)], mean);
         assert_eq!((mask, front, back), (1, Some(a), Some(b)));
         assert_eq!(glyph(Marker::HalfBlock, mask), '\u{2580}');
-        assert_eq!(two_colours(&[Some(a), Some(a)]), (3, Some(a), Some(a)));
-        assert_eq!(two_colours(&[Some(a), None]), (1, Some(a), None));
-        assert_eq!(two_colours(&[None, None]), (0, None, None));
+        assert_eq!(two_colours(&[Some(a), Some(a)], mean), (3, Some(a), Some(a)));
+        assert_eq!(two_colours(&[Some(a), None], mean), (1, Some(a), None));
+        assert_eq!(two_colours(&[None, None], mean), (0, None, None));
     }
 
     #[test]
     fn four_pixels_are_grouped_by_similarity() {
         let pixels = [(0, 0, 0), (250, 250, 250), (10, 10, 10), (255, 255, 255)].map(Some);
-        let (mask, front, back) = two_colours(&pixels);
+        let (mask, front, back) = two_colours(&pixels, mean);
         assert_eq!(mask, 0b0101);
         assert_eq!((front, back), (Some((5, 5, 5)), Some((252, 252, 252))));
         assert_eq!(glyph(Marker::Quadrant, mask), '\u{258c}');

@@ -4,7 +4,7 @@ use ratatui::layout::Rect;
 
 use super::canvas::Canvas;
 use super::raster::MapFrame;
-use super::theme::contour;
+use super::theme::Theme;
 use gdg::draw::{ContourLine, contour_interval, contour_lines};
 
 /// Minimum average distance between lines, in pixels.
@@ -60,13 +60,14 @@ pub fn draw(
     field: &[f32],
     interval: f32,
     near: (usize, usize),
+    theme: &Theme,
 ) -> Vec<Label> {
     let lines = contour_lines(field, canvas.columns(), interval);
     let labels = place_labels(&lines, map_frame, field, near);
     let mut in_gap = vec![false; canvas.len()];
     labels.iter().flat_map(|label| label.pixels(map_frame)).for_each(|i| in_gap[i] = true);
     for i in lines.iter().flat_map(|line| &line.pixels).copied().filter(|i| !in_gap[*i]) {
-        let line = canvas.colour(i).map(contour);
+        let line = canvas.colour(i).map(|ground| theme.contour(ground));
         canvas.set_thin(i, line);
     }
     labels
@@ -145,6 +146,7 @@ fn pixels_of(area: Rect, map_frame: &MapFrame) -> impl Iterator<Item = usize> + 
 mod tests {
     use super::*;
     use crate::tui::marker::Marker;
+    use crate::tui::theme::{ColourDepth, ThemeName};
     use gdg::draw::Raster;
 
     const AREA: Rect = Rect::new(4, 2, 60, 20);
@@ -157,7 +159,8 @@ mod tests {
         let mut canvas = Canvas::new(&map_frame);
         let ground = (100, 100, 100);
         (0..canvas.len()).for_each(|i| canvas.set(i, Some(ground), ' '));
-        let labels = draw(&mut canvas, &map_frame, &field, 10.0, (0, 0));
+        let theme = Theme::new(ThemeName::Dark, ColourDepth::True);
+        let labels = draw(&mut canvas, &map_frame, &field, 10.0, (0, 0), &theme);
         for label in &labels {
             assert_eq!(label.area, label.area.intersection(AREA), "in the frame");
             assert!(

@@ -52,7 +52,7 @@ pub enum ExportError {
 ///
 /// # Errors
 /// The notice that the file cannot be written.
-pub fn write(kind: ExportKind, screen: &Screen, scene: &Scene) -> Result<String, String> {
+pub fn write(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<String, String> {
     write_contents(&export_path(kind, screen, scene), contents(kind, screen, scene))
 }
 
@@ -89,7 +89,11 @@ fn write_contents(path: &Path, contents: Result<Vec<u8>, ExportError>) -> Result
 ///
 /// # Errors
 /// What cannot be drawn or encoded.
-pub fn contents(kind: ExportKind, screen: &Screen, scene: &Scene) -> Result<Vec<u8>, ExportError> {
+pub fn contents(
+    kind: ExportKind,
+    screen: &mut Screen,
+    scene: &Scene,
+) -> Result<Vec<u8>, ExportError> {
     match kind {
         ExportKind::CurvesSvg => figure(Format::Svg, screen, scene),
         ExportKind::CurvesPng => figure(Format::Png, screen, scene),
@@ -105,7 +109,7 @@ pub fn contents(kind: ExportKind, screen: &Screen, scene: &Scene) -> Result<Vec<
             if area.is_empty() {
                 return Err(ExportError::Empty);
             }
-            let page = PageColours::for_theme(&screen.theme);
+            let page = PageColours::for_theme(&screen.theme.in_full_colour());
             match kind {
                 ExportKind::MapPng | ExportKind::ScreenPng => Ok(png_of(&drawn, area, page)?),
                 _ => Ok(vector::svg_of(&drawn, area, page).into_bytes()),
@@ -121,8 +125,17 @@ fn figure(format: Format, screen: &Screen, scene: &Scene) -> Result<Vec<u8>, Exp
     format.encode(&curves::figure(screen, &title)).map_err(ExportError::Figure)
 }
 
-/// Draws the screen without dialogs; returns it with the area of the map pane.
-fn draw(screen: &Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
+/// Draws the screen without dialogs, in full colour even on a terminal that has fewer colours;
+/// returns it with the area of the map pane.
+fn draw(screen: &mut Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
+    let own = screen.theme;
+    screen.theme = own.in_full_colour();
+    let drawn = draw_as_it_is(screen, scene);
+    screen.theme = own;
+    drawn
+}
+
+fn draw_as_it_is(screen: &Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
     let Rect { width, height, .. } = screen.layout.screen;
     let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1)))
         .map_err(std::io::Error::other)?;

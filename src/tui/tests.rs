@@ -3,6 +3,7 @@
 mod actions;
 mod arm;
 mod compare;
+mod contrast;
 mod dialogs;
 mod found;
 mod frozen;
@@ -13,6 +14,7 @@ mod picture;
 mod pixels;
 mod screens;
 mod tour;
+mod walls;
 mod words;
 
 use std::collections::BTreeMap;

@@ -1,8 +1,10 @@
 //! The map's colours: themes, reduced to the colours that the terminal has.
 
-use anstyle::{Ansi256Color, RgbColor};
+mod palette;
+
+use anstyle::RgbColor;
 use anstyle_lossy::palette::VGA;
-use anstyle_lossy::{rgb_to_xterm, xterm_to_rgb};
+use anstyle_lossy::{rgb_to_ansi, rgb_to_xterm};
 use colorous::Gradient;
 use ratatui::style::{Color, Modifier, Style};
 use serde::{Deserialize, Serialize};
@@ -10,6 +12,10 @@ use serde::{Deserialize, Serialize};
 pub use gdg::draw::{Rgb, blend, contour, lightness};
 use gdg::draw::{distance_colour, sample};
 use gdg::text::terminal_obeys_escapes;
+pub use palette::rgb_of_indexed;
+use palette::{Gradients, Palette};
+#[cfg(test)]
+pub use palette::{LEAST_CONTRAST, contrast};
 
 /// How many colours the terminal shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,6 +24,8 @@ pub enum ColourDepth {
     True,
     /// The 256 colours of xterm.
     Indexed,
+    /// 16 colours, as on the Linux console.
+    Basic,
     /// No colours: `NO_COLOR` is set, or the terminal has none.
     Mono,
 }
@@ -64,14 +72,31 @@ impl ThemeName {
 /// How much lighter distances are in the light theme.
 const LIGHT_TINT: f32 = 0.3;
 
-/// Colours of distances on terminals with 256 colours.
-const INDEXED_DISTANCES: usize = 32;
+/// How far unvisited floor in the known world fades into the colour of unknown ground, floor
+/// beyond that world, and its hatching into the colour of walls.
+const POCKET_FADE: f32 = 0.35;
+const FADE: f32 = 0.7;
+const HATCH: f32 = 0.5;
+
+/// How far floor from which no path leads to the goal fades into the colour of walls, between the
+/// lines of its hatching and on them.
+const CUT_OFF_FADES: [f32; 2] = [0.35, 0.75];
+
+/// How strongly the edge of the known world is tinted.
+const EDGE_TINT: f32 = 0.65;
+
+/// Names of terminals (`TERM`) with 24-bit colours and with 16, or parts of them: over ssh,
+/// `COLORTERM` is usually lost.
+const NAMES_OF_TRUE: [&str; 6] = ["-direct", "kitty", "alacritty", "foot", "wezterm", "ghostty"];
+const NAMES_OF_BASIC: [&str; 6] = ["linux", "cygwin", "ansi", "vt100", "vt220", "-16color"];
 
 /// The colours in use.
 #[derive(Clone, Copy, Debug)]
 pub struct Theme {
     /// The theme's name.
     pub name: ThemeName,
+    /// The theme that has been asked for.
+    chosen: ThemeName,
     /// The colours that the terminal shows.
     pub depth: ColourDepth,
     /// Text and page, if the theme does not leave them to the terminal.
@@ -102,10 +127,10 @@ pub struct Theme {
     pub search: [Rgb; 2],
     /// From far (0) to near (1).
     distance: Gradient,
-    /// The same from near to far, for terminals with 256 colours.
-    indexed: [Rgb; INDEXED_DISTANCES],
     /// From too short (0) to too long (1).
     error: Gradient,
+    /// The colours of ground, if the terminal has not all of them.
+    palette: Option<Palette>,
 }
 
 impl ColourDepth {
@@ -115,8 +140,16 @@ impl ColourDepth {
         if !variable("NO_COLOR").is_empty() || !terminal_obeys_escapes() {
             return Self::Mono;
         }
-        match variable("COLORTERM").as_str() {
+        Self::of_names(&variable("COLORTERM"), &variable("TERM"))
+    }
+
+    /// Returns the colours of a terminal that goes by these names.
+    fn of_names(colorterm: &str, term: &str) -> Self {
+        let is_one_of = |names: &[&str]| names.iter().any(|name| term.contains(name));
+        match colorterm {
             "truecolor" | "24bit" => Self::True,
+            _ if is_one_of(&NAMES_OF_TRUE) => Self::True,
+            _ if is_one_of(&NAMES_OF_BASIC) => Self::Basic,
             _ => Self::Indexed,
         }
     }
@@ -126,10 +159,35 @@ impl Theme {
     /// Returns the theme `name` for a terminal of `depth`. Without colours, every theme is
     /// [`ThemeName::Mono`].
     pub fn new(name: ThemeName, depth: ColourDepth) -> Self {
+        let chosen = name;
         let name = if depth == ColourDepth::Mono { ThemeName::Mono } else { name };
+        let depth = if name == ThemeName::Mono { ColourDepth::Mono } else { depth };
+        let theme = Self { depth, chosen, ..Self::in_all_colours(name) };
+        match depth {
+            ColourDepth::True | ColourDepth::Mono => theme,
+            ColourDepth::Indexed => {
+                let gradients = Gradients {
+                    distance: |share| theme.smooth_distance_colour(share),
+                    error: |share| sample(theme.error, share),
+                };
+                theme.limited_to(Palette::of_256(name, &gradients))
+            }
+            ColourDepth::Basic => theme.with_16_signs().limited_to(Palette::of_16(name)),
+        }
+    }
+
+    /// Returns the theme that has been asked for, in full colour: for pictures, which do not
+    /// depend on the terminal.
+    #[must_use]
+    pub fn in_full_colour(&self) -> Self {
+        Self::new(self.chosen, ColourDepth::True)
+    }
+
+    fn in_all_colours(name: ThemeName) -> Self {
         let dark = Self {
             name,
-            depth: if name == ThemeName::Mono { ColourDepth::Mono } else { depth },
+            chosen: name,
+            depth: ColourDepth::True,
             page: None,
             wall: (58, 58, 66),
             unknown: (24, 24, 28),
@@ -144,10 +202,10 @@ impl Theme {
             failure: (255, 100, 90),
             search: [(255, 80, 200), (150, 90, 140)],
             distance: colorous::VIRIDIS,
-            indexed: [(0, 0, 0); INDEXED_DISTANCES],
             error: colorous::SPECTRAL,
+            palette: None,
         };
-        let theme = match name {
+        match name {
             ThemeName::Dark | ThemeName::Mono => dark,
             ThemeName::Light => Self {
                 page: Some(((30, 30, 34), (252, 252, 252))),
@@ -171,34 +229,28 @@ impl Theme {
                 error: colorous::PURPLE_ORANGE,
                 ..dark
             },
-        };
-        if depth == ColourDepth::Indexed {
-            Self { indexed: theme.indexed_distances(), ..theme }
-        } else {
-            theme
         }
     }
 
-    /// Returns the nearest of a terminal's 256 colours for distances from near to far, none lighter
-    /// than the one before: by nearness alone, a lighter grey would follow dark blue. Greys are
-    /// reserved for walls.
-    fn indexed_distances(&self) -> [Rgb; INDEXED_DISTANCES] {
-        let mut lightest = f32::INFINITY;
-        std::array::from_fn(|i| {
-            let (r, g, b) = self.smooth_distance_colour(i as f32 / (INDEXED_DISTANCES - 1) as f32);
-            let off = |colour: &Rgb| {
-                let square = |a: u8, b: u8| (i32::from(a) - i32::from(b)).pow(2);
-                2 * square(colour.0, r) + 4 * square(colour.1, g) + 3 * square(colour.2, b)
-            };
-            // The first 16 depend on the terminal's own palette.
-            let is_grey = |(r, g, b): &Rgb| r == g && g == b;
-            let colours = (16..=255)
-                .map(rgb_of_indexed)
-                .filter(|colour| !is_grey(colour) && lightness(*colour) <= lightest);
-            let nearest = colours.min_by_key(off).unwrap_or((r, g, b));
-            lightest = lightness(nearest);
-            nearest
-        })
+    /// Replaces the colours of ground.
+    fn limited_to(self, palette: Palette) -> Self {
+        let [unknown, _] = palette.unvisited;
+        Self { wall: palette.wall, unknown, palette: Some(palette), ..self }
+    }
+
+    /// Replaces the colours of signs whose nearest of 16 colours are the same.
+    fn with_16_signs(self) -> Self {
+        let [red, bright_red, yellow, bright_magenta, cyan, white] =
+            [1, 9, 11, 13, 14, 15].map(rgb_of_indexed);
+        Self {
+            path: bright_red,
+            goal: red,
+            walker: if self.name == ThemeName::ColourBlindSafe { cyan } else { yellow },
+            frontier: if self.name == ThemeName::ColourBlindSafe { bright_magenta } else { cyan },
+            edges: [white, red, self.edges[2]],
+            search: [bright_magenta, red],
+            ..self
+        }
     }
 
     /// Returns the nearest colour that the terminal has.
@@ -206,7 +258,25 @@ impl Theme {
         match self.depth {
             ColourDepth::True => Color::Rgb(r, g, b),
             ColourDepth::Indexed => Color::Indexed(rgb_to_xterm(RgbColor(r, g, b)).0),
+            ColourDepth::Basic => Color::Indexed(rgb_to_ansi(RgbColor(r, g, b), VGA) as u8),
             ColourDepth::Mono => Color::Reset,
+        }
+    }
+
+    /// Returns whether the terminal shows every mixture of colours.
+    pub fn has_all_colours(&self) -> bool {
+        self.palette.is_none()
+    }
+
+    /// Returns whether the terminal shows `a` better in front of `b` than behind it: of 16 colours,
+    /// the Linux console has only the first 8 as backgrounds, and dark grey would become black.
+    pub fn prefers_in_front(&self, a: Color, b: Color) -> bool {
+        const DARK_GREY: u8 = 8;
+        match (self.depth, a, b) {
+            (ColourDepth::Basic, Color::Indexed(a), Color::Indexed(b)) => {
+                a >= DARK_GREY && (b < DARK_GREY || a == DARK_GREY && b != DARK_GREY)
+            }
+            _ => false,
         }
     }
 
@@ -221,11 +291,10 @@ impl Theme {
     /// Returns the colour of a distance, given as a share of the farthest shown: near is light, far
     /// is dark.
     pub fn distance_colour(&self, share: f32) -> Rgb {
-        if self.depth == ColourDepth::Indexed {
-            let last = (INDEXED_DISTANCES - 1) as f32;
-            return self.indexed[(share.clamp(0.0, 1.0) * last).round() as usize];
+        match &self.palette {
+            Some(palette) => palette.distance(share),
+            None => self.smooth_distance_colour(share),
         }
-        self.smooth_distance_colour(share)
     }
 
     fn smooth_distance_colour(&self, share: f32) -> Rgb {
@@ -235,19 +304,50 @@ impl Theme {
 
     /// Returns the colour of a relative error from -1 (too short) to 1 (too long).
     pub fn error_colour(&self, error: f32) -> Rgb {
-        sample(self.error, 0.5 + 0.5 * error.clamp(-1.0, 1.0))
+        let share = 0.5 + 0.5 * error.clamp(-1.0, 1.0);
+        self.palette.map_or_else(|| sample(self.error, share), |palette| palette.error(share))
+    }
+
+    /// Returns the colour of a contour line on `ground`.
+    pub fn contour(&self, ground: Rgb) -> Rgb {
+        self.palette.map_or_else(|| contour(ground), |palette| palette.contour(ground))
+    }
+
+    /// Returns the colour of unvisited floor beyond the known world whose value has the colour
+    /// `ground`, between the lines of its hatching or on them.
+    pub fn unvisited(&self, ground: Rgb, is_hatched: bool) -> Rgb {
+        if let Some(palette) = &self.palette {
+            return palette.unvisited[usize::from(is_hatched)];
+        }
+        let faded = blend(ground, self.unknown, FADE);
+        if is_hatched { blend(faded, self.wall, HATCH) } else { faded }
+    }
+
+    /// Returns the colour of unvisited floor within the known world.
+    pub fn pocket(&self, ground: Rgb) -> Rgb {
+        if self.palette.is_some() { ground } else { blend(ground, self.unknown, POCKET_FADE) }
+    }
+
+    /// Returns the colour of floor from which no path leads to the goal, between the lines of its
+    /// hatching or on them.
+    pub fn cut_off(&self, is_hatched: bool) -> Rgb {
+        let fade = CUT_OFF_FADES[usize::from(is_hatched)];
+        self.palette.map_or_else(
+            || blend(self.unknown, self.wall, fade),
+            |palette| palette.unvisited[usize::from(is_hatched)],
+        )
+    }
+
+    /// Returns the tint of the edge of the known world, and its opacity.
+    pub fn edge(&self) -> (Rgb, f32) {
+        // Mixtures of 16 colours are any other of them.
+        (self.frontier, if self.depth == ColourDepth::Basic { 1.0 } else { EDGE_TINT })
     }
 }
 
 /// Returns black or white, whichever is more readable on `ground`.
 pub fn ink(ground: Rgb) -> Rgb {
     if lightness(ground) > 0.5 { (0, 0, 0) } else { (255, 255, 255) }
-}
-
-/// Returns the RGB value of one of a terminal's 256 colours.
-pub fn rgb_of_indexed(index: u8) -> Rgb {
-    let RgbColor(r, g, b) = xterm_to_rgb(Ansi256Color(index), VGA);
-    (r, g, b)
 }
 
 #[cfg(test)]
@@ -270,6 +370,30 @@ mod tests {
                 (0..=10).map(|i| lightness(theme.distance_colour(i as f32 / 10.0))).collect();
             assert!(lights.windows(2).all(|pair| pair[0] > pair[1]), "{}: {lights:?}", name.name());
         }
+    }
+
+    #[test]
+    fn terminals_are_known_by_their_names() {
+        for (colorterm, term, depth) in [
+            ("truecolor", "xterm-256color", ColourDepth::True),
+            ("", "xterm-256color", ColourDepth::Indexed),
+            ("", "screen", ColourDepth::Indexed),
+            ("", "xterm-kitty", ColourDepth::True),
+            ("", "xterm-direct", ColourDepth::True),
+            ("", "linux", ColourDepth::Basic),
+            ("", "xterm-16color", ColourDepth::Basic),
+        ] {
+            assert_eq!(ColourDepth::of_names(colorterm, term), depth, "{colorterm} {term}");
+        }
+    }
+
+    #[test]
+    fn the_console_shows_bright_colours_in_front() {
+        let theme = Theme::new(ThemeName::Dark, ColourDepth::Basic);
+        let in_front = |a, b| theme.prefers_in_front(Color::Indexed(a), Color::Indexed(b));
+        assert!(in_front(10, 0) && in_front(8, 10) && !in_front(10, 8) && !in_front(0, 10));
+        let theme = Theme::new(ThemeName::Dark, ColourDepth::Indexed);
+        assert!(!theme.prefers_in_front(Color::Indexed(10), Color::Indexed(0)));
     }
 
     #[test]

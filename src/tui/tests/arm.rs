@@ -128,8 +128,9 @@ fn the_arm_matches_its_snapshots() {
     let mut app = staged_app(&plain, gdg(), 80, 24);
     (app.screen.pane, app.screen.maximised) = (Pane::Curves, true);
     check("arm-curves-80x24", &mut app, 80, 24);
-    let csv = crate::tui::export::contents(ExportKind::CurvesCsv, &app.screen, &app.scene)
-        .expect("a table");
+    let csv =
+        crate::tui::export::contents(ExportKind::CurvesCsv, &mut app.app.screen, &app.app.scene)
+            .expect("a table");
     assert!(
         String::from_utf8_lossy(&csv).contains(",greedy_at_7_cm,"),
         "groups are measured in centimetres"
@@ -260,7 +261,7 @@ fn what_needs_a_map_is_not_offered_and_says_why() {
     assert!(picker.items().all(|item| !item.label.contains("editor")), "it is not listed");
     assert!(picker.items().any(|item| item.label == "choose the next projection"));
     for kind in ExportKind::ALL {
-        let is_written = crate::tui::export::contents(kind, &app.screen, &app.scene).is_ok();
+        let is_written = crate::tui::export::contents(kind, &mut app.screen, &app.scene).is_ok();
         assert_eq!(is_written, kind != ExportKind::Film, "{kind:?}: nothing has been filmed");
         assert!(!kind.name(app.scene.noun()).starts_with("map"));
     }

@@ -210,7 +210,7 @@ fn runs_without_a_film_and_the_tour_say_so() {
 fn the_film_is_exported_from_any_moment() {
     let mut app = filmed_app(&[1, 2_500], 80, 24);
     press(&mut app, KeyCode::Char('['));
-    let bytes = contents(ExportKind::Film, &app.screen, &app.scene).expect("a film");
+    let bytes = contents(ExportKind::Film, &mut app.app.screen, &app.app.scene).expect("a film");
     let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
     assert_eq!(reader.info().animation_control().expect("an animation").num_frames, 2);
 }

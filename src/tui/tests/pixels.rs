@@ -259,10 +259,10 @@ fn the_line_below_counts_the_cells_of_a_pixel() {
 fn exports_show_the_map_in_characters() {
     let mut app = app_with_pictures();
     draw(&mut app, 80, 24);
-    let with = crate::tui::export::contents(ExportKind::MapSvg, &app.screen, &app.scene)
+    let with = crate::tui::export::contents(ExportKind::MapSvg, &mut app.screen, &app.scene)
         .expect("an export");
     app.set_graphics(None, Redraw::All);
-    let without = crate::tui::export::contents(ExportKind::MapSvg, &app.screen, &app.scene)
+    let without = crate::tui::export::contents(ExportKind::MapSvg, &mut app.screen, &app.scene)
         .expect("an export");
     assert_eq!(with, without);
 }

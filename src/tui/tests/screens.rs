@@ -464,15 +464,16 @@ fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
 #[test]
 fn everything_can_be_exported() {
     let mut app = staged_app(80, 24);
-    press(&mut app, KeyCode::Char('?'));
+    let app = &mut app.app;
+    press(app, KeyCode::Char('?'));
     assert!(
-        contents(ExportKind::Film, &app.screen, &app.scene)
+        contents(ExportKind::Film, &mut app.screen, &app.scene)
             .expect_err("no film")
             .to_string()
             .contains("no film")
     );
     for kind in ExportKind::ALL.into_iter().filter(|kind| *kind != ExportKind::Film) {
-        let bytes = contents(kind, &app.screen, &app.scene).expect("a file");
+        let bytes = contents(kind, &mut app.screen, &app.scene).expect("a file");
         match kind.file_type() {
             "pdf" => assert!(bytes.starts_with(b"%PDF-") && bytes.ends_with(b"%%EOF")),
             "png" => {

@@ -116,6 +116,35 @@ impl Raster {
         [left + column / columns as f32 * width, top + row / rows as f32 * height]
     }
 
+    /// Returns where to draw what is at a free position: on floor, although a pixel that contains
+    /// the position may show the wall beside it.
+    pub fn on_floor(&self, map: &Grid, at: [f32; 2]) -> [f32; 2] {
+        let Some((column, row)) = self.pixel_of(at).filter(|_| map.is_free_at(at[0], at[1])) else {
+            return at;
+        };
+        if matches!(self.ground(map, column, row), Ground::Free(_)) {
+            return at;
+        }
+        let cell = at.map(f32::floor);
+        // Floor of the same cell first: other floor may be behind a thin wall.
+        let off = |[x, y]: [f32; 2]| {
+            let is_elsewhere = [x, y].map(f32::floor) != cell;
+            (is_elsewhere, (x - at[0]).hypot(y - at[1]))
+        };
+        let around = (row.saturating_sub(1)..(row + 2).min(self.pixels.1)).flat_map(|row| {
+            let columns = column.saturating_sub(1)..(column + 2).min(self.pixels.0);
+            columns.map(move |column| (column, row))
+        });
+        let floor = around.filter_map(|(column, row)| match self.ground(map, column, row) {
+            Ground::Free(shown) => Some((off(shown), row * self.pixels.0 + column)),
+            _ => None,
+        });
+        let nearest = floor.min_by(|((a_is_elsewhere, a), _), ((b_is_elsewhere, b), _)| {
+            a_is_elsewhere.cmp(b_is_elsewhere).then(a.total_cmp(b))
+        });
+        nearest.map_or(at, |(_, i)| self.middle_of(i))
+    }
+
     /// Returns the column and row of the pixel that shows a position, if any does.
     pub fn pixel_of(&self, [x, y]: [f32; 2]) -> Option<(usize, usize)> {
         let [left, top, width, height] = self.window;
@@ -201,6 +230,29 @@ mod tests {
         }
         let step = ".........\n####.....\n...#.....\n...######\n".to_owned() + &open.repeat(5);
         assert_eq!(shown(&step, (3, 3)), "++..++...", "a wall with a step");
+    }
+
+    #[test]
+    fn what_is_free_is_drawn_on_floor() {
+        let map = parse_map("map", b"#####\n#..##\n##.##\n##..#\n#####\n").expect("a map");
+        let free = |i: usize| [(i % 200) as f32 / 40.0, (i / 200) as f32 / 40.0];
+        for pixels in [(5, 5), (6, 6), (7, 9), (8, 13), (29, 19)] {
+            let raster = Raster { window: [0.0, 0.0, 5.0, 5.0], pixels };
+            let mut moved = 0;
+            for at in (0..200 * 200).map(free).filter(|[x, y]| map.is_free_at(*x, *y)) {
+                let shown = raster.on_floor(&map, at);
+                let (column, row) = raster.pixel_of(shown).expect("on the map");
+                assert!(
+                    matches!(raster.ground(&map, column, row), Ground::Free(_)),
+                    "{at:?} is drawn at {shown:?} of {pixels:?}"
+                );
+                assert!((0..2).all(|axis| (shown[axis] - at[axis]).abs() < 1.0), "{at:?}: near");
+                moved += usize::from(shown != at);
+            }
+            assert_eq!(moved > 0, pixels != (5, 5), "{pixels:?}: {moved} beside walls");
+        }
+        let raster = Raster { window: [0.0, 0.0, 5.0, 5.0], pixels: (5, 5) };
+        assert_eq!(raster.on_floor(&map, [0.5, 0.5]), [0.5, 0.5], "in a wall");
     }
 
     #[test]

@@ -110,7 +110,7 @@ fn draw_field(
     let Some(interval) = contour_interval else { return Vec::new() };
     let frame = &sketch.projection.frame;
     let goal = frame.raster.pixel_of(sketch.projection.flat(shown_goal(arm))).unwrap_or_default();
-    let mut labels = contours::draw(canvas, frame, field, interval, goal);
+    let mut labels = contours::draw(canvas, frame, field, interval, goal, theme);
     // The first row has the projection's name.
     labels.retain(|label| label.area.y > frame.area.y);
     labels

@@ -136,7 +136,8 @@ impl Sketch<'_> {
         }
         let Some(interval) = contour_interval else { return Vec::new() };
         let near = self.flat(&self.state.goal).and_then(|at| self.shown.slice.raster.pixel_of(at));
-        contours::draw(canvas, &self.shown.frame, &view.field, interval, near.unwrap_or_default())
+        let near = near.unwrap_or_default();
+        contours::draw(canvas, &self.shown.frame, &view.field, interval, near, theme)
     }
 
     /// Returns where a place is shown: the first numbers of a goal; `None` if they are too few.

@@ -130,7 +130,14 @@ impl Base {
                 let goal = map_frame.raster.pixel_of(shown_goal(maze).centre());
                 if let Some(interval) = shown_interval(own_interval, screen) {
                     let near = goal.unwrap_or_default();
-                    labels = contours::draw(&mut canvas, map_frame, &open, interval, near);
+                    labels = contours::draw(
+                        &mut canvas,
+                        map_frame,
+                        &open,
+                        interval,
+                        near,
+                        &screen.theme,
+                    );
                 }
             }
         }
@@ -192,10 +199,14 @@ fn is_covered(label: &Label, canvas: &Canvas, map_frame: &MapFrame, theme: &Them
 /// Draws what changes from frame to frame, as pixels: of the past, only the agents.
 fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, maze: &MazeState, screen: &Screen) {
     let (theme, shows) = (&screen.theme, |overlay| screen.overlays.has(overlay));
+    let on_floor = |at: [f32; 2]| map_frame.raster.on_floor(&maze.map, at);
+    let draw_agents = |canvas: &mut Canvas, agents: &[f32]| {
+        let positions = agents.as_chunks::<2>().0.iter();
+        positions.for_each(|at| canvas.dot(map_frame, on_floor(*at), theme.agent, 'o'));
+    };
     if let Some(past) = maze.past() {
         if shows(Overlay::Agents) {
-            let (positions, _) = past.agents.as_chunks::<2>();
-            positions.iter().for_each(|at| canvas.dot(map_frame, *at, theme.agent, 'o'));
+            draw_agents(canvas, &past.agents);
         }
         return;
     }
@@ -209,36 +220,44 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, maze: &MazeState
             // The better connected, the darker.
             let share = 0.25 + 0.5 * candidate.degree;
             let mark = Some(CANDIDATE_MARK);
-            canvas.faint_dot(map_frame, candidate.at, theme.candidate, share, mark);
+            canvas.faint_dot(map_frame, on_floor(candidate.at), theme.candidate, share, mark);
         }
     }
     if shows(Overlay::Path) {
         let stops: Vec<[f32; 2]> =
             maze.view.trail.last().into_iter().chain(&maze.view.path).copied().collect();
         let ends = stops.windows(2).map(|ends| [ends[0], ends[1]]);
-        canvas.lines(map_frame, ends, Pen { rgb: theme.path, share: 1.0, mark: '+' });
+        let pen = Pen { rgb: theme.path, share: 1.0, mark: '+' };
+        canvas.lines_via(map_frame, ends, pen, on_floor);
     }
     if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
-        draw_search(canvas, map_frame, search, theme);
+        draw_search(canvas, map_frame, search, maze, theme);
     }
     draw_preview(canvas, map_frame, maze, theme);
-    draw_trail(canvas, map_frame, &maze.view.trail, theme.walker, 0.8, Some(TRAIL_MARK));
+    let trail: Vec<[f32; 2]> = maze.view.trail.iter().copied().map(on_floor).collect();
+    draw_trail(canvas, map_frame, &trail, theme.walker, 0.8, Some(TRAIL_MARK));
     if shows(Overlay::Agents) {
         for trail in screen.snapshot.trails.iter() {
-            let (positions, _) = trail.as_chunks::<2>();
-            draw_trail(canvas, map_frame, positions, theme.agent, 0.5, None);
+            let positions = trail.as_chunks::<2>().0.iter().copied();
+            let positions: Vec<[f32; 2]> = positions.map(on_floor).collect();
+            draw_trail(canvas, map_frame, &positions, theme.agent, 0.5, None);
         }
-        for at in screen.snapshot.agents.as_chunks::<2>().0 {
-            canvas.dot(map_frame, *at, theme.agent, 'o');
-        }
+        draw_agents(canvas, &screen.snapshot.agents);
     }
 }
 
 /// Draws the places tried in a search for a bridge, and the way over the bridge that it found.
-fn draw_search(canvas: &mut Canvas, map_frame: &MapFrame, search: &SearchOutcome, theme: &Theme) {
+fn draw_search(
+    canvas: &mut Canvas,
+    map_frame: &MapFrame,
+    search: &SearchOutcome,
+    maze: &MazeState,
+    theme: &Theme,
+) {
     let [accepted, rejected] = theme.search;
+    let on_floor = |at: [f32; 2]| map_frame.raster.on_floor(&maze.map, at);
     for tried in search.rejected.as_chunks::<2>().0 {
-        canvas.ground_dot(map_frame, *tried, rejected, 'x');
+        canvas.ground_dot(map_frame, on_floor(*tried), rejected, 'x');
     }
     if let Some(bridge) = &search.found {
         let [from, bridge, to] =
@@ -291,11 +310,13 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, maze: &MazeState, scre
         labels.into_iter().map(|label| (label, under(label, glyphs.buffer))).collect();
     if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
         let rgb = screen.theme.search[0];
+        let raster = glyphs.map_frame.raster;
+        let place = |numbers: &[f32]| raster.on_floor(&maze.map, [numbers[0], numbers[1]]);
         if let Some(bridge) = &search.found {
-            glyphs.letter([bridge.point[0], bridge.point[1]], 'B', rgb);
+            glyphs.letter(place(&bridge.point), 'B', rgb);
         }
-        glyphs.symbol([search.state[0], search.state[1]], 'a', Some(rgb));
-        glyphs.symbol([search.goal[0], search.goal[1]], 'g', Some(rgb));
+        glyphs.symbol(place(&search.state), 'a', Some(rgb));
+        glyphs.symbol(place(&search.goal), 'g', Some(rgb));
     }
     draw_marks(glyphs, maze, screen);
     for (label, before) in labels {
@@ -329,24 +350,26 @@ fn draw_candidate_signs(glyphs: &mut Glyphs, maze: &MazeState) {
 /// important last.
 fn draw_marks(glyphs: &mut Glyphs, maze: &MazeState, screen: &Screen) {
     let (theme, is_past) = (&screen.theme, maze.past().is_some());
+    let raster = glyphs.map_frame.raster;
+    let place = |numbers: &[f32]| raster.on_floor(&maze.map, [numbers[0], numbers[1]]);
     for (marks, letter) in [(maze.map.starts(), 's'), (maze.map.goals(), 'g')] {
         marks.iter().for_each(|cell| glyphs.symbol(cell.centre(), letter, None));
     }
     if screen.overlays.has(Overlay::Agents) && !is_past {
         for at in screen.snapshot.frontier_goals.as_chunks::<2>().0 {
-            glyphs.symbol(*at, FRONTIER_SIGN, Some(theme.frontier));
+            glyphs.symbol(place(at), FRONTIER_SIGN, Some(theme.frontier));
         }
     }
     if let Some(followed) = screen.snapshot.followed.as_ref().filter(|_| !is_past) {
-        glyphs.letter([followed.state[0], followed.state[1]], 'A', theme.agent);
-        glyphs.symbol([followed.goal[0], followed.goal[1]], '\u{2691}', Some(theme.agent));
+        glyphs.letter(place(&followed.state), 'A', theme.agent);
+        glyphs.symbol(place(&followed.goal), '\u{2691}', Some(theme.agent));
     }
     if !is_past {
-        glyphs.letter(maze.view.walk.start, 'S', theme.walker);
+        glyphs.letter(place(&maze.view.walk.start), 'S', theme.walker);
     }
     glyphs.letter(shown_goal(maze).centre(), 'G', theme.goal);
     if let Some(at) = maze.view.trail.last().filter(|_| !is_past) {
-        glyphs.letter(*at, '@', theme.walker);
+        glyphs.letter(place(at), '@', theme.walker);
     }
     if let Some(cursor) = maze.editor.cursor.or(maze.inspecting) {
         glyphs.letter(cursor.centre(), '+', theme.cursor);

@@ -21,7 +21,7 @@ use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
 use crate::tui::sheet::{Ink, Sheet};
-use crate::tui::theme::{Rgb, contour, ink};
+use crate::tui::theme::{Rgb, Theme, contour, ink};
 use gdg::bridge::EdgeStatus;
 use gdg::draw::Ground;
 use gdg::map::Cell;
@@ -140,7 +140,8 @@ pub fn draw(
         }
         None => base.sheet.clone(),
     };
-    Moving { sheet: &mut drawn, scale: &scale, maze, screen }.draw(map_frame);
+    let theme = screen.theme.in_full_colour();
+    Moving { sheet: &mut drawn, scale: &scale, maze, screen, theme }.draw(map_frame);
     Picture::reserve(area, frame.buffer_mut());
     *cache = PictureCache {
         base: Some(base),
@@ -190,7 +191,7 @@ impl Base {
             }
             own
         });
-        ground::draw_walls(&mut sheet, scale, map, screen.theme.wall);
+        ground::draw_walls(&mut sheet, scale, map, screen.theme.in_full_colour().wall);
         ground::draw_edge(&mut sheet, scale, maze, screen);
         if screen.overlays.has(Overlay::Directions) && maze.past().is_none() {
             draw_directions(&mut sheet, scale, maze);
@@ -280,6 +281,7 @@ struct Moving<'a> {
     scale: &'a Scale,
     maze: &'a MazeState,
     screen: &'a Screen,
+    theme: Theme,
 }
 
 impl Moving<'_> {
@@ -321,7 +323,7 @@ impl Moving<'_> {
     }
 
     fn edges(&mut self, map_frame: &MapFrame) {
-        let [walked, failed, _] = self.screen.theme.edges;
+        let [walked, failed, _] = self.theme.edges;
         let width = self.of(0.07).max(1.0);
         for (status, opacity, edges) in edges::groups(map_frame, self.maze) {
             let rgb = if status == EdgeStatus::Confirmed { walked } else { failed };
@@ -357,7 +359,7 @@ impl Moving<'_> {
         let view = &self.maze.view;
         let stops: Vec<[f32; 2]> =
             view.trail.last().into_iter().chain(&view.path).copied().collect();
-        let ink = Ink(self.screen.theme.path, 1.0);
+        let ink = Ink(self.theme.path, 1.0);
         self.route(&stops, self.of(0.1).max(1.5), ink);
         for stop in view.path.iter().take(view.path.len().saturating_sub(1)) {
             self.sheet.disc(self.scale.pixel(*stop), self.of(0.17).max(2.0), ink);
@@ -366,7 +368,7 @@ impl Moving<'_> {
 
     fn search(&mut self) {
         let Some(search) = self.screen.search() else { return };
-        let [accepted, rejected] = self.screen.theme.search;
+        let [accepted, rejected] = self.theme.search;
         let at = |numbers: &[f32]| [numbers[0], numbers[1]];
         for tried in search.rejected.chunks_exact(2) {
             let ([x, y], arm) = (self.scale.pixel(at(tried)), self.of(0.12));
@@ -388,7 +390,7 @@ impl Moving<'_> {
     /// Draws the cells that the editor would change.
     fn preview(&mut self) {
         let Some((cells, free)) = self.maze.editor.preview() else { return };
-        let theme = &self.screen.theme;
+        let theme = self.theme;
         let rgb = if free { theme.unknown } else { theme.wall };
         for cell in cells.iter() {
             let area = self.scale.cell(*cell);
@@ -409,11 +411,11 @@ impl Moving<'_> {
     }
 
     fn trail(&mut self) {
-        self.fading(&self.maze.view.trail, self.of(0.2), Ink(self.screen.theme.walker, 0.9));
+        self.fading(&self.maze.view.trail, self.of(0.2), Ink(self.theme.walker, 0.9));
     }
 
     fn agents(&mut self) {
-        let rgb = self.screen.theme.agent;
+        let rgb = self.theme.agent;
         for trail in self.screen.snapshot.trails.iter() {
             self.fading(trail.as_chunks::<2>().0, self.of(0.08).max(1.0), Ink(rgb, 0.6));
         }
@@ -426,7 +428,7 @@ impl Moving<'_> {
         for at in positions {
             let at = self.scale.pixel(*at);
             self.sheet.disc(at, radius + 1.2, Ink(SHADOW, 0.7));
-            self.sheet.disc(at, radius, Ink(self.screen.theme.agent, 1.0));
+            self.sheet.disc(at, radius, Ink(self.theme.agent, 1.0));
         }
     }
 
@@ -447,8 +449,8 @@ impl Moving<'_> {
     }
 
     fn signs(&mut self, shows_agents: bool) {
-        let Self { maze, screen, .. } = *self;
-        let (theme, is_past) = (&screen.theme, maze.past().is_some());
+        let Self { maze, screen, theme, .. } = *self;
+        let is_past = maze.past().is_some();
         for (marks, letter) in [(maze.map.starts(), "s"), (maze.map.goals(), "g")] {
             for cell in marks {
                 let at = self.scale.pixel(cell.centre());

@@ -10,23 +10,9 @@ use gdg::draw::Ground;
 use gdg::viewer::Field;
 use gdg::viewer::maze::Knowledge;
 
-/// How far unvisited cells fade into the colour of unknown ground (pockets in the known world, and
-/// what lies beyond), and hatched ones into that of walls.
-pub(super) const POCKET_FADE: f32 = 0.35;
-pub(super) const FADE: f32 = 0.7;
-
-/// How far cells from which no path leads to the goal fade into the colour of walls, on their
-/// hatching and between.
-pub(super) const CUT_OFF_FADES: [f32; 2] = [0.75, 0.35];
-
-pub(super) const HATCH: f32 = 0.5;
-
 /// Pixels between two lines of hatching with colours, and characters between two signs without.
 const HATCH_SPACING: usize = 4;
 const MONO_HATCH_SPACING: usize = 8;
-
-/// How strongly the edge is tinted.
-pub(super) const TINT: f32 = 0.65;
 
 /// What the agents know of the cell that each pixel shows; everything if the overlay is off.
 pub struct Unexplored {
@@ -82,8 +68,7 @@ impl Unexplored {
             let hatched = (i % columns)
                 .abs_diff(2 * columns - i / columns % columns)
                 .is_multiple_of(HATCH_SPACING);
-            let fade = CUT_OFF_FADES[usize::from(!hatched)];
-            canvas.set(i, Some(blend(screen.theme.unknown, screen.theme.wall, fade)), CUT_OFF_MARK);
+            canvas.set(i, Some(screen.theme.cut_off(hatched)), CUT_OFF_MARK);
         }
     }
 
@@ -110,12 +95,11 @@ impl Unexplored {
             match known {
                 Knowledge::Beyond if self.fades => {
                     let hatched = is_hatched(i);
-                    let faded = blend(ground, theme.unknown, FADE);
-                    let rgb = if hatched { blend(faded, theme.wall, HATCH) } else { faded };
-                    canvas.set(i, Some(rgb), if hatched { UNVISITED_MARK } else { ' ' });
+                    let mark = if hatched { UNVISITED_MARK } else { ' ' };
+                    canvas.set(i, Some(theme.unvisited(ground, hatched)), mark);
                 }
                 Knowledge::Pocket if self.fades => {
-                    canvas.set(i, Some(blend(ground, theme.unknown, POCKET_FADE)), canvas.mark(i));
+                    canvas.set(i, Some(theme.pocket(ground)), canvas.mark(i));
                 }
                 Knowledge::Beyond => {
                     canvas.set(
@@ -128,7 +112,8 @@ impl Unexplored {
                 Knowledge::Edge | Knowledge::Known => {
                     let edge = *known == Knowledge::Edge || coarse && !canvas.is_wall(i);
                     if edge && !mono && self.borders(i, columns) {
-                        canvas.set(i, Some(blend(ground, theme.frontier, TINT)), ' ');
+                        let (rgb, share) = theme.edge();
+                        canvas.set(i, Some(blend(ground, rgb, share)), ' ');
                     }
                 }
             }

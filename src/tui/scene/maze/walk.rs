@@ -46,13 +46,22 @@ fn walker(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
             shown.waypoint.map_or("the goal".to_owned(), |at| format_position(&at)),
         ),
         planned("D to it", format_steps(shown.distances.1)),
-        planned("ahead", counted(maze.view.path.len().saturating_sub(1) as u64, "waypoint")),
+        planned("ahead", ahead(maze.view.path.len())),
         heading("walks"),
         fact("arrived", format!("{} of {}", shown.finished_walks.0, shown.finished_walks.1)),
         fact("then", screen.on_arrival.name()),
     ];
     lines.extend(walk::keys(screen));
     lines
+}
+
+/// Describes a plan of that many stops, the goal included.
+fn ahead(stops: usize) -> String {
+    match stops {
+        0 => "actor alone".to_owned(),
+        1 => "straight to G".to_owned(),
+        _ => counted(stops as u64 - 1, "waypoint"),
+    }
 }
 
 fn explorer(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {

@@ -1,8 +1,9 @@
 //! The walking agent: it follows the current policy to the goal.
 
 use super::{MazeWorker, OnArrival, cell_of};
+use crate::draw::positions_along;
 use crate::env::Environment;
-use crate::map::Cell;
+use crate::map::{Cell, Grid};
 use crate::viewer::pilot::position;
 use crate::viewer::push_to_trail;
 
@@ -34,6 +35,16 @@ pub struct Walk {
     pub gave_up: bool,
     /// Walks that reached the goal, and all finished walks.
     pub finished_walks: (u32, u32),
+}
+
+/// Positions along a straight line in each cell that it crosses.
+const SIGHT_PER_CELL: f32 = 8.0;
+
+/// Returns whether no wall is on the straight line between two positions.
+fn sees(map: &Grid, from: [f32; 2], to: [f32; 2]) -> bool {
+    let cells = (to[0] - from[0]).hypot(to[1] - from[1]);
+    let count = (SIGHT_PER_CELL * cells).ceil().max(1.0) as usize;
+    positions_along([from, to], count).all(|[x, y]| map.is_free_at(x, y))
 }
 
 impl MazeWorker {
@@ -127,11 +138,27 @@ impl MazeWorker {
         let Ok(waypoints) = self.pilot.step(&mut self.world, &goal, &mut self.rng) else { return };
         let waypoints: Vec<[f32; 2]> = waypoints.iter().map(|at| position(at)).collect();
         let target = waypoints[0];
-        // The straight line to a goal that no path leads to is no plan.
-        self.view.path = if self.view.walk.shortest.is_some() { waypoints } else { Vec::new() };
+        // The straight line to a goal is no plan if no path leads there, or only one around walls
+        // that the actor alone has to find.
+        let is_plan = self.view.walk.shortest.is_some()
+            && (waypoints.len() > 1 || sees(self.world.map(), at, goal));
+        self.view.path = if is_plan { waypoints } else { Vec::new() };
         self.view.walk.distances.1 = self.pilot.distance(&at, &target);
         self.view.walk.waypoint = (target != goal).then_some(target);
         self.view.walk.steps += 1;
         push_to_trail(&mut self.view.trail, at, TRAIL_STEPS);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::parse_map;
+
+    #[test]
+    fn walls_block_the_view() {
+        let map = parse_map("map", b"..#..\n..#..\n.....\n").expect("a map");
+        assert!(sees(&map, [0.5, 0.5], [0.5, 0.5]) && sees(&map, [0.5, 2.5], [4.5, 2.5]));
+        assert!(!sees(&map, [0.5, 0.5], [4.5, 0.5]) && !sees(&map, [1.5, 1.5], [3.5, 2.2]));
     }
 }

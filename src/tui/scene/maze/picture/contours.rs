@@ -56,6 +56,7 @@ pub fn draw(
     screen: &Screen,
 ) {
     let (unit, farthest) = (scale.unit(), maze.farthest(screen));
+    let theme = screen.theme.in_full_colour();
     let goal = scale.pixel(maze.goal.centre());
     let rows = (field.len() / columns).max(1);
     let (across, down) = (scale.size.0 as f32 / columns as f32, scale.size.1 as f32 / rows as f32);
@@ -71,7 +72,7 @@ pub fn draw(
     lines.sort_by_key(|line| std::cmp::Reverse(line.points.len()));
     let mut labels: Vec<Label> = Vec::new();
     for line in &lines {
-        let colour = |share| shaded(screen.theme.distance_colour(line.level / farthest), share);
+        let colour = |share| shaded(theme.distance_colour(line.level / farthest), share);
         let own = Label::place(line, unit, goal, &is_known, &labels);
         let pieces = match &own {
             Some(label) => label.pieces(&line.points),

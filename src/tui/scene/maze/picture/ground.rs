@@ -12,8 +12,6 @@ use gdg::map::{Cell, Grid};
 use gdg::viewer::Field;
 use gdg::viewer::maze::Knowledge;
 
-use super::super::unexplored::{CUT_OFF_FADES, FADE, HATCH, POCKET_FADE, TINT};
-
 /// Number of shades from near to far.
 const SHADES: usize = 1024;
 
@@ -219,10 +217,9 @@ fn opaque((r, g, b): Rgb) -> [u8; 4] {
 
 impl Colours {
     fn new(maze: &MazeState, screen: &Screen) -> Self {
-        let theme = &screen.theme;
+        let theme = screen.theme.in_full_colour();
         let variants = |rgb: Rgb| {
-            let beyond = blend(rgb, theme.unknown, FADE);
-            [rgb, blend(rgb, theme.unknown, POCKET_FADE), beyond, blend(beyond, theme.wall, HATCH)]
+            [rgb, theme.pocket(rgb), theme.unvisited(rgb, false), theme.unvisited(rgb, true)]
                 .map(opaque)
         };
         let shade = |i: usize| {
@@ -238,7 +235,7 @@ impl Colours {
             (0..SHADES).map(shade).chain([variants(theme.unknown)]).collect();
         Self {
             shades: [0, 1, 2, 3].map(|variant| all.iter().map(|own| own[variant]).collect()),
-            cut_off: CUT_OFF_FADES.map(|fade| opaque(blend(theme.unknown, theme.wall, fade))),
+            cut_off: [true, false].map(|is_hatched| opaque(theme.cut_off(is_hatched))),
             outside: opaque(theme.page.map_or((0, 0, 0), |(_, ground)| ground)),
             field: maze.shown_field(screen),
             farthest: maze.farthest(screen),
@@ -435,7 +432,8 @@ pub fn draw_edge(sheet: &mut Sheet, scale: &Scale, maze: &MazeState, screen: &Sc
             && map.is_free(Cell::new(a.0, a.1))
             && is_beyond(a.0, a.1) != is_beyond(b.0, b.1)
     };
-    let (half, own) = ((EDGE * scale.unit()).max(0.7), Ink(screen.theme.frontier, TINT));
+    let (rgb, share) = screen.theme.in_full_colour().edge();
+    let (half, own) = ((EDGE * scale.unit()).max(0.7), Ink(rgb, share));
     let [[left, right], [top, bottom]] = scale.shown_cells([map.width(), map.height()]);
     for y in top..bottom {
         for x in left..right {
