@@ -10,6 +10,7 @@ use super::action::Action;
 use super::projection::Projection;
 use super::raster::MapFrame;
 use super::slice::ShownSlice;
+use super::text::fitted_line;
 
 /// The effect of a click.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,7 +117,7 @@ impl ClickableLine {
         self.parts.push((span, click.into()));
     }
 
-    /// Draws the line from the left edge of `area`, cutting off what does not fit.
+    /// Draws the line from the left edge of `area`, with dots for what does not fit.
     pub fn draw(self, frame: &mut Frame, area: Rect, layout: &mut ScreenLayout) {
         let mut at = area.x;
         let mut line = Line::default();
@@ -128,6 +129,6 @@ impl ClickableLine {
             at += width;
             line.push_span(span);
         }
-        frame.render_widget(line, area);
+        frame.render_widget(fitted_line(line, area.width), area);
     }
 }

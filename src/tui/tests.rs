@@ -4,6 +4,7 @@ mod actions;
 mod arm;
 mod compare;
 mod contrast;
+mod cut;
 mod dialogs;
 mod found;
 mod frozen;

@@ -4,7 +4,7 @@ use ratatui::text::{Line, Span};
 use unicode_truncate::UnicodeTruncateStr;
 
 use super::style::{BOLD, DIM};
-use gdg::text::display_width;
+use gdg::text::{display_width, fitted};
 
 /// Formats a name and a value.
 pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {
@@ -48,6 +48,41 @@ pub fn clock(seconds: f64) -> String {
     format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60)
 }
 
+/// Shortens lines that are wider than `columns`, with dots.
+pub fn fitted_lines(lines: Vec<Line<'static>>, columns: u16) -> Vec<Line<'static>> {
+    lines.into_iter().map(|line| fitted_line(line, columns)).collect()
+}
+
+/// Shortens a line that is wider than `columns`, with dots.
+pub fn fitted_line(mut line: Line<'static>, columns: u16) -> Line<'static> {
+    const DOTS: &str = "...";
+    let columns = usize::from(columns);
+    if display_width(line.to_string().trim_end()) <= columns {
+        return line;
+    }
+    let mut room = columns.saturating_sub(DOTS.len());
+    let mut kept = 0;
+    while let Some(next) = line.spans.get(kept).map(Span::width).filter(|next| *next <= room) {
+        (room, kept) = (room - next, kept + 1);
+    }
+    line.spans.truncate(kept + 1);
+    if let Some(cut) = line.spans.last_mut() {
+        cut.content = format!("{}{DOTS}", cut.content.unicode_truncate(room).0).into();
+    }
+    line
+}
+
+/// Keeps the first `most` lines, with dots where others are missing.
+pub fn first_lines(mut lines: Vec<String>, most: usize, columns: usize) -> Vec<String> {
+    if lines.len() > most {
+        lines.truncate(most);
+        if let Some(last) = lines.last_mut() {
+            *last = fitted(&format!("{last} ..."), columns);
+        }
+    }
+    lines
+}
+
 /// Wraps text between words, or within words that are too long.
 pub fn wrapped(text: &str, columns: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
@@ -75,7 +110,20 @@ pub fn wrapped(text: &str, columns: usize) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::wrapped;
+    use super::*;
+
+    #[test]
+    fn what_is_missing_is_replaced_by_dots() {
+        let line = || Line::from(vec![Span::raw(" ab "), Span::raw("cdef"), Span::raw(" gh  ")]);
+        let fitted = |columns| fitted_line(line(), columns).to_string();
+        assert_eq!(fitted(13), " ab cdef gh  ");
+        assert_eq!(fitted(11), " ab cdef gh  ", "only blanks are missing");
+        assert_eq!([10, 9, 7, 5].map(fitted), [" ab cde...", " ab cd...", " ab ...", " a..."]);
+        let lines = || ["one", "two"].map(str::to_owned).to_vec();
+        assert_eq!(first_lines(lines(), 2, 10), lines());
+        assert_eq!(first_lines(lines(), 1, 10), ["one ..."]);
+        assert_eq!(first_lines(lines(), 1, 5), ["on..."]);
+    }
 
     #[test]
     fn text_wraps_between_words_and_within_long_ones() {

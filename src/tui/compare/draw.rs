@@ -28,6 +28,7 @@ use crate::tui::raster::{MapFrame, Viewport};
 use crate::tui::render::{footer, help, paint_page};
 use crate::tui::scene::maze::{info, map, minimap};
 use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::text::fitted_lines;
 use gdg::engine::Phase;
 
 /// The smallest screen with room for everything, in columns and rows.
@@ -175,7 +176,7 @@ fn draw_side(
     layout.map_pane = room;
     map::draw(frame, room, maze, screen, &mut layout, cache);
     minimap::draw(frame, room, maze, &mut layout, &screen.theme);
-    frame.render_widget(Paragraph::new(lines), known);
+    frame.render_widget(Paragraph::new(fitted_lines(lines, known.width)), known);
     info::draw(frame, meaning, maze, screen, &layout);
     layout
 }
@@ -188,7 +189,8 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
             footer::draw_notice(frame, area, screen, Notice { text: &text, ..notice });
         }
         None => {
-            footer::keys(screen, scene, Mode::Comparing, area.width).draw(frame, area, layout);
+            footer::keys(screen, scene, Mode::Comparing, area.width, false)
+                .draw(frame, area, layout);
         }
     }
 }

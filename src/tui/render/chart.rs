@@ -8,7 +8,7 @@ use ratatui::text::{Line as TextLine, Span};
 use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition};
 
 use crate::tui::style::DIM;
-use crate::tui::text::short;
+use crate::tui::text::{fitted_lines, short};
 
 /// Minimum columns for a name on the x axis.
 const MIN_NAMED_WIDTH: u16 = 20;
@@ -40,8 +40,11 @@ pub fn heading(
         }
         lines.last_mut().into_iter().for_each(|line| line.push_span(name.clone()));
     }
-    lines.truncate(MAX_NAME_LINES);
-    lines
+    if lines.len() > MAX_NAME_LINES {
+        lines.truncate(MAX_NAME_LINES);
+        lines.last_mut().into_iter().for_each(|line| line.push_span("  ...      "));
+    }
+    fitted_lines(lines, width)
 }
 
 /// The axes of a chart.

@@ -13,7 +13,7 @@ use crate::tui::dialog::{Item, Picker, Prompt, Row};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::wrapped;
+use crate::tui::text::{first_lines, wrapped};
 use gdg::text::{display_width, fitted, padded};
 
 /// Maximum sizes of a list, and the maximum width of a question.
@@ -74,8 +74,10 @@ pub fn draw_picker(
         lines.push(Line::styled(" no match", DIM));
     }
     frame.render_widget(Paragraph::new(lines), list);
-    if let (Some(item), false) = (picker.item(), below.is_empty()) {
-        let text: Vec<Line> = full_text(item, columns).into_iter().map(Line::from).collect();
+    if !below.is_empty() {
+        let text = text_below(picker, columns, labels);
+        let text = first_lines(text, usize::from(below.height) - 1, columns);
+        let text: Vec<Line> = text.into_iter().map(Line::from).collect();
         frame.render_widget(Paragraph::new(text).block(Block::new().borders(Borders::TOP)), below);
     }
     layout.rows = (list, first);
@@ -129,13 +131,28 @@ fn room_beside(item: &Item, labels: usize, columns: usize) -> usize {
 /// Returns the rows for the full text of any item, and a line above it; none if all items fit on
 /// their rows.
 fn rows_below(picker: &Picker, columns: usize, labels: usize) -> u16 {
-    let fits = |item: &Item| {
-        item.below.is_empty() && display_width(&item.detail) <= room_beside(item, labels, columns)
-    };
-    if picker.items().all(fits) {
+    if picker.items().all(|item| fits(item, labels, columns)) {
         return 0;
     }
+    if picker.is_question() {
+        return 1 + text_below(picker, columns, labels).len() as u16;
+    }
     picker.items().map(|item| 1 + full_text(item, columns).len() as u16).max().unwrap_or(0)
+}
+
+/// Returns whether all about an item fits on its row.
+fn fits(item: &Item, labels: usize, columns: usize) -> bool {
+    item.below.is_empty() && display_width(&item.detail) <= room_beside(item, labels, columns)
+}
+
+/// Returns what is written below a list: all about the selected item, or in a question about all
+/// items that do not fit, as one decides between them.
+fn text_below(picker: &Picker, columns: usize, labels: usize) -> Vec<String> {
+    if picker.is_question() {
+        let cut = picker.items().filter(|item| !fits(item, labels, columns));
+        return cut.flat_map(|item| full_text(item, columns)).collect();
+    }
+    picker.item().map_or(Vec::new(), |item| full_text(item, columns))
 }
 
 /// Returns everything about an item, in rows of `columns`.
@@ -160,9 +177,11 @@ fn row_line(row: &Row, labels: usize, columns: usize) -> Line<'static> {
         (None, false) => " ".to_owned(),
     };
     let rest = room_beside(item, labels, columns);
+    let key = if item.key.is_some() { KEY_MARGIN } else { 0 };
+    let most = columns.saturating_sub(LABEL_MARGIN + key);
     let text = Line::from(vec![
         Span::styled(sign, BOLD),
-        Span::raw(format!("{}  ", padded(&item.label, labels))),
+        Span::raw(format!("{}  ", padded(&fitted(&item.label, most), labels))),
         Span::styled(padded(&fitted(&item.detail, rest), rest), DIM),
     ]);
     text.style(if *selected { REVERSED } else { Style::new() })
@@ -189,7 +208,9 @@ pub fn draw_prompt(
         Some(error) => (error.as_str(), screen.theme.failure()),
         None => (prompt.hint.as_str(), DIM),
     };
-    let text = wrapped(text, usize::from(width.saturating_sub(2)).max(1));
+    let columns = usize::from(width.saturating_sub(2)).max(1);
+    let most = usize::from(area.height.saturating_sub(4));
+    let text = first_lines(wrapped(text, columns), most, columns);
     let dialog_area = middle(area, width, 4 + text.len() as u16);
     let buttons = vec![
         (" Enter: accept ".to_owned(), Click::Answer),
@@ -239,6 +260,7 @@ fn draw_box(
     } else {
         title
     };
+    let title = fitted(title, room.saturating_sub(2));
     let block = Block::bordered().title(format!(" {title} "));
     let inner = block.inner(dialog_area);
     frame.render_widget(Clear, dialog_area);

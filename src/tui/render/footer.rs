@@ -13,7 +13,7 @@ use crate::tui::scene::Scene;
 use crate::tui::scene::maze::Editor;
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::wrapped;
+use crate::tui::text::{first_lines, wrapped};
 use crate::tui::tool::Tool;
 use gdg::text::display_width;
 
@@ -41,7 +41,8 @@ pub fn draw(
     match tools {
         Some(editor) => editing(screen, editor, area.width).draw(frame, area, layout),
         None if notice.is_none() => {
-            keys(screen, scene, Mode::Watching, area.width).draw(frame, area, layout);
+            keys(screen, scene, Mode::Watching, area.width, layout.lacks_panel)
+                .draw(frame, area, layout);
         }
         None => {}
     }
@@ -54,8 +55,9 @@ pub fn draw_notice(frame: &mut Frame, last: Rect, screen: &Screen, notice: Notic
         Notice { fades: true, .. } => DIM,
         _ => BOLD,
     };
-    let mut rows = wrapped(notice.text, usize::from(last.width).saturating_sub(2).max(8));
-    rows.truncate(MAX_NOTICE_ROWS.min(usize::from(last.y) + 1));
+    let columns = usize::from(last.width).saturating_sub(2).max(8);
+    let most = MAX_NOTICE_ROWS.min(usize::from(last.y) + 1);
+    let rows = first_lines(wrapped(notice.text, columns), most, columns);
     let height = rows.len() as u16;
     let area = Rect { y: (last.y + 1).saturating_sub(height), height, ..last };
     let lines: Vec<Line> =
@@ -65,8 +67,14 @@ pub fn draw_notice(frame: &mut Frame, last: Rect, screen: &Screen, notice: Notic
 }
 
 /// Returns the actions of `mode` that have a short name and fit: where room is short, those in the
-/// middle are left out.
-pub fn keys(screen: &Screen, scene: &Scene, mode: Mode, width: u16) -> ClickableLine {
+/// middle are left out, but not the panes if they are hidden.
+pub fn keys(
+    screen: &Screen,
+    scene: &Scene,
+    mode: Mode,
+    width: u16,
+    lacks_panel: bool,
+) -> ClickableLine {
     let mut keys: Vec<(Action, String)> = Vec::new();
     for binding in
         bindings().filter(|b| !b.short.is_empty() && b.is_active(mode) && scene.offers(b.action))
@@ -81,8 +89,12 @@ pub fn keys(screen: &Screen, scene: &Scene, mode: Mode, width: u16) -> Clickable
     };
     // The trailing space need not fit.
     while line(&keys).width() > usize::from(width) + 1 && keys.len() > 1 {
-        let middle = if keys.len() > LAST_KEYS + 1 { keys.len() - LAST_KEYS - 1 } else { 0 };
-        keys.remove(middle);
+        let stays = |action: Action| lacks_panel && action == Action::NextPane;
+        let before = keys.len().saturating_sub(LAST_KEYS);
+        let middle = (1..before).rev().find(|i| !stays(keys[*i].0));
+        // Then the first of the last keys, for the sake of the panes.
+        let next = if before > 1 { before } else { 0 };
+        keys.remove(middle.unwrap_or(next));
     }
     line(&keys)
 }

@@ -99,11 +99,18 @@ fn offer(screen: &Screen, width: usize) -> Option<ClickableLine> {
         .success
         .and_then(|s| s.planned.or(s.greedy))
         .map(|success| format!(", success {success:.2}"));
-    let variants =
-        [(success.unwrap_or_default(), true), (String::new(), true), (String::new(), false)];
-    let lines = variants.map(|(success, hides)| {
+    let updates = format!("{method}{} updates", grouped(found.updates));
+    let variants = [
+        (format!("{text}{}", success.unwrap_or_default()), true),
+        (text.clone(), true),
+        (text, false),
+        (updates, true),
+        ("saved run".to_owned(), true),
+        ("saved run".to_owned(), false),
+    ];
+    let lines = variants.map(|(text, hides)| {
         let mut line = ClickableLine::default();
-        line.push(Span::styled(format!(" {text}{success}:"), REVERSED), Click::Act(Action::Resume));
+        line.push(Span::styled(format!(" {text}:"), REVERSED), Click::Act(Action::Resume));
         push_key(&mut line, screen, Action::Resume, "resumes");
         if hides {
             push_key(&mut line, screen, Action::Close, "hides");

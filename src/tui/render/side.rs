@@ -14,7 +14,7 @@ use crate::tui::panes::Pane;
 use crate::tui::scene::{FIRST_OVERLAY, Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::{EXPLAINED_WIDTH, explain};
+use crate::tui::text::{EXPLAINED_WIDTH, explain, fitted_lines};
 
 /// Minimum rows for two panes below each other, and for three.
 const TWO_PANE_ROWS: u16 = 30;
@@ -131,7 +131,10 @@ fn draw_pane(
         Pane::Curves => curves::draw(frame, inner, screen, scene, layout),
         Pane::Log => log::draw(frame, inner, screen),
         _ => frame.render_widget(
-            Paragraph::new(lines(pane, screen, scene, inner.width).unwrap_or_default()),
+            Paragraph::new(fitted_lines(
+                lines(pane, screen, scene, inner.width).unwrap_or_default(),
+                inner.width,
+            )),
             inner,
         ),
     }

@@ -10,7 +10,7 @@ use crate::tui::canvas::SHADES;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::screen::Screen;
 use crate::tui::style::DIM;
-use crate::tui::text::short;
+use crate::tui::text::{fitted_line, short};
 use crate::tui::theme::{ColourDepth, Theme};
 use gdg::viewer::Field;
 
@@ -66,5 +66,5 @@ pub fn draw_scale(
         .map(|steps| format!(", a line every {steps:.0}"))
         .filter(|text| line.width() + text.len() <= usize::from(area.width));
     line.extend(interval.map(|text| Span::styled(text, DIM)));
-    frame.render_widget(Paragraph::new(line), area);
+    frame.render_widget(Paragraph::new(fitted_line(line, area.width)), area);
 }

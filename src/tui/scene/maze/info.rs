@@ -11,7 +11,7 @@ use crate::tui::layout::ScreenLayout;
 use crate::tui::scene::scale::{BAR_WIDTH, SHORT_BAR_WIDTH};
 use crate::tui::screen::Screen;
 use crate::tui::style::DIM;
-use crate::tui::text::short;
+use crate::tui::text::{fitted_line, short};
 use crate::tui::theme::ColourDepth;
 
 /// Draws the line.
@@ -26,7 +26,7 @@ pub fn draw(
     let width = usize::from(area.width);
     let line =
         if cell.is_some() { cell_facts(width, maze) } else { meaning(width, maze, screen, layout) };
-    frame.render_widget(Paragraph::new(line), area);
+    frame.render_widget(Paragraph::new(fitted_line(line, area.width)), area);
 }
 
 /// Explains colours, pixels and lines, with the texts and the bar that fit into `width`.
