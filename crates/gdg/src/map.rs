@@ -30,7 +30,7 @@ pub use formats::{FORMATS, MapFormat, print_ascii, print_movingai};
 pub use grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
 pub(crate) use half_cells::{HalfCells, PointSearch};
 pub use load::{
-    Reading, agents_of, load_map, load_map_as, load_map_like, load_scenario, parse_map,
+    Reading, agents_of, format_for, load_map, load_map_as, load_map_like, load_scenario, parse_map,
     parse_scenario_bytes, read_scenario,
 };
 pub use ogbench::Ogbench;

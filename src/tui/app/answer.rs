@@ -5,13 +5,14 @@ use std::sync::Arc;
 
 use rand::RngExt;
 
-use super::answer_error::{AnswerError, FILE_EXISTS};
+use super::answer_error::AnswerError;
 use super::files::checkpoint_file;
 use super::saving::is_worth_saving;
 use super::{App, files, runs, settings, time, view};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Question};
 use crate::tui::lists;
+use crate::tui::scene::Scene;
 use gdg::files::check_name;
 use gdg::map::{Grid, is_size};
 use gdg::text::{NumberError, parse_count, parse_real};
@@ -44,8 +45,13 @@ impl App {
             Some(Dialog::Ask(mut prompt)) => {
                 let (typed, _) = prompt.typed();
                 let typed = typed.trim().to_owned();
-                let warned = prompt.error.as_deref() == Some(FILE_EXISTS);
-                let safe = if warned { Ok(()) } else { check_new_file(&prompt.question, &typed) };
+                let warned = |error: &AnswerError| {
+                    error.is_warning() && prompt.error.as_ref() == Some(&error.to_string())
+                };
+                let safe = match check_new_file(&prompt.question, &typed, &self.scene) {
+                    Err(error) if !warned(&error) => Err(error),
+                    _ => Ok(()),
+                };
                 if let Err(error) =
                     safe.and_then(|()| self.apply_answer(&prompt.question.clone(), &typed))
                 {
@@ -146,18 +152,25 @@ impl App {
     }
 }
 
-/// Checks that an answer does not name an existing file, nor a checkpoint for a map.
-fn check_new_file(question: &Question, typed: &str) -> Result<(), AnswerError> {
+/// Checks that an answer does not name an existing file, and for a map neither a checkpoint nor a
+/// format that lacks something of it.
+fn check_new_file(question: &Question, typed: &str, scene: &Scene) -> Result<(), AnswerError> {
     let file = match question {
         Question::SaveMap => Path::new(typed).to_owned(),
         Question::SaveAs => checkpoint_file(typed),
         _ => return Ok(()),
     };
-    match question {
-        Question::SaveMap if is_checkpoint(&file) => Err(AnswerError::IsCheckpoint),
-        _ if file.is_file() => Err(AnswerError::Exists),
-        _ => Ok(()),
+    let exists = file.is_file();
+    if *question == Question::SaveMap {
+        if is_checkpoint(&file) {
+            return Err(AnswerError::IsCheckpoint);
+        }
+        if let Some(lost) = files::loss(typed, scene) {
+            let also = if exists { ", and the file exists" } else { "" };
+            return Err(AnswerError::Loses { lost, also });
+        }
     }
+    if exists { Err(AnswerError::Exists) } else { Ok(()) }
 }
 
 /// Parses the columns and rows of a map.

@@ -4,15 +4,20 @@ use gdg::map::size_limits;
 use gdg::text::NumberError;
 use gdg::train::ConfigError;
 
-/// The warning shown before a file is replaced.
-pub const FILE_EXISTS: &str = "the file exists: Enter again replaces it";
-
 /// Why an answer is not accepted.
 #[derive(Debug, thiserror::Error)]
 pub enum AnswerError {
     /// An existing file: confirming replaces it.
-    #[error("{FILE_EXISTS}")]
+    #[error("the file exists: Enter again replaces it")]
     Exists,
+    /// A format without something that the map has: confirming writes the rest.
+    #[error("{lost}: NAME.txt keeps them{also}; Enter again writes it without them")]
+    Loses {
+        /// The format and what it lacks.
+        lost: String,
+        /// What else to consider.
+        also: &'static str,
+    },
     /// A checkpoint, which no map replaces.
     #[error("this file is a checkpoint: enter another name")]
     IsCheckpoint,
@@ -43,4 +48,11 @@ pub enum AnswerError {
     /// A setting that cannot have this value.
     #[error("{}", .0.one_line())]
     Setting(#[from] Box<ConfigError>),
+}
+
+impl AnswerError {
+    /// Returns whether confirming accepts the answer all the same.
+    pub fn is_warning(&self) -> bool {
+        matches!(self, Self::Exists | Self::Loses { .. })
+    }
 }

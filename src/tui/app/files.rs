@@ -15,7 +15,7 @@ use crate::tui::lists;
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use gdg::files::{has_extension, is_hidden, read_text, write_atomically};
-use gdg::map::{FORMATS, Grid, MapFormat, Reading, load_map, load_map_like};
+use gdg::map::{Grid, MapFormat, Reading, format_for, load_map, load_map_like};
 use gdg::train::describe;
 
 /// Number of recent maps remembered.
@@ -53,22 +53,30 @@ pub fn save_map(name: &str, scene: &mut Scene, screen: &mut Screen) -> Result<()
     }
     let Some(maze) = scene.maze_mut() else { return Ok(()) };
     let path = Path::new(name);
-    let marks = maze.map.starts().len() + maze.map.goals().len();
-    let [.., plain] = &FORMATS;
-    let format = MapFormat::by_name(path).unwrap_or(plain);
+    let format = format_for(path);
     for (path, bytes) in format.write(&maze.map, path) {
         write_atomically(&path, &bytes)
             .map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
     }
-    let lost = if marks > 0 && !format.loses.is_empty() {
-        format!(" (without {}, which the format lacks)", format.loses)
-    } else {
-        String::new()
-    };
+    let lost = lost(&maze.map, format);
+    let without = lost.map_or(String::new(), |lost| format!(" without {lost}"));
     maze.kept_map = maze.map.clone();
-    screen.notify(&format!("wrote {name}{lost}"));
+    screen.notify(&format!("wrote {name}{without}"));
     remember_map(path);
     Ok(())
+}
+
+/// Returns what of a map a file in this format will not have, if anything.
+fn lost(map: &Grid, format: &MapFormat) -> Option<&'static str> {
+    let has_marks = !map.starts().is_empty() || !map.goals().is_empty();
+    (has_marks && !format.loses.is_empty()).then_some(format.loses)
+}
+
+/// Returns what a file for the map called `name` would lack, if anything.
+pub fn loss(name: &str, scene: &Scene) -> Option<String> {
+    let format = format_for(Path::new(name));
+    let lost = lost(&scene.maze()?.map, format)?;
+    Some(format!("the format {} has no {lost}", format.name))
 }
 
 /// Lists the maps in `folder`, or by default recent maps, built-in maps and those in the current

@@ -460,3 +460,38 @@ fn headers_are_not_cut_within_a_word() {
         );
     }
 }
+
+#[test]
+fn saving_a_map_warns_before_a_format_drops_starts_and_goals() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut app = app_on(rooms(), gdg());
+    let enter = |app: &mut App, name: &str| {
+        app.act(Action::SaveMap);
+        (0..60).for_each(|_| press(app, KeyCode::Backspace));
+        type_text(app, &folder.path().join(name).to_string_lossy());
+        press(app, KeyCode::Enter);
+    };
+    let marks = |name: &str| {
+        let map = gdg::map::load_map(&folder.path().join(name)).expect("a map");
+        map.starts().len() + map.goals().len()
+    };
+    let warning = "the format movingai has no starts and goals";
+    enter(&mut app, "rooms.map");
+    let shown = text(&draw(&mut app, 120, 40));
+    assert!(shown.contains(warning) && shown.contains("NAME.txt keeps them"), "{shown}");
+    assert!(!folder.path().join("rooms.map").exists(), "nothing is written yet");
+    press(&mut app, KeyCode::Enter);
+    assert_eq!((app.screen.dialogs.len(), marks("rooms.map")), (0, 0));
+    enter(&mut app, "rooms.map");
+    assert!(text(&draw(&mut app, 120, 40)).contains("the file exists"));
+    press(&mut app, KeyCode::Esc);
+    enter(&mut app, "rooms.txt");
+    assert_eq!((app.screen.dialogs.len(), marks("rooms.txt")), (0, 1));
+    // A plain map called .map stays one.
+    std::fs::copy(folder.path().join("rooms.txt"), folder.path().join("own.map")).expect("a copy");
+    enter(&mut app, "own.map");
+    let shown = text(&draw(&mut app, 120, 40));
+    assert!(shown.contains("Enter again replaces it") && !shown.contains(warning), "{shown}");
+    press(&mut app, KeyCode::Enter);
+    assert_eq!((app.screen.dialogs.len(), marks("own.map")), (0, 1));
+}

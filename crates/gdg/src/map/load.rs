@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::{MapError, MapResult};
 use super::file::read;
-use super::formats::{MapFormat, Source, THRESHOLD, has_agents};
+use super::formats::{FORMATS, MapFormat, Source, THRESHOLD, has_agents};
 use super::grid::Grid;
 use super::scale::MapScale;
 use super::scenario::{Scenario, ScenarioTask, is_scenario};
@@ -128,6 +128,17 @@ fn load_maze(path: &Path, threshold: f32) -> MapResult<Grid> {
         Some(_) => error,
         None => explained(path, error, &MAP),
     })
+}
+
+/// Returns the format in which a map is written to `path`: that of the map there, so that plain maps
+/// called .map keep their starts and goals, or else the one that the name asks for.
+pub fn format_for(path: &Path) -> &'static MapFormat {
+    let [.., plain] = &FORMATS;
+    let of_name = MapFormat::by_name(path).unwrap_or(plain);
+    let Ok(bytes) = read(path, "map") else { return of_name };
+    let file = path.to_string_lossy();
+    let source = Source { folder: path.parent(), ..Source::new(&file, &bytes) };
+    if parse(&source).is_ok() { MapFormat::of(&source) } else { of_name }
 }
 
 /// Reads a scenario, for any map.

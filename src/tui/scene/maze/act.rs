@@ -121,7 +121,7 @@ impl MazeState {
     fn ask_file(&self, screen: &mut Screen) {
         let stem = self.map.name().trim_end_matches("-edited");
         let name = named(Path::new(""), stem, "-edited.txt").to_string_lossy().into_owned();
-        let hint = "NAME.map: Moving AI format; any other: plain ASCII";
+        let hint = "NAME.map: Moving AI, without S and G; NAME.txt: plain text";
         screen.open(Prompt::new(Question::SaveMap, "save the map as", hint, name));
     }
 
