@@ -26,6 +26,7 @@
 
 mod action;
 mod app;
+mod busy;
 mod canvas;
 mod compare;
 mod config;
@@ -57,7 +58,6 @@ mod scene;
 mod screen;
 mod sheet;
 mod slice;
-mod stall;
 mod style;
 mod terminal;
 #[cfg(test)]

@@ -1,13 +1,15 @@
 //! Reports what the program still waits for before it ends.
 
+use std::io::IsTerminal;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use gdg::printing::eprint_line;
 use gdg::pulse::Pulse;
 
-/// Time before the first report.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// Time before the first report: to somebody who waits, and to a log.
+const PATIENCE: Duration = Duration::from_millis(500);
+const PATIENCE_OF_LOGS: Duration = Duration::from_secs(2);
 
 /// Polling interval, ...
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
@@ -30,7 +32,8 @@ impl Waiting {
         let ((ended, end), pulse) = (channel(), pulse.clone());
         let say = move || {
             let (began, mut said) = (Instant::now(), None);
-            let mut pause = PATIENCE;
+            let is_seen = std::io::stderr().is_terminal();
+            let mut pause = if is_seen { PATIENCE } else { PATIENCE_OF_LOGS };
             while end.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
                 pause = POLL_INTERVAL;
                 let activity = pulse.activity();

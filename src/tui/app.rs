@@ -24,6 +24,7 @@ use ratatui::Frame;
 use tokio::sync::watch;
 
 use super::action::{Action, Mode};
+use super::busy;
 use super::config::UiConfig;
 use super::dialog::{Choice, Dialog};
 use super::graphics::{Graphics, Picture, Redraw};
@@ -154,6 +155,11 @@ impl App {
         self.link.command(command, &mut self.screen)
     }
 
+    /// Looks at what the trainer is doing; returns whether the screen changes.
+    pub(in crate::tui) fn update_busy(&mut self) -> bool {
+        busy::on_tick(self.link.engine(), &mut self.screen)
+    }
+
     /// Lets the scene react to something.
     pub(super) fn in_scene<T>(
         &mut self,
@@ -277,8 +283,9 @@ impl Interface for App {
         saver.on_tick(scene, screen, link);
         let offer_changed = offer::on_tick(search, screen);
         let tour_changed = guide.on_tick(scene, screen, link);
-        let stall_changed = screen.stall.look(link.engine().pulse());
-        screen.log.on_tick() || offer_changed || tour_changed || stall_changed
+        let log_changed = screen.log.on_tick();
+        let busy_changed = self.update_busy();
+        log_changed || offer_changed || tour_changed || busy_changed
     }
 
     fn take_terminal_request(&mut self) -> Option<TerminalRequest> {

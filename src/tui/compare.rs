@@ -275,7 +275,10 @@ impl Interface for Comparison {
             self.start_race(start, goal);
         }
         let mut changed = self.log.on_tick();
-        self.sides.iter_mut().for_each(|side| changed |= side.app.screen.log.on_tick());
+        for side in &mut self.sides {
+            changed |= side.app.screen.log.on_tick();
+            changed |= side.app.update_busy();
+        }
         changed
     }
 

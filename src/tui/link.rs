@@ -38,6 +38,8 @@ impl Link {
         let sent = self.engine.send(command);
         if !sent {
             screen.notify("the trainer is busy: try again");
+        } else if let Some(busy) = screen.busy {
+            screen.say(&format!("taken: it follows, the trainer is {}", busy.doing));
         }
         sent
     }

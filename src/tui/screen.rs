@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
+use super::busy::Busy;
 use super::config::{UiConfig, used_path};
 use super::dialog::Dialog;
 use super::graphics::{Graphics, Redraw};
@@ -12,7 +13,6 @@ use super::layout::ScreenLayout;
 use super::log::Log;
 use super::offer::Offer;
 use super::panes::Pane;
-use super::stall::Stall;
 use super::theme::{ColourDepth, Theme};
 use super::tour::ShownStep;
 use crate::tui::marker::Marker;
@@ -61,8 +61,10 @@ pub struct Screen {
     pub dialogs: Vec<Dialog>,
     /// Whether the trainer has been asked to pause.
     pub pausing: bool,
-    /// What the trainer waits for, if it does not move.
-    pub stall: Stall,
+    /// What the trainer does instead of training, if that takes long.
+    pub busy: Option<Busy>,
+    /// How long an evaluation has been running, in seconds.
+    pub evaluation_secs: Option<u64>,
     /// Whether the screen is frozen.
     pub frozen: bool,
     /// Minimum upper end of the colour scale, which the screens of a comparison share.
@@ -108,7 +110,8 @@ impl Screen {
             on_arrival: OnArrival::default(),
             dialogs: Vec::new(),
             pausing: false,
-            stall: Stall::default(),
+            busy: None,
+            evaluation_secs: None,
             frozen: false,
             least_farthest: 0.0,
             least_contour_interval: 0.0,
@@ -188,14 +191,9 @@ impl Screen {
 
     /// Describes the phase in a word or two, where the trainer may still be `applying_edit`s.
     pub fn phase(&self, applying_edit: bool) -> String {
-        let phase = self.own_phase(applying_edit);
-        match self.stall.text().filter(|_| !self.frozen) {
-            Some(text) => format!("{phase}: {text}"),
-            None => phase,
+        if let Some(busy) = self.busy.filter(|_| !self.frozen) {
+            return if self.pausing { format!("pausing: {busy}") } else { busy.to_string() };
         }
-    }
-
-    fn own_phase(&self, applying_edit: bool) -> String {
         match &self.snapshot.phase {
             _ if self.frozen => "screen frozen".to_owned(),
             Phase::Running | Phase::Stepping(_) if self.pausing => "pausing".to_owned(),

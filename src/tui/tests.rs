@@ -175,6 +175,8 @@ struct Still {
     _requests: Receiver<Request>,
     snapshots: watch::Sender<Arc<Snapshot>>,
     _views: watch::Sender<View>,
+    /// What its trainer is doing.
+    pulse: Pulse,
 }
 
 impl Deref for Still {
@@ -232,11 +234,12 @@ fn still_of(trainer: &Trainer) -> Still {
     let (request, requests) = channel();
     let (publish, snapshots) = watch::channel(snapshot);
     let (show, views) = watch::channel(View::default());
-    let engine = EngineLink::new(sender, snapshots, Pulse::default());
+    let pulse = Pulse::default();
+    let engine = EngineLink::new(sender, snapshots, pulse.clone());
     let viewer = Viewer::new(request, views);
     let mut app = App::new(engine, viewer, &UiConfig::default(), keymap(), Files::default());
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
-    Still { app, commands, _requests: requests, snapshots: publish, _views: show }
+    Still { app, commands, _requests: requests, snapshots: publish, _views: show, pulse }
 }
 
 fn still_on(map: Grid, method: Method) -> Still {

@@ -57,7 +57,8 @@ pub struct EngineLink {
 }
 
 impl EngineLink {
-    /// Creates a link to whatever receives `commands`, publishes `snapshots` and has this `pulse`.
+    /// Creates a link to whatever receives `commands`, publishes `snapshots`, and tells `pulse` what
+    /// it is doing.
     pub fn new(
         commands: SyncSender<Command>,
         snapshots: watch::Receiver<Arc<Snapshot>>,
@@ -66,9 +67,9 @@ impl EngineLink {
         Self { commands, snapshots, pulse }
     }
 
-    /// Returns the trainer's progress signal: whether it advances, and its current activity.
-    pub fn pulse(&self) -> &Pulse {
-        &self.pulse
+    /// Returns what the trainer is doing besides training, and for how long.
+    pub fn busy(&self) -> Option<(&'static str, Duration)> {
+        self.pulse.busy()
     }
 
     /// Queues a command, which runs before the next update. Drops it and returns `false` if the
@@ -132,7 +133,7 @@ impl Engine {
         };
         let thread =
             std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
-        Ok(Self { link: EngineLink::new(commands, snapshots, pulse), thread })
+        Ok(Self { link: EngineLink::new(commands, snapshots, pulse.clone()), thread, pulse })
     }
 
     /// Returns a link for a front end, which must be gone before the trainer can be stopped.

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
 
@@ -45,8 +46,8 @@ struct State {
     beats: AtomicU64,
     /// Parts of updates are left out from this beat on.
     stop_at: AtomicU64,
-    /// What is being done besides training, by any of the runs.
-    activities: Mutex<Vec<&'static str>>,
+    /// What is being done besides training, by any of the runs, and since when.
+    activities: Mutex<Vec<(&'static str, Instant)>>,
 }
 
 impl Default for Pulse {
@@ -70,18 +71,18 @@ impl Pulse {
     /// Says what is being done until the result is dropped, as in "waiting for ACTIVITY".
     pub fn begin(&self, activity: &'static str) -> Activity {
         self.beat();
-        self.0.activities.lock().push(activity);
+        self.0.activities.lock().push((activity, Instant::now()));
         Activity { pulse: self.clone(), name: activity }
     }
 
     /// Returns what is being done.
     pub fn activity(&self) -> &'static str {
-        self.activity_besides_training().unwrap_or(TRAINING)
+        self.0.activities.lock().last().map_or(TRAINING, |(activity, _)| activity)
     }
 
-    /// Returns what is being done, if anybody has said so.
-    pub fn activity_besides_training(&self) -> Option<&'static str> {
-        self.0.activities.lock().last().copied()
+    /// Returns what is being done besides training, and for how long.
+    pub fn busy(&self) -> Option<(&'static str, Duration)> {
+        self.0.activities.lock().last().map(|(activity, since)| (*activity, since.elapsed()))
     }
 
     /// Wishes that training stops: an update in progress may be left unfinished.
@@ -111,7 +112,7 @@ pub struct Activity {
 impl Drop for Activity {
     fn drop(&mut self) {
         let mut activities = self.pulse.0.activities.lock();
-        if let Some(own) = activities.iter().rposition(|name| *name == self.name) {
+        if let Some(own) = activities.iter().rposition(|(name, _)| *name == self.name) {
             activities.remove(own);
         }
         drop(activities);
@@ -184,7 +185,10 @@ mod tests {
         assert_eq!(pulse.activity(), "the graph");
         drop(edit);
         assert_eq!(pulse.activity(), "the graph", "of another run");
+        std::thread::sleep(Duration::from_millis(2));
+        let busy = pulse.busy().expect("something");
+        assert!(busy.0 == "the graph" && busy.1 >= Duration::from_millis(2), "{busy:?}");
         drop(graph);
-        assert_eq!(pulse.activity(), "training");
+        assert_eq!((pulse.activity(), pulse.busy()), ("training", None));
     }
 }

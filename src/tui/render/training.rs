@@ -174,7 +174,11 @@ fn next(screen: &Screen) -> Line<'static> {
         return fact("next", format!("{}: now", screen.keymap.key_of(Action::Evaluate)));
     }
     let when = match screen.snapshot.next_evaluation {
-        NextEvaluation::Running => return fact("next", "running now"),
+        NextEvaluation::Running(_) => {
+            let long = screen.evaluation_secs.filter(|seconds| *seconds > 0);
+            let long = long.map_or(" now".to_owned(), |seconds| format!(", {seconds} s"));
+            return fact("next", format!("running{long}"));
+        }
         _ if !screen.snapshot.phase.is_training() => "paused".to_owned(),
         NextEvaluation::InSeconds(seconds) => format!("in {seconds} s"),
         NextEvaluation::AtUpdate(updates) => format!("at {}", short(updates as f64)),

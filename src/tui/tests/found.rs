@@ -187,6 +187,33 @@ fn an_edit_that_the_trainer_has_yet_to_apply_is_shown_as_such() {
 }
 
 #[test]
+fn what_takes_long_is_shown_and_keys_pressed_meanwhile_are_taken() {
+    let mut app = still();
+    assert!(!app.on_tick());
+    let saving = app.pulse.begin("the checkpoint to be written");
+    assert!(!app.on_tick(), "not for a moment");
+    app.act(Action::Evaluate);
+    assert_eq!(app.screen.log.notice().map(|notice| notice.text), None);
+    std::thread::sleep(Duration::from_millis(520));
+    assert!(app.on_tick() && text(&draw(&mut app, 80, 24)).contains(" saving "));
+    assert!(!app.on_tick(), "nothing new");
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(app.on_tick() && text(&draw(&mut app, 80, 24)).contains(" saving, 1 s "));
+    press(&mut app, KeyCode::Char('y'));
+    let taken = "taken: it follows, the trainer is saving";
+    assert_eq!(app.screen.log.notice().map(|notice| notice.text), Some(taken));
+    press(&mut app, KeyCode::Char(' '));
+    assert!(text(&draw(&mut app, 80, 24)).contains(" pausing: saving, 1 s "));
+    drop(saving);
+    assert!(app.on_tick() && text(&draw(&mut app, 80, 24)).contains(" pausing "));
+    let mut snapshot = (*app.screen.latest).clone();
+    let since = Instant::now().checked_sub(Duration::from_millis(3_100)).expect("a time");
+    snapshot.next_evaluation = gdg::engine::NextEvaluation::Running(since);
+    app.publish(snapshot);
+    assert!(app.on_tick() && text(&draw(&mut app, 80, 24)).contains("running, 3 s "));
+}
+
+#[test]
 fn on_narrow_screens_a_line_says_how_to_draw_until_something_is_drawn() {
     let mut app = still();
     let hint = "drag: walls, right drag: floor";

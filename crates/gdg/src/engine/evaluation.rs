@@ -46,7 +46,7 @@ impl Worker {
         let made = self.trainer.moment();
         self.evaluation = Some(RunningEvaluation { made, began, result, wanted });
         self.evaluation_is_due = false;
-        self.current.next_evaluation = NextEvaluation::Running;
+        self.current.next_evaluation = NextEvaluation::Running(began);
         Ok(true)
     }
 
@@ -61,8 +61,8 @@ impl Worker {
 
     /// Returns when the next evaluation comes.
     pub(super) fn next_evaluation(&self) -> NextEvaluation {
-        if self.evaluation.is_some() {
-            return NextEvaluation::Running;
+        if let Some(running) = &self.evaluation {
+            return NextEvaluation::Running(running.began);
         }
         let rest = self
             .next_evaluation_at

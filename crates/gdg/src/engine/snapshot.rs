@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Instant;
 
 use super::EVALUATE_EVERY_UPDATES;
 use crate::bridge::{Candidates, SearchOutcome};
@@ -46,8 +47,8 @@ impl Phase {
 /// When the next evaluation comes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NextEvaluation {
-    /// It is running.
-    Running,
+    /// It has been running since then.
+    Running(Instant),
     /// At this update, within seconds.
     AtUpdate(u64),
     /// In this many seconds: the longer evaluations take, the rarer they are.

@@ -39,6 +39,8 @@ impl Trainer {
             return Ok(());
         }
         let now = self.counters.updates;
+        let waits = self.graphs.is_due(now);
+        let _activity = waits.then(|| self.pulse.begin("the bridge graph to be built"));
         if self.graphs.activate_due(now) {
             self.with_step_context(|rollout, context| rollout.replan(context))?;
         }
