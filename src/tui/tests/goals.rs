@@ -182,14 +182,14 @@ fn a_trainer_that_waits_for_the_environment_says_so() {
     let mut app = staged_app(80, 24);
     app.change_snapshot(|snapshot| snapshot.phase = gdg::engine::Phase::Running);
     app.on_tick();
-    let waiting = app.link.engine().pulse().begin("the environment to step");
+    let waiting = app.pulse.begin("the environment to step");
     app.on_tick();
     press(&mut app, KeyCode::Char(' '));
     assert!(!text(&draw(&mut app, 80, 24)).contains("waiting for"));
     std::thread::sleep(std::time::Duration::from_millis(1_100));
     assert!(app.on_tick(), "there is something new to draw");
     let shown = text(&draw(&mut app, 80, 24));
-    assert!(shown.contains("pausing: waiting for the environment to step (1 s)"), "{shown}");
+    assert!(shown.contains("pausing: waiting for the environment, 1 s"), "{shown}");
     drop(waiting);
     assert!(app.on_tick());
     assert!(!text(&draw(&mut app, 80, 24)).contains("waiting for"));
