@@ -16,8 +16,9 @@ Examples:
   gdg-tui compare gdg-bridge gdg             with bridge points and without, on the four rooms
   gdg-tui compare gdg-bridge her city --seed 3
   gdg-tui compare gdg gdg trap --set B:hidden=64    one method with two sizes of network
+  gdg-tui compare gdg-bridge her --record race.cast    and record the screen
 
-Click on either map to set the goal of both. Each side trains exactly as gdg-tui MAP --method METHOD with the same seed
+Click on either map to set the goal of both; e edits the map of both. Each side trains exactly as gdg-tui MAP --method METHOD with the same seed
 and settings does, on its own threads. Nothing is saved: gdg-tui reproduce and gdg-tui suite compare methods over several
 seeds, without a terminal, and keep their results.
 

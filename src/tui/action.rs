@@ -161,6 +161,8 @@ pub enum Mode {
     Touring,
     /// Comparing two runs.
     Comparing,
+    /// Editing the map of both.
+    EditingBoth,
     /// Choosing a setting from the list.
     Settings,
     /// Reading the help.
@@ -169,19 +171,20 @@ pub enum Mode {
 
 impl Mode {
     /// All modes.
-    const ALL: [Self; 7] = [
+    const ALL: [Self; 8] = [
         Self::Watching,
         Self::Editing,
         Self::Offered,
         Self::Touring,
         Self::Comparing,
+        Self::EditingBoth,
         Self::Settings,
         Self::Help,
     ];
 }
 
 impl Action {
-    /// Returns whether it works the same in a comparison.
+    /// Returns whether it is available in a comparison, for both sides.
     fn applies_to_two(self) -> bool {
         use Action as A;
         matches!(
@@ -204,7 +207,17 @@ impl Action {
                 | A::ZoomOut
                 | A::ZoomOff
                 | A::Pan(..)
+                | A::Back
+                | A::Forth
                 | A::Marker
+                | A::ToggleEdit
+                | A::Tool(_)
+                | A::Apply
+                | A::Undo
+                | A::Redo
+                | A::SaveMap
+                | A::Export
+                | A::Palette
                 | A::Help
                 | A::Close
                 | A::Redraw
@@ -295,6 +308,11 @@ impl Binding {
             | (Mode::Help, When::Help) => true,
             (Mode::Comparing, when) => {
                 !matches!(when, When::Editing | When::Touring) && self.action.applies_to_two()
+            }
+            // Its other keys choose tools.
+            (Mode::EditingBoth, When::Comparing) => !matches!(self.action, Action::Larger(_)),
+            (Mode::EditingBoth, when) => {
+                matches!(when, When::Always | When::Editing) && self.action.applies_to_two()
             }
             (Mode::Touring | Mode::Settings | Mode::Help, _) => false,
         }

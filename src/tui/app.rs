@@ -12,7 +12,7 @@ pub mod offer;
 mod runs;
 mod saving;
 mod settings;
-mod time;
+pub mod time;
 mod tour;
 mod updates;
 pub mod view;
@@ -78,6 +78,10 @@ pub struct App {
     cache: Cache,
     /// The theme in use, while others are shown that are selected in the list of themes.
     previewed_over: Option<ThemeName>,
+    /// Whether what the user picks from a list is left to somebody else: to a comparison, which
+    /// does it on both sides. And what has been picked.
+    pub(super) hands_over: bool,
+    pub(super) picked: Option<Choice>,
 }
 
 impl App {
@@ -101,6 +105,8 @@ impl App {
             press_is_spent: false,
             cache: Cache::with_pictures(),
             previewed_over: None,
+            hands_over: false,
+            picked: None,
             scene: Scene::of(&snapshot),
             link: Link::new(engine, viewer, &snapshot),
             screen: Screen::new(config, keymap, snapshot),
@@ -329,8 +335,13 @@ fn say_unbound(key: KeyEvent, scene: &Scene, screen: &mut Screen) {
     if screen.log.notice().is_some() {
         return;
     }
-    let [help, find] = [Action::Help, Action::Palette].map(|action| screen.keymap.key_of(action));
-    let place = if scene.is_editing() { "in the editor" } else { "here" };
+    screen.say(&unbound(key, scene.is_editing(), &screen.keymap));
+}
+
+/// Returns the notice that a key does nothing.
+pub fn unbound(key: KeyEvent, is_editing: bool, keymap: &Keymap) -> String {
+    let [help, find] = [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
+    let place = if is_editing { "in the editor" } else { "here" };
     let key = keymap::name_of(key);
-    screen.say(&format!("{key} does nothing {place}   {help} help   {find} all commands"));
+    format!("{key} does nothing {place}   {help} help   {find} all commands")
 }

@@ -1,23 +1,30 @@
 //! Two methods side by side: each side is a run with its own trainer, viewer and [`App`], which
 //! share nothing.
 //!
-//! The comparison forwards actions that apply to both, keeps goal, start and visible part of the
-//! map equal, and starts the two walking agents at the same time.
+//! The comparison forwards actions that apply to both, keeps map, goal, start and visible part of
+//! the map equal, and starts the two walking agents at the same time.
 //!
 //! * `prepare`: the two trainers.
-//! * `act`, `mouse`: user input.
+//! * `act`, `mouse`: user input; `refusal`: why some actions are not available.
+//! * `edit`: editing the map of both.
+//! * `past`: looking back at what both had learned.
 //! * `race`: the walks of the two agents.
 //! * `pace`, `curves`: success over environment steps, updates or seconds.
-//! * `draw`, `facts`: the screen.
+//! * `draw`, `facts`, `meaning`: the screen; `picture`: the screen in a file.
 
 mod act;
 mod curves;
 mod draw;
+mod edit;
 mod facts;
+mod meaning;
 mod mouse;
 mod pace;
+mod past;
+mod picture;
 mod prepare;
 mod race;
+mod refusal;
 
 use crossterm::event::Event;
 use miette::{IntoDiagnostic, Report};
@@ -25,9 +32,8 @@ use ratatui::Frame;
 
 use super::PreparedInterface;
 use super::action::Mode;
-use super::app::{App, Files, view};
+use super::app::{App, Files, unbound, view};
 use super::config::UiConfig;
-use super::dialog::Dialog;
 use super::event_loop;
 use super::graphics::{Graphics, Picture, Redraw};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
@@ -58,6 +64,8 @@ struct Side {
     engine: Engine,
     /// Letter, method, preset, and settings of this side alone.
     title: String,
+    /// What its colours and its preset mean, where that is not obvious.
+    about: Option<meaning::Texts>,
     pace: Pace,
     /// What the next frame can reuse.
     cache: Cache,
@@ -72,6 +80,10 @@ pub struct Comparison {
     larger: Option<usize>,
     /// The side with the mouse.
     mouse_on: usize,
+    /// The side that holds the editor of the map.
+    editor_at: usize,
+    /// Whether the other side has yet to get the edited map.
+    lags: bool,
     log: Log,
     /// Where things were last drawn, except for the maps.
     layout: ScreenLayout,
@@ -102,6 +114,7 @@ impl Side {
         keymap: &Keymap,
         limits: Limits,
     ) -> Result<Self, Report> {
+        let about = meaning::texts(trainer.run(), trainer.registry());
         let engine = Engine::start(trainer, limits).into_diagnostic()?;
         // A method with slow evaluations must not be judged by its first steps.
         engine.send(Command::PauseEvaluations(EVALUATION_PAUSE_FACTOR));
@@ -109,7 +122,11 @@ impl Side {
         let mut app = App::new(engine.link(), viewer, config, keymap.clone(), Files::default());
         // The race decides where both go next.
         view::set_on_arrival(OnArrival::Wait, &mut app.screen, &app.link);
-        Ok(Self { app, engine, title, pace: Pace::default(), cache: Cache::with_pictures() })
+        // A comparison saves nothing, so a failed run needs no dialog: its title says what happened.
+        app.saver.offers_nothing();
+        app.hands_over = true;
+        let (pace, cache) = (Pace::default(), Cache::with_pictures());
+        Ok(Self { app, engine, title, about, pace, cache })
     }
 
     /// Returns the maze that is shown.
@@ -121,9 +138,6 @@ impl Side {
     fn follow(&mut self, own: usize, race: &mut Race, snapshot: &Snapshot, view: &View) {
         self.pace.add(snapshot);
         observe(race, own, view);
-        // A comparison saves nothing, so a failed run needs no dialog: its title says what
-        // happened.
-        self.app.screen.dialogs.retain(|dialog| matches!(dialog, Dialog::Help(_)));
     }
 }
 
@@ -151,6 +165,8 @@ impl Comparison {
             axis: Axis::default(),
             larger: None,
             mouse_on: 0,
+            editor_at: 0,
+            lags: false,
             log: Log::default(),
             layout: ScreenLayout::default(),
             failed: false,
@@ -249,19 +265,19 @@ impl Interface for Comparison {
     }
 
     fn on_event(&mut self, event: &Event) {
-        // The help belongs to the first side.
         if !self.sides[0].app.screen.dialogs.is_empty() {
-            return self.sides[0].app.on_event(event);
+            return self.on_event_in_dialog(event);
         }
         match event {
             Event::Key(key) if !key.is_release() => {
                 self.log.dismiss();
                 self.sides.iter_mut().for_each(|side| side.app.screen.log.dismiss());
                 let keymap = &self.sides[0].app.screen.keymap;
-                match (keymap.action(*key, Mode::Comparing), keymap.action(*key, Mode::Watching)) {
+                let single = if self.is_editing() { Mode::Editing } else { Mode::Watching };
+                match (keymap.action(*key, self.mode()), keymap.action(*key, single)) {
                     (Some(action), _) => self.act(action),
                     (None, Some(action)) => self.refuse(action),
-                    (None, None) => {}
+                    (None, None) => self.notify(&unbound(*key, self.is_editing(), keymap)),
                 }
             }
             Event::Mouse(mouse) => self.on_mouse(*mouse),
@@ -271,6 +287,9 @@ impl Interface for Comparison {
 
     fn on_tick(&mut self) -> bool {
         self.on_failures();
+        if self.lags {
+            self.share_edit();
+        }
         if let Some((start, goal)) = self.race.next_round() {
             self.start_race(start, goal);
         }

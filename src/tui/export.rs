@@ -70,11 +70,28 @@ pub fn write_film(
     std::thread::Builder::new().name("film".to_owned()).spawn(write)
 }
 
+/// Writes contents to a new file that begins with `name`; returns the notice for the user.
+///
+/// # Errors
+/// The notice that the file cannot be written.
+pub fn write_as(
+    name: &str,
+    kind: ExportKind,
+    noun: &str,
+    contents: Result<Vec<u8>, ExportError>,
+) -> Result<String, String> {
+    write_contents(&new_path(name, kind, noun), contents)
+}
+
 fn export_path(kind: ExportKind, screen: &Screen, scene: &Scene) -> PathBuf {
     let (world, updates) = (scene.title(&screen.snapshot), screen.snapshot.counters.updates);
-    let end = format!("-{updates}-{}.{}", kind.stem(scene.noun()), kind.file_type());
-    // A paused run may be exported several times.
-    files::unused_path(&files::named(Path::new(EXPORT_FOLDER), world, &end))
+    new_path(&format!("{world}-{updates}"), kind, scene.noun())
+}
+
+/// Returns a file that does not exist: a paused run may be exported several times.
+fn new_path(name: &str, kind: ExportKind, noun: &str) -> PathBuf {
+    let end = format!("-{}.{}", kind.stem(noun), kind.file_type());
+    files::unused_path(&files::named(Path::new(EXPORT_FOLDER), name, &end))
 }
 
 fn write_contents(path: &Path, contents: Result<Vec<u8>, ExportError>) -> Result<String, String> {
@@ -106,14 +123,7 @@ pub fn contents(
                 ExportKind::MapPng | ExportKind::MapSvg => map_pane.intersection(drawn.area),
                 _ => drawn.area,
             };
-            if area.is_empty() {
-                return Err(ExportError::Empty);
-            }
-            let page = PageColours::for_theme(&screen.theme.in_full_colour());
-            match kind {
-                ExportKind::MapPng | ExportKind::ScreenPng => Ok(png_of(&drawn, area, page)?),
-                _ => Ok(vector::svg_of(&drawn, area, page).into_bytes()),
-            }
+            picture(kind, &drawn, area, &screen.theme.in_full_colour())
         }
     }
 }
@@ -123,6 +133,26 @@ fn figure(format: Format, screen: &Screen, scene: &Scene) -> Result<Vec<u8>, Exp
     let run = screen.run();
     let title = format!("{}, {}, seed {}", scene.title(&screen.snapshot), run.method, run.seed);
     format.encode(&curves::figure(screen, &title)).map_err(ExportError::Figure)
+}
+
+/// Returns a picture of part of a drawn screen, in a theme's colours.
+///
+/// # Errors
+/// The part is empty, or cannot be encoded.
+pub fn picture(
+    kind: ExportKind,
+    drawn: &Buffer,
+    area: Rect,
+    theme: &Theme,
+) -> Result<Vec<u8>, ExportError> {
+    if area.is_empty() {
+        return Err(ExportError::Empty);
+    }
+    let page = PageColours::for_theme(theme);
+    match kind.file_type() {
+        "png" => Ok(png_of(drawn, area, page)?),
+        _ => Ok(vector::svg_of(drawn, area, page).into_bytes()),
+    }
 }
 
 /// Draws the screen without dialogs, in full colour even on a terminal that has fewer colours;

@@ -192,6 +192,7 @@ fn short_name(key: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tui::tool::Tool;
 
     fn keymap(changes: &[(&str, &[&str])]) -> Result<Keymap, KeymapError> {
         let owned = |keys: &[&str]| keys.iter().map(|k| (*k).to_owned()).collect();
@@ -250,10 +251,15 @@ mod tests {
         assert_eq!(action('1'), Some(Action::Larger(0)));
         assert_eq!(action(' '), Some(Action::TogglePause));
         assert_eq!(
-            (action('e'), action('s'), action('o')),
+            (action('s'), action('o'), action('3')),
             (None, None, None),
-            "there is nothing to edit, save or set"
+            "there is nothing to save or set, and there are no panes"
         );
+        let editing =
+            |c| keymap.action(press(KeyCode::Char(c), KeyModifiers::NONE), Mode::EditingBoth);
+        assert_eq!(action('e'), Some(Action::ToggleEdit));
+        assert_eq!(editing('1'), Some(Action::Tool(Tool::Pencil)), "as in the editor of one run");
+        assert_eq!((editing('g'), editing('s')), (Some(Action::Axis), None));
     }
 
     #[test]

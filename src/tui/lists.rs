@@ -28,7 +28,6 @@ const VALUE_WIDTH: usize = 12;
 
 /// Lists the actions available on this screen by name, then the fields to show, then the settings.
 pub fn actions(screen: &Screen, scene: &Scene) -> Picker {
-    let keymap = &screen.keymap;
     let here = |b: &&Binding| {
         let active = b.is_active(Mode::Watching) || b.is_active(Mode::Editing);
         active
@@ -36,25 +35,58 @@ pub fn actions(screen: &Screen, scene: &Scene) -> Picker {
             || screen.tour.is_some() && b.is_active(Mode::Touring)
     };
     let named = |b: &&Binding| b.action != Action::Palette && scene.offers(b.action) && here(b);
-    let item = |b: &Binding| Item {
-        // Some of the editor's tools have the names of other actions.
-        name: if b.when == When::Editing { "" } else { b.name },
-        words: format!("{} {}", b.name, b.words),
-        ..Item::new(scene.wording(b), keymap.display_keys(b).join(" "), Choice::Act(b.action))
-    };
     let settings = setting_items(screen).into_iter().map(|setting| {
         let detail = format!("setting: {}", setting.below[0]);
         Item { detail, marked: false, ..setting }.within("settings")
     });
     let fields =
-        Field::ALL.into_iter().filter(|field| scene.has_field(*field, screen)).map(|field| Item {
-            words: field.words().to_owned(),
-            ..Item::new(format!("colours: {}", field.name()), "", Choice::Field(field))
-        });
-    let items = bindings().filter(named).map(item).chain(fields).chain(settings).collect();
+        Field::ALL.into_iter().filter(|field| scene.has_field(*field, screen)).map(field_item);
+    let actions = bindings().filter(named).map(|b| action_item(b, screen, scene));
+    let items = actions.chain(fields).chain(settings).collect();
     let mut picker = Picker::new("find an action", items);
     picker.keeps_groups = true;
     picker
+}
+
+/// Lists the actions of comparisons in these modes by name, then the `fields` to show, then the
+/// actions that comparisons do not have, to say why.
+pub fn actions_of_comparisons(
+    screen: &Screen,
+    scene: &Scene,
+    modes: &[Mode],
+    fields: impl Iterator<Item = Field>,
+) -> Picker {
+    let is_here = |b: &Binding| modes.iter().any(|mode| b.is_active(*mode));
+    let named = bindings().filter(|b| b.action != Action::Palette && scene.offers(b.action));
+    let (here, others): (Vec<_>, Vec<_>) = named.partition(|b| is_here(b));
+    let is_single = |b: &&&Binding| matches!(b.when, When::Always | When::Watching);
+    let items = here.into_iter().map(|b| action_item(b, screen, scene));
+    let fields = fields.map(field_item);
+    let missing = others.iter().filter(is_single).map(|b| {
+        Item { detail: String::new(), ..action_item(b, screen, scene) }
+            .within("not in a comparison")
+    });
+    let mut picker =
+        Picker::new("find an action", items.chain(fields).chain(missing).collect::<Vec<_>>());
+    picker.keeps_groups = true;
+    picker
+}
+
+fn action_item(b: &Binding, screen: &Screen, scene: &Scene) -> Item {
+    let keys = screen.keymap.display_keys(b).join(" ");
+    Item {
+        // Some of the editor's tools have the names of other actions.
+        name: if b.when == When::Editing { "" } else { b.name },
+        words: format!("{} {}", b.name, b.words),
+        ..Item::new(scene.wording(b), keys, Choice::Act(b.action))
+    }
+}
+
+fn field_item(field: Field) -> Item {
+    Item {
+        words: field.words().to_owned(),
+        ..Item::new(format!("colours: {}", field.name()), "", Choice::Field(field))
+    }
 }
 
 /// Lists the themes.
@@ -142,11 +174,11 @@ pub fn random_maps() -> Picker {
     Picker::new("open a random map", RandomMapKind::ALL.map(item).to_vec())
 }
 
-/// Lists the kinds of exports of a scene called `noun`.
-pub fn exports(noun: &str) -> Picker {
-    let items = ExportKind::ALL
-        .map(|kind| Item::new(kind.name(noun), kind.file_type(), Choice::Export(kind)));
-    Picker::new("export", items.to_vec())
+/// Lists these kinds of exports of a scene called `noun`.
+pub fn exports(kinds: &[ExportKind], noun: &str) -> Picker {
+    let item =
+        |kind: &ExportKind| Item::new(kind.name(noun), kind.file_type(), Choice::Export(*kind));
+    Picker::new("export", kinds.iter().map(item).collect())
 }
 
 /// Asks whether to save before quitting.

@@ -74,6 +74,11 @@ impl Log {
         Some(Notice { text, fades: since.elapsed() > self.duration(), is_error: self.is_error })
     }
 
+    /// Removes the notice and returns its text.
+    pub fn take(&mut self) -> Option<String> {
+        self.notice.take().map(|(_, text)| text)
+    }
+
     /// Dismisses the notice, unless it is an error.
     pub fn dismiss(&mut self) {
         self.notice.take_if(|_| !self.is_error);

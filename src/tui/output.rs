@@ -37,6 +37,9 @@ impl ExportKind {
         Self::Film,
     ];
 
+    /// Those that show a part of the screen.
+    pub const PICTURES: [Self; 4] = [Self::ScreenPng, Self::ScreenSvg, Self::MapPng, Self::MapSvg];
+
     /// Returns the name shown on the screen, where the scene is called `noun`.
     pub fn name(self, noun: &str) -> String {
         let form = match self {

@@ -15,7 +15,7 @@
 
 pub(super) mod chart;
 pub(super) mod curves;
-mod dialog;
+pub(super) mod dialog;
 pub(super) mod footer;
 mod header;
 pub(super) mod help;

@@ -133,7 +133,7 @@ impl Engine {
         };
         let thread =
             std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
-        Ok(Self { link: EngineLink::new(commands, snapshots, pulse.clone()), thread, pulse })
+        Ok(Self { link: EngineLink::new(commands, snapshots, pulse), thread })
     }
 
     /// Returns a link for a front end, which must be gone before the trainer can be stopped.
@@ -151,9 +151,9 @@ impl Engine {
         self.link.snapshots()
     }
 
-    /// Returns the progress signal like [`EngineLink::pulse`].
+    /// Returns the trainer's progress signal: whether it advances, and its current activity.
     pub fn pulse(&self) -> &Pulse {
-        self.link.pulse()
+        &self.link.pulse
     }
 
     /// Stops training and returns the trainer; waits as long as there is progress. `None` if its

@@ -128,7 +128,7 @@ fn dialog_for(action: Action, saver: &Saver, scene: &Scene, screen: &Screen) -> 
             let hint = "minutes; 0 turns autosave off";
             Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now).into()
         }
-        Action::Export => lists::exports(scene.noun()).into(),
+        Action::Export => lists::exports(&ExportKind::ALL, scene.noun()).into(),
         Action::Tour => {
             let unsaved = screen.latest.unsaved_updates();
             lists::tour_choices(unsaved, is_worth_saving(scene, screen)).into()

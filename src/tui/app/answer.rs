@@ -64,6 +64,10 @@ impl App {
     }
 
     pub(in crate::tui) fn choose(&mut self, choice: Choice) {
+        if self.hands_over {
+            self.picked = Some(choice);
+            return;
+        }
         let Self { saver, guide, scene, screen, link, .. } = self;
         match choice {
             Choice::SaveFirst(then) => saver.save_then(*then, scene, screen, link),

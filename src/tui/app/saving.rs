@@ -73,6 +73,11 @@ impl Saver {
         }
     }
 
+    /// Never offers to save after a failure: a comparison saves nothing.
+    pub fn offers_nothing(&mut self) {
+        self.has_failed = true;
+    }
+
     /// Chooses the file for the run in `snapshot`: a file belongs to the run that wrote or loaded
     /// it.
     pub fn start_run(&mut self, snapshot: &Snapshot) {

@@ -111,7 +111,7 @@ pub fn leave_past(screen: &mut Screen, link: &Link) {
 }
 
 /// Shows a frame of the film, or the present.
-fn look_at(frame: Option<Arc<FilmFrame>>, screen: &mut Screen, link: &Link) {
+pub fn look_at(frame: Option<Arc<FilmFrame>>, screen: &mut Screen, link: &Link) {
     if frame.is_none() {
         link.return_to_present(screen);
     } else {

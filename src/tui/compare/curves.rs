@@ -10,7 +10,7 @@ use ratatui::widgets::Paragraph;
 use super::pace::Moment;
 use super::{Comparison, LETTERS, Side};
 use crate::tui::action::Action;
-use crate::tui::layout::{Click, ScreenLayout};
+use crate::tui::layout::{ChartArea, Click, ScreenLayout};
 use crate::tui::render::{chart, curves};
 use crate::tui::style::{BOLD, DIM};
 use crate::tui::theme::{ColourDepth, blend};
@@ -51,7 +51,8 @@ impl Axis {
         }
     }
 
-    fn of(self, moment: Moment) -> f64 {
+    /// Returns where a moment is along the axis.
+    pub fn of(self, moment: Moment) -> f64 {
         match self {
             Self::EnvSteps => moment.env_steps,
             Self::Updates => moment.updates,
@@ -107,7 +108,8 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
     }
 }
 
-/// Draws the chart; a click on its title changes the axis.
+/// Draws the chart; a click on its title changes the axis, one on the lines looks back. Upright
+/// lines mark the moments of the past that are shown.
 pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     let all: Vec<Curve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
     let names = all.iter().map(|curve| {
@@ -133,7 +135,16 @@ pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut
         marker: curve.marker,
         points: &curve.points,
     });
+    let past = comparison.sides.each_ref().map(|side| comparison.past_at(side));
+    let moments: Vec<_> = past.into_iter().flatten().map(|at| [(at, 0.0), (at, 1.0)]).collect();
+    let uprights = moments.iter().map(|points| chart::Line {
+        style: BOLD,
+        marker: Marker::Braille,
+        points: &points[..],
+    });
     let y_labels = ["0.0".to_owned(), "1.0".to_owned()];
     let (x_unit, y) = (comparison.axis.name(), [0.0, 1.0]);
-    chart::draw(frame, body, chart::Axes { x: [0.0, last], x_unit, y, y_labels }, lines);
+    let axes = chart::Axes { x: [0.0, last], x_unit, y, y_labels };
+    let area = chart::draw(frame, body, axes, lines.chain(uprights));
+    layout.charts.push(ChartArea { area, bounds: [0.0, last] });
 }

@@ -4,6 +4,7 @@
 //! +---------------------------------------------------+
 //! | map, seed, phase                                  |  header
 //! | A method, preset        | B method, preset        |
+//! | what D and preset are   | what D and preset are   |  unless they are obvious
 //! | map          facts      | map          facts      |  facts: below if the map gains
 //! | meaning of colours      | meaning of colours      |
 //! | success over environment steps                    |  curves
@@ -17,7 +18,7 @@ use ratatui::text::Span;
 use ratatui::widgets::{Block, Borders, Paragraph, Wrap};
 
 use super::facts::{Fact, column, facts, text};
-use super::{Comparison, Side, curves};
+use super::{Comparison, Side, curves, meaning};
 use crate::tui::action::{Action, Mode};
 use crate::tui::app::App;
 use crate::tui::dialog::Dialog;
@@ -25,11 +26,13 @@ use crate::tui::interface::Interface;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::raster::{MapFrame, Viewport};
-use crate::tui::render::{footer, help, paint_page};
+use crate::tui::render::{dialog, footer, help, paint_page};
+use crate::tui::scene::Cache;
 use crate::tui::scene::maze::{info, map, minimap};
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::fitted_lines;
 use gdg::engine::Phase;
+use gdg::text::{display_width, fitted, grouped};
 
 /// The smallest screen with room for everything, in columns and rows.
 pub const MIN_SIZE: (u16, u16) = (60, 18);
@@ -44,13 +47,57 @@ const CURVES_ROWS: (u16, u16) = (7, 16);
 /// Shares of the width: of the larger side, and of the other one.
 const LARGER: (u16, u16) = (2, 1);
 
-/// Draws everything; returns where it is.
+/// Where everything is.
+pub struct Parts {
+    /// What can be clicked.
+    pub layout: ScreenLayout,
+    /// Both maps, with facts and titles.
+    pub maps: Rect,
+    /// The sides, unless the screen is too small.
+    sides: Option<[ScreenLayout; 2]>,
+}
+
+/// Draws everything; returns what can be clicked.
 pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
+    let mut caches = comparison.sides.each_mut().map(|side| std::mem::take(&mut side.cache));
+    let Parts { layout, sides, .. } = draw_parts(frame, comparison, caches.each_mut());
+    for (side, cache) in comparison.sides.iter_mut().zip(caches) {
+        side.cache = cache;
+    }
+    let Some(mut drawn) = sides else { return layout };
+    let App { screen, scene, .. } = &comparison.sides[0].app;
+    let whole = frame.area();
+    match screen.dialogs.last() {
+        Some(Dialog::Help(help)) => {
+            let about = comparison.sides.each_ref().map(|side| (&*side.title, side.about.as_ref()));
+            let introduction = meaning::introduction(about);
+            help::draw_for_comparisons(frame, screen, scene, (help, &introduction), &mut drawn[0]);
+        }
+        Some(Dialog::Pick(list)) => {
+            dialog::draw_picker(frame, whole, screen, list, &mut drawn[0]);
+        }
+        Some(Dialog::Ask(prompt)) => {
+            dialog::draw_prompt(frame, whole, screen, prompt, &mut drawn[0]);
+        }
+        None => {}
+    }
+    paint_page(frame, &screen.theme);
+    // The same lines on both sides, from the next frame on.
+    let interval = drawn.iter().filter_map(|side| side.own_contour_interval).fold(0.0, f32::max);
+    for (side, drawn) in comparison.sides.iter_mut().zip(drawn) {
+        side.app.screen.least_contour_interval = interval;
+        side.app.drawn(drawn);
+    }
+    layout
+}
+
+/// Draws everything but dialogs.
+pub fn draw_parts(frame: &mut Frame, comparison: &Comparison, caches: [&mut Cache; 2]) -> Parts {
     let area = frame.area();
     let mut layout = ScreenLayout::new(area);
     if area.width < MIN_SIZE.0 || area.height < MIN_SIZE.1 {
         too_small(frame, area);
-        return layout;
+        return Parts { layout, maps: Rect::default(), sides: None };
     }
     let rows = (area.height / CURVES_DIVISOR).clamp(CURVES_ROWS.0, CURVES_ROWS.1);
     let [head, body, below, foot] = Layout::vertical([
@@ -78,25 +125,25 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     });
     let texts = [0, 1].map(|own| text(&facts[own], areas[own].width));
     let most = texts.iter().map(Vec::len).max().unwrap_or(0);
-    let mut drawn = [0, 1].map(|own| {
-        layout.add(Rect { height: 1, ..areas[own] }, Click::Act(Action::Larger(own)));
+    let explains = comparison.sides.iter().any(|side| side.about.is_some());
+    let mut drawn = [ScreenLayout::new(area), ScreenLayout::new(area)];
+    for (own, cache) in caches.into_iter().enumerate() {
+        let title = Rect { height: 1, ..areas[own] };
+        layout.add(title, Click::Act(Action::Larger(own)));
+        let side = &comparison.sides[own];
+        draw_title(frame, title, side);
+        let rest = Rect { y: title.y + 1, height: areas[own].height - 1, ..areas[own] };
+        let [about, rest] =
+            Layout::vertical([Constraint::Length(u16::from(explains)), Constraint::Min(0)])
+                .areas(rest);
+        draw_about(frame, about, side);
         let rows = if comparison.larger.is_none() { most } else { texts[own].len() };
-        draw_side(frame, areas[own], &mut comparison.sides[own], &facts[own], rows as u16)
-    });
+        let shown = (&*facts[own], rows as u16);
+        draw_side(frame, rest, side, shown, cache, &mut drawn[own]);
+    }
     curves::draw(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
-    let App { screen, scene, .. } = &comparison.sides[0].app;
-    if let Some(Dialog::Help(help)) = screen.dialogs.last() {
-        help::draw_for_comparisons(frame, screen, scene, help, &mut drawn[0]);
-    }
-    paint_page(frame, &screen.theme);
-    // The same lines on both sides, from the next frame on.
-    let interval = drawn.iter().filter_map(|side| side.own_contour_interval).fold(0.0, f32::max);
-    for (side, drawn) in comparison.sides.iter_mut().zip(drawn) {
-        side.app.screen.least_contour_interval = interval;
-        side.app.drawn(drawn);
-    }
-    layout
+    Parts { layout, maps: body, sides: Some(drawn) }
 }
 
 /// Draws a message that the screen is too small.
@@ -128,7 +175,14 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
         side.app.scene.phase(screen)
     };
     bar.push(Span::styled(format!(" {phase} "), BOLD), act(Action::TogglePause));
-    bar.push(Span::styled(" nothing is saved", DIM), None);
+    let more = if comparison.is_past() {
+        let [back, forth, close] =
+            [Action::Back, Action::Forth, Action::Close].map(|action| screen.keymap.key_of(action));
+        format!(" looking back: {back} earlier, {forth} later, {close} the present")
+    } else {
+        " nothing is saved".to_owned()
+    };
+    bar.push(Span::styled(more, DIM), None);
     bar.draw(frame, area, layout);
 }
 
@@ -138,32 +192,44 @@ fn training_side(comparison: &Comparison) -> &Side {
     if b.app.is_training() && !a.app.is_training() { b } else { a }
 }
 
-/// Draws a side, with its facts beside the map or in as many rows below it; returns where the map
-/// is.
+/// Draws the title of a side: what it is, and whether it has stopped or shows its past.
+fn draw_title(frame: &mut Frame, area: Rect, Side { app, title, .. }: &Side) {
+    let screen = &app.screen;
+    let state = match (&screen.snapshot.phase, &screen.past) {
+        (Phase::Failed(error), _) => format!("stopped: {error} "),
+        (_, Some(past)) => format!("at update {} ", grouped(past.updates)),
+        _ => String::new(),
+    };
+    let title = Span::styled(format!(" {title} {state}"), BOLD);
+    frame.render_widget(Block::new().borders(Borders::TOP).title(title), area);
+}
+
+/// Draws what the colours and the preset of a side mean, as long as there is room for.
+fn draw_about(frame: &mut Frame, area: Rect, side: &Side) {
+    let Some(texts) = &side.about else { return };
+    let room = usize::from(area.width).saturating_sub(1);
+    let text = texts.iter().find(|text| display_width(text) <= room).unwrap_or(&texts[1]);
+    frame.render_widget(Span::styled(format!(" {}", fitted(text, room)), DIM), area);
+}
+
+/// Draws the map of a side, with its facts beside the map or in as many rows below it, and records
+/// where it is.
 fn draw_side(
     frame: &mut Frame,
     area: Rect,
-    side: &mut Side,
-    facts: &[Fact],
-    rows: u16,
-) -> ScreenLayout {
-    let Side { app: App { screen, scene, .. }, title, cache, .. } = side;
-    let mut layout = ScreenLayout::new(frame.area());
-    let stopped = match &screen.snapshot.phase {
-        Phase::Failed(error) => format!("stopped: {error} "),
-        _ => String::new(),
-    };
-    let block =
-        Block::new().borders(Borders::TOP).title(Span::styled(format!(" {title} {stopped}"), BOLD));
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    side: &Side,
+    (facts, rows): (&[Fact], u16),
+    cache: &mut Cache,
+    layout: &mut ScreenLayout,
+) {
+    let App { screen, scene, .. } = &side.app;
     let [inner, meaning] =
-        Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(inner);
+        Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(area);
     let beside =
         Layout::horizontal([Constraint::Min(0), Constraint::Length(FACTS_WIDTH)]).areas(inner);
     let below = Layout::vertical([Constraint::Min(0), Constraint::Length(rows)]).areas(inner);
     // The map as large as possible.
-    let Some(maze) = scene.maze() else { return layout };
+    let Some(maze) = scene.maze() else { return };
     let scale = |[room, _]: [Rect; 2]| {
         let frame = MapFrame::fit(room, &maze.map, screen.marker, Viewport::default());
         frame.map_or(0.0, |frame| frame.scale())
@@ -174,23 +240,25 @@ fn draw_side(
         (below, text(facts, inner.width))
     };
     layout.map_pane = room;
-    map::draw(frame, room, maze, screen, &mut layout, cache);
-    minimap::draw(frame, room, maze, &mut layout, &screen.theme);
+    map::draw(frame, room, maze, screen, layout, cache);
+    minimap::draw(frame, room, maze, layout, &screen.theme);
     frame.render_widget(Paragraph::new(fitted_lines(lines, known.width)), known);
-    info::draw(frame, meaning, maze, screen, &layout);
-    layout
+    info::draw(frame, meaning, maze, screen, layout);
 }
 
-/// Draws a notice, or the available actions and their keys.
+/// Draws a notice, or the available actions and their keys. The tools of the editor stay visible,
+/// so notices go above them.
 fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     let App { screen, scene, .. } = &training_side(comparison).app;
-    match comparison.notice() {
-        Some((text, notice)) => {
-            footer::draw_notice(frame, area, screen, Notice { text: &text, ..notice });
-        }
-        None => {
-            footer::keys(screen, scene, Mode::Comparing, area.width, false)
-                .draw(frame, area, layout);
-        }
+    let (notice, is_editing) = (comparison.notice(), comparison.is_editing());
+    if let Some((text, notice)) = &notice {
+        let last = Rect { y: area.y - u16::from(is_editing), ..area };
+        footer::draw_notice(frame, last, screen, Notice { text, ..*notice });
+    }
+    if is_editing {
+        let editor = &comparison.sides[comparison.editor_at].maze().editor;
+        footer::editing(screen, editor, area.width).draw(frame, area, layout);
+    } else if notice.is_none() {
+        footer::keys(screen, scene, Mode::Comparing, area.width, false).draw(frame, area, layout);
     }
 }

@@ -15,6 +15,12 @@ impl Comparison {
         {
             return self.act(action);
         }
+        let left =
+            [MouseEventKind::Down(MouseButton::Left), MouseEventKind::Drag(MouseButton::Left)];
+        let moment = self.layout.charts.iter().find_map(|chart| chart.value_at(at));
+        if let Some(moment) = moment.filter(|_| left.contains(&mouse.kind) && !self.is_editing()) {
+            return self.look_at(moment);
+        }
         // A drag belongs to the side on which it began.
         if !matches!(mouse.kind, MouseEventKind::Drag(_) | MouseEventKind::Up(_)) {
             let on = |side: &super::Side| side.app.screen.layout.map_pane.contains(at);
@@ -24,14 +30,21 @@ impl Comparison {
         let own = self.mouse_on;
         let cell = self.sides[own].app.screen.layout.map.as_ref();
         let cell = cell.and_then(|frame| frame.cell_at(at, &self.sides[own].maze().map));
-        if mouse.kind == MouseEventKind::Down(MouseButton::Right) {
+        if mouse.kind == MouseEventKind::Down(MouseButton::Right) && !self.is_editing() {
             let start = cell.and_then(|cell| self.sides[own].maze().map.nearest_free(cell));
             if let Some(start) = start {
                 self.start_race(start, self.race.goal());
             }
             return;
         }
+        let editing = self.is_editing();
+        if editing {
+            self.hold_editor(own);
+        }
         self.sides[own].app.on_event(&Event::Mouse(mouse));
+        if editing {
+            return self.share_edit();
+        }
         self.goal_from(own);
         self.mirror(own);
     }

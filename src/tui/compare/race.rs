@@ -51,6 +51,17 @@ impl Race {
         }
     }
 
+    /// Returns the map on which they race.
+    pub fn map(&self) -> &Arc<Grid> {
+        &self.map
+    }
+
+    /// Goes on with the race on an edited map.
+    pub fn change_map(&mut self, map: Arc<Grid>) {
+        self.start = map.nearest_free(self.start).unwrap_or(self.start);
+        self.map = map;
+    }
+
     /// Returns the start of the current race.
     pub fn start(&self) -> Cell {
         self.start

@@ -100,7 +100,7 @@ pub fn keys(
 }
 
 /// Returns the editor's tools, and what the mouse does with the selected one if there is room.
-fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
+pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     let mut bar = tool_bar(screen, editor, width);
     if has_room_for_mouse(editor, &bar, width) {
         bar.push(Span::styled(mouse(editor), DIM), None);

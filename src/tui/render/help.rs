@@ -27,12 +27,6 @@ const NARROW_NAME_WIDTH: usize = 8;
 /// Columns from which the help is wide.
 const WIDE: usize = 60;
 
-/// What the colours of a comparison show.
-const COMPARISON: &str = "Two methods, A and B, train on the same map with the same \
-     seed. Colours show the distance D that each has learned; @ walks to G with what it has \
-     learned so far, in both from the same start. Click on either map to set the goal of both. \
-     Nothing is saved.";
-
 /// The subject of the help: a run or a comparison.
 #[derive(Clone, Copy)]
 struct Subject<'a> {
@@ -55,15 +49,16 @@ pub fn draw(
     draw_on(frame, screen, scene, help, subject, layout);
 }
 
-/// Draws the help of comparisons like [`draw`].
+/// Draws the help of comparisons, which begins with this introduction, like [`draw`].
 pub fn draw_for_comparisons(
     frame: &mut Frame,
     screen: &Screen,
     scene: &Scene,
-    help: &Help,
+    (help, introduction): (&Help, &str),
     layout: &mut ScreenLayout,
 ) {
-    let subject = Subject { introduction: COMPARISON, modes: &[Mode::Comparing, Mode::Help] };
+    let modes = &[Mode::Comparing, Mode::EditingBoth, Mode::Help];
+    let subject = Subject { introduction, modes };
     draw_on(frame, screen, scene, help, subject, layout);
 }
 

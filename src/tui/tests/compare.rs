@@ -1,5 +1,7 @@
 //! Comparisons: two runs on one screen.
 
+mod both;
+
 use super::screens::{check_drawn, evaluation};
 use super::*;
 use crate::tui::compare::{Comparison, Contestant};
@@ -337,7 +339,7 @@ fn a_refused_key_does_not_hide_what_the_next_one_did() {
     let mut comparison = comparison();
     let notice = |comparison: &mut Comparison| {
         let shown = text(&draw(comparison, (120, 40)));
-        shown.contains("a comparison has no")
+        shown.contains("not in a comparison")
     };
     press(&mut comparison, KeyCode::Char('o'));
     assert!(notice(&mut comparison));

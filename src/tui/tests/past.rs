@@ -13,7 +13,7 @@ use gdg::viewer::maze::FilmedMap;
 use gdg::viewer::{MazeView, View};
 
 /// Returns a film on the rooms map: distances grow with the updates.
-fn film(app: &App, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
+pub(super) fn film(app: &App, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
     let (mut world, mut film) = (PointMaze::new(app.maze().map.clone(), 2), Film::default());
     world.set_full_state(0, &[3.5, 3.5]);
     world.set_full_state(1, &[14.5, 1.5]);

@@ -59,6 +59,17 @@ impl Stroke {
 }
 
 impl Editor {
+    /// Returns an editor that looks the same, without edits to undo.
+    pub fn shown(&self) -> Self {
+        let stroke = self.stroke.as_ref().map(|stroke| Stroke {
+            cells: stroke.cells.clone(),
+            is_drawn: Vec::new(),
+            ..*stroke
+        });
+        let Self { cursor, tool, has_changed, .. } = *self;
+        Self { cursor, tool, has_changed, stroke, ..Self::default() }
+    }
+
     /// Returns whether the editor is open.
     pub fn is_open(&self) -> bool {
         self.cursor.is_some()
