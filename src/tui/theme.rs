@@ -162,7 +162,7 @@ impl Theme {
         let chosen = name;
         let name = if depth == ColourDepth::Mono { ThemeName::Mono } else { name };
         let depth = if name == ThemeName::Mono { ColourDepth::Mono } else { depth };
-        let theme = Self { depth, chosen, ..Self::in_all_colours(name) };
+        let theme = Self { chosen, depth, ..Self::in_all_colours(name) };
         match depth {
             ColourDepth::True | ColourDepth::Mono => theme,
             ColourDepth::Indexed => {
@@ -170,9 +170,9 @@ impl Theme {
                     distance: |share| theme.smooth_distance_colour(share),
                     error: |share| sample(theme.error, share),
                 };
-                theme.limited_to(Palette::of_256(name, &gradients))
+                theme.limited_to(&Palette::of_256(name, &gradients))
             }
-            ColourDepth::Basic => theme.with_16_signs().limited_to(Palette::of_16(name)),
+            ColourDepth::Basic => theme.with_16_signs().limited_to(&Palette::of_16(name)),
         }
     }
 
@@ -233,9 +233,9 @@ impl Theme {
     }
 
     /// Replaces the colours of ground.
-    fn limited_to(self, palette: Palette) -> Self {
+    fn limited_to(self, palette: &Palette) -> Self {
         let [unknown, _] = palette.unvisited;
-        Self { wall: palette.wall, unknown, palette: Some(palette), ..self }
+        Self { wall: palette.wall, unknown, palette: Some(*palette), ..self }
     }
 
     /// Replaces the colours of signs whose nearest of 16 colours are the same.

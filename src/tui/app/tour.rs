@@ -4,6 +4,7 @@
 //! explains has been seen, or at its time limit. Whatever the tour does, it does by the same
 //! commands as the user.
 
+mod bridges;
 mod steps;
 
 use std::sync::Arc;
@@ -18,6 +19,7 @@ use crate::tui::scene::Scene;
 use crate::tui::scene::maze::{self, maze_on};
 use crate::tui::screen::Screen;
 use crate::tui::tour::{Caption, ShownStep};
+use bridges::BridgeHunt;
 use gdg::engine::Command;
 use gdg::map::{Cell, Grid, builtin};
 use gdg::train::{Method, Preset, Run};
@@ -25,7 +27,7 @@ use gdg::viewer::{Field, OnArrival};
 pub use steps::MAP;
 #[cfg(test)]
 pub use steps::STEPS as ALL_STEPS;
-use steps::{FoundBridge, START, STEPS, Step};
+use steps::{START, STEPS, Step};
 
 /// Seconds between two looks at what has become of the step's subject, and between two walks.
 const LOOK_INTERVAL_SECS: f32 = 0.1;
@@ -49,8 +51,15 @@ pub struct Tour {
     looked_at: f32,
     /// When the step's subject was seen.
     seen_at: Option<f32>,
-    /// The bridge search that is explained: later ones must not replace it.
-    bridge: Option<FoundBridge>,
+    /// Looks for a bridge, until one is explained.
+    hunt: BridgeHunt,
+    /// Whether the bridge that has been found is drawn.
+    shows_bridge: bool,
+    /// Whether the step begins again, as what it waited for has been found.
+    enters_again: bool,
+    /// Where the agent walks from, and whether it stays where it arrives.
+    start: Cell,
+    stays: bool,
     /// The way to the far room, as planned before a door was closed.
     route: Vec<[f32; 2]>,
     /// The cells of the closed door.
@@ -126,7 +135,11 @@ impl Guide {
             elapsed: 0.0,
             looked_at: 0.0,
             seen_at: None,
-            bridge: None,
+            hunt: BridgeHunt::default(),
+            shows_bridge: false,
+            enters_again: false,
+            start: START,
+            stays: false,
             route: Vec::new(),
             closed: Vec::new(),
             watched: Watched::default(),
@@ -145,7 +158,6 @@ impl Guide {
             Some(tour) if tour.is_last() => self.end(scene, screen, link),
             Some(tour) => {
                 tour.step += 1;
-                (tour.elapsed, tour.looked_at, tour.sent_at, tour.seen_at) = (0.0, 0.0, 0.0, None);
                 tour.enter(scene, screen, link);
             }
             None => {}
@@ -155,7 +167,7 @@ impl Guide {
     /// Ends the tour and leaves the trainer as the user would have found it.
     pub fn end(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
         let Some(tour) = &mut self.tour else { return };
-        tour.hide_search(scene, screen, link);
+        tour.hide_bridge(scene, screen, link);
         // If the trainer is busy, the tour goes on until the door is open.
         if tour.open_door(scene, screen, link) {
             view::set_on_arrival(tour.on_arrival, screen, link);
@@ -198,6 +210,10 @@ impl Guide {
             self.next_step(scene, screen, link);
             return true;
         }
+        if std::mem::take(&mut tour.enters_again) {
+            tour.enter(scene, screen, link);
+            return true;
+        }
         tour.look(scene, screen)
     }
 }
@@ -206,6 +222,8 @@ impl Guide {
 impl Tour {
     /// Begins the current step.
     fn enter(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+        (self.elapsed, self.looked_at, self.sent_at, self.seen_at) = (0.0, 0.0, 0.0, None);
+        self.stays = false;
         if let Some(enter) = self.current().enter {
             enter(self, scene, screen, link);
         }
@@ -222,20 +240,22 @@ impl Tour {
         let before = screen.tour.take();
         let changed = before.is_none_or(|before| before.caption != caption);
         screen.tour = Some(self.shown(caption));
-        screen.explained = self.bridge.as_ref().map(|bridge| bridge.search.clone());
+        let shown = self.hunt.best.as_ref().filter(|_| self.shows_bridge);
+        screen.explained = shown.map(|bridge| bridge.search.clone());
         changed
     }
 
     /// Sends the agent from its start to the goal.
     fn send_walker(&mut self, screen: &mut Screen, link: &Link) {
-        maze::place_walker(Some(START), screen, link);
+        maze::place_walker(Some(self.start), screen, link);
         self.sent_at = self.elapsed;
     }
 
     /// Sends the agent off again a while after it has arrived.
     fn walk_again(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) {
         let Some(walk) = scene.maze().map(|maze| maze.view.walk) else { return };
-        if (walk.arrived || walk.gave_up) && self.elapsed - self.sent_at > REST_SECS {
+        if (walk.arrived || walk.gave_up) && !self.stays && self.elapsed - self.sent_at > REST_SECS
+        {
             self.send_walker(screen, link);
         }
     }
@@ -248,8 +268,11 @@ impl Tour {
         self.send_walker(screen, link);
     }
 
-    fn hide_search(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-        (self.bridge, screen.explained) = (None, None);
+    fn hide_bridge(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+        screen.explained = None;
+        if std::mem::take(&mut self.shows_bridge) && screen.field == Field::FromStart {
+            view::show_field(Field::Learned, screen, link);
+        }
         if std::mem::take(&mut self.shows_search) {
             show_overlay(Overlay::Search, false, scene, screen, link);
         }

@@ -19,7 +19,7 @@ impl Comparison {
         match action {
             Action::TogglePause => self.toggle_pause(),
             Action::ToggleEdit | Action::Tool(_) | Action::Apply | Action::Undo | Action::Redo => {
-                self.edit(action)
+                self.edit(action);
             }
             Action::Move(..) | Action::Close if self.is_editing() => self.edit(action),
             Action::Close if self.is_past() => self.return_to_present(),
@@ -65,14 +65,9 @@ impl Comparison {
             Action::Redraw => self.terminal_request = Some(TerminalRequest::Redraw),
             Action::Suspend => self.terminal_request = Some(TerminalRequest::Suspend),
             Action::Quit => self.done = true,
-            _ if self.is_available(action) => self.both(action),
+            _ if is_available(action) => self.both(action),
             _ => self.refuse(action),
         }
-    }
-
-    fn is_available(&self, action: Action) -> bool {
-        let modes = [Mode::Comparing, Mode::EditingBoth];
-        bindings().any(|b| b.action == action && modes.into_iter().any(|mode| b.is_active(mode)))
     }
 
     /// Opens the list of actions: of those that comparisons have, and of the others, to say why.
@@ -152,4 +147,10 @@ impl Comparison {
             view::show_field(field, screen, link);
         }
     }
+}
+
+/// Whether a comparison has an action.
+fn is_available(action: Action) -> bool {
+    let modes = [Mode::Comparing, Mode::EditingBoth];
+    bindings().any(|b| b.action == action && modes.into_iter().any(|mode| b.is_active(mode)))
 }

@@ -47,7 +47,7 @@ fn displayed(colour: vt100::Color, first: Option<&[Rgb; 16]>) -> Rgb {
 }
 
 /// A maze-like map, of which agents know the left half: corridors, rooms and pillars.
-fn half_explored(theme: Theme, marker: Marker) -> Still {
+fn half_explored(theme: &Theme, marker: Marker) -> Still {
     let row = |y: usize| {
         let wall = |x: usize| {
             x.is_multiple_of(12) && y % 9 != 4
@@ -59,7 +59,7 @@ fn half_explored(theme: Theme, marker: Marker) -> Still {
     let text: String = (0..37).map(row).collect();
     let mut app = still_on(parse_map("halls", text.as_bytes()).expect("a map"), gdg());
     app.set_goal(Cell::new(2, 2));
-    app.screen.theme = theme;
+    app.screen.theme = *theme;
     app.screen.marker = marker;
     let overlays = &mut app.screen.overlays;
     *overlays = Overlays::by_default(theme.depth);
@@ -124,7 +124,7 @@ fn half_blocks(
 }
 
 /// Checks walls against floor, visited or not, and contour lines against both.
-fn check_half_blocks(theme: Theme, first: Option<&[Rgb; 16]>) {
+fn check_half_blocks(theme: &Theme, first: Option<&[Rgb; 16]>) {
     let mut app = half_explored(theme, Marker::HalfBlock);
     let with = sent(&mut app);
     let frame = app.screen.layout.map.clone().expect("the map is drawn");
@@ -175,9 +175,9 @@ fn displayed_wall(pixels: &[Option<Rgb>], ground: &impl Fn(usize) -> Ground) -> 
 #[test]
 fn ground_can_be_told_apart_with_256_and_with_16_colours() {
     for name in COLOURED {
-        check_half_blocks(Theme::new(name, ColourDepth::Indexed), None);
+        check_half_blocks(&Theme::new(name, ColourDepth::Indexed), None);
         for first in [None, Some(&XTERM)] {
-            check_half_blocks(Theme::new(name, ColourDepth::Basic), first);
+            check_half_blocks(&Theme::new(name, ColourDepth::Basic), first);
         }
     }
 }
@@ -187,7 +187,7 @@ fn characters_that_show_floor_and_wall_have_both_colours() {
     for (name, marker) in
         COLOURED.into_iter().flat_map(|name| [(name, Marker::Quadrant), (name, Marker::Braille)])
     {
-        let mut app = half_explored(Theme::new(name, ColourDepth::Indexed), marker);
+        let mut app = half_explored(&Theme::new(name, ColourDepth::Indexed), marker);
         app.screen.overlays.toggle(Overlay::Contours);
         let sent = sent(&mut app);
         let frame = app.screen.layout.map.clone().expect("the map is drawn");
@@ -231,7 +231,7 @@ fn characters_that_show_floor_and_wall_have_both_colours() {
 #[test]
 fn exports_have_all_colours_whatever_the_terminal_has() {
     let export = |depth| {
-        let mut app = half_explored(Theme::new(ThemeName::Dark, depth), Marker::HalfBlock);
+        let mut app = half_explored(&Theme::new(ThemeName::Dark, depth), Marker::HalfBlock);
         let app = &mut app.app;
         let before = app.screen.theme.depth;
         let svg = contents(ExportKind::MapSvg, &mut app.screen, &app.scene).expect("an export");

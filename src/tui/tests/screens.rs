@@ -177,6 +177,7 @@ fn staged_view(app: &App) -> MazeView {
             steps: 4,
             shortest: Some(19),
             distances: (15.2, 2.1),
+            along: 12.4,
             waypoint: Some([6.5, 1.5]),
             arrived: false,
             gave_up: false,

@@ -5,8 +5,9 @@ use ratatui::layout::Rect;
 use super::*;
 use crate::tui::app::ALL_STEPS as STEPS;
 use crate::tui::layers::Overlay;
-use gdg::bridge::{BridgePoint, SearchOutcome};
+use gdg::bridge::Candidates;
 use gdg::engine::Networks;
+use gdg::env::Environment;
 use gdg::learn::{Policy, Scratch};
 use gdg::map::builtin;
 use gdg::viewer::{MazeView, OnArrival};
@@ -65,24 +66,34 @@ fn learn(app: &mut App, distance: fn(&[f32], &[f32]) -> f32) {
     app.screen.snapshot = Arc::new(Snapshot { networks, ..Snapshot::clone(&app.screen.snapshot) });
 }
 
+/// Has networks of this D, and candidates all over the map.
+fn learn_everywhere(app: &mut App, distance: fn(&[f32], &[f32]) -> f32) {
+    let map = builtin("fourrooms").expect("a map");
+    let cells: Vec<Cell> = map.free_cells().collect();
+    let world = PointMaze::new(Arc::new(map), 0);
+    let mut candidates = Candidates::new(world.spec(), 1, &app.screen.run().settings.bridge);
+    cells.iter().step_by(3).for_each(|cell| candidates.visit(0, &cell.centre()));
+    assert!(candidates.len() > 100, "{}", candidates.len());
+    learn(app, distance);
+    let policy = app.screen.snapshot.networks.policy.clone();
+    let networks = Arc::new(Networks { policy, candidates: Arc::new(candidates) });
+    app.screen.snapshot = Arc::new(Snapshot { networks, ..Snapshot::clone(&app.screen.snapshot) });
+}
+
 /// Updates the tour at once, without the time limits of its steps.
 fn look(app: &mut App) {
     advance(app, Duration::from_millis(110));
 }
 
-/// Shows a bridge found by networks that agree with it.
+/// Waits until the step has found a bridge, by networks in which there are many.
 fn find_bridge(app: &mut App) {
-    let search = SearchOutcome {
-        state: vec![10.0, 10.0],
-        goal: vec![70.0, 20.0],
-        found: Some(BridgePoint { point: vec![44.0, 20.0], gain: 10.0 }),
-        ..SearchOutcome::default()
-    };
-    learn(app, squared);
-    app.screen.snapshot = Arc::new(Snapshot {
-        search: Some(Arc::new(search)),
-        ..Snapshot::clone(&app.screen.snapshot)
-    });
+    learn_everywhere(app, squared);
+    let began = Instant::now();
+    while caption(app).contains("Wait for a bridge") {
+        assert!(began.elapsed() < Duration::from_secs(20), "no bridge is found");
+        std::thread::sleep(Duration::from_millis(20));
+        advance(app, Duration::from_millis(101));
+    }
 }
 
 fn caption(app: &App) -> String {
@@ -99,9 +110,6 @@ fn the_tour_runs_through_and_leaves_everything_as_it_was() {
         assert_eq!(step(&app), Some(expected));
         if !app.maze().map.eq(&map) {
             closed.push(step_shown.title);
-        }
-        if expected == 3 {
-            assert!(app.screen.overlays.has(Overlay::Search));
         }
         time_out(&mut app);
     }
@@ -133,26 +141,70 @@ fn steps_wait_until_what_they_explain_is_seen() {
     assert_eq!(step(&app), Some(2), "a while after it was seen");
 }
 
+/// Returns the numbers of a text.
+fn numbers(text: &str) -> Vec<f32> {
+    let digits = text.split(|c: char| !c.is_ascii_digit()).filter(|part| !part.is_empty());
+    digits.map(|number| number.parse().expect("a number")).collect()
+}
+
 #[test]
-fn a_bridge_is_explained_by_its_distances_and_stays() {
+fn a_bridge_that_saves_much_is_found_drawn_and_walked() {
+    let mut app = touring_app();
+    draw(&mut app, 120, 40);
+    (0..3).for_each(|_| press(&mut app, KeyCode::Right));
+    assert!(caption(&app).contains("Wait for a bridge"), "{}", caption(&app));
+    find_bridge(&mut app);
+    let [direct] = numbers(&caption(&app))[..] else { panic!("{}", caption(&app)) };
+    assert_eq!(app.screen.field, Field::FromStart, "first D from the start");
+    press(&mut app, KeyCode::Right);
+    assert_eq!(app.screen.field, Field::Learned, "then D to the goal");
+    let [first, second, sum, direct_again] = numbers(&caption(&app))[..] else {
+        panic!("{}", caption(&app))
+    };
+    assert_eq!((first + second, direct), (sum, direct_again));
+    assert!(sum <= 0.85 * direct && first.min(second) >= 0.2 * direct, "{}", caption(&app));
+    let shown = app.screen.search().cloned().expect("the bridge is drawn");
+    let bridge = shown.found.as_ref().expect("a bridge").point.clone();
+    let by_d = |s: &[f32], g: &[f32]| squared(s, g).round();
+    assert_eq!([by_d(&shown.state, &bridge), by_d(&bridge, &shown.goal)], [first, second]);
+    assert!(app.screen.overlays.has(Overlay::Search));
+    let terminal = draw(&mut app, 120, 40);
+    let at = app.screen.layout.map.as_ref().expect("the map").character_of([bridge[0], bridge[1]]);
+    assert_eq!(terminal.backend().buffer()[at.expect("it is on the screen")].symbol(), "B");
+    press(&mut app, KeyCode::Right);
+    assert!(caption(&app).contains("@ walks from S to G"), "{}", caption(&app));
+    let goal = Cell::new(shown.goal[0] as usize, shown.goal[1] as usize);
+    let start = [shown.state[0], shown.state[1]];
+    assert_eq!(app.maze().goal, goal);
+    wait_until(&mut app, |app| {
+        app.maze().view.walk.start == start && app.maze().view.walk.steps > 0
+    });
+    press(&mut app, KeyCode::Enter);
+    assert!(app.screen.search().is_none_or(|search| *search != shown), "the next step hides it");
+}
+
+#[test]
+fn nothing_is_called_a_bridge_that_saves_nothing() {
     let mut app = touring_app();
     (0..3).for_each(|_| press(&mut app, KeyCode::Right));
-    assert!(caption(&app).contains("Wait for a find"));
+    learn_everywhere(&mut app, straight);
+    for _ in 0..100 {
+        advance(&mut app, Duration::from_millis(101));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(caption(&app).contains("Wait for a bridge"), "{}", caption(&app));
+    assert!(app.screen.search().is_none_or(|search| search.found.is_none()));
+}
+
+#[test]
+fn ending_the_tour_at_a_bridge_shows_d_to_the_goal_again() {
+    let mut app = touring_app();
+    let overlays = app.screen.overlays;
+    (0..3).for_each(|_| press(&mut app, KeyCode::Right));
     find_bridge(&mut app);
-    look(&mut app);
-    // In squared distances, 126 + 68 < 370.
-    assert!(
-        caption(&app).contains("was 126 + 68 = 194, less than D(a,g) = 370"),
-        "{}",
-        caption(&app)
-    );
-    let explained = app.screen.search().cloned();
-    app.screen.snapshot =
-        Arc::new(Snapshot { search: None, ..Snapshot::clone(&app.screen.snapshot) });
-    look(&mut app);
-    assert_eq!(app.screen.search().cloned(), explained, "later searches do not replace it");
-    press(&mut app, KeyCode::Enter);
-    assert!(app.screen.search().is_none());
+    press(&mut app, KeyCode::Esc);
+    assert_eq!((step(&app), app.screen.field), (None, Field::Learned));
+    assert_eq!(app.screen.overlays, overlays);
 }
 
 #[test]
@@ -163,8 +215,8 @@ fn clicks_and_keys_move_on_and_esc_ends() {
     let at = character_of(&app, Cell::new(10, 80));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
     assert_eq!((step(&app), app.maze().goal), (Some(1), goal), "the click sets no goal");
-    (0..4).for_each(|_| press(&mut app, KeyCode::Enter));
-    assert_eq!(step(&app), Some(5));
+    (0..6).for_each(|_| press(&mut app, KeyCode::Enter));
+    assert_eq!(step(&app), Some(7));
     assert!(app.maze().map.free_count() < builtin("fourrooms").expect("a map").free_count());
     press(&mut app, KeyCode::Esc);
     assert_eq!(step(&app), None);
@@ -272,7 +324,6 @@ fn captions_fit_and_never_cover_their_subject() {
                     check_box(&mut app, size);
                 }
                 find_bridge(&mut app);
-                look(&mut app);
                 check_box(&mut app, size);
                 app.act(Action::NextTourStep);
             }

@@ -1,19 +1,19 @@
 //! The steps of the tour.
 
-use std::sync::Arc;
-
+use super::bridges::FoundBridge;
 use super::{Tour, Watched, edit_cells, show_overlay};
 use crate::tui::action::Action;
+use crate::tui::app::view;
 use crate::tui::layers::Overlay;
 use crate::tui::link::Link;
 use crate::tui::scene::{MazeState, Scene};
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
 use crate::tui::tour::Caption;
-use gdg::bridge::SearchOutcome;
 use gdg::draw::{ContourLine, contour_lines};
 use gdg::learn::Scratch;
 use gdg::map::Cell;
+use gdg::viewer::Field;
 
 /// The map of the tour, and where its agent starts.
 pub const MAP: &str = "fourrooms";
@@ -40,10 +40,6 @@ const DOORS: [([Cell; 2], Cell); 2] = [
 /// again.
 const LONGER: f32 = 2.5;
 const BACK: f32 = 1.3;
-
-/// Steps that a bridge must save to be shown, and seconds after which any will do.
-const CLEAR_GAIN: f32 = 3.0;
-const PATIENCE_SECS: f32 = 8.0;
 
 /// Cells between points of a line that captions do not cover.
 const SPACING: f32 = 2.0;
@@ -73,11 +69,25 @@ pub const STEPS: &[Step] = &[
     Step { title: "D bends", reading_secs: 7.0, limit_secs: 25.0, enter: None, look: bending },
     Step { title: "Contours", reading_secs: 7.0, limit_secs: 10.0, enter: None, look: contour },
     Step {
+        title: "Too far",
+        reading_secs: 6.0,
+        limit_secs: 30.0,
+        enter: Some(colour_from_start),
+        look: too_far,
+    },
+    Step {
         title: "A bridge",
-        reading_secs: 9.0,
-        limit_secs: 24.0,
-        enter: Some(show_search),
+        reading_secs: 8.0,
+        limit_secs: 8.0,
+        enter: Some(show_bridge),
         look: bridge,
+    },
+    Step {
+        title: "Over the bridge",
+        reading_secs: 4.0,
+        limit_secs: 14.0,
+        enter: Some(walk_over),
+        look: over_bridge,
     },
     Step { title: "A plan", reading_secs: 1.5, limit_secs: 16.0, enter: Some(aim_far), look: plan },
     Step {
@@ -160,7 +170,7 @@ fn bending(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     let open = distance_to_goal(maze, screen, SAME_ROOM.centre());
     let seen = open >= PLAUSIBLE * straight && learned >= BENT * open.max(straight);
     if seen {
-        keep_clearest_bridge(screen, tour);
+        tour.hunt.go_on(&screen.snapshot.networks);
     }
     let then =
         if seen { "D has learned to go round the wall." } else { "Watch it learn about the wall." };
@@ -196,7 +206,7 @@ fn contour_near(maze: &MazeState, screen: &Screen, near: [f32; 2]) -> Option<(Ve
 }
 
 fn contour(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
-    keep_clearest_bridge(screen, tour);
+    tour.hunt.go_on(&screen.snapshot.networks);
     let Some((line, level)) = contour_near(maze, screen, Cell::new(24, 24).centre()) else {
         return Caption {
             text: "Contour lines connect places with the same D.".to_owned(),
@@ -211,76 +221,115 @@ fn contour(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     Caption { text, subject: line, marks, seen: true }
 }
 
-fn show_search(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-    tour.shows_search = show_overlay(Overlay::Search, true, scene, screen, link);
+/// What is said as long as no bridge has been found.
+const NO_BRIDGE: &str = "Wait for a bridge: a place B from S to G with D(S,B) + D(B,G) far below \
+     D(S,G).";
+
+/// Returns the bridge that is shown. As long as there is none, looks for one, with which the step
+/// begins again.
+fn shown_bridge(tour: &mut Tour, screen: &Screen) -> Option<FoundBridge> {
+    if !tour.shows_bridge {
+        tour.hunt.go_on(&screen.snapshot.networks);
+        tour.enters_again = tour.hunt.best.is_some();
+        return None;
+    }
+    tour.hunt.best.clone()
 }
 
-/// A bridge search with a find that is clear to see.
-pub struct FoundBridge {
-    /// The search.
-    pub search: Arc<SearchOutcome>,
-    /// Start, bridge and goal.
-    stops: [[f32; 2]; 3],
-    /// D(a,B), D(B,g) and D(a,g), rounded to steps.
-    distances: [f32; 3],
+/// Returns the caption of a step about a bridge, as long as none has been found.
+fn no_bridge(maze: &MazeState) -> Caption {
+    let subject = vec![maze.goal.centre()];
+    Caption { text: NO_BRIDGE.to_owned(), subject, ..Caption::default() }
 }
 
-impl FoundBridge {
-    /// Returns the steps that it saves.
-    fn gain(&self) -> f32 {
-        let [first, second, direct] = self.distances;
-        direct - first - second
+/// Puts start and goal at the ends of the bridge that has been found, and sends the agent off;
+/// returns whether one has.
+fn stage_bridge(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) -> bool {
+    if let Some(FoundBridge { stops: [start, _, goal], .. }) = tour.hunt.best.clone() {
+        let cell = |at: [f32; 2]| Cell::new(at[0] as usize, at[1] as usize);
+        (tour.start, tour.shows_bridge) = (cell(start), true);
+        tour.aim_at(cell(goal), scene, screen, link);
+    }
+    tour.shows_bridge
+}
+
+fn colour_from_start(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    if stage_bridge(tour, scene, screen, link) {
+        view::show_field(Field::FromStart, screen, link);
     }
 }
 
-/// Returns the latest search if it has found a bridge by the networks that are shown, which may be
-/// newer than its own.
-fn found_bridge(screen: &Screen, least_gain: f32) -> Option<FoundBridge> {
-    let search = screen.snapshot.search.as_ref()?;
-    let at = |numbers: &[f32]| [numbers[0], numbers[1]];
-    let stops = [at(&search.state), at(&search.found.as_ref()?.point), at(&search.goal)];
-    let distances = [(0, 1), (1, 2), (0, 2)]
-        .map(|(from, to)| distance(screen, &stops[from], &stops[to]).round());
-    let bridge = FoundBridge { search: search.clone(), stops, distances };
-    (bridge.gain() >= least_gain).then_some(bridge)
+fn too_far(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
+    let Some(FoundBridge { stops: [start, _, goal], distances: [.., direct], .. }) =
+        shown_bridge(tour, screen)
+    else {
+        return no_bridge(maze);
+    };
+    let (shown, line) = if is_mono(screen) { ("Shades", "x") } else { ("Colours", "dots") };
+    let text = format!(
+        "{shown} now show D from S. To G, straight along the {line}, it says {direct:.0} steps. But D is better at short ways \
+         than at long ones."
+    );
+    let between = points_along(&[start, goal]);
+    let sign = if is_mono(screen) { 'x' } else { '\u{2022}' };
+    let marks = between.iter().map(|at| (*at, sign)).collect();
+    Caption { text, subject: [vec![goal], between].concat(), marks, seen: true }
 }
 
-/// Keeps the clearest find, so that the step about bridges need not wait for one.
-fn keep_clearest_bridge(screen: &Screen, tour: &mut Tour) {
-    let kept = tour.bridge.as_ref().map_or(CLEAR_GAIN, |bridge| bridge.gain() + 1.0);
-    if let Some(clearer) = found_bridge(screen, kept) {
-        tour.bridge = Some(clearer);
+fn show_bridge(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    view::show_field(Field::Learned, screen, link);
+    if tour.shows_bridge || stage_bridge(tour, scene, screen, link) {
+        tour.shows_search |= show_overlay(Overlay::Search, true, scene, screen, link);
     }
 }
 
 fn bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
-    if tour.bridge.is_none() {
-        tour.bridge =
-            found_bridge(screen, if tour.elapsed < PATIENCE_SECS { CLEAR_GAIN } else { 1.0 });
-    }
-    let Some(FoundBridge { stops, distances: [first, second, direct], .. }) = &tour.bridge else {
-        let end = if tour.elapsed < PATIENCE_SECS {
-            "Wait for a find."
-        } else {
-            "None lately: D already takes the shortest way, so no bridge shortens it."
-        };
-        let text = format!(
-            "Agents look for bridges B on the way from a to g: D(a,B) + D(B,g) < D(a,g). {end}"
-        );
-        return Caption { text, subject: vec![maze.goal.centre()], ..Caption::default() };
+    let shown = shown_bridge(tour, screen);
+    let Some(FoundBridge { stops, distances: [first, second, direct], .. }) = shown else {
+        return no_bridge(maze);
     };
-    let tried = if is_mono(screen) { "The x" } else { "The dots around" };
+    let line = if is_mono(screen) { "the =" } else { "the line" };
     let text = format!(
-        "An agent found this bridge B: D(a,B) + D(B,g) was {first:.0} + {second:.0} = {:.0}, less than D(a,g) = {direct:.0}. \
-         One hard task becomes two easier ones. {tried} are places that saved nothing.",
+        "Over B, along {line}, D says less: D(S,B) + D(B,G) = {first:.0} + {second:.0} = {:.0}, not D(S,G) = {direct:.0}. \
+         B is a bridge: it makes one hard task two easier ones. D alone has found it, without a look at the map.",
         first + second
     );
-    let subject = [vec![stops[1]], points_along(stops)].concat();
+    let subject = [vec![stops[1]], points_along(&stops)].concat();
     Caption { text, subject, marks: Vec::new(), seen: true }
 }
 
+fn walk_over(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    show_bridge(tour, scene, screen, link);
+    if tour.shows_bridge {
+        tour.send_walker(screen, link);
+        tour.stays = true;
+    }
+}
+
+fn over_bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
+    let shown = shown_bridge(tour, screen);
+    let Some(FoundBridge { stops, distances: [first, second, direct], .. }) = shown else {
+        return no_bridge(maze);
+    };
+    let walk = &maze.view.walk;
+    // An earlier walk has ended when the step begins.
+    let seen = walk.arrived && tour.elapsed > 1.0;
+    let state = if seen {
+        format!("It has arrived after {} steps.", walk.steps)
+    } else {
+        format!("{} steps so far.", walk.steps)
+    };
+    let text = format!(
+        "Now @ walks from S to G, from bridge to bridge. {state} D(S,G) was {direct:.0}, over B {:.0}.",
+        first + second
+    );
+    let subject = [vec![stops[2]], points_along(&stops)].concat();
+    Caption { text, subject, marks: Vec::new(), seen }
+}
+
 fn aim_far(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-    tour.hide_search(scene, screen, link);
+    tour.hide_bridge(scene, screen, link);
+    tour.start = START;
     tour.aim_at(FAR_GOAL, scene, screen, link);
 }
 

@@ -5,8 +5,11 @@ use ratatui::text::Line;
 use super::MazeState;
 use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
-use crate::tui::text::{fact, heading};
+use crate::tui::text::{fact, heading, wrapped};
 use gdg::text::counted;
+
+/// Columns of sentences in the pane.
+const TEXT_WIDTH: usize = 26;
 
 /// Returns the pane's lines.
 pub fn lines(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
@@ -46,11 +49,17 @@ fn walker(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
             shown.waypoint.map_or("the goal".to_owned(), |at| format_position(&at)),
         ),
         planned("D to it", format_steps(shown.distances.1)),
-        planned("ahead", ahead(maze.view.path.len())),
+    ];
+    let plan = bridges(maze);
+    if plan.is_empty() {
+        lines.push(planned("ahead", ahead(maze.view.path.len())));
+    }
+    lines.extend(plan);
+    lines.extend([
         heading("walks"),
         fact("arrived", format!("{} of {}", shown.finished_walks.0, shown.finished_walks.1)),
         fact("then", screen.on_arrival.name()),
-    ];
+    ]);
     lines.extend(walk::keys(screen));
     lines
 }
@@ -62,6 +71,25 @@ fn ahead(stops: usize) -> String {
         1 => "straight to G".to_owned(),
         _ => counted(stops as u64 - 1, "waypoint"),
     }
+}
+
+/// Says what bridges do for the plan of the walking agent, if there are any ahead.
+fn bridges(maze: &MazeState) -> Vec<Line<'static>> {
+    let (bridges, walk) = (maze.view.path.len().saturating_sub(1), &maze.view.walk);
+    if bridges == 0 || walk.arrived || walk.along.is_nan() {
+        return Vec::new();
+    }
+    let (direct, along) = (walk.distances.0.round(), walk.along.round());
+    let effect = if along < direct {
+        format!("{:.0} steps shorter", direct - along)
+    } else {
+        "no shorter, but each hop is short enough to trust".to_owned()
+    };
+    let text = format!(
+        "{}; direct D says {direct:.0}, along bridges {along:.0}: {effect}",
+        counted(bridges as u64, "waypoint")
+    );
+    wrapped(&text, TEXT_WIDTH).into_iter().map(|row| Line::raw(format!(" {row}"))).collect()
 }
 
 fn explorer(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {

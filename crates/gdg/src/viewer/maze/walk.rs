@@ -27,6 +27,9 @@ pub struct Walk {
     pub shortest: Option<u32>,
     /// D to the goal, and to the current waypoint.
     pub distances: (f32, f32),
+    /// D along the plan: from here to the first waypoint, from each to the next, and to the goal.
+    /// NaN without a plan.
+    pub along: f32,
     /// Current waypoint, if it is not the goal.
     pub waypoint: Option<[f32; 2]>,
     /// Whether it has arrived.
@@ -73,8 +76,13 @@ impl MazeWorker {
         let at = self.position();
         self.resting = 0;
         let finished_walks = self.view.walk.finished_walks;
-        self.view.walk =
-            Walk { start: at, finished_walks, distances: (f32::NAN, f32::NAN), ..Walk::default() };
+        self.view.walk = Walk {
+            start: at,
+            finished_walks,
+            distances: (f32::NAN, f32::NAN),
+            along: f32::NAN,
+            ..Walk::default()
+        };
         self.pilot.forget_plan();
         self.view.path.clear();
         self.view.walk.shortest =
@@ -143,6 +151,10 @@ impl MazeWorker {
         let is_plan = self.view.walk.shortest.is_some()
             && (waypoints.len() > 1 || sees(self.world.map(), at, goal));
         self.view.path = if is_plan { waypoints } else { Vec::new() };
+        let stops: Vec<[f32; 2]> = [at].into_iter().chain(self.view.path.clone()).collect();
+        let hop = |ends: &[[f32; 2]]| self.pilot.distance(&ends[0], &ends[1]);
+        let hops = stops.windows(2).map(hop);
+        self.view.walk.along = hops.reduce(|sum, hop| sum + hop).unwrap_or(f32::NAN);
         self.view.walk.distances.1 = self.pilot.distance(&at, &target);
         self.view.walk.waypoint = (target != goal).then_some(target);
         self.view.walk.steps += 1;
