@@ -24,7 +24,7 @@ use ratatui::Frame;
 use tokio::sync::watch;
 
 use super::action::{Action, Mode};
-use super::busy;
+use super::busy::Busy;
 use super::config::UiConfig;
 use super::dialog::{Choice, Dialog};
 use super::graphics::{Graphics, Picture, Redraw};
@@ -39,7 +39,7 @@ use super::screen::Screen;
 use super::theme::ThemeName;
 use exports::Exports;
 pub use files::remember_map;
-use gdg::engine::{Command, EngineLink, Snapshot};
+use gdg::engine::{Command, EngineLink, NextEvaluation, Snapshot};
 use gdg::viewer::{Field, Request, View, Viewer};
 pub use saving::Files;
 use saving::Saver;
@@ -163,7 +163,15 @@ impl App {
 
     /// Looks at what the trainer is doing; returns whether the screen changes.
     pub(in crate::tui) fn update_busy(&mut self) -> bool {
-        busy::on_tick(self.link.engine(), &mut self.screen)
+        let Self { link, screen, .. } = self;
+        let evaluation_secs = match screen.snapshot.next_evaluation {
+            NextEvaluation::Running(since) => Some(since.elapsed().as_secs()),
+            _ => None,
+        };
+        let now = (Busy::now(link.engine()), evaluation_secs);
+        let before = (screen.busy, screen.evaluation_secs);
+        (screen.busy, screen.evaluation_secs) = now;
+        now != before
     }
 
     /// Lets the scene react to something.

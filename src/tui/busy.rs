@@ -3,8 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use super::screen::Screen;
-use gdg::engine::{EngineLink, NextEvaluation};
+use gdg::engine::EngineLink;
 
 /// Time after which it is shown.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -29,7 +28,7 @@ pub struct Busy {
 
 impl Busy {
     /// Returns what a trainer is doing instead of training, if that takes long.
-    fn now(engine: &EngineLink) -> Option<Self> {
+    pub fn now(engine: &EngineLink) -> Option<Self> {
         let (name, time) = engine.busy().filter(|(_, time)| *time >= PATIENCE)?;
         let (_, doing) = ACTIVITIES.iter().find(|(known, _)| *known == name)?;
         Some(Self { doing, seconds: time.as_secs() })
@@ -41,16 +40,4 @@ impl fmt::Display for Busy {
         f.write_str(self.doing)?;
         if self.seconds > 0 { write!(f, ", {} s", self.seconds) } else { Ok(()) }
     }
-}
-
-/// Looks at the trainer; returns whether the screen changes.
-pub fn on_tick(engine: &EngineLink, screen: &mut Screen) -> bool {
-    let evaluation_secs = match screen.snapshot.next_evaluation {
-        NextEvaluation::Running(since) => Some(since.elapsed().as_secs()),
-        _ => None,
-    };
-    let now = (Busy::now(engine), evaluation_secs);
-    let before = (screen.busy, screen.evaluation_secs);
-    (screen.busy, screen.evaluation_secs) = now;
-    now != before
 }

@@ -158,11 +158,13 @@ fn no_dialog_cuts_text_without_saying_so() {
     }
 }
 
+/// A question by its name.
+type Ask<'a> = (&'a str, Box<dyn Fn() -> crate::tui::dialog::Picker + 'a>);
+
 #[test]
 fn no_question_cuts_what_it_asks_about() {
     let (path, map) = (long_path(), long_map());
     let autosave = [path.with_file_name(format!("{LONG_NAME}-auto-123456789.safetensors"))];
-    type Ask<'a> = (&'a str, Box<dyn Fn() -> crate::tui::dialog::Picker + 'a>);
     let questions: [Ask; 6] = [
         ("quit", Box::new(|| lists::quit_choices(123_456_789, true, &path, &[]))),
         ("quit with autosave", Box::new(|| lists::quit_choices(1, true, &path, &autosave))),
