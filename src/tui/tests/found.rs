@@ -63,7 +63,7 @@ fn an_offer_is_hidden_by_esc_and_its_key_means_directions_again() {
     let saved = saved_run(folder.path(), &app);
     offer(saved, &mut app.screen);
     let shown = text(&draw(&mut app, 80, 24));
-    assert!(shown.contains("gdg: 0 updates, seed 1, saved just now: r resumes"), "{shown}");
+    assert!(shown.contains("gdg: 0 updates: r resumes  Esc hides"), "{shown}");
     press(&mut app, KeyCode::Esc);
     assert!(app.screen.offer.is_none());
     press(&mut app, KeyCode::Char('r'));

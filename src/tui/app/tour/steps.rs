@@ -273,7 +273,7 @@ fn too_far(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     let between = points_along(&[start, goal]);
     let sign = if is_mono(screen) { 'x' } else { '\u{2022}' };
     let marks = between.iter().map(|at| (*at, sign)).collect();
-    Caption { text, subject: [vec![goal], between].concat(), marks, seen: true }
+    Caption { text, subject: vec![goal, start], marks, seen: true }
 }
 
 fn show_bridge(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
@@ -294,8 +294,9 @@ fn bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
          B is a bridge: it makes one hard task two easier ones. D alone has found it, without a look at the map.",
         first + second
     );
-    let subject = [vec![stops[1]], points_along(&stops)].concat();
-    Caption { text, subject, marks: Vec::new(), seen: true }
+    // Wherever the three are, there is room for the box beside them; a whole line may leave none.
+    let [start, bridge, goal] = stops;
+    Caption { text, subject: vec![bridge, start, goal], marks: Vec::new(), seen: true }
 }
 
 fn walk_over(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {

@@ -231,7 +231,7 @@ fn pictures_show_both_maps_or_the_whole_screen() {
     assert!(width == 8 * 80 && (16 * 10..16 * 20).contains(&height), "{width} x {height}");
     let drawing = comparison.contents(ExportKind::ScreenSvg).expect("a drawing");
     let drawing = String::from_utf8(drawing).expect("text");
-    assert!(drawing.contains("<svg") && drawing.contains("success"));
+    assert!(drawing.contains("<svg") && drawing.matches("<text").count() > 500);
 }
 
 #[test]
