@@ -43,6 +43,8 @@ pub struct Saver {
     was_training: bool,
     /// Whether there was an internal error.
     pub has_failed: bool,
+    /// Whether a failure opens a dialog that offers to save.
+    offers: bool,
 }
 
 /// The progress of quitting.
@@ -70,12 +72,13 @@ impl Saver {
             then: None,
             was_training: false,
             has_failed: false,
+            offers: true,
         }
     }
 
     /// Never offers to save after a failure: a comparison saves nothing.
     pub fn offers_nothing(&mut self) {
-        self.has_failed = true;
+        self.offers = false;
     }
 
     /// Chooses the file for the run in `snapshot`: a file belongs to the run that wrote or loaded
@@ -257,7 +260,9 @@ impl Saver {
     }
 
     fn show_failure(&self, title: &str, problem: &str, screen: &mut Screen) {
-        screen.open(lists::failure(title, problem, &self.next_file(), &logging::hint()));
+        if self.offers {
+            screen.open(lists::failure(title, problem, &self.next_file(), &logging::hint()));
+        }
     }
 
     /// Handles a signal to end the program: unsaved training worth asking about will be saved on

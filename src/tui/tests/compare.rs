@@ -299,7 +299,7 @@ fn quitting_asks_nothing_and_help_says_that_nothing_is_saved() {
     press(&mut comparison, KeyCode::Char('q'));
     assert!(comparison.is_done());
     let closed = comparison.close();
-    assert!(closed.saved.is_ok() && !closed.failed);
+    assert!(closed.saved.is_ok() && !closed.failed, "{} {:?}", closed.summary, closed.saved);
     assert!(
         closed.summary.contains("A: gdg-bridge on rooms")
             && closed.summary.contains("B: gdg on rooms")
