@@ -14,7 +14,7 @@ use crate::support::{
     with_updated_checksum,
 };
 use gdg::train::Registry;
-use gdg::{map, train};
+use gdg::{env, map, train};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -479,6 +479,10 @@ fn fuzzing_seeds_are_read_or_refused() {
                         (0..4).for_each(|_| drop(trainer.tick()));
                     }
                 }
+            }
+            "data" => {
+                let world = env::PointMaze::new(std::sync::Arc::new(trap.clone()), 0);
+                drop(train::Dataset::read(&path, &world));
             }
             "cast" => {
                 drop(gdg_tui::commands::frames::play(&path, vec![0.0, f64::MAX], |_, _| Ok(())));

@@ -91,7 +91,7 @@ fn scale_and_goal_radius_are_kept_with_the_map() {
     std::fs::write(path.join("v.json"), MAZE.replace("'g',0", "'g',1")).unwrap();
     assert_eq!(trained(path, &["--resume", "u.safetensors", "--edit-at", "2:v.json"]), begun);
     let refused = refusal(path, &["--no-ui", "--resume", "u.safetensors", "--cell", "4"]);
-    assert!(refused.contains("a checkpoint contains its map and its scale"), "{refused}");
+    assert!(refused.contains("a checkpoint contains its world and its scale"), "{refused}");
     let refused = refusal(path, &["--no-ui", "fetch-reach", "--method", "gdg", "--cell", "4"]);
     assert!(refused.contains("applies only to maps"), "{refused}");
     let refused = refusal(path, &["check", "u.json", "--goal-radius", "1000"]);

@@ -136,7 +136,7 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     again.wait_for("loaded saves/rooms-gdg-bridge-seed3.safetensors");
     // The map given on the command line can be opened again.
     again.press("O");
-    again.wait_for("rooms.txt  recent");
+    again.wait_for("recent");
     again.press("\x1b");
     again.wait_until_gone("recent");
     again.press("\x03");
