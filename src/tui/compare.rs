@@ -210,6 +210,9 @@ impl Comparison {
         let of = |i: usize| self.sides[i].app.screen.log.notice();
         own.or_else(|| match (of(0), of(1)) {
             (Some(a), Some(b)) if a.text == b.text => Some((a.text.to_owned(), a)),
+            (Some(a), Some(b)) => {
+                Some((format!("{}: {}; {}: {}", LETTERS[0], a.text, LETTERS[1], b.text), a))
+            }
             (Some(notice), _) => Some((format!("{}: {}", LETTERS[0], notice.text), notice)),
             (None, Some(notice)) => Some((format!("{}: {}", LETTERS[1], notice.text), notice)),
             (None, None) => None,

@@ -22,11 +22,24 @@ impl Comparison {
         }
     }
 
-    /// Returns a picture of the screen in characters, without dialogs, or of both maps.
+    /// Returns a picture of the screen in characters, without dialogs, or of both maps; in full
+    /// colour even on a terminal that has fewer colours.
     ///
     /// # Errors
     /// The screen is too small, or the picture cannot be encoded.
-    pub fn contents(&self, kind: ExportKind) -> Result<Vec<u8>, ExportError> {
+    pub fn contents(&mut self, kind: ExportKind) -> Result<Vec<u8>, ExportError> {
+        let own = self.sides.each_ref().map(|side| side.app.screen.theme);
+        for (side, own) in self.sides.iter_mut().zip(&own) {
+            side.app.screen.theme = own.in_full_colour();
+        }
+        let drawn = self.contents_as_they_are(kind);
+        for (side, own) in self.sides.iter_mut().zip(own) {
+            side.app.screen.theme = own;
+        }
+        drawn
+    }
+
+    fn contents_as_they_are(&self, kind: ExportKind) -> Result<Vec<u8>, ExportError> {
         let Rect { width, height, .. } = self.layout.screen;
         let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1)))
             .map_err(std::io::Error::other)?;

@@ -15,10 +15,15 @@ const SAMPLE: usize = 96;
 /// How far apart the samples of two looks are, in candidates.
 const NEXT_SAMPLE: usize = 41;
 
-/// The least that a bridge saves: steps, and a share of D(s,g). And the least share that either
-/// part of the way has, so that the bridge is between start and goal.
+/// The least that a bridge saves: steps, and a share of D(s,g).
 const LEAST_GAIN_STEPS: f32 = 6.0;
 const LEAST_GAIN: f32 = 0.15;
+
+/// The least D(s,g), in steps, of what is called a hard task.
+const LEAST_DIRECT_STEPS: f32 = 30.0;
+
+/// The least share of D(s,g) that either part of the way has, so that the bridge is between start
+/// and goal.
 const LEAST_PART: f32 = 0.2;
 
 /// A find replaces a better one that is older, and D has changed since, if it saves this share of
@@ -62,7 +67,7 @@ impl FoundBridge {
 }
 
 fn is_clear(gain: f32, direct: f32) -> bool {
-    gain >= LEAST_GAIN_STEPS && gain >= LEAST_GAIN * direct
+    direct >= LEAST_DIRECT_STEPS && gain >= LEAST_GAIN_STEPS && gain >= LEAST_GAIN * direct
 }
 
 fn is_between(first: f32, second: f32, direct: f32) -> bool {
@@ -155,6 +160,6 @@ mod tests {
         let looks = (0..4).filter_map(|look| clearest(&networks, look * NEXT_SAMPLE));
         let best = looks.max_by(|a, b| a.gain().total_cmp(&b.gain())).expect("a bridge");
         let [first, second, direct] = best.distances;
-        assert!(first + second <= 0.85 * direct && direct > 15.0, "{:?}", best.distances);
+        assert!(first + second <= 0.85 * direct && direct >= 30.0, "{:?}", best.distances);
     }
 }

@@ -286,7 +286,7 @@ fn show_bridge(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &m
 fn bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     let shown = shown_bridge(tour, screen);
     let Some(FoundBridge { stops, distances: [first, second, direct], .. }) = shown else {
-        return no_bridge(maze);
+        return Caption { seen: true, ..no_bridge(maze) };
     };
     let line = if is_mono(screen) { "the =" } else { "the line" };
     let text = format!(
@@ -310,7 +310,7 @@ fn walk_over(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut
 fn over_bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     let shown = shown_bridge(tour, screen);
     let Some(FoundBridge { stops, distances: [first, second, direct], .. }) = shown else {
-        return no_bridge(maze);
+        return Caption { seen: true, ..no_bridge(maze) };
     };
     let walk = &maze.view.walk;
     // An earlier walk has ended when the step begins.

@@ -220,18 +220,32 @@ fn pictures_show_both_maps_or_the_whole_screen() {
     let shown = text(&draw(&mut comparison, (80, 24)));
     assert!(shown.contains("both maps as bitmap") && shown.contains("screen as vector graphic"));
     press(&mut comparison, KeyCode::Esc);
-    let size = |comparison: &Comparison, kind| {
+    let size = |comparison: &mut Comparison, kind| {
         let file = comparison.contents(kind).expect("a picture");
         let reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a PNG");
         (reader.info().width, reader.info().height)
     };
     draw(&mut comparison, (80, 24));
-    assert_eq!(size(&comparison, ExportKind::ScreenPng), (8 * 80, 16 * 24));
-    let (width, height) = size(&comparison, ExportKind::MapPng);
+    assert_eq!(size(&mut comparison, ExportKind::ScreenPng), (8 * 80, 16 * 24));
+    let (width, height) = size(&mut comparison, ExportKind::MapPng);
     assert!(width == 8 * 80 && (16 * 10..16 * 20).contains(&height), "{width} x {height}");
     let drawing = comparison.contents(ExportKind::ScreenSvg).expect("a drawing");
     let drawing = String::from_utf8(drawing).expect("text");
     assert!(drawing.contains("<svg") && drawing.matches("<text").count() > 500);
+}
+
+#[test]
+fn pictures_have_all_colours_on_terminals_that_have_few() {
+    let mut comparison = stopped_comparison();
+    draw(&mut comparison, (80, 24));
+    stage(&mut comparison);
+    let [full, few] = [ColourDepth::True, ColourDepth::Basic].map(|depth| {
+        let theme = Theme::new(ThemeName::Dark, depth);
+        comparison.apps().into_iter().for_each(|app| app.screen.theme = theme);
+        comparison.contents(ExportKind::ScreenPng).expect("a picture")
+    });
+    assert!(full == few);
+    assert!(comparison.apps().iter().all(|app| app.screen.theme.depth == ColourDepth::Basic));
 }
 
 #[test]
