@@ -8,11 +8,11 @@ fn the_tour_is_recorded_and_goes_on_by_enter() {
     let cast = folder.path().join("tour.cast");
     let args = ["tour", "--threads", "1", "--record", cast.to_str().unwrap()];
     let mut session = Session::start(folder.path(), &args);
-    session.wait_for("1/8 No reward");
+    session.wait_for("1/10 No reward");
     session.press("\r");
-    session.wait_for("2/8 D bends");
+    session.wait_for("2/10 D bends");
     session.press("\x1b");
-    session.wait_until_gone("2/8 D bends");
+    session.wait_until_gone("2/10 D bends");
     session.signal("TERM");
     assert_eq!(session.end(), 143);
     assert!(std::fs::read_to_string(&cast).unwrap().contains("No reward"));
