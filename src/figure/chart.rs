@@ -1,6 +1,6 @@
 //! Charts of curves: means over seeds with their bands, all over the same range.
 
-use gdg::draw::Rgb;
+use gdg::draw::{Rgb, contrast};
 
 use super::labels::spread;
 use super::letters::{fitted, width};
@@ -287,12 +287,8 @@ fn marker(number: usize, [x, y]: [f32; 2]) -> Vec<[f32; 2]> {
 
 /// Returns `colour`, darkened until text in it is easy to read on white (a contrast of 4.5).
 fn dark(colour: Rgb) -> Rgb {
-    let linear = |part: u8| (f32::from(part) / 255.0).powf(2.2);
-    let is_dark = |(r, g, b): Rgb| {
-        1.05 / (0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b) + 0.05) >= 4.5
-    };
     let mut found = colour;
-    while !is_dark(found) {
+    while contrast(found, (255, 255, 255)) < 4.5 {
         let darker = |part: u8| (f32::from(part) * 0.95) as u8;
         found = (darker(found.0), darker(found.1), darker(found.2));
     }

@@ -7,7 +7,7 @@ use svg::Document;
 use svg::node::element::{Group, Image, Polygon, Polyline, Rectangle, Text as Letters, Title};
 
 use super::sheet::{Anchor, Mark, Sheet, Text};
-use gdg::draw::Rgb;
+use gdg::draw::hex;
 
 /// Returns the document.
 ///
@@ -78,8 +78,4 @@ fn corners(points: &[[f32; 2]]) -> String {
 
 fn hundredths(length: f32) -> f32 {
     (100.0 * length).round() / 100.0
-}
-
-fn hex((r, g, b): Rgb) -> String {
-    format!("#{r:02x}{g:02x}{b:02x}")
 }

@@ -12,10 +12,10 @@ use serde::{Deserialize, Serialize};
 pub use gdg::draw::{Rgb, blend, contour, lightness};
 use gdg::draw::{distance_colour, sample};
 use gdg::text::terminal_obeys_escapes;
+#[cfg(test)]
+pub use palette::LEAST_CONTRAST;
 pub use palette::rgb_of_indexed;
 use palette::{Gradients, Palette};
-#[cfg(test)]
-pub use palette::{LEAST_CONTRAST, contrast};
 
 /// How many colours the terminal shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

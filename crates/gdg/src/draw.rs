@@ -9,7 +9,7 @@ mod raster;
 mod segment;
 
 pub use animation::Animation;
-pub use colour::{Rgb, WALL, blend, contour, distance_colour, lightness, sample};
+pub use colour::{Rgb, WALL, blend, contour, contrast, distance_colour, hex, lightness, sample};
 pub use contour::{ContourLine, ContourPath, contour_interval, contour_lines, contour_paths};
 pub use letters::{TextPixel, has_letter, paint_text, text_size};
 pub use picture::Picture;

@@ -57,8 +57,8 @@ pub struct EngineLink {
 }
 
 impl EngineLink {
-    /// Creates a link to whatever receives `commands`, publishes `snapshots`, and tells `pulse` what
-    /// it is doing.
+    /// Links to an engine that receives `commands`, publishes `snapshots` and tells `pulse` what it
+    /// is doing.
     pub fn new(
         commands: SyncSender<Command>,
         snapshots: watch::Receiver<Arc<Snapshot>>,

@@ -218,7 +218,7 @@ fn records(path: &Path) -> Result<Vec<PlottedRun>, Report> {
             // The last line of a run that goes on may be incomplete.
             Err(_) if !runs.is_empty() && !line.ends_with(b"\n") => break,
             Err(error) => {
-                // It is told the line alone.
+                // The parser sees this line only, so its line number is always 1.
                 let (column, error) = (error.column(), sanitized(&error.to_string()));
                 let error = error.split(" at line ").next().unwrap_or_default();
                 let at = format!("{}:{number}:{column}", path.display());

@@ -9,6 +9,7 @@ use svg::node::element::{Rectangle, Text};
 use super::PageColours;
 use super::picture::colours;
 use crate::tui::theme::Rgb;
+use gdg::draw::hex;
 
 /// Size of a character.
 const WIDTH: f32 = 8.0;
@@ -62,10 +63,6 @@ fn block((x, y): (f32, f32), (width, height): (f32, f32), rgb: Rgb) -> Rectangle
         .set("width", width)
         .set("height", height)
         .set("fill", hex(rgb))
-}
-
-fn hex((r, g, b): Rgb) -> String {
-    format!("#{r:02x}{g:02x}{b:02x}")
 }
 
 /// Returns a block element as rectangles within a character (left, top, width, height), since fonts

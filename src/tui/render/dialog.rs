@@ -87,17 +87,9 @@ pub fn draw_picker(
 /// cut off.
 fn lines_above(picker: &Picker, columns: usize, most: u16) -> Vec<Line<'static>> {
     let room = usize::from(most).saturating_sub(1);
-    let mut lines: Vec<String> = picker
-        .text
-        .lines()
-        .flat_map(|line| wrapped(line, columns.saturating_sub(2).max(1)))
-        .collect();
-    if lines.len() > room {
-        lines.truncate(room);
-        if let Some(last) = lines.last_mut() {
-            *last = format!("{} ...", last.unicode_truncate(columns.saturating_sub(6)).0);
-        }
-    }
+    let columns = columns.saturating_sub(2).max(1);
+    let lines = picker.text.lines().flat_map(|line| wrapped(line, columns)).collect();
+    let mut lines = first_lines(lines, room, columns);
     if !lines.is_empty() {
         lines.push(String::new());
     }

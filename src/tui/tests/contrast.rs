@@ -8,8 +8,9 @@ use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::marker::Marker;
 use crate::tui::output::ExportKind;
 use crate::tui::raster::MapFrame;
-use crate::tui::theme::{LEAST_CONTRAST, Rgb, contrast, rgb_of_indexed};
+use crate::tui::theme::{LEAST_CONTRAST, Rgb, rgb_of_indexed};
 use gdg::draw::Ground;
+use gdg::draw::contrast;
 use gdg::viewer::maze::{Exploration, Knowledge};
 
 const SIZE: (u16, u16) = (120, 40);

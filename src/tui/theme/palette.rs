@@ -4,7 +4,7 @@
 use anstyle::{Ansi256Color, RgbColor};
 use anstyle_lossy::palette::VGA;
 use anstyle_lossy::xterm_to_rgb;
-use gdg::draw::{Rgb, contour, lightness};
+use gdg::draw::{Rgb, contour, contrast, lightness};
 
 use super::ThemeName;
 
@@ -116,21 +116,6 @@ fn levels() -> [f32; LEVELS] {
 
 fn at(levels: &[Rgb; LEVELS], share: f32) -> Rgb {
     levels[(share.clamp(0.0, 1.0) * (LEVELS - 1) as f32).round() as usize]
-}
-
-/// Returns the contrast of two colours, from 1 (none) to 21: the ratio of WCAG 2.
-pub fn contrast(a: Rgb, b: Rgb) -> f32 {
-    let (a, b) = (luminance(a), luminance(b));
-    (a.max(b) + 0.05) / (a.min(b) + 0.05)
-}
-
-/// Returns the relative luminance of a colour, from 0 to 1.
-fn luminance((r, g, b): Rgb) -> f32 {
-    let [r, g, b] = [r, g, b].map(|channel| {
-        let own = f32::from(channel) / 255.0;
-        if own <= 0.04045 { own / 12.92 } else { ((own + 0.055) / 1.055).powf(2.4) }
-    });
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// Returns whether visited floor may have this colour: greys are reserved for walls and unvisited

@@ -26,6 +26,26 @@ pub fn lightness((r, g, b): Rgb) -> f32 {
     (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0
 }
 
+/// Returns the contrast of two colours, from 1 (none) to 21: the ratio of WCAG 2.
+pub fn contrast(a: Rgb, b: Rgb) -> f32 {
+    let (a, b) = (luminance(a), luminance(b));
+    (a.max(b) + 0.05) / (a.min(b) + 0.05)
+}
+
+/// Returns the relative luminance of a colour, from 0 to 1 (WCAG 2).
+fn luminance((r, g, b): Rgb) -> f32 {
+    let [r, g, b] = [r, g, b].map(|channel| {
+        let own = f32::from(channel) / 255.0;
+        if own <= 0.04045 { own / 12.92 } else { ((own + 0.055) / 1.055).powf(2.4) }
+    });
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+/// Returns a colour as SVG writes it, `#rrggbb`.
+pub fn hex((r, g, b): Rgb) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
 /// Returns the colour `share` of the way from one to another.
 pub fn blend(from: Rgb, to: Rgb, share: f32) -> Rgb {
     let mix = |from: u8, to: u8| {

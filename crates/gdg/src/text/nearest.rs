@@ -3,12 +3,19 @@
 /// Minimum similarity of a suggestion; 1 for equal names.
 const LEAST_LIKENESS: f64 = 0.75;
 
+/// A name this many times as long as a known one is no mistyped form of it. Comparing long names
+/// takes time that grows with the product of their lengths.
+const MOST_TIMES_AS_LONG: usize = 4;
+
 /// Returns the known name most similar to `typed`, ignoring case, if any is similar enough.
 pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let typed = typed.to_lowercase();
     let likeness = |name: &str| strsim::jaro_winkler(&name.to_lowercase(), &typed);
-    let most =
-        known.into_iter().map(|name| (likeness(name), name)).max_by(|a, b| a.0.total_cmp(&b.0));
+    let most = known
+        .into_iter()
+        .filter(|name| typed.len() <= MOST_TIMES_AS_LONG * name.len())
+        .map(|name| (likeness(name), name))
+        .max_by(|a, b| a.0.total_cmp(&b.0));
     most.filter(|(likeness, _)| *likeness > LEAST_LIKENESS).map(|(_, name)| name)
 }
 
@@ -24,5 +31,6 @@ mod tests {
             [Some("trap"), Some("city"), Some("fourrooms")]
         );
         assert_eq!(nearest("zzz", known), None);
+        assert_eq!(nearest(&"trap".repeat(10_000_000), known), None);
     }
 }
