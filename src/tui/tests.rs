@@ -91,6 +91,9 @@ fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {
     let viewer = Viewer::start(&engine).expect("a viewer");
     let mut app = App::new(engine.link(), viewer, &UiConfig::default(), keymap(), files);
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
+    // Tests that fail while a run is saved leave nothing in the repository.
+    app.saver.folder = std::env::temp_dir().join("gdg-tui-tests");
+    app.saver.start_run(&app.screen.snapshot);
     app
 }
 
@@ -172,7 +175,7 @@ impl App {
 struct Still {
     app: App,
     commands: Receiver<Command>,
-    _requests: Receiver<Request>,
+    requests: Receiver<Request>,
     snapshots: watch::Sender<Arc<Snapshot>>,
     _views: watch::Sender<View>,
     /// What its trainer is doing.
@@ -239,7 +242,7 @@ fn still_of(trainer: &Trainer) -> Still {
     let viewer = Viewer::new(request, views);
     let mut app = App::new(engine, viewer, &UiConfig::default(), keymap(), Files::default());
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
-    Still { app, commands, _requests: requests, snapshots: publish, _views: show, pulse }
+    Still { app, commands, requests, snapshots: publish, _views: show, pulse }
 }
 
 fn still_on(map: Grid, method: Method) -> Still {

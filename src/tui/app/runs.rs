@@ -41,7 +41,7 @@ pub fn choose(choice: Choice, scene: &mut Scene, screen: &mut Screen, link: &mut
         Choice::ContinueOn(map, file) => {
             file.as_deref().inspect(|file| remember_map(file));
             if let Some(maze) = scene.maze_mut() {
-                let new = maze.editor.record(&maze.map.clone(), (*map).clone());
+                let new = maze.editor.offer(&maze.map.clone(), (*map).clone());
                 maze.change_map_or_say(new, Some("the map stays as it is"), screen, link);
             }
         }

@@ -1,6 +1,6 @@
 //! Saving the run, and quitting without losing it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::autosave::{Autosave, Content};
@@ -32,6 +32,8 @@ pub struct Saver {
     /// The path given on the command line; closing saves to it.
     pub named: Option<PathBuf>,
     files: Files,
+    /// The folder of runs without a file of their own.
+    pub folder: PathBuf,
     /// When the run is saved automatically.
     pub autosave: Autosave,
     quit_state: QuitState,
@@ -66,6 +68,7 @@ impl Saver {
             to: SaveTo::CreateNew(PathBuf::new()),
             named,
             files,
+            folder: SAVES.into(),
             autosave: Autosave::every(autosave_minutes),
             quit_state: QuitState::No,
             is_done: false,
@@ -91,7 +94,7 @@ impl Saver {
             (Some(to), ..) => to,
             (None, Some((_, path)), _) => SaveTo::Replace(path.to_path_buf()),
             (None, None, Some(path)) => SaveTo::CreateNew(path.clone()),
-            (None, None, None) => SaveTo::CreateNew(named(Path::new(SAVES), &**title, &end)),
+            (None, None, None) => SaveTo::CreateNew(named(&self.folder, &**title, &end)),
         };
     }
 

@@ -66,8 +66,8 @@ pub struct Tour {
     closed: Vec<Cell>,
     /// What is watched while the door is closed.
     watched: Watched,
-    /// When the agent was last sent to walk.
-    sent_at: f32,
+    /// When the agent was seen to have arrived, until it is sent off again.
+    arrived_at: Option<f32>,
     /// Whether the tour shows searches, which the user did not.
     shows_search: bool,
     /// What the walking agent did on arrival before the tour.
@@ -143,7 +143,7 @@ impl Guide {
             route: Vec::new(),
             closed: Vec::new(),
             watched: Watched::default(),
-            sent_at: 0.0,
+            arrived_at: None,
             shows_search: false,
             on_arrival: screen.on_arrival,
             ticked: Instant::now(),
@@ -222,7 +222,8 @@ impl Guide {
 impl Tour {
     /// Begins the current step.
     fn enter(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-        (self.elapsed, self.looked_at, self.sent_at, self.seen_at) = (0.0, 0.0, 0.0, None);
+        (self.elapsed, self.looked_at) = (0.0, 0.0);
+        (self.arrived_at, self.seen_at) = (None, None);
         self.stays = false;
         if let Some(enter) = self.current().enter {
             enter(self, scene, screen, link);
@@ -248,14 +249,18 @@ impl Tour {
     /// Sends the agent from its start to the goal.
     fn send_walker(&mut self, screen: &mut Screen, link: &Link) {
         maze::place_walker(Some(self.start), screen, link);
-        self.sent_at = self.elapsed;
+        self.arrived_at = None;
     }
 
     /// Sends the agent off again a while after it has arrived.
     fn walk_again(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) {
-        let Some(walk) = scene.maze().map(|maze| maze.view.walk) else { return };
-        if (walk.arrived || walk.gave_up) && !self.stays && self.elapsed - self.sent_at > REST_SECS
-        {
+        let walk = scene.maze().map(|maze| maze.view.walk);
+        if !walk.is_some_and(|walk| walk.arrived || walk.gave_up) {
+            self.arrived_at = None;
+            return;
+        }
+        let arrived_at = *self.arrived_at.get_or_insert(self.elapsed);
+        if !self.stays && self.elapsed - arrived_at > REST_SECS {
             self.send_walker(screen, link);
         }
     }
@@ -317,7 +322,7 @@ fn edit_cells(
     let done = |map: &Grid| cells.iter().filter(inside).all(|cell| map.is_free(*cell) == free);
     if !done(&map) {
         let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
-        let new = changed.and_then(|new| maze.editor.record(&map, new));
+        let new = changed.and_then(|new| maze.editor.offer(&map, new));
         maze.change_map(new, screen, link);
     }
     done(&maze.map)

@@ -400,3 +400,29 @@ fn the_log_is_in_training_time_and_in_order() {
     let last = app.screen.log.entries().last().map_or(0.0, |entry| entry.seconds);
     assert!((0.0..=app.screen.snapshot.seconds).contains(&last), "{last}");
 }
+
+#[test]
+fn edits_that_a_busy_trainer_does_not_take_are_not_in_the_history() {
+    let mut app = still();
+    let first = app.maze().map.clone();
+    let cells: Vec<Cell> = first.free_cells().take(80).collect();
+    for cell in &cells {
+        app.maze_mut().editor.cursor = Some(*cell);
+        app.act(Action::Apply);
+    }
+    let edits = |app: &Still| first.free_count() - app.maze().map.free_count();
+    let taken = edits(&app);
+    assert!((1..cells.len()).contains(&taken), "the queue is full after {taken}");
+    app.act(Action::Undo);
+    assert_eq!(edits(&app), taken, "it is not taken either");
+    app.commands.try_iter().for_each(drop);
+    app.act(Action::Undo);
+    assert_eq!(edits(&app), taken - 1);
+    app.act(Action::Redo);
+    assert_eq!(edits(&app), taken);
+    for _ in 0..taken {
+        app.act(Action::Undo);
+        app.commands.try_iter().for_each(drop);
+    }
+    assert_eq!(app.maze().map, first);
+}

@@ -122,6 +122,26 @@ fn the_tour_runs_through_and_leaves_everything_as_it_was() {
     assert!(app.screen.snapshot.phase.is_training());
 }
 
+/// A walk may last longer than the rest.
+#[test]
+fn the_agent_rests_where_it_arrives_before_it_walks_again() {
+    let mut app = still_on(builtin("fourrooms").expect("a map"), Method::default());
+    app.begin_tour();
+    let sent = |app: &Still| {
+        let is_start = |request: &Request| {
+            matches!(request, Request::Maze(gdg::viewer::maze::Request::Start(_)))
+        };
+        app.requests.try_iter().filter(is_start).count()
+    };
+    assert_eq!(sent(&app), 1);
+    advance(&mut app, Duration::from_secs(4));
+    app.change_view(|view| view.walk.arrived = true);
+    for (millis, expected) in [(200, 0), (1_500, 0), (700, 1)] {
+        advance(&mut app, Duration::from_millis(millis));
+        assert_eq!(sent(&app), expected, "after {millis} ms more");
+    }
+}
+
 #[test]
 fn steps_wait_until_what_they_explain_is_seen() {
     let mut app = touring_app();

@@ -175,7 +175,9 @@ impl MazeState {
         link: &mut Link,
     ) {
         let Some(map) = map else { return };
-        if !link.command(Command::ChangeWorld(maze_on(map.clone()), done), screen) {
+        let is_taken = link.command(Command::ChangeWorld(maze_on(map.clone()), done), screen);
+        self.editor.settle(&self.map, is_taken.then_some(&map));
+        if !is_taken {
             return;
         }
         self.map = map;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use ratatui::layout::Position;
 
-use super::edits::Edits;
+use super::edits::{Edit, Edits};
 use crate::tui::raster::MapFrame;
 use crate::tui::tool::Tool;
 use gdg::map::{Cell, Grid};
@@ -22,6 +22,8 @@ pub struct Editor {
     pub has_changed: bool,
     stroke: Option<Stroke>,
     edits: Edits,
+    /// What leads to the map that was returned last.
+    offered: Option<Edit>,
     /// Whether the user has been told that old edits were dropped.
     says_dropped: bool,
 }
@@ -187,22 +189,36 @@ impl Editor {
             }
             _ => map.with_cells(self.cells_of(stroke).iter().map(|cell| (*cell, stroke.free))),
         };
-        self.record(map, new?)
+        self.offer(map, new?)
     }
 
-    /// Returns the new map if it differs, and records the old one for undo.
-    pub fn record(&mut self, map: &Arc<Grid>, new: Grid) -> Option<Arc<Grid>> {
-        if new == **map {
-            return None;
-        }
-        self.edits.record(map, &new);
-        self.has_changed = true;
-        Some(Arc::new(new))
+    /// Returns the new map if it differs. The edit can be undone once it is [done](Self::settle).
+    pub fn offer(&mut self, map: &Grid, new: Grid) -> Option<Arc<Grid>> {
+        self.offered = (new != *map).then_some(Edit::New);
+        self.offered.map(|_| Arc::new(new))
     }
 
     /// Returns the map before the latest change.
-    pub fn undo(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
-        self.edits.undo(map)
+    pub fn undo(&mut self, map: &Grid) -> Option<Arc<Grid>> {
+        let before = self.edits.undone(map);
+        self.offered = before.as_ref().map(|_| Edit::Undo);
+        before
+    }
+
+    /// Returns the map before the latest undo.
+    pub fn redo(&mut self, map: &Grid) -> Option<Arc<Grid>> {
+        let after = self.edits.redone(map);
+        self.offered = after.as_ref().map(|_| Edit::Redo);
+        after
+    }
+
+    /// Takes note that the map was replaced by the one returned last, or with `None` that the
+    /// trainer did not take that one.
+    pub fn settle(&mut self, before: &Arc<Grid>, after: Option<&Arc<Grid>>) {
+        if let (Some(edit), Some(after)) = (self.offered.take(), after) {
+            self.edits.record(edit, before, after);
+            self.has_changed = true;
+        }
     }
 
     /// Returns whether edits have been dropped, `true` only once.
@@ -213,11 +229,6 @@ impl Editor {
     /// Returns whether there were earlier edits than those that can be undone.
     pub fn has_dropped_edits(&self) -> bool {
         self.edits.has_dropped
-    }
-
-    /// Returns the map before the latest undo.
-    pub fn redo(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
-        self.edits.redo(map)
     }
 }
 
@@ -306,7 +317,10 @@ mod tests {
         let mut now = map.clone();
         for (x, y) in cells {
             editor.cursor = Some(Cell::new(x, y));
-            now = editor.apply(&now).unwrap_or(now);
+            if let Some(new) = editor.apply(&now) {
+                editor.settle(&now, Some(&new));
+                now = new;
+            }
         }
         print_ascii(&now)
     }
@@ -352,14 +366,20 @@ mod tests {
         let mut now = first.clone();
         for i in 0..15 {
             editor.cursor = Some(Cell::new(i % 5, 1 + i / 5));
-            now = editor.apply(&now).expect("another map");
+            assert!(editor.apply(&now).is_some());
+            editor.settle(&now, None);
+            let new = editor.apply(&now).expect("another map");
+            editor.settle(&now, Some(&new));
+            now = new;
         }
         let last = now.clone();
         while let Some(before) = editor.undo(&now) {
+            editor.settle(&now, Some(&before));
             now = before;
         }
         assert_eq!(now, first);
         while let Some(after) = editor.redo(&now) {
+            editor.settle(&now, Some(&after));
             now = after;
         }
         assert_eq!(now, last);

@@ -31,16 +31,16 @@ impl Step {
         }
     }
 
-    fn apply(self, from: &Grid) -> Option<Arc<Grid>> {
+    fn apply(&self, from: &Grid) -> Option<Arc<Grid>> {
         let (runs, marks) = match self {
             Self::Difference { runs, marks } => (runs, marks),
-            Self::Whole(to) => return Some(to),
+            Self::Whole(to) => return Some(to.clone()),
         };
-        let cells =
-            runs.into_iter().flat_map(|[first, end]| first..end).map(|i| from.cell(i as usize));
+        let cells = runs.iter().flat_map(|[first, end]| *first..*end);
+        let cells = cells.map(|i| from.cell(i as usize));
         let to = from.with_cells(cells.map(|cell| (cell, !from.is_free(cell))))?;
-        Some(Arc::new(match marks.map(|marks| *marks) {
-            Some([starts, goals]) => to.with_marks(starts, goals),
+        Some(Arc::new(match marks.as_deref() {
+            Some([starts, goals]) => to.with_marks(starts.clone(), goals.clone()),
             None => to,
         }))
     }
@@ -70,6 +70,17 @@ fn runs(a: &[bool], b: &[bool]) -> Vec<[u32; 2]> {
     runs
 }
 
+/// How one map becomes another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Edit {
+    /// By a new edit.
+    New,
+    /// By undoing the latest one.
+    Undo,
+    /// By redoing the one that was undone last.
+    Redo,
+}
+
 /// The edits of a map.
 #[derive(Default)]
 pub struct Edits {
@@ -83,10 +94,22 @@ pub struct Edits {
 }
 
 impl Edits {
-    /// Adds the edit from `before` to `after`. Drops the oldest edits if all together become too
+    /// Enters that `before` has become `after`. Drops the oldest edits if all together become too
     /// large.
-    pub fn record(&mut self, before: &Arc<Grid>, after: &Grid) {
-        self.record_within(MAX_BYTES, before, after);
+    pub fn record(&mut self, edit: Edit, before: &Arc<Grid>, after: &Arc<Grid>) {
+        match edit {
+            Edit::New => self.record_within(MAX_BYTES, before, after),
+            Edit::Undo => {
+                let step = self.back.pop_back();
+                let step = self.inverse(step, before, after);
+                self.forward.push(step);
+            }
+            Edit::Redo => {
+                let step = self.forward.pop();
+                let step = self.inverse(step, before, after);
+                self.back.push_back(step);
+            }
+        }
     }
 
     fn record_within(&mut self, max_bytes: usize, before: &Arc<Grid>, after: &Grid) {
@@ -101,28 +124,20 @@ impl Edits {
     }
 
     /// Returns the map before the latest edit of `map`.
-    pub fn undo(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
-        let step = self.back.pop_back()?;
-        let (before, forward) = self.take(step, map)?;
-        self.forward.push(forward);
-        Some(before)
+    pub fn undone(&self, map: &Grid) -> Option<Arc<Grid>> {
+        self.back.back()?.apply(map)
     }
 
     /// Returns the map before the latest undo.
-    pub fn redo(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
-        let step = self.forward.pop()?;
-        let (after, back) = self.take(step, map)?;
-        self.back.push_back(back);
-        Some(after)
+    pub fn redone(&self, map: &Grid) -> Option<Arc<Grid>> {
+        self.forward.last()?.apply(map)
     }
 
-    /// Applies a step to `map`; returns the resulting map and the inverse step.
-    fn take(&mut self, step: Step, map: &Arc<Grid>) -> Option<(Arc<Grid>, Step)> {
-        self.bytes -= step.bytes();
-        let to = step.apply(map)?;
-        let back = Step::between(&to, map);
-        self.bytes += back.bytes();
-        Some((to, back))
+    /// Replaces a step that has been taken by the one that leads back.
+    fn inverse(&mut self, taken: Option<Step>, before: &Arc<Grid>, after: &Grid) -> Step {
+        let back = Step::between(after, before);
+        self.bytes = self.bytes + back.bytes() - taken.map_or(0, |step| step.bytes());
+        back
     }
 }
 
@@ -132,6 +147,18 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
+
+    fn undo(edits: &mut Edits, map: &Arc<Grid>) -> Option<Arc<Grid>> {
+        let before = edits.undone(map)?;
+        edits.record(Edit::Undo, map, &before);
+        Some(before)
+    }
+
+    fn redo(edits: &mut Edits, map: &Arc<Grid>) -> Option<Arc<Grid>> {
+        let after = edits.redone(map)?;
+        edits.record(Edit::Redo, map, &after);
+        Some(after)
+    }
 
     /// Returns a random edit of `map`.
     fn edited(map: &Grid, rng: &mut ChaCha8Rng) -> Grid {
@@ -154,18 +181,19 @@ mod tests {
         for _ in 0..200 {
             let now = maps[maps.len() - 1].clone();
             let next = edited(&now, &mut rng);
-            edits.record(&now, &next);
-            maps.push(Arc::new(next));
+            let next = Arc::new(next);
+            edits.record(Edit::New, &now, &next);
+            maps.push(next);
         }
         let last = maps.len() - 1;
         for i in (0..last).rev() {
-            assert_eq!(edits.undo(&maps[i + 1]).as_ref(), Some(&maps[i]));
+            assert_eq!(undo(&mut edits, &maps[i + 1]).as_ref(), Some(&maps[i]));
         }
-        assert!(edits.undo(&maps[0]).is_none() && !edits.has_dropped);
+        assert!(undo(&mut edits, &maps[0]).is_none() && !edits.has_dropped);
         for i in 0..last {
-            assert_eq!(edits.redo(&maps[i]).as_ref(), Some(&maps[i + 1]));
+            assert_eq!(redo(&mut edits, &maps[i]).as_ref(), Some(&maps[i + 1]));
         }
-        assert!(edits.redo(&maps[last]).is_none());
+        assert!(redo(&mut edits, &maps[last]).is_none());
         let kept = edits.back.iter().map(Step::bytes).sum::<usize>();
         assert_eq!(kept, edits.bytes);
     }
@@ -176,8 +204,9 @@ mod tests {
         let mut edits = Edits::default();
         for i in 0..300 {
             let next = now.with_cells((0..500).map(|x| (Cell::new(x, i), false))).expect("floor");
-            edits.record(&now, &next);
-            now = Arc::new(next);
+            let next = Arc::new(next);
+            edits.record(Edit::New, &now, &next);
+            now = next;
         }
         assert!(edits.bytes < 100_000 && !edits.has_dropped, "{}", edits.bytes);
     }
@@ -189,11 +218,11 @@ mod tests {
         let mut edits = Edits::default();
         maps.windows(2).for_each(|pair| edits.record_within(25_000, &pair[0], &pair[1]));
         assert!(edits.has_dropped && edits.bytes <= 25_000, "{}", edits.bytes);
-        assert_eq!(edits.undo(&maps[3]).as_ref(), Some(&maps[2]));
-        assert_eq!(edits.undo(&maps[2]).as_ref(), Some(&maps[1]));
-        assert!(edits.undo(&maps[1]).is_none());
+        assert_eq!(undo(&mut edits, &maps[3]).as_ref(), Some(&maps[2]));
+        assert_eq!(undo(&mut edits, &maps[2]).as_ref(), Some(&maps[1]));
+        assert!(undo(&mut edits, &maps[1]).is_none());
         // One alone is kept, whatever its size.
         edits.record_within(1, &maps[0], &maps[1]);
-        assert_eq!(edits.undo(&maps[1]).as_ref(), Some(&maps[0]));
+        assert_eq!(undo(&mut edits, &maps[1]).as_ref(), Some(&maps[0]));
     }
 }
