@@ -102,7 +102,8 @@ fn tasks(scenario: &Scenario, grid: &Grid) -> Result<String, Report> {
     let tasks = scenario.tasks(grid).map_err(from_map_error)?;
     scenario.check_lengths(&tasks, grid).map_err(from_map_error)?;
     let longest = tasks.iter().filter_map(|t| t.optimal_octile).reduce(f64::max);
-    let longest = longest.map_or(String::new(), |longest| format!(", longest {longest:.1} cells"));
+    let longest =
+        longest.map_or(String::new(), |longest| format!(", longest {longest:.1} cells (octile)"));
     let tasks = counted(tasks.len() as u64, "task");
     let facts = facts(grid, scenario.other_map(grid));
     Ok(format!("scenario: {tasks}{longest}\n{facts}"))

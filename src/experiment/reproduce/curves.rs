@@ -64,9 +64,7 @@ pub fn panels(figure: &Figure, methods: &[MethodResults]) -> Vec<Panel> {
     let over = Axis::of(methods);
     let success = |e: &Evaluation| e.success_rate();
     let left = |of: fn(&TaskOutcome) -> Option<f64>| move |e: &Evaluation| of(&marked(e)?);
-    let steps = |outcome: &TaskOutcome| {
-        (outcome.left_steps != u32::MAX).then(|| f64::from(outcome.left_steps))
-    };
+    let steps = |outcome: &TaskOutcome| outcome.left_steps.map(f64::from);
     let straight = |outcome: &TaskOutcome| outcome.left_straight.map(f64::from);
     match figure.shows {
         Shows::Success | Shows::CompleteSuccess | Shows::CompleteSuccessAndGripPath => {

@@ -146,7 +146,7 @@ impl Scenario {
     /// Names the task that cannot be on this map.
     pub fn check_lengths(&self, tasks: &[ScenarioTask], grid: &Grid) -> MapResult<()> {
         let too_short = |entry: &Entry, length: f64, least: f64, why: &str| {
-            let problem = format!("the length {length} is too short: {why} {least:.2} long");
+            let problem = format!("the octile length {length} is too short: {why} {least:.2} long");
             let help = "lengths are those of shortest paths, diagonals count 1.41 and cut no corners; is this the right map?";
             entry.error(&self.file, 8..=8, problem, help)
         };

@@ -205,7 +205,7 @@ fn marked_task(
         Ok::<_, EnvError>(TaskOutcome {
             reached: taken.is_some(),
             steps: taken.unwrap_or_else(|| actor.budget(world, &task)),
-            left_steps: left.unwrap_or(u32::MAX),
+            left_steps: left,
             left_straight: Some(world.spec().goal_distance(walked.env.states(), &task.goal)),
         })
     };

@@ -1,6 +1,6 @@
 //! Results of an evaluation.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::train::score::{DistanceScore, Score, Success};
 
@@ -77,12 +77,18 @@ pub struct TaskOutcome {
     pub reached: bool,
     /// Steps taken.
     pub steps: u32,
-    /// True steps from the final state to the goal; `u32::MAX` if unknown.
-    pub left_steps: u32,
+    /// True steps from the final state to the goal, if known.
+    #[serde(deserialize_with = "known_steps")]
+    pub left_steps: Option<u32>,
     /// Straight-line distance from the final state to the goal, in the world's unit of length;
     /// older files do not have it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_straight: Option<f32>,
+}
+
+/// Reads steps that older files have as `u32::MAX` if they are unknown.
+fn known_steps<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u32>, D::Error> {
+    Ok(Option::deserialize(from)?.filter(|steps| *steps != u32::MAX))
 }
 
 /// Error of the learned distance over pairs with a known true distance.
@@ -120,4 +126,21 @@ pub struct BridgeFacts {
     pub edges: usize,
     /// Edges whose true distance exceeds 2 D + 4, if that is known.
     pub false_edges: Option<usize>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unknown_steps_of_older_files_are_none() {
+        let of = |left: &str| {
+            let text = format!(r#"{{"reached":false,"steps":500,"left_steps":{left}}}"#);
+            serde_json::from_str::<TaskOutcome>(&text).expect("an outcome")
+        };
+        assert_eq!(of("4294967295").left_steps, None);
+        assert_eq!((of("null").left_steps, of("7").left_steps), (None, Some(7)));
+        let text = serde_json::to_string(&of("null")).expect("text");
+        assert!(text.contains(r#""left_steps":null"#), "{text}");
+    }
 }
