@@ -109,7 +109,7 @@ fn agents_of_a_planner_s_map_are_evaluated() {
     run(path, &["maps", "convert", "u.json", "agents.yaml", "--format", "mapf"]);
     let args = ["agents.yaml", "--scen", "agents.yaml", "--no-ui", "--max-updates", "2"];
     let (records, _) = run(path, &[&args[..], &SMALL, &["--eval-tasks", "1"]].concat());
-    let only = r#""distance_steps":6.0,"tasks":1,"#;
+    let only = r#""distance_steps":4.0,"tasks":1,"#;
     assert!(
         records.lines().any(|line| line.contains("evaluation") && line.contains(only)),
         "{records}"

@@ -15,7 +15,7 @@ const NAME_DIGITS: usize = 6;
 
 /// Part of every key. Raise it with any change of what a run learns or measures, so that no folder
 /// mixes results of different programs.
-const RESULTS_VERSION: u32 = 2;
+const RESULTS_VERSION: u32 = 3;
 
 /// A run in a world, its length, and what is measured.
 #[derive(Clone, Debug)]

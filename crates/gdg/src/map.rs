@@ -4,6 +4,7 @@
 //! learning never does.
 
 mod builtin;
+mod diameter;
 mod distance;
 mod enlarge;
 mod error;
@@ -22,13 +23,16 @@ mod start;
 mod text;
 
 pub use builtin::{BUILTIN, builtin};
-pub use distance::{Components, Diameter, StepSearch};
+pub use diameter::Diameter;
+pub use distance::{Components, StepSearch};
 pub use error::{MapError, MapResult};
-pub(crate) use flood::Flood;
 pub use flood::UNREACHABLE;
 pub use formats::{FORMATS, MapFormat, print_ascii, print_movingai};
 pub use grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
-pub(crate) use half_cells::{HalfCells, PointSearch};
+#[cfg(test)]
+pub(crate) use half_cells::HalfCells;
+pub(crate) use half_cells::PointFlood;
+pub use half_cells::PointSearch;
 pub use load::{
     Reading, agents_of, format_for, load_map, load_map_as, load_map_like, load_scenario, parse_map,
     parse_scenario_bytes, read_scenario,

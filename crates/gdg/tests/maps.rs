@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use gdg::env::{EnvSettings, Environment, PointMaze};
 use gdg::map::{
-    self, BUILTIN, Cell, Grid, RandomMapKind, ScenarioTask, StepSearch, UNREACHABLE, parse_map,
-    print_ascii, print_movingai, random,
+    self, BUILTIN, Cell, Diameter, Grid, PointSearch, RandomMapKind, ScenarioTask, StepSearch,
+    UNREACHABLE, parse_map, print_ascii, print_movingai, random,
 };
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -117,12 +117,11 @@ fn built_in(name: &str) -> Grid {
 fn built_in_maps_have_the_expected_diameters() {
     let farthest = |name: &str| {
         let grid = built_in(name);
-        let diameter = StepSearch::new(&grid).diameter(&grid, 100_000);
+        let diameter = Diameter::within(100_000, &grid);
         assert!(diameter.exact, "{name}");
         diameter.steps
     };
-    assert!((119..=120).contains(&farthest("fourrooms")), "{}", farthest("fourrooms"));
-    assert!((235..=245).contains(&farthest("city")), "{}", farthest("city"));
+    assert_eq!((farthest("fourrooms"), farthest("city")), (119, 226));
     assert_eq!(BUILTIN.len(), 7);
 }
 
@@ -299,23 +298,23 @@ proptest! {
 
     #[test]
     fn the_diameter_agrees_with_a_search_over_all_pairs(grid in grids(10)) {
-        let mut search = StepSearch::new(&grid);
-        let components = search.components(&grid);
+        let mut search = PointSearch::new(&grid);
+        let components = StepSearch::new(&grid).components(&grid);
         let largest = components.largest();
         let within: Vec<Cell> =
             grid.free_cells().filter(|c| components.of_cell[grid.index(*c)] == Some(largest)).collect();
-        let farthest = within.iter().flat_map(|a| {
-            search.steps_from(*a).iter().copied().filter(|s| *s != UNREACHABLE).collect::<Vec<_>>()
-        }).max().unwrap();
-        let diameter = search.diameter(&grid, usize::MAX);
+        let all: Vec<[f32; 2]> = within.iter().map(|cell| cell.centre()).collect();
+        let mut steps = |goal: [f32; 2]| all.iter().copied().map(search.steps_to(goal)).collect();
+        let from: Vec<Vec<u32>> = all.iter().map(|goal| steps(*goal)).collect();
+        let diameter = Diameter::within(usize::MAX, &grid);
         prop_assert!(diameter.exact);
-        prop_assert_eq!(diameter.steps, farthest);
+        prop_assert_eq!(Some(&diameter.steps), from.iter().flatten().max());
         let (middle, radius) = diameter.middle.unwrap();
-        for cell in within {
-            let steps = search.steps_from(cell);
-            prop_assert!(steps[grid.index(middle)] <= radius);
-            let ways = steps.iter().filter(|s| **s != UNREACHABLE);
-            prop_assert!(ways.max().unwrap() <= &(steps[grid.index(middle)] + radius));
+        let to_middle: Vec<u32> = steps(middle.centre());
+        for (to_middle, steps) in to_middle.iter().zip(from) {
+            prop_assert!(*to_middle <= radius);
+            // The middle itself is one goal radius farther.
+            prop_assert!(steps.into_iter().max() <= Some(to_middle + 1 + radius));
         }
     }
 
@@ -408,7 +407,7 @@ fn real_maps_and_scenarios_are_read() {
     let components = StepSearch::new(&grid).components(&grid);
     let share = components.sizes[components.largest() as usize] as f64 / grid.free_count() as f64;
     assert!((share - 0.955).abs() < 0.001, "{share}");
-    assert!(StepSearch::new(&grid).diameter(&grid, 2_000).steps >= 316);
+    assert!(Diameter::within(2_000, &grid).steps >= 290);
     let pairs = [
         ("Berlin_0_256.map", "Berlin_0_256.map.scen"),
         ("room-32-32-4.map", "room-32-32-4-random-1.scen"),

@@ -39,8 +39,8 @@ const DATASETS: &str = "in the built-in maze, after learning from a million reco
 /// How the paper's figures were made.
 const OF_PAPER: &str = " Success: the goal reached within 500 steps, with the arm within its episode \
                         of 50; methods that plan are evaluated with planning. Our maps are not the \
-                        paper's, whose arrays are not published: the city's farthest task takes \
-                        240 steps in both. \"-\": the paper gives no number.";
+                        paper's, whose arrays are not published: the city's diameter is 240 \
+                        steps from cell to cell, as the paper's; a point takes 226. \"-\": the paper gives no number.";
 
 /// Returns the report, with the sections of all figures, any of which is `of_paper`.
 pub fn report(

@@ -1,10 +1,10 @@
-//! Shortest step counts between cells: the ground truth, used for evaluation and display only.
+//! Breadth-first search on 8-connected cells without corner cutting; a diagonal is one move. A
+//! library search over hashed nodes is about thirty times slower here.
 //!
-//! Breadth-first search on 8-connected cells without corner cutting; a diagonal is one step. A
-//! library search over hashed nodes is about thirty times slower here, and a map's diameter takes
-//! hundreds of searches.
+//! A point's shortest paths are searched for over half cells: see
+//! [`half_cells`](super::half_cells).
 
-use super::flood::{Flood, UNREACHABLE};
+use super::flood::UNREACHABLE;
 use super::grid::{Cell, Grid};
 
 /// Breadth-first searches over one map; reuses its buffers.
@@ -27,79 +27,6 @@ const NORTH: u8 = 0b0100;
 
 /// The two sides adjacent to each corner, as bits.
 const ADJACENT_SIDES: [u8; 4] = [0b0101, 0b0110, 0b1001, 0b1010];
-
-/// The largest distance between two connected cells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Diameter {
-    /// Distance of the farthest pair found, in steps.
-    pub steps: u32,
-    /// Whether no pair can be farther apart; if not, `steps` is the largest distance found before
-    /// the search gave up.
-    pub exact: bool,
-    /// A central cell, and a distance from it that no cell connected to it exceeds; `None` on a map
-    /// without free cells.
-    pub middle: Option<(Cell, u32)>,
-}
-
-/// Cell visits allowed for a diameter: enough to be exact on the built-in maps, and seconds on the
-/// largest ones.
-const DIAMETER_CELL_BUDGET: usize = 60_000_000;
-
-/// Candidate middles to try; fewer on large maps, where their searches would dominate.
-const MAX_MIDDLES: usize = 8;
-const SEARCHES_PER_MIDDLE: usize = 25;
-
-impl Diameter {
-    /// Computes the diameter of `grid` in bounded time.
-    pub fn compute(grid: &Grid) -> Self {
-        Self::compute_from(grid, &StepSearch::new(grid).components(grid))
-    }
-
-    /// Like [`Self::compute`], for a map whose components are known.
-    pub fn compute_from(grid: &Grid, components: &Components) -> Self {
-        Self::bounded(DIAMETER_CELL_BUDGET / grid.free_count().max(1), grid, components)
-    }
-
-    /// Runs iFUB (Crescenzi et al. 2013, "On computing the diameter of real-world undirected
-    /// graphs"): searches from the cells farthest from the middle of a long path, working inwards;
-    /// cells within i steps of the middle are at most 2 i apart.
-    fn bounded(searches: usize, grid: &Grid, components: &Components) -> Self {
-        let Some(first) = components.largest_cells(grid).next() else {
-            return Self { steps: 0, exact: true, middle: None };
-        };
-        let mut flood = Flood::new(grid);
-        let (a, _) = flood.farthest(first);
-        let (b, across) = flood.farthest(a);
-        // Of all cells halfway between a and b, the most central one makes the best middle; trying
-        // a few is cheaper than searching from more rings.
-        let mut ring = |from, steps| {
-            flood.rings(from, steps..=steps).into_iter().map(|(cell, _)| cell).collect::<Vec<_>>()
-        };
-        let (mut halfway, to_b) = (ring(a, across / 2), ring(b, across - across / 2));
-        halfway.retain(|cell| to_b.binary_search_by_key(&(cell.y, cell.x), |c| (c.y, c.x)).is_ok());
-        let middles = (searches / SEARCHES_PER_MIDDLE).clamp(1, MAX_MIDDLES);
-        let tried: Vec<Cell> =
-            halfway.iter().step_by(halfway.len().div_ceil(middles).max(1)).copied().collect();
-        let middle = match tried[..] {
-            [only] => only,
-            _ => tried.into_iter().min_by_key(|cell| flood.farthest(*cell).1).unwrap_or(first),
-        };
-        let outermost = flood.outermost(middle, across / 2, searches);
-        let radius = outermost.first().map_or(across / 2, |(ring, _)| *ring);
-        let (mut steps, mut exact) = (across, true);
-        for (count, (ring, cell)) in outermost.into_iter().enumerate() {
-            if steps >= 2 * ring {
-                break;
-            }
-            if count >= searches {
-                exact = false;
-                break;
-            }
-            steps = steps.max(flood.farthest(cell).1);
-        }
-        Self { steps, exact, middle: Some((middle, radius)) }
-    }
-}
 
 /// The connected components of a map's free cells.
 #[derive(Clone, Debug)]
@@ -163,13 +90,20 @@ impl StepSearch {
     /// Like [`Self::steps_from`], but only up to `max_steps` steps; farther cells are
     /// [`UNREACHABLE`] too.
     pub fn steps_within(&mut self, cell: Cell, max_steps: u32) -> &[u32] {
+        self.steps_from_any(&[cell], max_steps)
+    }
+
+    /// Like [`Self::steps_within`], from the nearest of several cells.
+    pub(super) fn steps_from_any(&mut self, cells: &[Cell], max_steps: u32) -> &[u32] {
         let Self { width, moves, steps, reached } = self;
         for at in reached.drain(..) {
             steps[at as usize] = UNREACHABLE;
         }
-        let start = cell.y * *width + cell.x;
-        steps[start] = 0;
-        reached.push(start as u32);
+        for cell in cells {
+            let start = cell.y * *width + cell.x;
+            steps[start] = 0;
+            reached.push(start as u32);
+        }
         let mut done = 0;
         while done < reached.len() {
             let at = reached[done] as usize;
@@ -226,12 +160,6 @@ impl StepSearch {
             sizes[*label as usize] += 1;
         }
         Components { of_cell, sizes }
-    }
-
-    /// Returns the largest distance within the largest component, using at most `searches`
-    /// breadth-first searches after the few that find the middle.
-    pub fn diameter(&self, grid: &Grid, searches: usize) -> Diameter {
-        Diameter::bounded(searches, grid, &self.components(grid))
     }
 }
 

@@ -4,7 +4,8 @@
 //! rings or some cells matter, one bit per cell is enough, neighbours in a row are reached
 //! together, and the search can end early.
 
-use std::ops::{ControlFlow, RangeInclusive};
+use std::mem::{replace, swap, take};
+use std::ops::{ControlFlow, Range, RangeInclusive};
 
 use super::grid::{Cell, Grid};
 
@@ -19,8 +20,12 @@ pub struct Flood {
     /// Words per row. The last one has at least one wall bit, which separates the row from the
     /// next.
     row: usize,
+    /// The cells that count have the coordinates `every / 2 + i * every`; the others are only ways.
+    every: usize,
     /// Row by row, with a row of walls and one more word of walls before and after the map.
     cells: Vec<Word>,
+    /// The words that the latest flood has reached, and those between.
+    reached: Range<usize>,
     /// Words that contain cells of the next ring.
     next: Vec<usize>,
     /// The last ring reached: word indices and their bits.
@@ -40,11 +45,13 @@ struct Word {
 }
 
 impl Flood {
-    /// Prepares flood fills over `grid`.
-    pub fn new(grid: &Grid) -> Self {
+    /// Prepares flood fills over `grid`, in which one of `every` cells along each axis counts: only
+    /// those are found.
+    pub fn new(grid: &Grid, every: usize) -> Self {
         let row = grid.width() / BITS + 1;
         let cells = vec![Word::default(); (grid.height() + 2) * row + 2];
-        let mut flood = Self { row, cells, next: Vec::new(), ring: Vec::new() };
+        let mut flood =
+            Self { row, every, reached: 0..cells.len(), cells, next: Vec::new(), ring: Vec::new() };
         for cell in grid.free_cells() {
             let (word, bit) = flood.place(cell);
             flood.cells[word].free |= bit;
@@ -55,15 +62,29 @@ impl Flood {
     /// Returns the cell farthest from `cell` (on a tie, the first in row order) and its distance in
     /// steps.
     pub fn farthest(&mut self, cell: Cell) -> (Cell, u32) {
-        let steps = self.flood(cell, |_, _, _| ControlFlow::Continue(()));
-        let (word, bits) = *self.ring.iter().min().expect("a flood reaches at least its own start");
-        (self.cell(word, bits), steps)
+        // The last ring may have none that counts; the one before it then has.
+        let (mut last, mut before) = (Vec::new(), Vec::new());
+        let steps = self.flood(&[cell], |_, ring, _| {
+            swap(&mut last, &mut before);
+            last.clear();
+            last.extend_from_slice(ring);
+            ControlFlow::Continue(())
+        });
+        let first = |ring: &mut Vec<(usize, u64)>| {
+            ring.sort_unstable();
+            ring.iter().find_map(|(word, bits)| self.cells_of(*word, *bits).next())
+        };
+        match first(&mut last) {
+            Some(cell) => (cell, steps),
+            None => first(&mut before).map_or((cell, 0), |cell| (cell, steps - 1)),
+        }
     }
 
-    /// Returns the cells at a distance of `steps` from `cell`, with their distances, in row order.
-    pub fn rings(&mut self, cell: Cell, steps: RangeInclusive<u32>) -> Vec<(Cell, u32)> {
+    /// Returns the cells at a distance of `steps` from the nearest of `from`, with their distances,
+    /// in row order.
+    pub fn rings(&mut self, from: &[Cell], steps: RangeInclusive<u32>) -> Vec<(Cell, u32)> {
         let mut found = Vec::new();
-        self.flood(cell, |at, ring, _| {
+        self.flood(from, |at, ring, _| {
             if steps.contains(&at) {
                 found.extend(ring.iter().map(|(word, bits)| (*word, *bits, at)));
             }
@@ -77,30 +98,33 @@ impl Flood {
         cells
     }
 
-    /// Returns the steps from `cell` to each of `targets`, [`UNREACHABLE`] where there is no path.
-    /// Searches no farther than the farthest of them.
-    pub fn steps_to(&mut self, cell: Cell, targets: &[Cell]) -> Vec<u32> {
+    /// Returns the steps from the nearest of `from` to the nearest cell of each of `targets`,
+    /// [`UNREACHABLE`] where there is no path, or only one longer than `longest`. Searches no
+    /// farther than the farthest of them.
+    pub fn steps_to(&mut self, from: &[Cell], targets: &[Vec<Cell>], longest: u32) -> Vec<u32> {
         let mut steps = vec![UNREACHABLE; targets.len()];
-        let places: Vec<(usize, u64)> = targets.iter().map(|target| self.place(*target)).collect();
-        let mut left: Vec<usize> = (0..places.len())
-            .filter(|i| self.cells[places[*i].0].free & places[*i].1 != 0)
-            .collect();
-        left.iter().for_each(|i| self.cells[places[*i].0].wanted |= places[*i].1);
-        self.flood(cell, |at, ring, cells| {
+        let places = targets.iter().enumerate().flat_map(|(i, cells)| {
+            let places = cells.iter().map(|cell| self.place(*cell));
+            places.map(move |(word, bit)| (i, word, bit))
+        });
+        let places: Vec<(usize, usize, u64)> = places.collect();
+        let mut left = places.clone();
+        left.retain(|(_, word, bit)| self.cells[*word].free & bit != 0);
+        left.iter().for_each(|(_, word, bit)| self.cells[*word].wanted |= bit);
+        self.flood(from, |at, ring, cells| {
             // There may be millions of rings: targets are checked only in those that reach one.
             if ring.iter().any(|(word, bits)| cells[*word].wanted & bits != 0) {
-                left.retain(|i| {
-                    let (word, bit) = places[*i];
-                    let reached = cells[word].unreached & bit == 0;
-                    if reached {
+                for (i, word, bit) in &left {
+                    if cells[*word].unreached & bit == 0 {
                         steps[*i] = at;
                     }
-                    !reached
-                });
+                }
+                left.retain(|(i, ..)| steps[*i] == UNREACHABLE);
             }
-            if left.is_empty() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            let is_over = left.is_empty() || at >= longest;
+            if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
-        places.iter().for_each(|(word, _)| self.cells[*word].wanted = 0);
+        places.iter().for_each(|(_, word, _)| self.cells[*word].wanted = 0);
         steps
     }
 
@@ -109,7 +133,7 @@ impl Flood {
     /// the count above `enough`.
     pub fn outermost(&mut self, cell: Cell, near: u32, enough: usize) -> Vec<(u32, Cell)> {
         let mut rings = Vec::new();
-        self.flood(cell, |steps, ring, _| {
+        self.flood(&[cell], |steps, ring, _| {
             if steps > near {
                 rings.extend(ring.iter().map(|bits| (steps, *bits)));
             }
@@ -128,10 +152,14 @@ impl Flood {
         found
     }
 
-    /// Returns the cells whose bits are set in a word.
+    /// Returns the cells that count whose bits are set in a word.
     fn cells_of(&self, word: usize, bits: u64) -> impl Iterator<Item = Cell> {
+        let (every, y) = (self.every, (word - 1) / self.row - 1);
+        let counts = move |at: usize| at % every == every / 2;
+        let bits = if counts(y) { bits } else { 0 };
         let rest = std::iter::successors(Some(bits), |bits| Some(bits & (bits - 1)));
-        rest.take_while(|bits| *bits != 0).map(move |bits| self.cell(word, bits))
+        let cells = rest.take_while(|bits| *bits != 0).map(move |bits| self.cell(word, bits));
+        cells.filter(move |cell| counts(cell.x))
     }
 
     /// Returns a cell's word and its bit in there.
@@ -145,24 +173,28 @@ impl Flood {
         Cell::new(in_row * BITS + bits.trailing_zeros() as usize, y)
     }
 
-    /// Floods ring by ring and passes each ring and all cells to `pass`, until that breaks. Returns
+    /// Floods from `from` ring by ring and passes each ring and all cells to `pass`, until that breaks. Returns
     /// the distance of the last ring.
     fn flood(
         &mut self,
-        cell: Cell,
+        from: &[Cell],
         mut pass: impl FnMut(u32, &[(usize, u64)], &[Word]) -> ControlFlow<()>,
     ) -> u32 {
-        self.cells.iter_mut().for_each(|word| word.unreached = word.free);
-        let (word, bit) = self.place(cell);
-        self.reach(word, bit);
-        let mut ring = std::mem::take(&mut self.ring);
+        // Searches in a small part of a large map leave the rest alone.
+        let nothing = Range { start: usize::MAX, end: 0 };
+        let reached = replace(&mut self.reached, nothing);
+        let reached = self.cells.get_mut(reached).unwrap_or_default();
+        reached.iter_mut().for_each(|word| word.unreached = word.free);
+        for cell in from {
+            let (word, bit) = self.place(*cell);
+            self.reach(word, bit);
+        }
+        let mut ring = take(&mut self.ring);
         let mut steps = 0;
         loop {
             ring.clear();
             ring.extend(
-                self.next
-                    .drain(..)
-                    .map(|word| (word, std::mem::take(&mut self.cells[word].next_ring))),
+                self.next.drain(..).map(|word| (word, take(&mut self.cells[word].next_ring))),
             );
             if pass(steps, &ring, &self.cells).is_continue() {
                 for (word, bits) in &ring {
@@ -209,6 +241,7 @@ impl Flood {
             cells.unreached ^= new;
             if cells.next_ring == 0 {
                 self.next.push(word);
+                self.reached = self.reached.start.min(word)..self.reached.end.max(word + 1);
             }
             cells.next_ring |= new;
         }
@@ -242,7 +275,7 @@ mod tests {
             cells.retain(|(steps, _)| *steps != UNREACHABLE);
             // Outermost ring first, in row order within a ring.
             cells.sort_by_key(|(steps, _)| std::cmp::Reverse(*steps));
-            let mut flood = Flood::new(&grid);
+            let mut flood = Flood::new(&grid, 1);
             let (max_steps, first) = cells[0];
             assert_eq!(flood.farthest(start), (first, max_steps), "{width} x {height}");
             for last in [0, max_steps / 2, max_steps, max_steps + 2] {
@@ -251,7 +284,7 @@ mod tests {
                 let expected: Vec<(Cell, u32)> =
                     (0..steps.len()).map(of_cell).filter(|c| rings.contains(&c.1)).collect();
                 assert_eq!(
-                    flood.rings(start, rings),
+                    flood.rings(&[start], rings),
                     expected,
                     "rings up to {last} of {width} x {height}"
                 );
@@ -260,8 +293,17 @@ mod tests {
             let targets: Vec<usize> =
                 (0..rng.random_range(0..9)).map(|_| rng.random_range(0..steps.len())).collect();
             let expected: Vec<u32> = targets.iter().map(|i| steps[*i]).collect();
-            let targets: Vec<Cell> = targets.iter().map(|i| grid.cell(*i)).collect();
-            assert_eq!(flood.steps_to(start, &targets), expected, "{width} x {height}");
+            let single: Vec<Vec<Cell>> = targets.iter().map(|i| vec![grid.cell(*i)]).collect();
+            let found = flood.steps_to(&[start], &single, UNREACHABLE);
+            assert_eq!(found, expected, "{width} x {height}");
+            let from_nowhere = flood.steps_to(&[], &single, UNREACHABLE);
+            assert!(from_nowhere.iter().all(|steps| *steps == UNREACHABLE));
+            let nearest = expected.iter().min().copied().unwrap_or(UNREACHABLE);
+            let together = [single.concat()];
+            assert_eq!(flood.steps_to(&[start], &together, UNREACHABLE), [nearest]);
+            if let Some(less) = nearest.checked_sub(1).filter(|_| nearest != UNREACHABLE) {
+                assert_eq!(flood.steps_to(&[start], &together, less), [UNREACHABLE]);
+            }
             let near = max_steps / 3;
             cells.retain(|(steps, _)| *steps > near);
             assert_eq!(flood.outermost(start, near, usize::MAX), cells);

@@ -152,7 +152,7 @@ impl SceneWorker for MazeWorker {
     /// Recomputes graph and field from the latest networks if they are due.
     fn refresh(&mut self, snapshot: &Snapshot) {
         if let Some(followed) = &snapshot.followed {
-            let at = |numbers: &[f32]| cell_of([numbers[0], numbers[1]]);
+            let at = |numbers: &[f32]| [numbers[0], numbers[1]];
             self.view.followed_steps = self.true_steps(at(&followed.state), at(&followed.goal));
             self.shown.changed = true;
         }
@@ -271,9 +271,9 @@ impl MazeWorker {
         self.point_search.get_or_insert_with(|| PointSearch::new(self.world.map()))
     }
 
-    /// Returns the true steps between two cells, if there is a path.
-    fn true_steps(&mut self, from: Cell, to: Cell) -> Option<u32> {
-        let steps = self.point_search().steps_from(to)(from);
+    /// Returns the true steps from a place until a goal is reached, if there is a path.
+    fn true_steps(&mut self, from: [f32; 2], goal: [f32; 2]) -> Option<u32> {
+        let steps = self.point_search().steps_to(goal)(from);
         (steps != UNREACHABLE).then_some(steps)
     }
 
@@ -307,11 +307,11 @@ impl MazeWorker {
             let learned = self.filmed_map().distance(&frame, cell.centre());
             let goal =
                 film_goal(&frame, self.world.map()).filter(|goal| self.world.map().is_free(*goal));
-            let truth = goal.and_then(|goal| self.true_steps(cell, goal));
+            let truth = goal.and_then(|goal| self.true_steps(cell.centre(), goal.centre()));
             self.view.inspected = Some(CellInfo { cell, learned, truth, visits: None });
             return;
         }
-        let truth = self.true_steps(cell, goal);
+        let truth = self.true_steps(cell.centre(), goal.centre());
         let learned =
             self.shown.networks.policy.distance(&cell.centre(), &goal.centre(), &mut self.scratch);
         let visits = self.latest_visits.get(self.world.map().index(cell)).copied().or(Some(0));

@@ -5,13 +5,13 @@ use rand_chacha::ChaCha8Rng;
 
 use super::full_state_at;
 use crate::env::{Task, TaskSet};
-use crate::map::{Cell, Flood, Grid, Ogbench, UNREACHABLE};
+use crate::map::{Grid, Ogbench, PointFlood, UNREACHABLE};
 
 impl Ogbench {
     /// Draws `per_task` starts and goals of each of its tasks, every task a group.
     pub(super) fn draw_tasks(self, map: &Grid, per_task: usize, rng: &mut ChaCha8Rng) -> TaskSet {
         let mut set = TaskSet::default();
-        let mut flood = Flood::new(map);
+        let mut flood = PointFlood::new(map);
         for (group, ends) in self.tasks().into_iter().enumerate() {
             let tasks: Vec<Task> = (0..per_task)
                 .map(|_| {
@@ -19,10 +19,9 @@ impl Ogbench {
                         let noise = -Self::NOISE_CELLS..=Self::NOISE_CELLS;
                         Self::middle(block).map(|middle| middle + rng.random_range(noise.clone()))
                     });
-                    let [from, to] = [start, goal].map(|[x, y]| Cell::new(x as usize, y as usize));
                     // Of paths through teleports, no length is known.
                     let shortest =
-                        self.entries().is_empty().then(|| flood.steps_to(from, &[to])[0]);
+                        self.entries().is_empty().then(|| flood.steps_to(goal, &[start])[0]);
                     let shortest = shortest.filter(|steps| *steps != UNREACHABLE);
                     Task {
                         start: full_state_at(start).to_vec(),

@@ -1,11 +1,11 @@
-//! Evaluation tasks: pairs of cells at known distances.
+//! Evaluation tasks: pairs of cells at known distances, in the steps of a point.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::full_state_at;
 use crate::env::{BUDGET_FACTOR, MAX_BUDGET_STEPS, Task, TaskSet};
-use crate::map::{Cell, Diameter, Flood, Grid, ScenarioTask, StepSearch, UNREACHABLE};
+use crate::map::{Cell, Diameter, Grid, PointFlood, PointSearch, ScenarioTask, UNREACHABLE};
 
 /// Number of distances at which a map is evaluated.
 const DISTANCE_GROUPS: usize = 6;
@@ -16,7 +16,7 @@ const MAX_DISTANCE_SHARE: f64 = 0.9;
 /// ... and at most this, in steps: the budget of farther tasks would be too small.
 const MAX_DISTANCE_STEPS: u32 = MAX_BUDGET_STEPS / BUDGET_FACTOR;
 
-/// Starts tried per task before giving up on its distance.
+/// Goals tried per task before giving up on its distance.
 const MAX_TRIES: usize = 400;
 
 /// Returns the task from the centre of one cell to the centre of another.
@@ -48,7 +48,7 @@ pub fn at(
     per_distance: usize,
     rng: &mut ChaCha8Rng,
 ) -> TaskSet {
-    let mut starts = Starts::new(map, cells, diameter);
+    let mut pairs = Pairs::new(map, cells, diameter);
     let mut set = TaskSet::default();
     for &distance in distances {
         if distance == 0 || set.distances.contains(&Some(f64::from(distance))) {
@@ -56,7 +56,7 @@ pub fn at(
         }
         let group = set.distances.len();
         let tasks = (0..per_distance).filter_map(|_| {
-            let (start, goal, shortest) = starts.draw(distance, rng)?;
+            let (start, goal, shortest) = pairs.draw(distance, rng)?;
             Some(task(start, goal, shortest, group))
         });
         set.tasks.extend(tasks);
@@ -68,11 +68,12 @@ pub fn at(
 /// Picks tasks evenly spaced through a scenario, `per_group` in each of six ranges of shortest-path
 /// length. Skips unsolvable tasks.
 pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> TaskSet {
-    let mut flood = Flood::new(map);
+    let mut flood = PointFlood::new(map);
     let count = (DISTANCE_GROUPS * per_group).clamp(1, scenario.len());
     let chosen = (0..count).map(|i| scenario[i * scenario.len() / count]);
     let mut found: Vec<(u32, Cell, Cell)> = chosen
-        .map(|t| (flood.steps_to(t.start, &[t.goal])[0], t.start, t.goal))
+        .filter(|t| map.is_free(t.goal))
+        .map(|t| (steps(&mut flood, t.start, t.goal), t.start, t.goal))
         .filter(|(shortest, ..)| *shortest != UNREACHABLE)
         .collect();
     found.sort_by_key(|(shortest, ..)| *shortest);
@@ -94,8 +95,13 @@ pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) ->
 /// them.
 pub fn marked(map: &Grid) -> Option<Task> {
     let (start, goal) = (*map.starts().first()?, *map.goals().first()?);
-    let steps = Flood::new(map).steps_to(goal, &[start])[0];
+    let steps = steps(&mut PointFlood::new(map), start, goal);
     (steps != UNREACHABLE).then(|| task(start, goal, steps, 0))
+}
+
+/// Returns the steps from the middle of one cell to that of another.
+fn steps(flood: &mut PointFlood, start: Cell, goal: Cell) -> u32 {
+    flood.steps_to(goal.centre(), &[start.centre()])[0]
 }
 
 /// Returns the task from the map's first start, or else its first free cell, to the cell farthest
@@ -103,42 +109,48 @@ pub fn marked(map: &Grid) -> Option<Task> {
 pub fn longest(map: &Grid) -> Task {
     let first = map.starts().first().copied().or_else(|| map.free_cells().next());
     let start = first.unwrap_or(Cell::new(0, 0));
-    let mut search = StepSearch::new(map);
-    let steps = search.steps_from(start).iter().copied().enumerate();
-    let farthest = steps.filter(|(_, steps)| *steps != UNREACHABLE).max_by_key(|(_, steps)| *steps);
-    let (goal, steps) = farthest.map_or((start, 0), |(cell, steps)| (map.cell(cell), steps));
+    let mut flood = PointFlood::new(map);
+    let goal = flood.farthest(start);
+    let steps = steps(&mut flood, start, goal);
     task(start, goal, steps, 0)
 }
 
-/// Draws starts, and goals at a given distance from them.
-struct Starts<'a> {
+/// Draws goals, and starts at a given distance from them.
+struct Pairs<'a> {
     map: &'a Grid,
     cells: &'a [Cell],
-    flood: Flood,
-    /// Steps from the map's middle, row-major, and their maximum.
-    from_middle: Vec<u32>,
-    radius: u32,
+    flood: PointFlood,
+    /// No fewer steps than lead to each cell from any other, row-major.
+    most: Vec<u32>,
 }
 
-impl<'a> Starts<'a> {
+impl<'a> Pairs<'a> {
     fn new(map: &'a Grid, cells: &'a [Cell], diameter: Diameter) -> Self {
-        let (middle, radius) = diameter.middle.unwrap_or((cells[0], UNREACHABLE));
-        let from_middle = StepSearch::new(map).steps_from(middle).to_vec();
-        Self { map, cells, flood: Flood::new(map), from_middle, radius }
+        let mut most = vec![UNREACHABLE; map.free().len()];
+        if let Some((middle, radius)) = diameter.middle {
+            let mut search = PointSearch::new(map);
+            let steps = search.steps_to(middle.centre());
+            // No way is longer than one through the middle, which is the goal radius farther away.
+            let more = map.scale().goal_radius.ceil() as u32 + radius;
+            cells.iter().for_each(|cell| {
+                most[map.index(*cell)] = steps(cell.centre()).saturating_add(more);
+            });
+        }
+        Self { map, cells, flood: PointFlood::new(map), most }
     }
 
-    /// Draws a random pair of cells whose distance is within one step of `distance`.
+    /// Draws a random pair of cells, start and goal, whose distance is within one step of
+    /// `distance`.
     fn draw(&mut self, distance: u32, rng: &mut ChaCha8Rng) -> Option<(Cell, Cell, u32)> {
         for _ in 0..MAX_TRIES {
-            let start = self.cells[rng.random_range(0..self.cells.len())];
-            // No way from here is longer than one through the middle: most starts without a goal
-            // need no search.
-            if self.from_middle[self.map.index(start)].saturating_add(self.radius) < distance - 1 {
+            let goal = self.cells[rng.random_range(0..self.cells.len())];
+            // Most goals without a start need no search.
+            if self.most[self.map.index(goal)] < distance - 1 {
                 continue;
             }
-            let fitting = self.flood.rings(start, distance - 1..=distance + 1);
+            let fitting = self.flood.rings(goal, distance - 1..=distance + 1);
             if !fitting.is_empty() {
-                let (goal, steps) = fitting[rng.random_range(0..fitting.len())];
+                let (start, steps) = fitting[rng.random_range(0..fitting.len())];
                 return Some((start, goal, steps));
             }
         }
@@ -153,22 +165,22 @@ mod tests {
     use super::*;
     use crate::map::{RandomMapKind, random};
 
-    /// Draws a pair by searching the whole map from every start.
+    /// Draws a pair by searching the whole map from every goal.
     fn draw_from_whole_maps(
         map: &Grid,
         cells: &[Cell],
         distance: u32,
         rng: &mut ChaCha8Rng,
     ) -> Option<Task> {
-        let mut search = StepSearch::new(map);
+        let mut search = PointSearch::new(map);
         for _ in 0..MAX_TRIES {
-            let start = cells[rng.random_range(0..cells.len())];
-            let steps = search.steps_from(start);
-            let fitting: Vec<usize> =
-                (0..steps.len()).filter(|i| steps[*i].abs_diff(distance) <= 1).collect();
+            let goal = cells[rng.random_range(0..cells.len())];
+            let steps = search.steps_to(goal.centre());
+            let all = map.free_cells().map(|start| (start, steps(start.centre())));
+            let fitting: Vec<_> = all.filter(|(_, steps)| steps.abs_diff(distance) <= 1).collect();
             if !fitting.is_empty() {
-                let goal = fitting[rng.random_range(0..fitting.len())];
-                return Some(task(start, map.cell(goal), steps[goal], 0));
+                let (start, steps) = fitting[rng.random_range(0..fitting.len())];
+                return Some(task(start, goal, steps, 0));
             }
         }
         None
@@ -182,13 +194,13 @@ mod tests {
             let map = random(kind, Some(size), 3);
             let cells: Vec<Cell> = map.free_cells().collect();
             let diameter = Diameter::compute(&map);
-            // Beyond the diameter there are no tasks; just below it, few starts have a goal.
+            // Beyond the diameter there are no tasks; just below it, few goals have a start.
             for distance in [1, 2, diameter.steps / 2, diameter.steps - 3, diameter.steps + 2] {
-                let mut starts = Starts::new(&map, &cells, diameter);
+                let mut pairs = Pairs::new(&map, &cells, diameter);
                 let rngs = || ChaCha8Rng::seed_from_u64(u64::from(distance));
                 let (mut own, mut other) = (rngs(), rngs());
                 for _ in 0..5 {
-                    let drawn = starts
+                    let drawn = pairs
                         .draw(distance, &mut own)
                         .map(|(start, goal, steps)| task(start, goal, steps, 0));
                     assert_eq!(

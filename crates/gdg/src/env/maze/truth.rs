@@ -1,11 +1,10 @@
-//! The maze's true distances, by breadth-first search. D is compared with those of a point, which
-//! cuts corners.
+//! The maze's true distances: the shortest paths of a point, by breadth-first search.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::{GroundTruth, NEAR_STEPS, TruePairs};
-use crate::map::{Cell, Flood, Grid, HalfCells, StepSearch, UNREACHABLE};
+use crate::map::{Cell, Grid, PointFlood, UNREACHABLE};
 
 /// Sample sizes for measuring D's error: goals, starts per goal, and near starts per goal.
 const ERROR_PAIRS: (usize, usize, usize) = (48, 32, 12);
@@ -15,70 +14,36 @@ pub struct MazeGroundTruth<'a> {
     map: &'a Grid,
     /// The cells that pairs are drawn from.
     cells: &'a [Cell],
-    search: StepSearch,
-    flood: Flood,
-    half_cells: HalfCells,
-    point_flood: Flood,
+    flood: PointFlood,
 }
 
 impl<'a> MazeGroundTruth<'a> {
     /// Creates the true distances of `map`; pairs are drawn from `cells`.
     pub fn new(map: &'a Grid, cells: &'a [Cell]) -> Self {
-        let half_cells = HalfCells::new(map);
-        let point_flood = Flood::new(half_cells.points());
-        Self {
-            map,
-            cells,
-            search: StepSearch::new(map),
-            flood: Flood::new(map),
-            half_cells,
-            point_flood,
-        }
+        Self { map, cells, flood: PointFlood::new(map) }
     }
 }
 
-/// Returns the cell that contains a position.
-fn cell_of(at: &[f32]) -> Cell {
-    Cell::new(at[0] as usize, at[1] as usize)
-}
-
-/// Returns the free cells with a position from which `goal` counts as reached: also those behind a
-/// corner.
-fn cells_within_reach(map: &Grid, goal: &[f32]) -> impl Iterator<Item = Cell> {
-    let Cell { x, y } = cell_of(goal);
-    let radius = map.scale().goal_radius;
-    let reach = radius.ceil() as usize;
-    let around = (x.saturating_sub(reach)..=x + reach)
-        .flat_map(move |x| (y.saturating_sub(reach)..=y + reach).map(move |y| (x, y)));
-    let off = move |at: f32, low: usize| (low as f32 - at).max(at - (low + 1) as f32).max(0.0);
-    around.filter(move |(x, y)| off(goal[0], *x).hypot(off(goal[1], *y)) < radius).filter_map(
-        |(x, y)| {
-            let cell = Cell::new(x, y);
-            map.is_free(cell).then_some(cell)
-        },
-    )
+/// Returns the position of a goal or a state.
+fn position(at: &[f32]) -> [f32; 2] {
+    [at[0], at[1]]
 }
 
 impl GroundTruth for MazeGroundTruth<'_> {
     fn steps(&mut self, from: &[f32], goals: &[f32], longest: u32) -> Option<Vec<Option<u32>>> {
-        let from = cell_of(from);
-        if !self.map.is_free(from) {
+        let from = position(from);
+        if !self.map.is_free_at(from[0], from[1]) {
             return None;
         }
-        let steps = self.search.steps_within(from, longest);
-        let of = |goal: &[f32]| {
-            let cells = cells_within_reach(self.map, goal).map(|cell| steps[self.map.index(cell)]);
-            cells.min().filter(|steps| *steps != UNREACHABLE)
-        };
-        Some(goals.chunks_exact(2).map(of).collect())
+        let goals: Vec<[f32; 2]> = goals.chunks_exact(2).map(position).collect();
+        let steps = self.flood.steps_from(from, &goals, longest).into_iter();
+        Some(steps.map(|steps| Some(steps).filter(|steps| *steps != UNREACHABLE)).collect())
     }
 
     fn pairs(&mut self, rng: &mut ChaCha8Rng) -> Vec<TruePairs> {
-        let Self { cells, flood, half_cells, point_flood, .. } = self;
+        let Self { cells, flood, .. } = self;
         let (goals, starts, near_starts) = ERROR_PAIRS;
         let mut draw = |count: usize| rng.random_range(0..count);
-        // A radius of one cell is within the steps already.
-        let saved = (self.map.scale().goal_radius - 1.0).max(0.0) as u32;
         let of_goal = |_| {
             let goal = cells[draw(cells.len())];
             let drawn: Vec<Cell> = (0..starts).map(|_| cells[draw(cells.len())]).collect();
@@ -87,14 +52,9 @@ impl GroundTruth for MazeGroundTruth<'_> {
                 (0..near_starts.min(around.len())).map(|_| (around[draw(around.len())].0, true));
             let starts: Vec<(Cell, bool)> =
                 drawn.into_iter().map(|cell| (cell, false)).chain(near).collect();
-            let points: Vec<Cell> =
-                starts.iter().map(|(cell, _)| half_cells.middle(*cell)).collect();
-            let moves = point_flood.steps_to(half_cells.middle(goal), &points);
+            let places: Vec<[f32; 2]> = starts.iter().map(|(cell, _)| cell.centre()).collect();
+            let steps = flood.steps_to(goal.centre(), &places);
             let mut pairs = TruePairs { goal: goal.centre().to_vec(), ..TruePairs::default() };
-            let steps = moves.into_iter().map(|moves| match half_cells.steps(moves) {
-                UNREACHABLE => UNREACHABLE,
-                steps => steps.saturating_sub(saved),
-            });
             for ((cell, near), steps) in
                 starts.into_iter().zip(steps).filter(|(_, steps)| *steps > 0)
             {
@@ -115,18 +75,18 @@ mod tests {
     use super::super::full_state_at;
     use super::*;
     use crate::env::{Environment, PointMaze};
-    use crate::map::{RandomMapKind, parse_map, random};
+    use crate::map::{HalfCells, RandomMapKind, StepSearch, parse_map, random};
 
     #[test]
     fn a_goal_behind_a_corner_is_reached_from_this_side_but_not_through_a_wall() {
         let map = parse_map("corner", b"..#\n.#.\n...\n").expect("a map");
         let cells: Vec<Cell> = map.free_cells().collect();
         let mut truth = MazeGroundTruth::new(&map, &cells);
-        // Around the wall from (1, 0) to the cell at the right it takes 6 steps, less the goal
-        // radius.
+        // Round the corners (1, 1) and (1, 2) it is 0.5 + 1 + 1 to (2, 2), near enough to both
+        // places at the right.
         let goals = [2.1, 1.1, 2.9, 1.9, 2.5, 2.5];
         let steps = truth.steps(&[1.5, 0.5], &goals, 100);
-        assert_eq!(steps, Some(vec![Some(0), Some(4), Some(4)]));
+        assert_eq!(steps, Some(vec![Some(0), Some(3), Some(3)]));
         assert_eq!(truth.steps(&[1.5, 1.5], &goals, 100), None, "inside a wall");
         assert_eq!(truth.steps(&[0.5, 0.5], &[2.5, 2.5], 2), Some(vec![None]), "too far");
     }
@@ -135,6 +95,7 @@ mod tests {
     fn a_point_walks_as_far_as_the_true_distance_and_less_far_than_from_cell_to_cell() {
         let map = random(RandomMapKind::Perfect, Some(21), 1);
         let cells: Vec<Cell> = map.free_cells().collect();
+        let mut truth = MazeGroundTruth::new(&map, &cells);
         let half_cells = HalfCells::new(&map);
         let goal = cells[0];
         let mut search = StepSearch::new(half_cells.points());
@@ -173,8 +134,8 @@ mod tests {
                 steps += 1;
                 assert!(steps < 1_000, "{start:?}");
             }
-            let shortest =
-                half_cells.steps(moves[half_cells.points().index(half_cells.middle(*start))]);
+            let shortest = truth.steps(&start.centre(), &goal.centre(), UNREACHABLE);
+            let shortest = shortest.expect("it is free")[0].expect("a path leads there");
             assert!(steps + 1 >= shortest, "{steps} steps instead of {shortest} from {start:?}");
             (walked, true_steps) = (walked + steps, true_steps + shortest);
             cell_steps += by_cells[map.index(*start)];

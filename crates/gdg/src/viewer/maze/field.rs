@@ -106,8 +106,8 @@ impl MazeWorker {
 
     /// Returns the true steps to the goal; NaN where it is unreachable.
     fn true_distances(&mut self, positions: &[[f32; 2]], goal: [f32; 2]) -> Vec<f32> {
-        let steps = self.point_search().steps_from(cell_of(goal));
-        let of = |at: &[f32; 2]| match steps(cell_of(*at)) {
+        let steps = self.point_search().steps_to(goal);
+        let of = |at: &[f32; 2]| match steps(*at) {
             UNREACHABLE => f32::NAN,
             steps => steps as f32,
         };

@@ -86,7 +86,7 @@ impl MazeWorker {
         self.pilot.forget_plan();
         self.view.path.clear();
         self.view.walk.shortest =
-            self.view.goal.0.and_then(|goal| self.true_steps(cell_of(at), goal));
+            self.view.goal.0.and_then(|goal| self.true_steps(at, goal.centre()));
         self.shown.changed = true;
     }
 
