@@ -14,6 +14,7 @@ mod maps;
 mod method;
 mod plot;
 mod reproduce;
+mod runs;
 #[cfg(feature = "tui")]
 mod screen;
 mod suite;
@@ -27,7 +28,6 @@ use std::path::PathBuf;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use crate::host::runs::SAVES;
 pub use ablate::AblateArgs;
 #[cfg(feature = "tui")]
 pub use compare::CompareArgs;
@@ -41,6 +41,7 @@ pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand};
 pub use method::RunArgs;
 pub use plot::PlotArgs;
 pub use reproduce::ReproduceArgs;
+pub use runs::RunsArgs;
 #[cfg(feature = "tui")]
 pub use screen::ScreenArgs;
 pub use suite::SuiteArgs;
@@ -55,7 +56,7 @@ Examples:
   gdg-tui city --seed 3                      the city with another seed
   gdg-tui --no-ui fourrooms --max-updates 60000 --require-success 0.95
   gdg-tui --no-ui my.map --scen my.map.scen --max-seconds 120 --save saves/my.safetensors
-  gdg-tui --resume                           resume the run that was saved last; gdg-tui runs lists all
+  gdg-tui --resume                           resume the run that was saved last; gdg-tui runs shows all
   gdg-tui --resume saves/my.safetensors      resume where that run stopped
   gdg-tui film saves/my.safetensors          how that run learned distance, as an animation
   gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
@@ -111,12 +112,8 @@ pub enum Command {
     /// List the built-in maps with size, free cells and farthest distance, print a random map, or
     /// convert maps
     Maps(MapsArgs),
-    /// List the saved runs of a folder, the newest first
-    Runs {
-        /// Folder of the checkpoints
-        #[arg(default_value = SAVES, value_name = "FOLDER")]
-        folder: PathBuf,
-    },
+    /// Show the runs of folders: filter, sort, compare their curves and settings, resume them
+    Runs(RunsArgs),
     /// Print the reference of all settings in Markdown
     Settings,
     /// Take a guided tour of the four rooms: a minute and a half

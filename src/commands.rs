@@ -13,6 +13,7 @@ mod maps;
 mod output;
 mod plot;
 mod reproduce;
+mod runs;
 #[cfg(feature = "tui")]
 mod screen;
 mod suite;
@@ -26,7 +27,6 @@ use clap::CommandFactory;
 use miette::Report;
 
 use crate::cli::{Cli, Command, completions};
-use crate::host::runs;
 use gdg::train::{Registry, reference_page};
 pub use output::{Failure, Outcome};
 use output::{OrFail, print, print_safely};
@@ -40,7 +40,7 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
     match cli.command {
         None => train::run(&cli.train, registry),
         Some(Command::Maps(args)) => maps::run(&args, registry),
-        Some(Command::Runs { folder }) => text(runs::list(&folder, registry)),
+        Some(Command::Runs(args)) => runs::run(&args, registry),
         Some(Command::Settings) => print(&reference_page()),
         #[cfg(feature = "tui")]
         Some(Command::Tour(args)) => tour::run(&args, registry),

@@ -16,6 +16,7 @@ pub mod progress;
 pub mod report;
 pub mod reproduce;
 pub mod runner;
+pub mod runs;
 pub mod suite;
 pub mod table;
 pub mod world;

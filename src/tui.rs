@@ -22,7 +22,7 @@
 //! * `interface`, `job_control`, `input`, `record`, `terminal`, `event_loop`: what fills the screen,
 //!   the terminal itself, what comes from it, recordings of it, and the loop that forwards events
 //!   and draws frames.
-//! * `compare`: two runs side by side, each with its own `app`.
+//! * `compare`: two runs side by side, each with its own `app`; `runs`: the list of saved runs.
 
 mod action;
 mod app;
@@ -54,6 +54,7 @@ mod projection;
 mod raster;
 mod record;
 mod render;
+mod runs;
 mod scene;
 mod screen;
 mod sheet;
@@ -77,7 +78,7 @@ use crate::host::report::ExplainedError;
 use crate::host::setup::{self, Setup};
 use crate::host::signals::TerminationSignal;
 use app::{App, Files};
-pub use compare::{ComparisonOptions, prepare as prepare_comparison, run as compare};
+pub use compare::{ComparisonOptions, Contender, prepare as prepare_comparison, run as compare};
 pub use config::{
     UiConfig, load as load_config, parse as parse_config, template as config_template,
 };
@@ -92,6 +93,7 @@ pub use marker::Marker;
 pub use measure::{MeasuredInterface, MeasuredScreen};
 pub use record::LARGEST_SCREEN;
 use record::Recorder;
+pub use runs::{Next as NextAfterRuns, run as show_runs};
 pub use terminal::{GUARD_COMMAND, run_guard as guard_terminal};
 
 /// How the interface is shown and recorded.

@@ -20,6 +20,7 @@ mod plot;
 mod ran;
 mod records;
 mod reproduce;
+mod runs;
 mod suite;
 #[cfg(unix)]
 mod support;

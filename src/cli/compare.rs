@@ -1,15 +1,17 @@
 //! Options of `gdg-tui compare`.
 
-use std::path::PathBuf;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::builder::{PossibleValue, TypedValueParser};
+use clap::{Arg, Args};
 
 use super::method::MethodParser;
 use super::values::{counts, parse_threads};
 use super::{MapArgs, ScreenArgs};
-use crate::tui::ComparisonOptions;
+use crate::tui::{ComparisonOptions, Contender};
+use gdg::files::has_extension;
 use gdg::learn::Threads;
-use gdg::train::Method;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -17,10 +19,13 @@ Examples:
   gdg-tui compare gdg-bridge her city --seed 3
   gdg-tui compare gdg gdg trap --set B:hidden=64    one method with two sizes of network
   gdg-tui compare gdg-bridge her --record race.cast    and record the screen
+  gdg-tui compare saves/a.safetensors saves/b.safetensors    what two saved runs have learned
+  gdg-tui compare saves/a.safetensors her    and a method that begins on its map, with its seed
 
-Click on either map to set the goal of both; e edits the map of both. Each side trains exactly as gdg-tui MAP --method METHOD with the same seed
-and settings does, on its own threads. Nothing is saved: gdg-tui reproduce and gdg-tui suite compare methods over several
-seeds, without a terminal, and keep their results.
+Click on either map to set the goal of both; e edits the map of both. Each side trains exactly as gdg-tui MAP --method METHOD
+with the same seed and settings does, on its own threads; saved runs begin paused, as they were saved, and Space trains them on.
+Nothing is saved: gdg-tui reproduce and gdg-tui suite compare methods over several seeds, without a terminal, and keep their
+results.
 
 Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its number after a signal.";
 
@@ -28,21 +33,21 @@ Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct CompareArgs {
-    /// Method on the left: a name as in --method, or LEARNER+PLANNER
-    #[arg(value_name = "A", value_parser = MethodParser)]
-    pub a: Method,
+    /// On the left: a method as in --method, or LEARNER+PLANNER, or a checkpoint
+    #[arg(value_name = "A", value_parser = ContenderParser)]
+    pub a: Contender,
 
-    /// Method on the right
-    #[arg(value_name = "B", value_parser = MethodParser, hide_possible_values = true)]
-    pub b: Method,
+    /// Method or checkpoint on the right
+    #[arg(value_name = "B", value_parser = ContenderParser, hide_possible_values = true)]
+    pub b: Contender,
 
-    /// Built-in map or map file
-    #[arg(default_value = "fourrooms", value_name = "MAP")]
-    pub map: PathBuf,
+    /// Built-in map or map file [default: fourrooms, or the map of the checkpoint]
+    #[arg(value_name = "MAP")]
+    pub map: Option<PathBuf>,
 
-    /// Random seed of both: same seed, same runs
-    #[arg(long, default_value_t = 0, value_parser = counts::<u64>(0..=u64::MAX))]
-    pub seed: u64,
+    /// Random seed of both methods: same seed, same runs [default: 0, or the checkpoint's]
+    #[arg(long, value_parser = counts::<u64>(0..=u64::MAX))]
+    pub seed: Option<u64>,
 
     /// Change one setting of both methods, or of one side (repeatable)
     #[arg(long, value_name = "[A:|B:]NAME=VALUE")]
@@ -66,7 +71,7 @@ impl CompareArgs {
     /// Returns the options of the comparison.
     pub fn options(&self) -> ComparisonOptions {
         ComparisonOptions {
-            methods: [self.a.clone(), self.b.clone()],
+            contenders: [self.a.clone(), self.b.clone()],
             map: self.map.clone(),
             reading: (&self.reading).into(),
             seed: self.seed,
@@ -74,5 +79,30 @@ impl CompareArgs {
             threads: self.threads,
             recording: self.screen.interface.record.clone(),
         }
+    }
+}
+
+/// Parses a method or the path of a checkpoint, and lists the named methods.
+#[derive(Clone)]
+struct ContenderParser;
+
+impl TypedValueParser for ContenderParser {
+    type Value = Contender;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&Arg>,
+        value: &OsStr,
+    ) -> Result<Contender, clap::Error> {
+        let path = Path::new(value);
+        if has_extension(path, "safetensors") {
+            return Ok(Contender::Checkpoint(path.to_owned()));
+        }
+        MethodParser.parse_ref(command, arg, value).map(Contender::Method)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        MethodParser.possible_values()
     }
 }

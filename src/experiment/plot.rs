@@ -1,19 +1,19 @@
 //! `gdg-tui plot`: curves of runs over their seeds, as a figure for a paper and as a table.
 
 mod lines;
-mod read;
 
 use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Report, miette};
 
+use super::job::EvaluationAt;
+use super::runs::{self, SavedRun};
 use crate::figure::{Format, MILLIMETRE, Page, Sheet};
 use crate::host::setup::refuse_existing;
 use gdg::files::{named, write_atomically};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
 use lines::{Grouping, Panels};
-pub use read::PlottedRun;
 
 /// Width of a paper's column.
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
@@ -106,7 +106,8 @@ impl Measure {
         }
     }
 
-    fn label(self) -> &'static str {
+    /// Returns its label.
+    pub fn label(self) -> &'static str {
         match self {
             Self::Success => "success rate",
             Self::Greedy => "success rate without plans",
@@ -115,7 +116,19 @@ impl Measure {
         }
     }
 
-    fn of(self, evaluation: &Evaluation) -> Option<f64> {
+    /// Returns the next one.
+    #[must_use]
+    pub fn next(self) -> Self {
+        match self {
+            Self::Success => Self::Greedy,
+            Self::Greedy => Self::Error,
+            Self::Error => Self::Coverage,
+            Self::Coverage => Self::Success,
+        }
+    }
+
+    /// Returns its value in an evaluation, if that has one.
+    pub fn of(self, evaluation: &Evaluation) -> Option<f64> {
         let value = match self {
             Self::Success => evaluation.success_rate(),
             Self::Greedy => evaluation.greedy.success,
@@ -136,7 +149,27 @@ impl Axis {
         }
     }
 
-    fn label(self) -> &'static str {
+    /// Returns the next one.
+    #[must_use]
+    pub fn next(self) -> Self {
+        match self {
+            Self::Updates => Self::Steps,
+            Self::Steps => Self::Seconds,
+            Self::Seconds => Self::Updates,
+        }
+    }
+
+    /// Returns where it is at an evaluation; runs of older versions do not know it.
+    pub fn of(self, at: &EvaluationAt) -> Option<f64> {
+        match self {
+            Self::Updates => Some(at.updates as f64),
+            Self::Steps => at.env_steps.map(|steps| steps as f64),
+            Self::Seconds => at.seconds,
+        }
+    }
+
+    /// Returns its label.
+    pub fn label(self) -> &'static str {
         match self {
             Self::Updates => "updates",
             Self::Steps => "environment steps",
@@ -161,7 +194,7 @@ pub struct Drawn {
 ///
 /// # Errors
 /// Nothing is known of what is asked for, or the table cannot be written.
-pub fn draw(runs: &[PlottedRun], options: &Options) -> Result<Drawn, Report> {
+pub fn draw(runs: &[SavedRun], options: &Options) -> Result<Drawn, Report> {
     let grouping = Grouping::new(runs, &options.by);
     let Panels { charts, table, seeds, notes } = lines::panels(runs, &grouping, options)?;
     let columns = (options.width / PANEL_WIDTH).floor().max(1.0) as usize;
@@ -198,7 +231,7 @@ pub fn run(options: &Options) -> Result<String, Report> {
     for path in out.iter().chain([&table]) {
         refuse_existing(path, options.overwrite)?;
     }
-    let (runs, mut notes) = read::runs(&options.runs)?;
+    let (runs, mut notes) = runs::runs(&options.runs)?;
     let drawn = draw(&runs, options)?;
     notes.extend(drawn.notes);
     notes.iter().for_each(|note| eprint_line(note));

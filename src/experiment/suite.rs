@@ -9,9 +9,10 @@ use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use super::folder::{Folder, State};
 use super::job::{Job, JobResult};
 use super::plan::Plan;
-use super::plot::{self, By, Drawn, PlottedRun};
+use super::plot::{self, By, Drawn};
 use super::report::{CURVES, report};
 use super::runner::{End, Outcome, Runner};
+use super::runs::SavedRun;
 use super::table::{Row, table};
 use super::world::JobWorld;
 use crate::figure::Format;
@@ -308,8 +309,8 @@ impl Suite<'_> {
     fn draw_curves(&self, rows: &[Row]) -> Result<Option<String>, Report> {
         let results =
             rows.iter().flat_map(|row| &row.results).filter(|r| !r.evaluations.is_empty());
-        let run = |result: &JobResult| PlottedRun::of_result(result.clone(), PathBuf::new());
-        let runs: Vec<PlottedRun> = results.map(run).collect();
+        let run = |result: &JobResult| SavedRun::of_result(result.clone(), PathBuf::new());
+        let runs: Vec<SavedRun> = results.map(run).collect();
         if runs.is_empty() {
             return Ok(None);
         }

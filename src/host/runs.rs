@@ -108,7 +108,7 @@ fn row(found: &Result<Description, CheckpointError>) -> Vec<String> {
 }
 
 /// Returns a success rate, or a dash if there is none.
-fn rate(rate: Option<f64>) -> String {
+pub fn rate(rate: Option<f64>) -> String {
     rate.map_or("-".to_owned(), |rate| format!("{rate:.2}"))
 }
 
@@ -119,10 +119,7 @@ fn name(file: &Path) -> String {
 
 /// Describes a saved run in a few words: `57,000 updates, seed 1, saved yesterday`.
 pub fn summary(found: &Description) -> String {
-    let age = found
-        .written
-        .and_then(local)
-        .map_or(String::new(), |at| format!(", saved {}", age(&at, &Zoned::now())));
+    let age = found.written.and_then(ago).map_or(String::new(), |ago| format!(", saved {ago}"));
     format!("{} updates, seed {}{age}", grouped(found.updates), found.run.seed)
 }
 
@@ -132,6 +129,11 @@ pub fn resume_command(file: &Path) -> String {
     // Otherwise, it would look like an option.
     let file = if file.starts_with('-') { format!("./{file}").into() } else { file };
     format!("gdg-tui --resume {}", shlex::try_quote(&file).unwrap_or_else(|_| file.clone()))
+}
+
+/// Describes how long ago something happened, if that is known: `25 minutes ago`, `yesterday`.
+pub fn ago(at: SystemTime) -> Option<String> {
+    local(at).map(|at| age(&at, &Zoned::now()))
 }
 
 fn local(at: SystemTime) -> Option<Zoned> {

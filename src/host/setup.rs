@@ -433,11 +433,18 @@ pub fn open_maze(
     run: &Run,
     registry: &Registry,
 ) -> Result<PointMaze, Report> {
-    let map = Arc::new(find_map(name, reading, registry)?);
+    maze_on(Arc::new(find_map(name, reading, registry)?), run)
+}
+
+/// Returns the maze on a map.
+///
+/// # Errors
+/// It lacks a start that the run's settings require.
+pub fn maze_on(map: Arc<Grid>, run: &Run) -> Result<PointMaze, Report> {
     if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
         let problem = "has no start S, which restart=start-cell requires";
         return Err(from_map_error(MapError::whole_file(
-            &name.to_string_lossy(),
+            map.name(),
             problem,
             "mark a start with S, or use restart=anywhere",
         )));

@@ -146,6 +146,33 @@ pub enum Action {
     Larger(usize),
     /// Draw a comparison's curves over another quantity.
     Axis,
+    /// Something with the runs of a list.
+    List(ListAction),
+}
+
+/// What can be done with a list of runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ListAction {
+    /// Mark the selected run, or unmark it.
+    Mark,
+    /// Type words that runs must have.
+    Filter,
+    /// Sort by the next column.
+    Sort,
+    /// Reverse the order.
+    Reverse,
+    /// Draw curves of the next measure.
+    Measure,
+    /// Draw curves over the next quantity.
+    Axis,
+    /// Resume the selected run.
+    Resume,
+    /// Show what two runs have learned side by side.
+    Compare,
+    /// Write the curves to files.
+    Plot,
+    /// Delete the files of runs.
+    Delete,
 }
 
 /// The mode of the screen, which determines the active bindings.
@@ -167,11 +194,13 @@ pub enum Mode {
     Settings,
     /// Reading the help.
     Help,
+    /// Looking at a list of runs.
+    Listing,
 }
 
 impl Mode {
     /// All modes.
-    const ALL: [Self; 8] = [
+    const ALL: [Self; 9] = [
         Self::Watching,
         Self::Editing,
         Self::Offered,
@@ -180,10 +209,17 @@ impl Mode {
         Self::EditingBoth,
         Self::Settings,
         Self::Help,
+        Self::Listing,
     ];
 }
 
 impl Action {
+    /// Returns whether it is available in a list of runs.
+    fn applies_to_lists(self) -> bool {
+        use Action as A;
+        matches!(self, A::Move(0, _) | A::Help | A::Close | A::Redraw | A::Suspend | A::Quit)
+    }
+
     /// Returns whether it is available in a comparison, for both sides.
     fn applies_to_two(self) -> bool {
         use Action as A;
@@ -246,13 +282,15 @@ pub enum When {
     Settings,
     /// In the help.
     Help,
+    /// In a list of runs.
+    Listing,
 }
 
 impl When {
     /// Returns where the keys are active, for the help; empty if obvious.
     pub fn place(self) -> &'static str {
         match self {
-            Self::Always | Self::Watching | Self::Comparing => "",
+            Self::Always | Self::Watching | Self::Comparing | Self::Listing => "",
             Self::Editing => " (in the editor)",
             Self::Offered => " (while it is offered)",
             Self::Touring => " (in the tour)",
@@ -305,7 +343,9 @@ impl Binding {
             (Mode::Touring, When::Touring)
             | (Mode::Comparing, When::Comparing)
             | (Mode::Settings, When::Settings)
-            | (Mode::Help, When::Help) => true,
+            | (Mode::Help, When::Help)
+            | (Mode::Listing, When::Listing) => true,
+            (Mode::Listing, When::Always) => self.action.applies_to_lists(),
             (Mode::Comparing, when) => {
                 !matches!(when, When::Editing | When::Touring) && self.action.applies_to_two()
             }
@@ -314,7 +354,7 @@ impl Binding {
             (Mode::EditingBoth, when) => {
                 matches!(when, When::Always | When::Editing) && self.action.applies_to_two()
             }
-            (Mode::Touring | Mode::Settings | Mode::Help, _) => false,
+            (Mode::Touring | Mode::Settings | Mode::Help | Mode::Listing, _) => false,
         }
     }
 

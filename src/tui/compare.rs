@@ -49,7 +49,7 @@ use gdg::map::Cell;
 use gdg::train::Limits;
 use gdg::viewer::{OnArrival, View, Viewer};
 use pace::Pace;
-pub use prepare::{ComparisonOptions, Contestant, prepare};
+pub use prepare::{ComparisonOptions, Contender, Contestant, prepare};
 use race::Race;
 
 /// The names of the sides.
@@ -109,15 +109,19 @@ pub fn run(
 
 impl Side {
     fn start(
-        Contestant { trainer, title }: Contestant,
+        Contestant { trainer, title, is_paused }: Contestant,
         config: &UiConfig,
         keymap: &Keymap,
         limits: Limits,
     ) -> Result<Self, Report> {
         let about = meaning::texts(trainer.run(), trainer.registry());
+        let pace = Pace::of(trainer.history());
         let engine = Engine::start(trainer, limits).into_diagnostic()?;
         // A method with slow evaluations must not be judged by its first steps.
         engine.send(Command::PauseEvaluations(EVALUATION_PAUSE_FACTOR));
+        if is_paused {
+            engine.send(Command::Pause);
+        }
         let viewer = Viewer::start(&engine).into_diagnostic()?;
         let mut app = App::new(engine.link(), viewer, config, keymap.clone(), Files::default());
         // The race decides where both go next.
@@ -125,7 +129,7 @@ impl Side {
         // A comparison saves nothing, so a failed run needs no dialog: its title says what happened.
         app.saver.offers_nothing();
         app.hands_over = true;
-        let (pace, cache) = (Pace::default(), Cache::with_pictures());
+        let cache = Cache::with_pictures();
         Ok(Self { app, engine, title, about, pace, cache })
     }
 

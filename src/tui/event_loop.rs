@@ -58,7 +58,10 @@ pub fn show<I: Interface>(
     // Keys typed meanwhile are discarded.
     let _ = runtime.block_on(terminal.answered());
     drop(terminal);
-    let _ = printing::stdout().print(format!("{}\n", sanitized_lines(&closed.summary)).as_bytes());
+    if !closed.summary.is_empty() {
+        let summary = format!("{}\n", sanitized_lines(&closed.summary));
+        let _ = printing::stdout().print(summary.as_bytes());
+    }
     closed.saved?;
     if let Some(status) = termination.status() {
         return Ok(status);

@@ -23,7 +23,7 @@ use gdg::viewer::{FilmError, animate};
 pub use picture::{picture_of, png_of};
 
 /// Folder for exports.
-const EXPORT_FOLDER: &str = "exports";
+pub const EXPORT_FOLDER: &str = "exports";
 
 /// Why an export fails.
 #[derive(Debug, thiserror::Error)]

@@ -13,7 +13,7 @@ mod mouse;
 mod past;
 mod picture;
 mod pixels;
-mod screens;
+pub(super) mod screens;
 mod tour;
 mod walls;
 mod words;

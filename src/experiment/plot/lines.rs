@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use miette::{Report, miette};
 
-use super::read::PlottedRun;
-use super::{Axis, By, Measure, Options, csv_of};
+use super::{By, Measure, Options, csv_of};
+use crate::experiment::runs::SavedRun;
 use crate::figure::{Chart, Curve, Point, Range, colour};
 
 /// Which runs share a curve, and which curves a chart.
@@ -23,8 +23,8 @@ const PARTS: [By; 3] = [By::Method, By::Map, By::Setting];
 impl Grouping {
     /// Groups runs by what they differ in: curves by `by`, or else by method and settings, and by
     /// map if they differ in neither.
-    pub fn new(runs: &[PlottedRun], by: &[By]) -> Self {
-        let setting = |run: &PlottedRun| {
+    pub fn new(runs: &[SavedRun], by: &[By]) -> Self {
+        let setting = |run: &SavedRun| {
             let of_method = || runs.iter().filter(|other| other.method == run.method);
             let is_own = |set: &&String| !of_method().all(|other| other.settings.contains(set));
             let own: Vec<&str> = run.settings.iter().filter(is_own).map(String::as_str).collect();
@@ -84,11 +84,7 @@ type Lines = Vec<(String, String, BTreeMap<u64, Points>)>;
 ///
 /// # Errors
 /// No run knows the measure, or one does not know the axis.
-pub fn panels(
-    runs: &[PlottedRun],
-    grouping: &Grouping,
-    options: &Options,
-) -> Result<Panels, Report> {
+pub fn panels(runs: &[SavedRun], grouping: &Grouping, options: &Options) -> Result<Panels, Report> {
     let mut notes = Vec::new();
     let lines = lines(runs, grouping, options, &mut notes)?;
     let x = range(&lines, options, &mut notes);
@@ -134,7 +130,7 @@ pub fn panels(
 
 /// Returns the points of every run, by chart, curve and seed.
 fn lines(
-    runs: &[PlottedRun],
+    runs: &[SavedRun],
     grouping: &Grouping,
     options: &Options,
     notes: &mut Vec<String>,
@@ -168,15 +164,10 @@ fn lines(
     Ok(lines)
 }
 
-fn points(run: &PlottedRun, options: &Options) -> Result<Points, Report> {
+fn points(run: &SavedRun, options: &Options) -> Result<Points, Report> {
     let mut points = Vec::new();
     for at in &run.evaluations {
-        let x = match options.x {
-            Axis::Updates => Some(at.updates as f64),
-            Axis::Steps => at.env_steps.map(|steps| steps as f64),
-            Axis::Seconds => at.seconds,
-        };
-        let Some(x) = x else {
+        let Some(x) = options.x.of(at) else {
             let (source, x) = (run.source.display(), options.x.name());
             let help = "--x updates, which all runs know; or run it again, with this version";
             return Err(miette!(

@@ -1,6 +1,6 @@
 //! The table of all actions.
 
-use super::{Action, Binding, Section, When};
+use super::{Action, Binding, ListAction, Section, When};
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
 use crate::tui::tool::Tool;
@@ -51,6 +51,7 @@ pub const SECTIONS: &[Section] = &[
     Section { title: "files", bindings: FILES },
     Section { title: "program", bindings: PROGRAM },
     Section { title: "comparison (gdg-tui compare)", bindings: COMPARISON },
+    Section { title: "runs (gdg-tui runs)", bindings: RUNS },
 ];
 
 const TRAINING: &[Binding] = &[
@@ -381,4 +382,75 @@ const COMPARISON: &[Binding] = &[
         .within(When::Comparing),
     bind(Action::Larger(1), "right-larger", &["2"], "right side larger, or both equal")
         .within(When::Comparing),
+];
+
+const fn on_runs(
+    action: ListAction,
+    name: &'static str,
+    keys: &'static [&'static str],
+    long: &'static str,
+) -> Binding {
+    bind(Action::List(action), name, keys, long).within(When::Listing)
+}
+
+const RUNS: &[Binding] = &[
+    on_runs(
+        ListAction::Mark,
+        "mark-run",
+        &["space"],
+        "mark the selected run, or unmark it (or click on it twice): marked runs are drawn together",
+    )
+    .short("mark"),
+    on_runs(
+        ListAction::Filter,
+        "filter-runs",
+        &["/"],
+        "list only runs with all of the words typed: of map, method, settings and file; \
+         seed=1 or hidden=64 must be equal",
+    )
+    .short("filter"),
+    on_runs(ListAction::Resume, "resume-run", &["enter"], "resume the selected run")
+        .short("resume"),
+    on_runs(
+        ListAction::Compare,
+        "compare-runs",
+        &["c"],
+        "show side by side what two marked runs, or a marked and the selected one, have learned",
+    )
+    .short("compare"),
+    on_runs(
+        ListAction::Plot,
+        "plot-runs",
+        &["p"],
+        "draw the marked runs as gdg-tui plot does: SVG and PDF, and the table behind them",
+    )
+    .short("plot"),
+    on_runs(
+        ListAction::Measure,
+        "runs-curves",
+        &["v"],
+        "curves of success, success without plans, error of D, or what was explored",
+    )
+    .short("curves"),
+    on_runs(
+        ListAction::Axis,
+        "runs-axis",
+        &["g"],
+        "curves over updates, environment steps or seconds",
+    )
+    .short("axis"),
+    on_runs(
+        ListAction::Sort,
+        "sort-runs",
+        &["s"],
+        "sort by the next column (or click on its name; again reverses)",
+    )
+    .short("sort"),
+    on_runs(ListAction::Reverse, "reverse-runs", &["shift-s"], "reverse the order"),
+    on_runs(
+        ListAction::Delete,
+        "delete-runs",
+        &["delete", "shift-d"],
+        "delete the files of the marked runs, or of the selected one; asks first",
+    ),
 ];

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crossterm::event::{KeyCode, KeyEvent};
+use crossterm::event::KeyEvent;
 
 use super::saving::{Saver, is_worth_saving};
 use super::{App, files, settings, time, view};
@@ -86,22 +86,8 @@ impl App {
         let action = self.screen.keymap.action(key, self.scene.mode(&self.screen));
         let own = self.screen.keymap.action(key, Mode::Help);
         let Some(Dialog::Help(help)) = self.screen.dialogs.last_mut() else { return };
-        match (key.code, action) {
-            (KeyCode::Up, _) => help.scroll(-1),
-            (KeyCode::Down, _) => help.scroll(1),
-            (KeyCode::PageUp, _) => help.scroll_page(false),
-            (KeyCode::PageDown, _) => help.scroll_page(true),
-            _ if help.searching => help.on_search_key(key),
-            _ if own.is_some() => own.into_iter().for_each(|action| self.act(action)),
-            (_, Some(Action::Close)) if !help.search().is_empty() => help.clear_search(),
-            (_, Some(Action::Help | Action::Close | Action::Quit)) => {
-                self.screen.dialogs.pop();
-            }
-            (_, Some(Action::Move(0, dy))) => help.scroll(dy),
-            (KeyCode::Char(' '), _) => help.scroll_page(true),
-            (KeyCode::Home, _) => help.first = 0,
-            (KeyCode::End, _) => help.first = usize::MAX,
-            _ => {}
+        if help.on_key(key, action, own) {
+            self.screen.dialogs.pop();
         }
     }
 }

@@ -83,7 +83,7 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
     };
     // Without colours, other characters tell the sides apart: the second one is dotted.
     let marker = if mono && own == 1 { Marker::Custom('\u{2022}') } else { Marker::Braille };
-    let style = if mono { Style::new() } else { curves::colour(&app.screen, own) };
+    let style = if mono { Style::new() } else { curves::colour(&app.screen.theme, own) };
     // Not every terminal draws colours faintly by itself.
     let page = app.screen.theme.page.map_or((0, 0, 0), |(_, page)| page);
     let fainter = match style.fg {

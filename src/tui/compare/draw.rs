@@ -168,7 +168,11 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
     let act = |action| Some(Click::Act(action));
     bar.push(Span::styled(" gdg-tui compare ", BOLD.patch(REVERSED)), act(Action::Help));
     bar.push(Span::styled(format!(" {} ", side.maze().map.name()), BOLD), None);
-    bar.push(Span::raw(format!("seed {} ", screen.run().seed)), None);
+    // Saved runs may have others, which their titles give.
+    let [a, b] = comparison.sides.each_ref().map(|side| side.app.screen.run().seed);
+    if a == b {
+        bar.push(Span::raw(format!("seed {a} ")), None);
+    }
     let phase = if matches!(screen.snapshot.phase, Phase::Failed(_)) {
         "stopped".to_owned()
     } else {
@@ -198,9 +202,11 @@ fn draw_title(frame: &mut Frame, area: Rect, Side { app, title, .. }: &Side) {
     let state = match (&screen.snapshot.phase, &screen.past) {
         (Phase::Failed(error), _) => format!("stopped: {error} "),
         (_, Some(past)) => format!("at update {} ", grouped(past.updates)),
+        (Phase::Paused, _) => "paused ".to_owned(),
         _ => String::new(),
     };
-    let title = Span::styled(format!(" {title} {state}"), BOLD);
+    let title = fitted(format!(" {title} {state}").trim_end(), usize::from(area.width));
+    let title = Span::styled(format!("{title} "), BOLD);
     frame.render_widget(Block::new().borders(Borders::TOP).title(title), area);
 }
 
@@ -253,7 +259,7 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     let (notice, is_editing) = (comparison.notice(), comparison.is_editing());
     if let Some((text, notice)) = &notice {
         let last = Rect { y: area.y - u16::from(is_editing), ..area };
-        footer::draw_notice(frame, last, screen, Notice { text, ..*notice });
+        footer::draw_notice(frame, last, &screen.theme, Notice { text, ..*notice });
     }
     if is_editing {
         let editor = &comparison.sides[comparison.editor_at].maze().editor;

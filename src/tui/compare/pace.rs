@@ -1,6 +1,7 @@
 //! How far training had come at each update, in environment steps and seconds.
 
 use gdg::engine::Snapshot;
+use gdg::train::History;
 
 /// Maximum number of moments kept; beyond it, every other one is dropped.
 const MAX_MOMENTS: usize = 4096;
@@ -32,6 +33,19 @@ impl From<&Snapshot> for Moment {
 pub struct Pace(Vec<Moment>);
 
 impl Pace {
+    /// Returns the moments that the history of a saved run knows.
+    pub fn of(history: &History) -> Self {
+        let mut pace = Self::default();
+        for made in history.evaluations().iter().filter_map(|(at, _)| history.moment(*at)) {
+            pace.add_moment(Moment {
+                updates: made.updates as f64,
+                env_steps: made.env_steps as f64,
+                seconds: made.seconds,
+            });
+        }
+        pace
+    }
+
     /// Adds the moment of a snapshot.
     pub fn add(&mut self, snapshot: &Snapshot) {
         self.add_moment(snapshot.into());

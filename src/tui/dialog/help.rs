@@ -4,6 +4,8 @@ use crossterm::event::{Event, KeyCode, KeyEvent};
 use tui_input::Input;
 use tui_input::backend::crossterm::EventHandler;
 
+use crate::tui::action::Action;
+
 /// The state of the help.
 #[derive(Debug, Default)]
 pub struct Help {
@@ -34,8 +36,29 @@ impl Help {
         self.scroll(if down { page } else { -page });
     }
 
+    /// Handles a key, which means `action` on the screen behind the help, and `own` in the help;
+    /// returns whether the help is to close.
+    pub fn on_key(&mut self, key: KeyEvent, action: Option<Action>, own: Option<Action>) -> bool {
+        match (key.code, action) {
+            (KeyCode::Up, _) => self.scroll(-1),
+            (KeyCode::Down, _) => self.scroll(1),
+            (KeyCode::PageUp, _) => self.scroll_page(false),
+            (KeyCode::PageDown, _) => self.scroll_page(true),
+            _ if self.searching => self.on_search_key(key),
+            _ if own == Some(Action::SearchHelp) => self.searching = true,
+            (_, Some(Action::Close)) if !self.search().is_empty() => self.clear_search(),
+            (_, Some(Action::Help | Action::Close | Action::Quit)) => return true,
+            (_, Some(Action::Move(0, dy))) => self.scroll(dy),
+            (KeyCode::Char(' '), _) => self.scroll_page(true),
+            (KeyCode::Home, _) => self.first = 0,
+            (KeyCode::End, _) => self.first = usize::MAX,
+            _ => {}
+        }
+        false
+    }
+
     /// Handles a key while searching: Enter keeps the search, Esc ends it.
-    pub fn on_search_key(&mut self, key: KeyEvent) {
+    fn on_search_key(&mut self, key: KeyEvent) {
         self.first = 0;
         match key.code {
             KeyCode::Enter => self.searching = false,

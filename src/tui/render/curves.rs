@@ -13,7 +13,7 @@ use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM};
 use crate::tui::text::short;
-use crate::tui::theme::{ColourDepth, blend};
+use crate::tui::theme::{ColourDepth, Theme, blend};
 use gdg::env::DistanceUnit;
 use gdg::text::display_width;
 use gdg::train::{DistanceScore, Evaluation};
@@ -27,6 +27,9 @@ const CHART_GAP: u16 = 2;
 
 /// The symbol for the line at a change of the method.
 const MARK: char = '\u{2506}';
+
+/// Colours of lines.
+const COLOURS: usize = 6;
 
 /// Share of all updates that is shown at once when scrolled back.
 const PAGE_SHARE: f64 = 0.25;
@@ -209,7 +212,10 @@ impl<'a> Window<'a> {
             |s: &Series| plot.series.len() > 1 && s.parts.iter().any(|part| !part.is_empty());
         let named = plot.series.iter().enumerate().filter(|(_, s)| is_shown(s));
         let names = named.map(|(i, s)| {
-            Span::styled(format!("  {} {}", symbol(marker(screen, i)), s.name), colour(screen, i))
+            Span::styled(
+                format!("  {} {}", symbol(marker(&screen.theme, i)), s.name),
+                colour(&screen.theme, i),
+            )
         });
         let mut lines = chart::heading(Span::styled(title, BOLD), names, width);
         if plot.max.is_some() && !marks.is_empty() {
@@ -253,8 +259,8 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
     let past = past.filter(|at| is_within(*at, window.x)).map(upright);
     let line = |style, points| chart::Line { style, marker: Marker::Braille, points };
     let curve = |i: usize, points| chart::Line {
-        style: colour(screen, i),
-        marker: marker(screen, i),
+        style: colour(&screen.theme, i),
+        marker: marker(&screen.theme, i),
         points,
     };
     // The first ones last, on top.
@@ -323,10 +329,12 @@ fn window(screen: &Screen) -> [f64; 2] {
     }
 }
 
-/// Returns the characters that line `i` is drawn with: without colours, they tell lines apart.
-fn marker(screen: &Screen, i: usize) -> Marker {
-    match ['\u{2500}', '\u{2022}', '+', 'x', 'o', '*'][i % 6] {
-        sign if i > 0 && screen.theme.depth == ColourDepth::Mono => Marker::Custom(sign),
+/// Returns the characters that line `i` is drawn with: they tell lines apart that have no colours,
+/// or the same ones.
+pub fn marker(theme: &Theme, i: usize) -> Marker {
+    let number = if theme.depth == ColourDepth::Mono { i } else { i / COLOURS };
+    match ['\u{2500}', '\u{2022}', '+', 'x', 'o', '*'][number % 6] {
+        sign if number > 0 => Marker::Custom(sign),
         _ => Marker::Braille,
     }
 }
@@ -340,13 +348,13 @@ pub fn symbol(marker: Marker) -> char {
 }
 
 /// Returns the style of line `i`.
-pub fn colour(screen: &Screen, i: usize) -> Style {
-    if screen.theme.depth == ColourDepth::Mono {
+pub fn colour(theme: &Theme, i: usize) -> Style {
+    if theme.depth == ColourDepth::Mono {
         return [Style::new(), Style::new().add_modifier(Modifier::BOLD), DIM][i % 3];
     }
     // Colours from the map's distance scale, the first two far apart.
-    let at = [0.0, 0.6, 0.3, 0.45, 0.75, 0.15][i % 6];
-    let Color::Rgb(..) = screen.theme.colour((0, 0, 0)) else {
+    let at = [0.0, 0.6, 0.3, 0.45, 0.75, 0.15][i % COLOURS];
+    let Color::Rgb(..) = theme.colour((0, 0, 0)) else {
         return Style::new().fg([
             Color::Yellow,
             Color::Cyan,
@@ -354,10 +362,10 @@ pub fn colour(screen: &Screen, i: usize) -> Style {
             Color::Blue,
             Color::Magenta,
             Color::Red,
-        ][i % 6]);
+        ][i % COLOURS]);
     };
-    let rgb = screen.theme.distance_colour(at);
+    let rgb = theme.distance_colour(at);
     // On a light page, thin lines must be darker than areas.
-    let rgb = if screen.theme.page.is_some() { blend(rgb, (0, 0, 0), 0.45) } else { rgb };
-    Style::new().fg(screen.theme.colour(rgb))
+    let rgb = if theme.page.is_some() { blend(rgb, (0, 0, 0), 0.45) } else { rgb };
+    Style::new().fg(theme.colour(rgb))
 }

@@ -7,6 +7,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Clear, Paragraph};
 
 use crate::tui::action::{Action, Mode, bindings};
+use crate::tui::keymap::Keymap;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::scene::Scene;
@@ -14,6 +15,7 @@ use crate::tui::scene::maze::Editor;
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::{first_lines, wrapped};
+use crate::tui::theme::Theme;
 use crate::tui::tool::Tool;
 use gdg::text::display_width;
 
@@ -36,7 +38,7 @@ pub fn draw(
     let tools = scene.maze().map(|maze| &maze.editor).filter(|editor| editor.is_open());
     if let Some(notice) = notice {
         let last = area.y.saturating_sub(u16::from(tools.is_some()));
-        draw_notice(frame, Rect { y: last, ..area }, screen, notice);
+        draw_notice(frame, Rect { y: last, ..area }, &screen.theme, notice);
     }
     match tools {
         Some(editor) => editing(screen, editor, area.width).draw(frame, area, layout),
@@ -49,9 +51,9 @@ pub fn draw(
 }
 
 /// Draws a notice whose last row is `last`, wrapped.
-pub fn draw_notice(frame: &mut Frame, last: Rect, screen: &Screen, notice: Notice) {
+pub fn draw_notice(frame: &mut Frame, last: Rect, theme: &Theme, notice: Notice) {
     let style = match notice {
-        Notice { is_error: true, .. } => screen.theme.failure(),
+        Notice { is_error: true, .. } => theme.failure(),
         Notice { fades: true, .. } => DIM,
         _ => BOLD,
     };
@@ -82,9 +84,19 @@ pub fn keys(
         let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
         keys.push((binding.action, format!(" {} ", if idle { "resume" } else { binding.short })));
     }
+    fitting(keys, &screen.keymap, width, lacks_panel)
+}
+
+/// Returns actions with their labels, as many as fit, like [`keys`].
+pub fn fitting(
+    mut keys: Vec<(Action, String)>,
+    keymap: &Keymap,
+    width: u16,
+    lacks_panel: bool,
+) -> ClickableLine {
     let line = |keys: &[(Action, String)]| {
         let mut bar = ClickableLine::default();
-        keys.iter().for_each(|(action, label)| key(&mut bar, screen, *action, label, Style::new()));
+        keys.iter().for_each(|(action, label)| key(&mut bar, keymap, *action, label, Style::new()));
         bar
     };
     // The trailing space need not fit.
@@ -132,7 +144,7 @@ fn tool_bar(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
         bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
         for tool in tools {
             let style = if *tool == editor.tool { REVERSED } else { Style::new() };
-            key(&mut bar, screen, Action::Tool(*tool), tool.name(), style);
+            key(&mut bar, &screen.keymap, Action::Tool(*tool), tool.name(), style);
         }
         bar.push(Span::raw(" "), None);
         bar
@@ -148,14 +160,14 @@ fn tool_bar(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     {
         let after = if action == Action::ToggleEdit { 0 } else { done };
         if bar.width() + label_width(action, label) + after <= width {
-            key(&mut bar, screen, action, &format!(" {label} "), Style::new());
+            key(&mut bar, &screen.keymap, action, &format!(" {label} "), Style::new());
         }
     }
     bar
 }
 
 /// Adds an action's key and label, both clickable.
-fn key(bar: &mut ClickableLine, screen: &Screen, action: Action, label: &str, style: Style) {
-    bar.push(Span::styled(format!(" {}", screen.keymap.key_of(action)), BOLD), Click::Act(action));
+fn key(bar: &mut ClickableLine, keymap: &Keymap, action: Action, label: &str, style: Style) {
+    bar.push(Span::styled(format!(" {}", keymap.key_of(action)), BOLD), Click::Act(action));
     bar.push(Span::styled(label.to_owned(), style), Click::Act(action));
 }

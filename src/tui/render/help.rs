@@ -8,8 +8,9 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph};
 
 use super::{middle, training, without_slivers};
-use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
+use crate::tui::action::{Action, Binding, Mode, SECTIONS, When, bindings};
 use crate::tui::dialog::Help;
+use crate::tui::keymap::Keymap;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::scene::{Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
@@ -71,12 +72,43 @@ fn draw_on(
     subject: Subject,
     layout: &mut ScreenLayout,
 ) {
+    let width = without_slivers(frame.area(), HELP_WIDTH);
+    let entries = entries(screen, scene, usize::from(width.saturating_sub(2)), subject);
+    draw_entries(frame, &screen.keymap, &entries, help, layout);
+}
+
+/// Draws the help of lists of runs, like [`draw`].
+pub fn draw_for_lists(frame: &mut Frame, keymap: &Keymap, help: &Help, layout: &mut ScreenLayout) {
+    let width = usize::from(without_slivers(frame.area(), HELP_WIDTH).saturating_sub(2));
+    let entry = |binding: &Binding| {
+        let wording = match binding.action {
+            Action::Move(_, 1) => "select the next run",
+            Action::Move(..) => "select the run before",
+            Action::Close => "close the help, show all runs again, or unmark them",
+            _ => binding.long,
+        };
+        entry(&keymap.display_keys(binding).join(" "), wording, "", width)
+    };
+    let listed = |when| {
+        let is_listed = move |b: &&Binding| b.is_active(Mode::Listing) && b.when == when;
+        bindings().filter(is_listed).map(entry)
+    };
+    let entries: Vec<_> = listed(When::Listing).chain(listed(When::Always)).collect();
+    draw_entries(frame, keymap, &entries, help, layout);
+}
+
+/// Draws entries, each as its lines.
+fn draw_entries(
+    frame: &mut Frame,
+    keymap: &Keymap,
+    entries: &[Vec<Line<'static>>],
+    help: &Help,
+    layout: &mut ScreenLayout,
+) {
     let area = frame.area();
     let width = without_slivers(area, HELP_WIDTH);
-    let entries = entries(screen, scene, usize::from(width.saturating_sub(2)), subject);
     let text = entries.concat();
-    let all =
-        if help.search().is_empty() { text.clone() } else { matches(&entries, help.search()) };
+    let all = if help.search().is_empty() { text.clone() } else { matches(entries, help.search()) };
     // The box keeps its size while lines are searched.
     let dialog_area = middle(area, width, (text.len() as u16 + 2).min(area.height));
     let height = usize::from(dialog_area.height.saturating_sub(2));
@@ -93,13 +125,13 @@ fn draw_on(
     let room = dialog_area.width.saturating_sub(2);
     let bottom = dialog_area.bottom().saturating_sub(1);
     let foot = Rect { x: dialog_area.x + 1, y: bottom, width: room, height: 1 };
-    buttons(screen, shown, all.len(), usize::from(room)).draw(frame, foot, layout);
+    buttons(keymap, shown, all.len(), usize::from(room)).draw(frame, foot, layout);
     layout.help_lines = Some(first..first + height);
 }
 
 /// Returns the buttons of the help, and which lines of how many are `shown` if that is not all.
-fn buttons(screen: &Screen, shown: Range<usize>, all: usize, room: usize) -> ClickableLine {
-    let key = screen.keymap.key_of(Action::SearchHelp);
+fn buttons(keymap: &Keymap, shown: Range<usize>, all: usize, room: usize) -> ClickableLine {
+    let key = keymap.key_of(Action::SearchHelp);
     let mut bar = ClickableLine::default();
     bar.push(Span::raw(format!(" {key}: search ")), Click::Act(Action::SearchHelp));
     bar.push(Span::raw(" Esc: close "), Click::Close);

@@ -4,7 +4,7 @@ mod both;
 
 use super::screens::{check_drawn, evaluation};
 use super::*;
-use crate::tui::compare::{Comparison, Contestant};
+use crate::tui::compare::{Comparison, ComparisonOptions, Contender, Contestant, prepare};
 use crate::tui::graphics::{Graphics, Protocol, Redraw};
 use gdg::train::{Counters, Evaluation};
 use gdg::viewer::{MazeView, View};
@@ -26,6 +26,7 @@ fn comparison_with(methods: [&str; 2], limits: Limits) -> Comparison {
     let contestants = [(a, 'A'), (b, 'B')].map(|((trainer, method), letter)| Contestant {
         title: format!("{letter} {method} {}", trainer.run().preset.name()),
         trainer,
+        is_paused: false,
     });
     let config = UiConfig::default();
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
@@ -374,5 +375,87 @@ fn contour_lines_are_as_many_steps_apart_on_both_sides() {
         let [a, b] = comparison.apps().map(intervals);
         assert!(a[0] < b[0], "the second side's distances are longer: {a:?} {b:?}");
         assert_eq!([a[1], b[1]], [b[0]; 2]);
+    }
+}
+
+/// Returns the options of a comparison on the command line.
+fn options(contenders: [Contender; 2]) -> ComparisonOptions {
+    ComparisonOptions {
+        contenders,
+        map: None,
+        reading: gdg::map::Reading::default(),
+        seed: None,
+        set: vec!["hidden=16".to_owned(), "buffer_size=20000".to_owned()],
+        threads: gdg::learn::Threads::Fixed(1),
+        recording: None,
+    }
+}
+
+#[test]
+fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let save = |trainer: &Trainer, name: &str| {
+        let to = SaveTo::CreateNew(folder.path().join(name));
+        Contender::Checkpoint(train::save(trainer, &to).expect("a file"))
+    };
+    let saved = save(&trainer("gdg-bridge", 7), "own.safetensors");
+    let other = save(&trainer("her", 8), "other.safetensors");
+    let method = Contender::Method("her".parse().expect("a method"));
+    let registry = Registry::builtin();
+    let [a, b] =
+        prepare(&options([saved.clone(), method]), &registry).expect("a run beside a method");
+    assert_eq!([a.is_paused, b.is_paused], [true, false]);
+    assert_eq!(a.title, "A own.safetensors: gdg-bridge default seed 7");
+    assert_eq!((b.title.as_str(), b.trainer.run().seed), ("B her tuned", 7));
+    let map = |contestant: &Contestant| {
+        PointMaze::downcast_ref(contestant.trainer.world()).expect("a maze").map().clone()
+    };
+    assert_eq!(map(&a), map(&b));
+
+    let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
+    let contestants = prepare(&both, &registry).expect("two saved runs");
+    let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
+    let config = UiConfig::default();
+    let mut comparison =
+        Comparison::start(contestants, &config, &keymap, Limits::default()).expect("a comparison");
+    let paused = |app: &App| app.screen.snapshot.phase == Phase::Paused;
+    wait_until(&mut comparison, |apps| apps.into_iter().all(|app| paused(app)));
+    assert!(!text(&draw(&mut comparison, (120, 40))).contains("rooms seed"), "seeds differ");
+    press(&mut comparison, KeyCode::Char(' '));
+    wait_until(&mut comparison, |apps| {
+        apps.into_iter().all(|app| app.screen.snapshot.updates() > 0 || app.is_training())
+    });
+    drop(comparison.stop());
+}
+
+#[test]
+fn what_cannot_stand_beside_a_saved_run_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let save = |map: Grid, name: &str| {
+        let trainer = trainer_in(&PointMaze::new(Arc::new(map), 0), gdg(), &Registry::builtin());
+        let to = SaveTo::CreateNew(folder.path().join(name));
+        Contender::Checkpoint(train::save(&trainer, &to).expect("a file"))
+    };
+    let saved = save(rooms(), "rooms.safetensors");
+    let other = save(Grid::empty("hall", 4, 3), "hall.safetensors");
+    let method = Contender::Method(gdg());
+    let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
+    let mixed = options([saved.clone(), method]);
+    for (options, problem) in [
+        (both.clone(), "different maps: rooms (20 x 5) and hall (4 x 3)"),
+        (
+            ComparisonOptions { map: Some("trap".into()), ..both.clone() },
+            "trap: the map is that of",
+        ),
+        (ComparisonOptions { seed: Some(1), ..both.clone() }, "have their own seeds"),
+        (ComparisonOptions { set: vec!["hidden=8".into()], ..both }, "changes no method"),
+        (ComparisonOptions { set: vec!["A:hidden=8".into()], ..mixed }, "changes no method"),
+        (
+            options([Contender::Checkpoint("none.safetensors".into()), Contender::Method(gdg())]),
+            "none.safetensors",
+        ),
+    ] {
+        let error = prepare(&options, &Registry::builtin()).err().expect("it is refused");
+        assert!(error.to_string().contains(problem), "{error}");
     }
 }

@@ -61,7 +61,7 @@ pub(super) fn evaluation(at: f64) -> Evaluation {
 
 /// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the
 /// given size.
-pub fn staged_app(width: u16, height: u16) -> Still {
+pub(super) fn staged_app(width: u16, height: u16) -> Still {
     let mut app = still();
     draw(&mut app, width, height);
     let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
@@ -193,7 +193,7 @@ pub(super) fn check(name: &str, app: &mut App, width: u16, height: u16) {
 }
 
 /// Compares a screen with its snapshot.
-pub(super) fn check_drawn(name: &str, terminal: &Terminal<TestBackend>) {
+pub(in crate::tui) fn check_drawn(name: &str, terminal: &Terminal<TestBackend>) {
     let shown = picture(terminal);
     insta::with_settings!({ omit_expression => true, prepend_module_to_snapshot => false, snapshot_path => "screens" }, {
         insta::assert_snapshot!(name, shown);

@@ -1,0 +1,39 @@
+//! Options of `gdg-tui runs`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+#[cfg(feature = "tui")]
+use super::ScreenArgs;
+use crate::host::runs::SAVES;
+
+const EXAMPLES: &str = "\
+Examples:
+  gdg-tui runs                               the runs of saves/, and of the experiments in it
+  gdg-tui runs saves/suite records/          of an experiment, and records of gdg-tui --no-ui
+  gdg-tui runs --json | jq -r 'select(.success >= 0.9) | .file'
+
+On a terminal, a screen: / filters by words, s sorts, Space marks runs, whose curves and settings are then shown together, also
+while they grow; Enter resumes, p plots, Delete deletes; ? lists all keys. Elsewhere, a table of the checkpoints. --json writes
+one JSON object per run and line, of checkpoints, results and records alike.
+
+Exit status: 0 success; 2 bad usage or input; 128 + its number after a signal.";
+
+/// Options of `gdg-tui runs`.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct RunsArgs {
+    /// Folders of checkpoints, of records, or of gdg-tui suite, reproduce or ablate
+    #[arg(default_value = SAVES, value_name = "FOLDER")]
+    pub folders: Vec<PathBuf>,
+
+    /// Print one JSON object per run
+    #[arg(long)]
+    pub json: bool,
+
+    /// Options of what is shown and recorded.
+    #[cfg(feature = "tui")]
+    #[command(flatten)]
+    pub screen: ScreenArgs,
+}

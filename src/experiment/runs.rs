@@ -1,0 +1,414 @@
+//! Reads runs, with what their evaluations found: from results of experiments, checkpoints and
+//! records.
+
+mod line;
+mod reader;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::BufRead;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use miette::{Report, miette};
+use serde::Deserialize;
+use serde_json::{Map, Value};
+
+use super::folder::read_result;
+use super::job::{EvaluationAt, JobResult, evaluations, setting_text};
+use crate::host::report::from_checkpoint_error;
+use crate::host::runs::files_in;
+use gdg::files::{has_extension, is_hidden, open};
+use gdg::text::{counted, sanitized};
+use gdg::train::{Evaluation, is_checkpoint, read_history};
+pub use line::RunLine;
+pub use reader::{Found, Reader};
+
+/// Records that have not grown for this long are not of a running run.
+const QUIET: Duration = Duration::from_mins(1);
+
+/// What can be given.
+const HELP: &str = "give a folder of gdg-tui suite, reproduce or ablate, a folder of checkpoints, \
+                    a checkpoint, or the records of gdg-tui --no-ui in a file";
+
+/// A run's evaluations, and what it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SavedRun {
+    /// Where it was read.
+    pub source: PathBuf,
+    /// What that is.
+    pub kind: Kind,
+    /// Its map, or the world if there is none.
+    pub map: String,
+    /// Its method.
+    pub method: String,
+    /// Name of the variant, if its settings have one.
+    pub variant: Option<String>,
+    /// The preset, and the settings that differ from it.
+    pub settings: Vec<String>,
+    /// Its seed.
+    pub seed: u64,
+    /// Updates done.
+    pub updates: u64,
+    /// Its evaluations, oldest first.
+    pub evaluations: Vec<EvaluationAt>,
+    /// Its checkpoint, if it is known to have had one.
+    pub checkpoint: Option<PathBuf>,
+}
+
+/// What a run was read from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The result of a job.
+    Result,
+    /// A checkpoint.
+    Checkpoint,
+    /// Records, and how they end.
+    Records(Ending),
+}
+
+/// How the records of a run end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// They go on, or were cut off.
+    Open,
+    /// A signal has interrupted the run.
+    Interrupted,
+    /// The run has reached its limit.
+    Finished,
+}
+
+/// What has become of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// It has reached its end.
+    Done,
+    /// It was saved, and can go on.
+    Saved,
+    /// A signal has interrupted it.
+    Interrupted,
+    /// It goes on: its records grow.
+    Running,
+    /// Its records have neither an end nor grown lately.
+    CutOff,
+}
+
+impl State {
+    /// Returns its name on the screen and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::Saved => "saved",
+            Self::Interrupted => "stopped",
+            Self::Running => "running",
+            Self::CutOff => "cut off",
+        }
+    }
+}
+
+impl SavedRun {
+    /// Returns what has become of it, given when its file was `written`.
+    pub fn state(&self, written: Option<SystemTime>) -> State {
+        let grows = || {
+            // Another machine's clock may be ahead.
+            let age = written.map(|at| at.elapsed().unwrap_or_default());
+            age.is_some_and(|age| age < QUIET)
+        };
+        match self.kind {
+            Kind::Result | Kind::Records(Ending::Finished) => State::Done,
+            Kind::Checkpoint => State::Saved,
+            Kind::Records(Ending::Interrupted) => State::Interrupted,
+            Kind::Records(Ending::Open) if grows() => State::Running,
+            Kind::Records(Ending::Open) => State::CutOff,
+        }
+    }
+
+    /// Returns the run of a result in `source`.
+    pub fn of_result(result: JobResult, source: PathBuf) -> Self {
+        // Only kept if that was asked for.
+        let checkpoint = Some(source.with_extension("safetensors")).filter(|path| path.is_file());
+        Self {
+            source,
+            kind: Kind::Result,
+            map: result.world,
+            method: result.method.name(),
+            variant: result.variant,
+            settings: with_preset(result.preset.name(), result.settings),
+            seed: result.seed,
+            updates: result.updates,
+            evaluations: result.evaluations,
+            checkpoint,
+        }
+    }
+
+    /// Returns the last evaluation.
+    pub fn last(&self) -> Option<&Evaluation> {
+        self.evaluations.last().map(|at| &at.evaluation)
+    }
+}
+
+fn with_preset(preset: &str, settings: impl IntoIterator<Item = String>) -> Vec<String> {
+    [format!("preset={preset}")].into_iter().chain(settings).collect()
+}
+
+/// Reads all runs at `paths`, and says what in folders cannot be used.
+///
+/// # Errors
+/// A file cannot be read or is nothing of the kind, or a folder has no runs.
+pub fn runs(paths: &[PathBuf]) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
+    let (mut runs, mut notes) = (Vec::new(), Vec::new());
+    for path in paths {
+        if !path.is_dir() {
+            runs.extend(file(path)?);
+            continue;
+        }
+        let found = folder(path, &mut notes)?;
+        if found.is_empty() {
+            let left_out: String = notes.iter().map(|note| format!("\n{note}")).collect();
+            return Err(miette!(help = HELP, "{}: no runs here{left_out}", path.display()));
+        }
+        runs.extend(found);
+    }
+    let evaluated = runs.iter().filter(|run| !run.evaluations.is_empty()).count();
+    if evaluated == 0 {
+        let source = runs.first().map_or(String::new(), |run| run.source.display().to_string());
+        let help = "runs are evaluated on the way with --eval-every-updates N, and at the end";
+        return Err(miette!(help = help, "{source}: no evaluation yet"));
+    }
+    if evaluated < runs.len() {
+        let without = counted((runs.len() - evaluated) as u64, "run");
+        notes.push(format!("{without} without an evaluation yet: left out"));
+        runs.retain(|run| !run.evaluations.is_empty());
+    }
+    Ok((runs, notes))
+}
+
+/// Reads the runs of an experiment's folder, or of a folder of checkpoints and records.
+fn folder(path: &Path, notes: &mut Vec<String>) -> Result<Vec<SavedRun>, Report> {
+    let mut runs = Vec::new();
+    for path in files_of(path)? {
+        match file(&path) {
+            Ok(found) => runs.extend(found),
+            Err(problem) => notes.push(format!("{problem}: left out")),
+        }
+    }
+    leave_out_superseded(&mut runs, |run| run);
+    Ok(runs)
+}
+
+/// Returns the files with runs in a folder: results, records and checkpoints of its jobs if it is
+/// an experiment's, then its own records and checkpoints.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn files_of(folder: &Path) -> Result<Vec<PathBuf>, Report> {
+    let listed = |folder: &Path, extensions: &[&str]| {
+        let entries = std::fs::read_dir(folder).map_err(|error| unreadable(folder, &error))?;
+        let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+        let is_listed = |file: &Path| extensions.iter().any(|known| has_extension(file, known));
+        files.retain(|file| is_listed(file) && !is_hidden(file) && !file.is_dir());
+        files.extend(files_in(folder).map_err(|error| unreadable(folder, &error))?);
+        files.sort();
+        Ok::<_, Report>(files)
+    };
+    let jobs = folder.join("jobs");
+    let of_jobs = if jobs.is_dir() { listed(&jobs, &["json", "jsonl"])? } else { Vec::new() };
+    Ok(of_jobs.into_iter().chain(listed(folder, &["jsonl"])?).collect())
+}
+
+/// Leaves out the checkpoints and records of jobs that have a result.
+pub fn leave_out_superseded<T>(runs: &mut Vec<T>, run: impl Fn(&T) -> &SavedRun) {
+    let stem = |run: &SavedRun| run.source.with_extension("");
+    let results = runs.iter().map(&run).filter(|run| run.kind == Kind::Result);
+    let finished: BTreeSet<PathBuf> = results.map(stem).collect();
+    runs.retain(|each| {
+        let run = run(each);
+        run.kind == Kind::Result || !finished.contains(&stem(run))
+    });
+}
+
+/// Reads the runs of a file.
+///
+/// # Errors
+/// It cannot be read, or is nothing of the kind.
+pub fn file(path: &Path) -> Result<Vec<SavedRun>, Report> {
+    if is_checkpoint(path) {
+        return checkpoint(path).map(|run| vec![run]);
+    }
+    if has_extension(path, "json") {
+        match read_result(path) {
+            Ok(result) => return Ok(vec![SavedRun::of_result(result, path.to_owned())]),
+            Err(problem) if is_of_job(path) => {
+                return Err(miette!("{}", sanitized(&format!("{}: {problem}", path.display()))));
+            }
+            Err(_) => {}
+        }
+    }
+    records(path)
+}
+
+fn is_of_job(path: &Path) -> bool {
+    path.parent().is_some_and(|parent| parent.ends_with("jobs"))
+}
+
+fn unreadable(path: &Path, error: &std::io::Error) -> Report {
+    miette!(help = HELP, "{}: cannot be read: {error}", path.display())
+}
+
+fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
+    let (found, history) = read_history(path).map_err(from_checkpoint_error)?;
+    let changed = found.run.changed_settings();
+    let settings = changed.iter().map(|(name, value)| setting_text(name, value));
+    let mut evaluations = evaluations(&history);
+    // What other methods reached before is not this method's.
+    evaluations.retain(|at| history.methods().is_current(at.updates));
+    Ok(SavedRun {
+        source: path.to_owned(),
+        kind: Kind::Checkpoint,
+        map: if found.title.is_empty() { found.world } else { found.title },
+        method: found.run.method.name(),
+        variant: None,
+        settings: with_preset(found.run.preset.name(), settings),
+        seed: found.run.seed,
+        updates: found.updates,
+        evaluations,
+        checkpoint: Some(path.to_owned()),
+    })
+}
+
+/// What of the records is read.
+#[derive(Deserialize)]
+#[serde(tag = "event", rename_all = "kebab-case")]
+enum Record {
+    Start(Box<Start>),
+    Progress {
+        updates: u64,
+    },
+    Evaluation(Box<EvaluationAt>),
+    Saved {
+        path: PathBuf,
+    },
+    End {
+        reason: String,
+        updates: u64,
+    },
+    #[serde(other)]
+    Other,
+}
+
+/// The first record of a run.
+#[derive(Deserialize)]
+struct Start {
+    world: String,
+    map: Option<Value>,
+    method: String,
+    preset: String,
+    settings: Map<String, Value>,
+    seed: u64,
+    #[serde(default)]
+    updates: u64,
+}
+
+impl SavedRun {
+    /// Returns the run that begins with `start` in `source`, without evaluations.
+    fn begun(start: Start, source: &Path) -> Self {
+        let Start { world, map, method, preset, settings, seed, updates } = start;
+        let map = map.and_then(|map| Some(map.get("name")?.as_str()?.to_owned()));
+        let settings = settings.iter().map(|(name, value)| setting_text(name, value));
+        Self {
+            source: source.to_owned(),
+            kind: Kind::Records(Ending::Open),
+            map: map.unwrap_or(world),
+            method,
+            variant: None,
+            settings: with_preset(&preset, settings),
+            seed,
+            updates,
+            evaluations: Vec::new(),
+            checkpoint: None,
+        }
+    }
+
+    /// Adds what a record other than the first says.
+    fn add(&mut self, record: Record) {
+        match record {
+            Record::Progress { updates } => self.updates = updates,
+            Record::Evaluation(at) => {
+                self.updates = at.updates;
+                self.evaluations.push(*at);
+            }
+            Record::Saved { path } => self.checkpoint = Some(path),
+            Record::End { reason, updates } => {
+                let interrupted = reason == "interrupted";
+                self.updates = updates;
+                self.kind =
+                    Kind::Records(if interrupted { Ending::Interrupted } else { Ending::Finished });
+            }
+            Record::Start(_) | Record::Other => {}
+        }
+    }
+}
+
+/// Reads the runs in a file of records, one JSON object per line: each begins with its `start`.
+fn records(path: &Path) -> Result<Vec<SavedRun>, Report> {
+    let file = open(path).map_err(|error| unreadable(path, &error))?;
+    let mut reader = std::io::BufReader::new(file);
+    let (mut runs, mut line, mut number) = (Vec::<SavedRun>::new(), Vec::new(), 0);
+    loop {
+        line.clear();
+        if reader.read_until(b'\n', &mut line).map_err(|error| unreadable(path, &error))? == 0 {
+            break;
+        }
+        number += 1;
+        if line.trim_ascii().is_empty() {
+            continue;
+        }
+        let record = match serde_json::from_slice(&line) {
+            Ok(record) => record,
+            // The last line of a run that goes on may be incomplete.
+            Err(_) if !runs.is_empty() && !line.ends_with(b"\n") => break,
+            Err(error) => {
+                // The parser sees this line only, so its line number is always 1.
+                let (column, error) = (error.column(), sanitized(&error.to_string()));
+                let error = error.split(" at line ").next().unwrap_or_default();
+                let at = format!("{}:{number}:{column}", path.display());
+                return Err(miette!(help = HELP, "{at}: not a record: {error}"));
+            }
+        };
+        match (record, runs.last_mut()) {
+            (Record::Start(start), _) => runs.push(SavedRun::begun(*start, path)),
+            (record, Some(run)) => run.add(record),
+            (Record::Evaluation(_), None) => {
+                let at = format!("{}:{number}:1", path.display());
+                return Err(miette!(help = HELP, "{at}: an evaluation before any start record"));
+            }
+            (_, None) => {}
+        }
+    }
+    if runs.is_empty() {
+        return Err(miette!(help = HELP, "{}: no records", path.display()));
+    }
+    Ok(merged(runs))
+}
+
+/// Joins the parts of a run that was resumed.
+fn merged(runs: Vec<SavedRun>) -> Vec<SavedRun> {
+    let mut parts: BTreeMap<_, SavedRun> = BTreeMap::new();
+    for run in runs {
+        let key = (run.map.clone(), run.method.clone(), run.settings.clone(), run.seed);
+        match parts.get_mut(&key) {
+            Some(earlier) => {
+                let evaluations = std::mem::take(&mut earlier.evaluations);
+                let checkpoint = run.checkpoint.or(earlier.checkpoint.take());
+                *earlier = SavedRun {
+                    evaluations: evaluations.into_iter().chain(run.evaluations).collect(),
+                    checkpoint,
+                    ..run
+                };
+            }
+            None => {
+                parts.insert(key, run);
+            }
+        }
+    }
+    parts.into_values().collect()
+}

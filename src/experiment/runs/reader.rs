@@ -1,0 +1,208 @@
+//! Reads folders of runs again and again, as files grow.
+
+use std::collections::HashMap;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use miette::Report;
+
+use super::{SavedRun, file, files_of, leave_out_superseded};
+use gdg::text::sanitized;
+
+/// The runs of folders.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Found {
+    /// The runs, with the time at which their files were written.
+    pub runs: Vec<(Arc<SavedRun>, Option<SystemTime>)>,
+    /// Files and folders that cannot be read, and why.
+    pub problems: Vec<(PathBuf, String)>,
+    /// Files read so far, of how many.
+    pub read: [usize; 2],
+}
+
+/// What distinguishes versions of a file: when it was written, and its size.
+type Stamp = (Option<SystemTime>, u64);
+
+/// What a version of a file contains, or why it cannot be read.
+struct Version {
+    stamp: Stamp,
+    contents: Result<Vec<Arc<SavedRun>>, String>,
+}
+
+/// Reads folders; what has not changed since, only once.
+pub struct Reader {
+    folders: Vec<PathBuf>,
+    known: HashMap<PathBuf, Version>,
+}
+
+impl Reader {
+    /// Creates a reader of folders, and of the experiments in them.
+    pub fn new(folders: &[PathBuf]) -> Self {
+        Self { folders: folders.to_vec(), known: HashMap::new() }
+    }
+
+    /// Reads what is new. Calls `tell` after each file that was, until it says to stop.
+    pub fn read(&mut self, mut tell: impl FnMut(&dyn Fn() -> Found) -> ControlFlow<()>) -> Found {
+        let (files, problems) = self.files();
+        let all: Vec<(PathBuf, Stamp)> = files.into_iter().map(with_stamp).collect();
+        self.known.retain(|path, _| all.iter().any(|(file, _)| file == path));
+        for (i, (path, stamp)) in all.iter().enumerate() {
+            if self.known.get(path).is_some_and(|version| version.stamp == *stamp) {
+                continue;
+            }
+            // One that is replaced meanwhile is read again next time.
+            let contents = file(path).map(|runs| runs.into_iter().map(Arc::new).collect());
+            let contents = contents.map_err(|problem| reason(path, &problem));
+            self.known.insert(path.clone(), Version { stamp: *stamp, contents });
+            if tell(&|| self.found(&all, i + 1, &problems)).is_break() {
+                break;
+            }
+        }
+        self.found(&all, all.len(), &problems)
+    }
+
+    /// Lists the files with runs, and the folders that cannot be read.
+    fn files(&self) -> (Vec<PathBuf>, Vec<(PathBuf, String)>) {
+        let (mut files, mut problems) = (Vec::new(), Vec::new());
+        for folder in self.folders.iter().flat_map(|folder| with_experiments(folder)) {
+            match files_of(&folder) {
+                Ok(found) => files.extend(found),
+                Err(problem) => problems.push((folder.clone(), reason(&folder, &problem))),
+            }
+        }
+        (files, problems)
+    }
+
+    fn found(
+        &self,
+        files: &[(PathBuf, Stamp)],
+        read: usize,
+        problems: &[(PathBuf, String)],
+    ) -> Found {
+        let (mut runs, mut problems) = (Vec::new(), problems.to_vec());
+        for (path, (written, _)) in files {
+            match self.known.get(path).map(|version| &version.contents) {
+                Some(Ok(found)) => runs.extend(found.iter().map(|run| (run.clone(), *written))),
+                Some(Err(problem)) => problems.push((path.clone(), problem.clone())),
+                None => {}
+            }
+        }
+        leave_out_superseded(&mut runs, |(run, _)| run);
+        Found { runs, problems, read: [read, files.len()] }
+    }
+}
+
+/// Returns a folder, and those in it that are of experiments.
+fn with_experiments(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let inner = entries.map(|entry| entry.path()).filter(|path| path.join("jobs").is_dir());
+    let mut all: Vec<PathBuf> = inner.collect();
+    all.sort();
+    all.insert(0, folder.to_owned());
+    all
+}
+
+fn with_stamp(path: PathBuf) -> (PathBuf, Stamp) {
+    let facts = std::fs::metadata(&path).ok();
+    let stamp = facts.map_or((None, 0), |facts| (facts.modified().ok(), facts.len()));
+    (path, stamp)
+}
+
+/// Returns why a file cannot be read, without its name.
+fn reason(path: &Path, problem: &Report) -> String {
+    let (text, name) = (problem.to_string(), path.display().to_string());
+    let text = text.strip_prefix(&name).map_or(&*text, |rest| rest.trim_start_matches(": "));
+    sanitized(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::{create_dir, remove_file, write};
+
+    use super::*;
+
+    const START: &str = r#"{"event":"start","world":"maze","map":{"name":"room"},"method":"gdg",
+        "preset":"default","settings":{},"seed":3,"updates":0}"#;
+
+    fn start() -> String {
+        START.replace('\n', "") + "\n"
+    }
+
+    fn progress(updates: u64) -> String {
+        format!("{{\"event\":\"progress\",\"updates\":{updates}}}\n")
+    }
+
+    fn read(reader: &mut Reader) -> (Vec<u64>, usize, usize) {
+        let mut told = 0;
+        let found = reader.read(|_| {
+            told += 1;
+            ControlFlow::Continue(())
+        });
+        let updates = found.runs.iter().map(|(run, _)| run.updates).collect();
+        (updates, found.problems.len(), told)
+    }
+
+    #[test]
+    fn only_files_that_have_changed_are_read_again() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [one, two] = ["one.jsonl", "two.jsonl"].map(|name| folder.path().join(name));
+        write(&one, start() + &progress(1_000)).expect("a file");
+        write(&two, start() + "{}\n").expect("a file");
+        write(folder.path().join("notes.txt"), "not read").expect("a file");
+        let mut reader = Reader::new(&[folder.path().to_owned()]);
+        assert_eq!(read(&mut reader), (vec![1_000], 1, 2), "the second one is damaged");
+        assert_eq!(read(&mut reader), (vec![1_000], 1, 0), "nothing is new");
+        // Its last line is not complete yet.
+        write(&one, start() + &progress(1_000) + &progress(2_000) + "{\"eve").expect("a file");
+        assert_eq!(read(&mut reader), (vec![2_000], 1, 1), "it has grown");
+        remove_file(&two).expect("a file");
+        assert_eq!(read(&mut reader), (vec![2_000], 0, 0));
+    }
+
+    #[test]
+    fn experiments_in_a_folder_are_read_and_their_results_replace_records() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let jobs = folder.path().join("suite/jobs");
+        std::fs::create_dir_all(&jobs).expect("a folder");
+        create_dir(folder.path().join("other")).expect("a folder");
+        let result = serde_json::json!({
+            "name": "a", "key": "0", "version": "1", "method": "gdg", "preset": "default",
+            "settings": [], "seed": 3, "map": "room", "updates": 500, "seconds": 1.0,
+            "evaluations": [],
+        });
+        for (name, text) in [
+            ("suite/jobs/a.json", result.to_string()),
+            ("suite/jobs/a.jsonl", start() + &progress(400)),
+            ("suite/jobs/b.jsonl", start() + &progress(300)),
+            ("other/c.jsonl", start()),
+        ] {
+            write(folder.path().join(name), text).expect("a file");
+        }
+        let mut reader = Reader::new(&[folder.path().to_owned()]);
+        let (updates, problems, _) = read(&mut reader);
+        assert_eq!((updates, problems), (vec![500, 300], 0), "c is in no experiment");
+    }
+
+    #[test]
+    fn a_folder_that_is_missing_is_named_and_a_reader_can_be_stopped() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let missing = folder.path().join("none");
+        let found = Reader::new(std::slice::from_ref(&missing)).read(|_| ControlFlow::Continue(()));
+        assert!(
+            found.problems[0].0 == missing && found.problems[0].1.starts_with("cannot be read"),
+            "{:?}",
+            found.problems
+        );
+        for name in ["a.jsonl", "b.jsonl"] {
+            write(folder.path().join(name), start()).expect("a file");
+        }
+        let mut told = Vec::new();
+        Reader::new(&[folder.path().to_owned()]).read(|found| {
+            told.push(found().read);
+            ControlFlow::Break(())
+        });
+        assert_eq!(told, [[1, 2]]);
+    }
+}

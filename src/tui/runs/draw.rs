@@ -1,0 +1,331 @@
+//! Draws the list of runs and what is beside or below it.
+//!
+//! ```text
+//! +----------------------------------------------+
+//! | folders, what is being read                  |  header
+//! | 12 of 34 runs, words                         |
+//! |   map method seed updates success ... file   |  list
+//! | A ...                                        |
+//! |------------------------------+---------------|
+//! | success over updates         | what differs  |  curves, settings
+//! | keys, a question or a notice                 |  footer
+//! +----------------------------------------------+
+//! ```
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Borders, Clear, Paragraph};
+
+use super::list::{Column, Entry, List, name};
+use super::{RunsScreen, curves, settings, sign, style};
+use crate::tui::action::{Action, Binding, Mode, When, bindings};
+use crate::tui::layout::{Click, ScreenLayout};
+use crate::tui::render::{footer, help, paint_page};
+use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::text::{fitted_line, fitted_lines};
+use crate::tui::theme::Theme;
+use gdg::text::{counted, display_width, fitted, padded};
+
+/// The smallest screen with room for everything, in columns and rows.
+pub const MIN_SIZE: (u16, u16) = (60, 16);
+
+/// Columns from which curves and settings are beside the list, and their share of the screen.
+const WIDE_SCREEN: u16 = 170;
+
+/// Columns that are left out first where there is no room, and the most columns of a text.
+const LEFT_OUT: [Column; 3] = [Column::Written, Column::Greedy, Column::State];
+const MAX_TEXT: usize = 20;
+
+/// The fewest columns of files' names, the widest value of a setting, and columns of the settings'
+/// names, at most.
+const MIN_FILE: usize = 14;
+const MAX_VALUE: usize = 14;
+const MAX_NAME: usize = 22;
+
+/// Rows of a list above curves, at least.
+const MIN_ROWS: usize = 6;
+
+/// Columns before a row, for its letter.
+const MARGIN: usize = 3;
+
+/// Where the parts of the list are.
+#[derive(Debug, Default)]
+pub struct Places {
+    /// What can be clicked besides.
+    pub layout: ScreenLayout,
+    /// The names of the columns.
+    pub columns: Vec<(Rect, Column)>,
+    /// The rows, and the first run in them.
+    pub rows: (Rect, usize),
+}
+
+/// Draws everything.
+pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
+    let area = frame.area();
+    let mut places = Places { layout: ScreenLayout::new(area), ..Places::default() };
+    if area.width < MIN_SIZE.0 || area.height < MIN_SIZE.1 {
+        let text = format!("needs {} x {} characters", MIN_SIZE.0, MIN_SIZE.1);
+        frame.render_widget(Paragraph::new(text), area);
+        return places;
+    }
+    let [head, body, foot] =
+        Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)])
+            .areas(area);
+    let rows = screen.list.count() + screen.list.problems.len();
+    let [list, curves, settings] = panes(body, rows);
+    header(frame, head, screen);
+    draw_list(frame, list, screen, &mut places);
+    let runs = drawn(&screen.list);
+    let line = |frame: &mut Frame, area: Rect, borders| {
+        let block = Block::new().borders(borders);
+        let inner = block.inner(area);
+        frame.render_widget(block, area);
+        inner
+    };
+    let is_beside = curves.x > list.x;
+    let edges = if is_beside { Borders::LEFT } else { Borders::NONE };
+    let inner = line(frame, curves, edges | Borders::TOP);
+    let Places { layout, .. } = &mut places;
+    curves::draw(frame, inner, &runs, screen.curves, &screen.theme, layout);
+    let inner = line(frame, settings, Borders::TOP | Borders::LEFT);
+    draw_settings(frame, inner, &runs, &screen.theme);
+    footer(frame, foot, screen, layout);
+    if let Some(shown) = &screen.help {
+        layout.forget_clicks();
+        help::draw_for_lists(frame, &screen.keymap, shown, layout);
+    }
+    paint_page(frame, &screen.theme);
+    places
+}
+
+/// Returns the areas of a list of so many rows, of curves, and of settings.
+fn panes(body: Rect, rows: usize) -> [Rect; 3] {
+    if body.width >= WIDE_SCREEN {
+        let [list, rest] =
+            Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(body);
+        let [curves, settings] =
+            Layout::vertical([Constraint::Fill(2), Constraint::Fill(1)]).areas(rest);
+        return [list, curves, settings];
+    }
+    // Two more for title and names.
+    let rows = u16::try_from(rows.max(MIN_ROWS) + 2).unwrap_or(u16::MAX).min(body.height / 2);
+    let [list, rest] = Layout::vertical([Constraint::Length(rows), Constraint::Min(0)]).areas(body);
+    let [curves, settings] =
+        Layout::horizontal([Constraint::Fill(3), Constraint::Fill(2)]).areas(rest);
+    [list, curves, settings]
+}
+
+/// Returns the runs whose curves and settings are shown: the marked ones, and the selected one.
+fn drawn(list: &List) -> Vec<(Option<usize>, &Entry)> {
+    let marked = list.marked().into_iter().map(|(mark, entry)| (Some(mark), entry));
+    let selected = list.selected().filter(|entry| list.mark(entry).is_none());
+    selected.map(|entry| (None, entry)).into_iter().chain(marked).collect()
+}
+
+fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
+    let RunsScreen { title, read: [read, all], list, .. } = screen;
+    let mut spans = vec![
+        Span::styled(" gdg-tui runs ", BOLD.patch(REVERSED)),
+        Span::styled(format!(" {title} "), BOLD),
+    ];
+    if read < all {
+        spans.push(Span::raw(format!(" reading file {read} of {all} ")));
+    }
+    if !list.problems.is_empty() {
+        let text =
+            format!(" {} cannot be read, see below ", counted(list.problems.len() as u64, "file"));
+        spans.push(Span::styled(text, screen.theme.failure()));
+    }
+    frame.render_widget(fitted_line(Line::from(spans), area.width), area);
+}
+
+/// Draws the list below its title and the names of its columns.
+fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Places) {
+    let RunsScreen { list, .. } = screen;
+    let [title, names, rows] =
+        Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)])
+            .areas(area);
+    draw_title(frame, title, screen);
+    let widths = widths(list, usize::from(area.width));
+    let (sorted, reversed) = list.order();
+    let mut at = names.x + MARGIN as u16;
+    let mut heads = vec![Span::raw(" ".repeat(MARGIN))];
+    for (column, width) in &widths {
+        let sign = if reversed { '\u{2191}' } else { '\u{2193}' };
+        let is_sorted = *column == sorted;
+        let text =
+            if is_sorted { format!("{}{sign}", column.name()) } else { column.name().to_owned() };
+        heads.push(Span::styled(cell(&text, *column, *width), if is_sorted { BOLD } else { DIM }));
+        places.columns.push((Rect { x: at, width: *width as u16, ..names }, *column));
+        at += *width as u16 + 1;
+    }
+    frame.render_widget(fitted_line(Line::from(heads), names.width), names);
+    let room = usize::from(rows.height);
+    let first = (list.position() + 1).saturating_sub(room);
+    places.rows = (rows, first);
+    let runs = list.shown().enumerate().skip(first).map(|(i, entry)| {
+        let line = row(entry, list.mark(entry), &widths, &screen.theme);
+        line.style(if i == list.position() { REVERSED } else { Style::new() })
+    });
+    let problems = list.problems.iter().map(|(path, problem)| {
+        Line::styled(format!("   {}  cannot be loaded: {problem}", name(path)), DIM)
+    });
+    let lines: Vec<Line> = runs.chain(problems).take(room).collect();
+    frame.render_widget(Paragraph::new(fitted_lines(lines, rows.width)), rows);
+    if list.count() == 0 && list.problems.is_empty() {
+        let text = if screen.read[0] < screen.read[1] || !screen.has_read {
+            "   reading ..."
+        } else {
+            "   no runs here yet: train with --save FILE, or press s in the interface"
+        };
+        frame.render_widget(fitted_line(Line::styled(text, DIM), rows.width), rows);
+    }
+}
+
+/// Draws how many runs are listed, and the words that they must have.
+fn draw_title(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
+    let RunsScreen { list, words, is_typing, .. } = screen;
+    let (shown, all) = (list.shown().len() as u64, list.count() as u64);
+    let counts = if shown == all {
+        counted(all, "run")
+    } else {
+        format!("{shown} of {}", counted(all, "run"))
+    };
+    let mut title = vec![Span::styled(format!(" {counts} "), BOLD)];
+    if *is_typing || !words.value().is_empty() {
+        title.push(Span::raw(format!(" with words: {}", words.value())));
+        title.push(Span::raw(if *is_typing { "_ " } else { " " }));
+    }
+    let block = Block::new().borders(Borders::TOP).title(Line::from(title));
+    frame.render_widget(block, area);
+}
+
+/// Returns the columns with their widths, as many as there is room for.
+fn widths(list: &List, room: usize) -> Vec<(Column, usize)> {
+    let widest = |column: Column| {
+        let cells = list.shown().map(|entry| display_width(&column.cell(entry)));
+        let most = if column == Column::File { usize::MAX } else { MAX_TEXT };
+        // And the sign of the order.
+        cells.max().unwrap_or(0).min(most).max(column.name().len() + 1)
+    };
+    let mut widths: Vec<(Column, usize)> =
+        Column::ALL.into_iter().map(|column| (column, widest(column))).collect();
+    let needed = |widths: &[(Column, usize)]| {
+        let all = widths.iter().map(|(column, width)| match column {
+            Column::File => (*width).min(MIN_FILE) + 1,
+            _ => width + 1,
+        });
+        MARGIN + all.sum::<usize>()
+    };
+    for column in LEFT_OUT {
+        if needed(&widths) > room {
+            widths.retain(|(kept, _)| *kept != column);
+        }
+    }
+    let others = MARGIN + widths.iter().rev().skip(1).map(|(_, width)| width + 1).sum::<usize>();
+    if let Some((_, file)) = widths.last_mut() {
+        *file = (*file).min(room.saturating_sub(others));
+    }
+    widths
+}
+
+/// Returns a row: the letter of a marked run, then the columns.
+fn row(
+    entry: &Entry,
+    mark: Option<usize>,
+    widths: &[(Column, usize)],
+    theme: &Theme,
+) -> Line<'static> {
+    let letter = mark.map_or(' ', |_| sign(mark));
+    let mut spans = vec![Span::styled(format!(" {letter} "), style(mark, theme))];
+    spans.extend(
+        widths.iter().map(|(column, width)| Span::raw(cell(&column.cell(entry), *column, *width))),
+    );
+    Line::from(spans)
+}
+
+/// Returns a text in the width of its column, and a blank.
+fn cell(text: &str, column: Column, width: usize) -> String {
+    let text = fitted(text, width);
+    let gap = width.saturating_sub(display_width(&text));
+    if column.is_number() {
+        format!("{:gap$}{text} ", "")
+    } else {
+        format!("{} ", padded(&text, width))
+    }
+}
+
+/// Draws what the runs differ in, side by side.
+fn draw_settings(frame: &mut Frame, area: Rect, runs: &[(Option<usize>, &Entry)], theme: &Theme) {
+    let all: Vec<&_> = runs.iter().map(|(_, entry)| &*entry.run).collect();
+    let rows = settings::rows(&all);
+    let names = rows.iter().map(|(name, _)| display_width(name)).max().unwrap_or(0).min(MAX_NAME);
+    let room = usize::from(area.width).saturating_sub(names + 2);
+    let widest = rows.iter().flat_map(|(_, values)| values).map(|value| display_width(value));
+    let most = if runs.len() == 1 { room } else { MAX_VALUE };
+    let width = widest.max().unwrap_or(0).clamp(1, most.max(1));
+    let columns = (room / (width + 1)).clamp(1, runs.len().max(1));
+    let title = match runs.len() {
+        0 | 1 => " run".to_owned(),
+        all if columns < all => format!(" differences: {columns} of {all} runs"),
+        _ => " differences".to_owned(),
+    };
+    let mut lines = vec![Line::styled(title, BOLD)];
+    let mut head = vec![Span::raw(" ".repeat(names + 2))];
+    for (mark, _) in &runs[..columns.min(runs.len())] {
+        let letter = sign(*mark).to_string();
+        head.push(Span::styled(padded(&letter, width + 1), style(*mark, theme).patch(BOLD)));
+    }
+    if runs.len() > 1 {
+        lines.push(Line::from(head));
+    }
+    if rows.is_empty() && runs.len() > 1 {
+        lines.push(Line::styled(" none: these runs should be the same", DIM));
+    }
+    for (name, values) in rows {
+        let mut spans =
+            vec![Span::styled(format!(" {} ", padded(&fitted(&name, names), names)), DIM)];
+        spans.extend(
+            values
+                .iter()
+                .take(columns)
+                .map(|value| Span::raw(format!("{} ", padded(&fitted(value, width), width)))),
+        );
+        lines.push(Line::from(spans));
+    }
+    let rows = usize::from(area.height);
+    if lines.len() > rows {
+        lines.truncate(rows.saturating_sub(1));
+        lines.push(Line::styled(" ...", DIM));
+    }
+    frame.render_widget(Paragraph::new(fitted_lines(lines, area.width)), area);
+}
+
+/// Draws a question, a notice, or keys.
+fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
+    if let Some(question) = &screen.question {
+        let text = format!(" {} y: delete  n: keep ", question.text);
+        frame.render_widget(Clear, area);
+        frame
+            .render_widget(fitted_line(Line::styled(text, BOLD.patch(REVERSED)), area.width), area);
+        return;
+    }
+    if let Some(notice) = screen.log.notice() {
+        return footer::draw_notice(frame, area, &screen.theme, notice);
+    }
+    if screen.is_typing {
+        let text = " type words that runs must have   Enter keeps them   Esc shows all runs";
+        return frame.render_widget(fitted_line(Line::styled(text, DIM), area.width), area);
+    }
+    let named = |is_own: bool| {
+        let is_shown = move |b: &&Binding| {
+            !b.short.is_empty() && b.is_active(Mode::Listing) && (b.when == When::Listing) == is_own
+        };
+        bindings().filter(is_shown).map(|b| (b.action, format!(" {} ", b.short)))
+    };
+    let keys = named(true).chain(named(false)).collect();
+    footer::fitting(keys, &screen.keymap, area.width, false).draw(frame, area, layout);
+    layout.add(Rect { height: 1, ..layout.screen }, Click::Act(Action::Help));
+}

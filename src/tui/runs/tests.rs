@@ -1,0 +1,292 @@
+//! Lists of runs on a buffer instead of a terminal.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+use crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use ratatui::layout::Position;
+
+use super::*;
+use crate::experiment::job::EvaluationAt;
+use crate::experiment::runs::{Ending, Kind, SavedRun};
+use crate::tui::tests::screens::check_drawn;
+use crate::tui::theme::ThemeName;
+use gdg::train::{Evaluation, Score};
+
+/// Returns a saved run with these success rates, evaluated every 1,000 updates.
+pub fn saved(file: &str, map: &str, method: &str, seed: u64, success: &[f64]) -> SavedRun {
+    let score = |success| Score {
+        success: Some(success),
+        spl: None,
+        steps_ratio: None,
+        by_distance: Vec::new(),
+    };
+    let plans = method == "gdg-bridge";
+    let evaluation = |(i, success): (usize, &f64)| EvaluationAt {
+        updates: 1_000 * (i as u64 + 1),
+        env_steps: None,
+        seconds: Some(2.0 * (i as f64 + 1.0)),
+        evaluation: Evaluation {
+            greedy: score(if plans { success / 2.0 } else { *success }),
+            planned: plans.then(|| score(*success)),
+            straight: None,
+            distance_error: None,
+            bridges: None,
+            coverage: Some(0.5),
+            marked: None,
+        },
+    };
+    SavedRun {
+        source: file.into(),
+        kind: Kind::Checkpoint,
+        map: map.to_owned(),
+        method: method.to_owned(),
+        variant: None,
+        settings: ["preset=default", "hidden=16"].map(str::to_owned).to_vec(),
+        seed,
+        updates: 1_000 * success.len() as u64,
+        evaluations: success.iter().enumerate().map(evaluation).collect(),
+        checkpoint: Some(file.into()),
+    }
+}
+
+/// Returns runs as they are found, written one after the other.
+pub fn found(runs: &[SavedRun]) -> Found {
+    let day = |i: usize| SystemTime::UNIX_EPOCH + Duration::from_hours(36 + 24 * i as u64);
+    let runs = runs.iter().enumerate();
+    let runs = runs.map(|(i, run)| (Arc::new(run.clone()), Some(day(i))));
+    Found { runs: runs.collect(), ..Found::default() }
+}
+
+/// Returns a list with runs of several kinds, one of which cannot be read.
+fn screen() -> RunsScreen {
+    let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
+    let config = UiConfig::default();
+    let mut screen = RunsScreen::new("saves", Reading::nothing(), &config, keymap);
+    screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
+    let records = |seed, success: &[f64]| SavedRun {
+        kind: Kind::Records(Ending::Interrupted),
+        checkpoint: None,
+        ..saved("records/rooms.jsonl", "rooms", "her", seed, success)
+    };
+    let result = SavedRun {
+        kind: Kind::Result,
+        variant: Some("small".to_owned()),
+        settings: ["preset=tuned", "hidden=8"].map(str::to_owned).to_vec(),
+        checkpoint: None,
+        ..saved("suite/jobs/trap-her-3.json", "trap", "her", 3, &[0.3, 0.4, 0.5])
+    };
+    let mut all = found(&[
+        saved("saves/fourrooms.safetensors", "fourrooms", "gdg-bridge", 0, &[0.3, 0.7, 0.9, 1.0]),
+        saved("saves/fourrooms-2.safetensors", "fourrooms", "gdg", 1, &[0.2, 0.4, 0.5]),
+        records(1, &[0.1, 0.3]),
+        records(2, &[]),
+        result,
+    ]);
+    all.problems = vec![("saves/damaged.safetensors".into(), "is cut off at 12 bytes".to_owned())];
+    all.read = [6, 6];
+    screen.show(&all);
+    screen
+}
+
+fn drawn(screen: &mut RunsScreen, width: u16, height: u16) -> Terminal<TestBackend> {
+    let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a buffer");
+    terminal.draw(|frame| screen.draw(frame)).expect("a frame");
+    terminal
+}
+
+fn text(screen: &mut RunsScreen, width: u16, height: u16) -> String {
+    let terminal = drawn(screen, width, height);
+    let buffer = terminal.backend().buffer();
+    let rows = buffer.content.chunks(usize::from(width));
+    rows.map(|row| row.iter().map(ratatui::buffer::Cell::symbol).collect::<String>() + "\n")
+        .collect()
+}
+
+fn press(screen: &mut RunsScreen, code: KeyCode) {
+    screen.on_event(&Event::Key(KeyEvent::new(code, KeyModifiers::NONE)));
+}
+
+fn type_text(screen: &mut RunsScreen, text: &str) {
+    text.chars().for_each(|c| press(screen, KeyCode::Char(c)));
+}
+
+fn click(screen: &mut RunsScreen, at: Position) {
+    screen.on_event(&Event::Mouse(MouseEvent {
+        kind: MouseEventKind::Down(MouseButton::Left),
+        column: at.x,
+        row: at.y,
+        modifiers: KeyModifiers::NONE,
+    }));
+}
+
+/// Returns where a text begins on the screen.
+fn place_of(shown: &str, text: &str) -> Position {
+    let (row, line) = shown
+        .lines()
+        .enumerate()
+        .find(|(_, line)| line.contains(text))
+        .unwrap_or_else(|| panic!("{text} is missing: {shown}"));
+    let before = line.split(text).next().unwrap_or_default();
+    Position::new(before.chars().count() as u16, row as u16)
+}
+
+#[test]
+fn lists_match_their_snapshots() {
+    for (width, height) in [(80, 24), (120, 40), (200, 60)] {
+        let mut screen = screen();
+        check_drawn(&format!("runs-{width}x{height}"), &drawn(&mut screen, width, height));
+        type_text(&mut screen, "   ");
+        check_drawn(&format!("runs-marked-{width}x{height}"), &drawn(&mut screen, width, height));
+    }
+    let mut screen = screen();
+    type_text(&mut screen, "  /rooms");
+    check_drawn("runs-filtered-80x24", &drawn(&mut screen, 80, 24));
+    press(&mut screen, KeyCode::Enter);
+    press(&mut screen, KeyCode::Delete);
+    screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
+    check_drawn("runs-delete-mono-80x24", &drawn(&mut screen, 80, 24));
+    press(&mut screen, KeyCode::Char('n'));
+    press(&mut screen, KeyCode::Char('?'));
+    check_drawn("runs-help-80x24", &drawn(&mut screen, 80, 24));
+}
+
+#[test]
+fn every_size_can_be_drawn() {
+    let mut screen = screen();
+    for (width, height) in [(1, 1), (59, 16), (60, 16), (61, 17), (80, 24), (300, 100)] {
+        for keys in [" ", "?", "q", "/x", "\n"] {
+            type_text(&mut screen, keys);
+            drawn(&mut screen, width, height);
+        }
+        screen.next = None;
+        screen.help = None;
+    }
+}
+
+#[test]
+fn curves_show_the_marked_runs_and_change_their_axes() {
+    let mut screen = screen();
+    let shown = text(&mut screen, 120, 40);
+    assert!(shown.contains("> trap-her-3 ") && !shown.contains("A fourrooms"), "{shown}");
+    press(&mut screen, KeyCode::End);
+    press(&mut screen, KeyCode::Char(' '));
+    let shown = text(&mut screen, 120, 40);
+    assert!(shown.contains("  A fourrooms ") && shown.contains("4000"), "{shown}");
+    press(&mut screen, KeyCode::Char('g'));
+    let shown = text(&mut screen, 120, 40);
+    assert!(shown.contains("over environment steps") && shown.contains("not known"), "{shown}");
+    press(&mut screen, KeyCode::Char('g'));
+    press(&mut screen, KeyCode::Char('v'));
+    let shown = text(&mut screen, 120, 40);
+    assert!(shown.contains("success rate without plans over seconds"), "{shown}");
+}
+
+#[test]
+fn files_that_grow_change_curves_and_numbers() {
+    let mut screen = screen();
+    press(&mut screen, KeyCode::Char(' '));
+    let run = |success: &[f64]| saved("saves/own.safetensors", "own", "gdg", 7, success);
+    screen.show(&found(&[run(&[0.25])]));
+    press(&mut screen, KeyCode::Char(' '));
+    assert!(text(&mut screen, 120, 40).contains(" 0.25 "));
+    screen.show(&found(&[run(&[0.25, 0.75])]));
+    let shown = text(&mut screen, 120, 40);
+    assert!(
+        shown.contains(" 0.75 ") && shown.contains(" A own") && !shown.contains("0.25"),
+        "{shown}"
+    );
+}
+
+#[test]
+fn the_mouse_sorts_selects_and_marks() {
+    let mut screen = screen();
+    let shown = text(&mut screen, 120, 40);
+    click(&mut screen, place_of(&shown, "success "));
+    assert_eq!(screen.list.order(), (list::Column::Success, false));
+    let shown = text(&mut screen, 120, 40);
+    let at = place_of(&shown, "fourrooms-2.safetensors");
+    click(&mut screen, at);
+    assert!(screen.list.marked().is_empty());
+    click(&mut screen, at);
+    assert_eq!(screen.list.marked()[0].1.run.seed, 1);
+    let at = place_of(&shown, "success rate over");
+    click(&mut screen, at);
+    assert_eq!(screen.curves.axis, Axis::Steps);
+}
+
+#[test]
+fn only_runs_with_a_checkpoint_can_be_resumed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("own.safetensors");
+    std::fs::write(&file, "a checkpoint").expect("a file");
+    let mut screen = screen();
+    press(&mut screen, KeyCode::Enter);
+    let shown = text(&mut screen, 120, 40);
+    assert!(screen.next.is_none() && shown.contains("its checkpoint was not kept"), "{shown}");
+    let own = |path: &Path| saved(&path.to_string_lossy(), "own", "gdg", 7, &[]);
+    screen.show(&found(&[own(&folder.path().join("gone.safetensors")), own(&file)]));
+    press(&mut screen, KeyCode::End);
+    press(&mut screen, KeyCode::Enter);
+    let shown = text(&mut screen, 200, 40);
+    assert!(screen.next.is_none() && shown.contains("is gone"), "{shown}");
+    press(&mut screen, KeyCode::Home);
+    press(&mut screen, KeyCode::Enter);
+    assert_eq!(screen.next, Some(Next::Resume(file)));
+}
+
+#[test]
+fn two_runs_on_the_same_map_are_compared() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let own = |name: &str, map: &str| {
+        std::fs::write(path(name), "a checkpoint").expect("a file");
+        saved(&path(name).to_string_lossy(), map, "gdg", 7, &[])
+    };
+    let mut screen = screen();
+    screen.show(&found(&[own("c", "own"), own("b", "other"), own("a", "own")]));
+    press(&mut screen, KeyCode::Char('c'));
+    assert!(text(&mut screen, 120, 40).contains("mark two runs"));
+    press(&mut screen, KeyCode::Char(' '));
+    press(&mut screen, KeyCode::Char('c'));
+    assert!(
+        text(&mut screen, 120, 40).contains("different maps cannot be compared: own and other")
+    );
+    press(&mut screen, KeyCode::Down);
+    press(&mut screen, KeyCode::Char('c'));
+    assert_eq!(screen.next, Some(Next::Compare([path("a"), path("c")])));
+}
+
+#[test]
+fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let own = |name: &str| saved(&path(name).to_string_lossy(), "own", "gdg", 7, &[]);
+    let runs = ["a.safetensors", "b.safetensors", "c.safetensors"].map(own);
+    for run in &runs {
+        std::fs::write(&run.source, "a checkpoint").expect("a file");
+    }
+    let mut screen = screen();
+    screen.show(&found(&runs));
+    press(&mut screen, KeyCode::End);
+    press(&mut screen, KeyCode::Char('D'));
+    assert!(text(&mut screen, 200, 40).contains("a.safetensors for good? y: delete"));
+    press(&mut screen, KeyCode::Enter);
+    assert!(path("a.safetensors").exists() && screen.question.is_none(), "only y deletes");
+    press(&mut screen, KeyCode::Home);
+    type_text(&mut screen, "  D");
+    assert!(text(&mut screen, 120, 40).contains("delete 2 files for good?"));
+    press(&mut screen, KeyCode::Char('y'));
+    let left = ["a", "b", "c"].map(|name| path(&format!("{name}.safetensors")).exists());
+    assert_eq!(left, [true, false, false]);
+    assert!(text(&mut screen, 120, 40).contains("deleted 2 files"));
+    let grows = SavedRun { kind: Kind::Records(Ending::Open), ..runs[0].clone() };
+    let now = Some(SystemTime::now());
+    screen.show(&Found { runs: vec![(Arc::new(grows), now)], ..Found::default() });
+    press(&mut screen, KeyCode::Delete);
+    assert!(text(&mut screen, 120, 40).contains("still grows"));
+}

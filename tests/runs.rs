@@ -1,0 +1,100 @@
+//! `gdg-tui runs`: lines of JSON for scripts, and the screen on a terminal.
+
+use crate::ran::{SMALL, has_parts, program_in, ran};
+use serde_json::{Value, json};
+
+/// Returns the records of a run that ends as `end` says.
+fn records(seed: u64, end: &Value) -> String {
+    let start = json!({
+        "event": "start", "version": "0.2.0", "world": "maze", "map": {"name": "room"},
+        "method": "her", "preset": "tuned", "settings": {"hidden": 64}, "seed": seed,
+        "threads": "auto", "updates": 0,
+    });
+    let score = json!({"success": 0.25, "spl": 0.2, "steps_ratio": null, "by_distance": []});
+    let evaluation = json!({
+        "event": "evaluation", "seconds": 1.5, "updates": 1000, "env_steps": 16000,
+        "greedy": score, "planned": null, "distance_error": null, "bridges": null,
+        "coverage": 0.75,
+    });
+    [&start, &evaluation, end].map(|record| record.to_string() + "\n").concat()
+}
+
+#[test]
+fn runs_of_every_kind_are_lines_of_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let stopped = json!({"event": "end", "reason": "interrupted", "seconds": 2.0, "updates": 1500, "updates_per_second": 500.0});
+    let grows = json!({"event": "progress", "seconds": 2.0, "updates": 2000, "env_steps": 0, "episodes": 0, "updates_per_second": 1.0, "losses": {}});
+    for (name, text) in [
+        ("stopped.jsonl", records(1, &stopped)),
+        ("grows.jsonl", records(2, &grows) + "{\"event\":\"evalu"),
+        ("damaged.jsonl", "[]\n".to_owned()),
+    ] {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    let mut train = program_in(folder.path());
+    train.args(["--no-ui", "trap", "--seed", "4", "--max-updates", "20", "--eval-tasks", "1"]);
+    let done = ran({
+        train.args(SMALL).args(["--save", "own.safetensors"]);
+        train
+    });
+    assert_eq!(done.status, Some(0), "{}", done.err);
+    let mut command = program_in(folder.path());
+    command.args(["runs", ".", "--json"]);
+    let done = ran(command);
+    assert_eq!(done.status, Some(0), "{}", done.err);
+    has_parts(&done.err, &["./damaged.jsonl: ", ": left out"]);
+    let lines: Vec<Value> =
+        done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let found = |file: &str| lines.iter().find(|run| run["file"] == file).unwrap();
+    assert_eq!(lines.len(), 3, "{}", done.out);
+    let stopped = found("./stopped.jsonl");
+    let wanted = json!({
+        "kind": "records", "state": "stopped", "map": "room", "method": "her", "seed": 1,
+        "settings": {"preset": "tuned", "hidden": 64}, "updates": 1500, "evaluated_at": 1000,
+        "success": 0.25, "greedy": 0.25, "distance_error": null, "coverage": 0.75,
+        "checkpoint": null,
+    });
+    for (name, value) in wanted.as_object().unwrap() {
+        assert_eq!(stopped[name], *value, "{name} of {stopped}");
+    }
+    let grows = found("./grows.jsonl");
+    assert_eq!([&grows["state"], &grows["updates"]], [&json!("running"), &json!(2000)]);
+    let own = found("./own.safetensors");
+    assert_eq!(own["checkpoint"], "./own.safetensors");
+    assert_eq!(
+        [&own["map"], &own["updates"], &own["kind"]],
+        [&json!("trap"), &json!(20), &json!("checkpoint")]
+    );
+    assert!(own["success"].is_number() && own["written"].is_string(), "{own}");
+
+    let mut command = program_in(folder.path());
+    command.args(["runs", "elsewhere", "--json"]);
+    let done = ran(command);
+    assert_eq!(done.status, Some(2));
+    has_parts(&done.err, &["elsewhere: cannot be read"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_run_is_found_and_resumed_on_a_terminal() {
+    use crate::support::Session;
+    let folder = tempfile::tempdir().unwrap();
+    let mut train = program_in(folder.path());
+    train.args(["--no-ui", "trap", "--max-updates", "20", "--eval-tasks", "1"]).args(SMALL);
+    train.args(["--save", "saves/own.safetensors"]);
+    assert_eq!(ran(train).status, Some(0));
+    let stopped = json!({"event": "end", "reason": "interrupted", "seconds": 2.0, "updates": 1500, "updates_per_second": 500.0});
+    std::fs::write(folder.path().join("saves/her.jsonl"), records(1, &stopped)).unwrap();
+    let mut session = Session::start(folder.path(), &["runs"]);
+    session.wait_for("2 runs");
+    session.press("/trap\r");
+    session.wait_for("1 of 2 runs");
+    session.press("\r");
+    session.wait_for("training");
+    session.press("q");
+    assert_eq!(session.end(), 0);
+    let mut session = Session::start(folder.path(), &["runs"]);
+    session.wait_for("2 runs");
+    session.press("q");
+    assert_eq!(session.end(), 0);
+}
