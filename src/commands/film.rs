@@ -10,19 +10,21 @@ use crate::host::setup::refuse_existing;
 use gdg::engine::Snapshot;
 use gdg::env::Scene;
 use gdg::train::Registry;
-use gdg::viewer::{FilmError, animate};
+use gdg::viewer::{FilmError, animate, still};
 
-/// Writes the film in a checkpoint and returns a line that says where: by default, `NAME.film.png`
-/// beside `NAME.safetensors`.
+/// Writes the film in a checkpoint, or its last frame, and returns a line that says where: by
+/// default, `NAME.film.png` or `NAME.still.png` beside `NAME.safetensors`.
 ///
 /// # Errors
 /// The checkpoint cannot be read or has no film, or the file exists or cannot be written.
 pub fn run(args: &FilmArgs, registry: &Arc<Registry>) -> Result<String, Report> {
-    let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, ".film.png"));
+    let end = if args.still { ".still.png" } else { ".film.png" };
+    let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, end));
     refuse_existing(&path, args.overwrite)?;
     let loaded = look_into(&args.checkpoint, registry)?;
     let run = Snapshot::capture(&loaded.trainer).into_diagnostic()?;
-    let bytes = animate(&run).map_err(|error| {
+    let draw = if args.still { still } else { animate };
+    let bytes = draw(&run, args.width).map_err(|error| {
         let help = match error {
             FilmError::NoFrames if !matches!(run.scene, Scene::Goals(_)) => {
                 "train on: gdg-tui --resume FILE films the rest"

@@ -18,12 +18,16 @@ use super::scene::{Cache, Scene};
 use super::screen::Screen;
 use super::theme::{Rgb, Theme};
 use crate::figure::Format;
+use gdg::engine::Snapshot;
 use gdg::files::{self, write_atomically};
-use gdg::viewer::{FilmError, animate};
+use gdg::viewer::{FilmError, animate, still};
 pub use picture::{picture_of, png_of};
 
 /// Folder for exports.
 pub const EXPORT_FOLDER: &str = "exports";
+
+/// Pixels of a large bitmap from left to right.
+const STILL_WIDTH: usize = 1_600;
 
 /// Why an export fails.
 #[derive(Debug, thiserror::Error)]
@@ -56,17 +60,18 @@ pub fn write(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Str
     write_contents(&export_path(kind, screen, scene), contents(kind, screen, scene))
 }
 
-/// Writes the film to a new file on its own thread, as that takes a second or two; it returns the
-/// notice.
+/// Writes the film, or a picture of its end, to a new file on its own thread, as that takes a second
+/// or two; it returns the notice.
 ///
 /// # Errors
 /// The thread cannot be started.
 pub fn write_film(
+    kind: ExportKind,
     screen: &Screen,
     scene: &Scene,
 ) -> std::io::Result<JoinHandle<Result<String, String>>> {
-    let (path, run) = (export_path(ExportKind::Film, screen, scene), screen.snapshot.clone());
-    let write = move || write_contents(&path, animate(&run).map_err(ExportError::Film));
+    let (path, run) = (export_path(kind, screen, scene), screen.snapshot.clone());
+    let write = move || write_contents(&path, filmed(kind, &run));
     std::thread::Builder::new().name("film".to_owned()).spawn(write)
 }
 
@@ -116,7 +121,7 @@ pub fn contents(
         ExportKind::CurvesPng => figure(Format::Png, screen, scene),
         ExportKind::CurvesPdf => figure(Format::Pdf, screen, scene),
         ExportKind::CurvesCsv => curves::csv(screen),
-        ExportKind::Film => Ok(animate(&screen.snapshot)?),
+        ExportKind::Still | ExportKind::Film => filmed(kind, &screen.snapshot),
         ExportKind::MapPng | ExportKind::MapSvg | ExportKind::ScreenPng | ExportKind::ScreenSvg => {
             let (drawn, map_pane) = draw(screen, scene)?;
             let area = match kind {
@@ -126,6 +131,14 @@ pub fn contents(
             picture(kind, &drawn, area, &screen.theme.in_full_colour())
         }
     }
+}
+
+/// Returns the film, or a picture of its end.
+fn filmed(kind: ExportKind, run: &Snapshot) -> Result<Vec<u8>, ExportError> {
+    Ok(match kind {
+        ExportKind::Still => still(run, Some(STILL_WIDTH))?,
+        _ => animate(run, None)?,
+    })
 }
 
 /// Draws the curves.

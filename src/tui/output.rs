@@ -19,13 +19,15 @@ pub enum ExportKind {
     CurvesPdf,
     /// The curves as a table.
     CurvesCsv,
+    /// D at the end of the film as a large bitmap, with a caption.
+    Still,
     /// The film of how distance was learned, as an animation.
     Film,
 }
 
 impl ExportKind {
     /// All kinds.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::MapPng,
         Self::MapSvg,
         Self::ScreenPng,
@@ -34,6 +36,7 @@ impl ExportKind {
         Self::CurvesPng,
         Self::CurvesPdf,
         Self::CurvesCsv,
+        Self::Still,
         Self::Film,
     ];
 
@@ -47,6 +50,7 @@ impl ExportKind {
             Self::CurvesPdf => "PDF",
             Self::MapSvg | Self::ScreenSvg | Self::CurvesSvg => "vector graphic",
             Self::CurvesCsv => "table",
+            Self::Still => "large bitmap with caption",
             Self::Film => "animation",
         };
         format!("{} as {form}", self.stem(noun))
@@ -58,6 +62,7 @@ impl ExportKind {
             Self::MapPng | Self::MapSvg => noun,
             Self::ScreenPng | Self::ScreenSvg => "screen",
             Self::CurvesSvg | Self::CurvesPng | Self::CurvesPdf | Self::CurvesCsv => "curves",
+            Self::Still => "distance",
             Self::Film => "film",
         }
     }
@@ -65,7 +70,7 @@ impl ExportKind {
     /// Returns the file extension.
     pub fn file_type(self) -> &'static str {
         match self {
-            Self::MapPng | Self::ScreenPng | Self::CurvesPng | Self::Film => "png",
+            Self::MapPng | Self::ScreenPng | Self::CurvesPng | Self::Still | Self::Film => "png",
             Self::CurvesPdf => "pdf",
             Self::MapSvg | Self::ScreenSvg | Self::CurvesSvg => "svg",
             Self::CurvesCsv => "csv",

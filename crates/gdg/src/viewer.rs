@@ -20,7 +20,7 @@ use tokio::sync::watch;
 use crate::engine::{Engine, Networks, Snapshot};
 use crate::env::Scene;
 use crate::train::FilmFrame;
-pub use animation::{FilmError, animate};
+pub use animation::{FilmError, animate, still};
 pub use arm::ArmView;
 use arm::ArmWorker;
 pub use field::Field;

@@ -24,7 +24,9 @@ impl Exports {
     /// Writes what is pending, and says what has been written.
     pub fn on_tick(&mut self, screen: &mut Screen, scene: &Scene) {
         match self.pending.take() {
-            Some(ExportKind::Film) => self.begin_film(screen, scene),
+            Some(kind @ (ExportKind::Still | ExportKind::Film)) => {
+                self.begin_film(kind, screen, scene);
+            }
             Some(kind) => say(export::write(kind, screen, scene), screen),
             None => {}
         }
@@ -35,14 +37,14 @@ impl Exports {
         }
     }
 
-    fn begin_film(&mut self, screen: &mut Screen, scene: &Scene) {
+    fn begin_film(&mut self, kind: ExportKind, screen: &mut Screen, scene: &Scene) {
         if self.film.is_some() {
             return screen.notify("the film is being written already");
         }
-        match export::write_film(screen, scene) {
+        match export::write_film(kind, screen, scene) {
             Ok(film) => {
                 self.film = Some(film);
-                screen.notify("writing the film ...");
+                screen.notify(&format!("writing {} ...", kind.name(scene.noun())));
             }
             Err(error) => screen.report(&format!("the film cannot be written: {error}")),
         }

@@ -38,15 +38,17 @@ pub fn draw(
         [Pane::Training, Pane::Curves, Pane::Walk, Pane::Legend, Pane::Log].into_iter();
     let chosen = screen.pane;
     let mut next = move || others.find(|pane| *pane != chosen);
-    let columns = usize::from(body.width / MIN_COLUMN_WIDTH).clamp(1, Pane::ALL.len());
+    let rows = match body.height {
+        h if h >= THREE_PANE_ROWS => 3,
+        h if h >= TWO_PANE_ROWS => 2,
+        _ => 1,
+    };
+    // No more columns than there are panes for: the others are wider.
+    let most = Pane::ALL.len().div_ceil(rows);
+    let columns = usize::from(body.width / MIN_COLUMN_WIDTH).clamp(1, most);
     let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(body);
     let mut first = Some(chosen);
     for area in areas.iter() {
-        let rows = match area.height {
-            h if h >= THREE_PANE_ROWS => 3,
-            h if h >= TWO_PANE_ROWS => 2,
-            _ => 1,
-        };
         let panes: Vec<Pane> = (0..rows).filter_map(|_| first.take().or_else(&mut next)).collect();
         for (pane, area) in panes.iter().zip(stack(*area, &panes, screen, scene)) {
             draw_pane(frame, area, screen, scene, layout, *pane);

@@ -213,6 +213,9 @@ fn the_film_is_exported_from_any_moment() {
     let bytes = contents(ExportKind::Film, &mut app.app.screen, &app.app.scene).expect("a film");
     let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
     assert_eq!(reader.info().animation_control().expect("an animation").num_frames, 2);
+    let bytes = contents(ExportKind::Still, &mut app.app.screen, &app.app.scene).expect("a map");
+    let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
+    assert!(reader.info().animation_control().is_none() && reader.info().width == 1_600);
 }
 
 #[test]

@@ -15,8 +15,14 @@ use crate::train::FilmFrame;
 const MAX_MAP_PIXELS: usize = 400;
 const MAX_CELL_PIXELS: usize = 24;
 
+/// Pixels along the longer side of a map, at most, if its width is chosen.
+const MOST_PIXELS: usize = 8_192;
+
 /// Pixels along the longer side of each of the two planes of an arm.
 const PLANE_PIXELS: usize = 280;
+
+/// Radius of agents in pixels, at least and at most, on a map as wide as `MAX_MAP_PIXELS`.
+const RADII: [f32; 2] = [1.2, 4.0];
 
 /// Pixels between two contour lines, on average, at least.
 const LINE_SPACING: f32 = 30.0;
@@ -56,18 +62,14 @@ pub enum FilmError {
 }
 
 /// Returns the film of a run as an animated PNG file: D by colours with contour lines, the agents,
-/// and below them the updates done and the success so far. Colours mean the same in all frames.
+/// and below them the updates done and the success so far. Colours mean the same in all frames. It
+/// is as wide as `width` says, in pixels.
 ///
 /// # Errors
 /// There is no film, or it cannot be encoded.
-pub fn animate(run: &Snapshot) -> Result<Vec<u8>, FilmError> {
+pub fn animate(run: &Snapshot, width: Option<usize>) -> Result<Vec<u8>, FilmError> {
     let frames = &run.film;
-    let Some(last) = frames.last() else { return Err(FilmError::NoFrames) };
-    let stage: Box<dyn Stage> = match &run.scene {
-        Scene::Maze(scene) => Box::new(MazeStage::new(scene)),
-        Scene::Arm(scene) => Box::new(ArmStage(*scene)),
-        Scene::Goals(_) => return Err(FilmError::NoScene),
-    };
+    let (stage, last) = (stage(run, width)?, frames.last().ok_or(FilmError::NoFrames)?);
     let scale = Scale { farthest: last.farthest(), interval: stage.contour_interval(last) };
     let shortest =
         frames.windows(2).map(|pair| pair[1].updates - pair[0].updates).min().unwrap_or(1).max(1);
@@ -78,11 +80,7 @@ pub fn animate(run: &Snapshot) -> Result<Vec<u8>, FilmError> {
     for (i, frame) in frames.iter().enumerate() {
         let mut picture = Picture::new(size, PAGE);
         picture.put(&stage.draw(frame, scale), [0, 0]);
-        let captions = captions(run, frame);
-        let fits = |caption: &&String| text_size(caption, false)[0] + 2 * MARGIN <= columns;
-        if let Some(caption) = captions.iter().find(fits) {
-            picture.text(caption, [MARGIN, rows + MARGIN], INK);
-        }
+        write_below(&mut picture, &captions(run, frame), rows);
         let seconds = frames.get(i + 1).map_or(LAST_FRAME_SECONDS, |next| {
             FRAME_SECONDS * (next.updates - frame.updates) as f64 / shortest as f64
         });
@@ -92,6 +90,46 @@ pub fn animate(run: &Snapshot) -> Result<Vec<u8>, FilmError> {
     }
     animation.finish()?;
     Ok(file)
+}
+
+/// Returns the last frame of the film of a run as a PNG file, for slides and papers: like
+/// [`animate`], and below it what colours and lines mean.
+///
+/// # Errors
+/// There is no film, or it cannot be encoded.
+pub fn still(run: &Snapshot, width: Option<usize>) -> Result<Vec<u8>, FilmError> {
+    let (stage, last) = (stage(run, width)?, run.film.last().ok_or(FilmError::NoFrames)?);
+    let scale = Scale { farthest: last.farthest(), interval: stage.contour_interval(last) };
+    let drawn = stage.draw(last, scale);
+    let (columns, rows) = drawn.size();
+    let line = text_size("", false)[1] + MARGIN;
+    let mut picture = Picture::new((columns, rows + 2 * line + MARGIN), PAGE);
+    picture.put(&drawn, [0, 0]);
+    write_below(&mut picture, &captions(run, last), rows);
+    let Scale { farthest, interval } = scale;
+    let range = format!("D to the goal from 0 (light) to {farthest:.0} steps (dark)");
+    let lines = format!("{range}, a line every {interval:.0}");
+    write_below(&mut picture, &[lines, range, format!("D: 0 to {farthest:.0}")], rows + line);
+    Ok(picture.to_png()?)
+}
+
+/// Returns what draws the frames of a run.
+fn stage(run: &Snapshot, width: Option<usize>) -> Result<Box<dyn Stage>, FilmError> {
+    match &run.scene {
+        _ if run.film.is_empty() => Err(FilmError::NoFrames),
+        Scene::Maze(scene) => Ok(Box::new(MazeStage::new(scene, width))),
+        Scene::Arm(scene) => Ok(Box::new(ArmStage(*scene, width))),
+        Scene::Goals(_) => Err(FilmError::NoScene),
+    }
+}
+
+/// Writes the first of some texts that fits below a picture of so many rows.
+fn write_below(picture: &mut Picture, texts: &[String], rows: usize) {
+    let columns = picture.size().0;
+    let fits = |text: &&String| text_size(text, false)[0] + 2 * MARGIN <= columns;
+    if let Some(text) = texts.iter().find(fits) {
+        picture.text(text, [MARGIN, rows + MARGIN], INK);
+    }
 }
 
 /// Returns what to write below a frame, the longest text first.
@@ -130,8 +168,11 @@ struct MazeStage {
 }
 
 impl MazeStage {
-    fn new(MazeScene { map, .. }: &MazeScene) -> Self {
-        let raster = Raster::of_map(map, MAX_MAP_PIXELS, MAX_CELL_PIXELS);
+    fn new(MazeScene { map, .. }: &MazeScene, width: Option<usize>) -> Self {
+        let raster = match width {
+            Some(width) => Raster::of_width(map, width, MOST_PIXELS),
+            None => Raster::of_map(map, MAX_MAP_PIXELS, MAX_CELL_PIXELS),
+        };
         let columns = raster.pixels.0;
         let ground = |i: usize| raster.ground(map, i % columns, i / columns);
         let filmed = FilmedMap::new(map.clone());
@@ -166,12 +207,13 @@ impl Stage for MazeStage {
         }
         picture.contours(&self.open(frame), scale.interval);
         let size = self.raster.pixels.0 as f32 / self.raster.window[2];
+        let larger = (self.raster.pixels.0 as f32 / MAX_MAP_PIXELS as f32).max(1.0);
         let (positions, _) = frame.agents.as_chunks::<2>();
         draw_signs(
             &mut picture,
             positions.iter().map(|at| at.map(|along| along * size)),
             film_goal(frame, self.filmed.map()).map(|goal| goal.centre().map(|along| along * size)),
-            (0.35 * size).clamp(1.2, 4.0),
+            (0.35 * size).clamp(RADII[0], RADII[1] * larger),
         );
         picture
     }
@@ -182,7 +224,7 @@ impl Stage for MazeStage {
 }
 
 /// An arm, from the side and from above, with D on the planes through the goal.
-struct ArmStage(ArmScene);
+struct ArmStage(ArmScene, Option<usize>);
 
 impl ArmStage {
     /// Returns both planes: where the grip may be.
@@ -191,7 +233,11 @@ impl ArmStage {
         [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]].map(|up: [f32; 3]| {
             let along = |corner: [f32; 3]| corner[1] * up[1] + corner[2] * up[2];
             let size = [high[0] - low[0], along(high) - along(low)];
-            let scale = PLANE_PIXELS as f32 / size[0].max(size[1]);
+            // Both are as wide as the same side of the arm's reach.
+            let scale = match self.1 {
+                Some(width) => (width.saturating_sub(MARGIN) / 2).max(1) as f32 / size[0],
+                None => PLANE_PIXELS as f32 / size[0].max(size[1]),
+            };
             let pixels = size.map(|metres| (metres * scale).round().max(1.0) as usize);
             let window = [low[0], -along(high), size[0], size[1]];
             Plane {
@@ -323,7 +369,7 @@ mod tests {
 
     #[test]
     fn films_of_maps_and_arms_are_animations_in_which_time_passes_evenly() {
-        let file = animate(&run(&maze("....#....\n.........\n"), &[250, 500, 1_000, 1_250]))
+        let file = animate(&run(&maze("....#....\n.........\n"), &[250, 500, 1_000, 1_250]), None)
             .expect("a film");
         let (size, seconds) = frames(&file);
         assert_eq!(size, (9 * 24, 2 * 24 + 24));
@@ -331,7 +377,7 @@ mod tests {
             seconds,
             [FRAME_SECONDS, 2.0 * FRAME_SECONDS, FRAME_SECONDS, LAST_FRAME_SECONDS]
         );
-        let file = animate(&run(&FetchReach::new(None, 0), &[1])).expect("a film");
+        let file = animate(&run(&FetchReach::new(None, 0), &[1]), None).expect("a film");
         assert_eq!(frames(&file).0, (2 * PLANE_PIXELS as u32 + 4, PLANE_PIXELS as u32 + 24));
     }
 
@@ -339,7 +385,7 @@ mod tests {
     fn the_goal_is_light_and_what_is_far_is_dark() {
         let run = run(&maze("G...........\n"), &[250]);
         let Scene::Maze(scene) = &run.scene else { panic!("a maze") };
-        let stage = MazeStage::new(scene);
+        let stage = MazeStage::new(scene, None);
         let picture =
             stage.draw(&run.film[0], Scale { farthest: run.film[0].farthest(), interval: 1e6 });
         let light = |x: usize| crate::draw::lightness(picture.pixels()[3 * picture.size().0 + x]);
@@ -356,7 +402,26 @@ mod tests {
     fn captions_are_as_long_as_fits() {
         let run = run(&maze("..\n"), &[250]);
         assert_eq!(captions(&run, &run.film[0]), ["map: update 250", "update 250", "update 250"]);
-        assert!(animate(&run).is_ok());
+        assert!(animate(&run, None).is_ok());
+    }
+
+    #[test]
+    fn pictures_are_as_wide_as_asked_for_and_explained() {
+        let size = |file: &[u8]| {
+            let reader = png::Decoder::new(Cursor::new(file)).read_info().expect("a PNG");
+            (reader.info().width, reader.info().height)
+        };
+        let run = run(&maze("....#....\n.........\n"), &[250, 500]);
+        // Two lines of text, each with a margin, and one more below.
+        let below = (2 * (text_size("", false)[1] + MARGIN) + MARGIN) as u32;
+        for width in [90, 1_000] {
+            let file = still(&run, Some(width)).expect("a picture");
+            assert_eq!(size(&file), (width as u32, (2 * width).div_ceil(9) as u32 + below));
+            assert_eq!(size(&animate(&run, Some(width)).expect("a film")).0, width as u32);
+        }
+        let arm = self::run(&FetchReach::new(None, 0), &[1]);
+        let (width, _) = size(&still(&arm, Some(1_004)).expect("a picture"));
+        assert_eq!(width, 1_004);
     }
 
     #[test]
@@ -364,16 +429,23 @@ mod tests {
         let world = maze("..\n");
         let mut run = run(&world, &[250]);
         run.scene = Scene::Goals(crate::env::GoalSpace::of(&world));
-        assert!(matches!(animate(&run), Err(FilmError::NoScene)));
+        assert!(matches!(animate(&run, None), Err(FilmError::NoScene)));
         run.film = Arc::default();
-        assert!(matches!(animate(&run), Err(FilmError::NoFrames)));
+        assert!(matches!(animate(&run, None), Err(FilmError::NoFrames)));
+        assert!(matches!(still(&run, None), Err(FilmError::NoFrames)));
     }
 
     #[test]
     fn maps_of_every_shape_can_be_filmed() {
         for (width, height) in [(1, 1), (700, 1), (1, 700), (300, 200)] {
             let world = PointMaze::new(Arc::new(Grid::empty("shape", width, height)), 0);
-            assert!(animate(&run(&world, &[250])).is_ok(), "{width} x {height}");
+            let run = run(&world, &[250]);
+            assert!(animate(&run, None).is_ok(), "{width} x {height}");
+            let file = still(&run, Some(500)).expect("a picture");
+            let reader = png::Decoder::new(Cursor::new(&file)).read_info().expect("a PNG");
+            let columns = reader.info().width as usize;
+            // A map much higher than wide would be far too long otherwise.
+            assert_eq!(columns, 500.min((MOST_PIXELS * width / width.max(height)).max(1)));
         }
     }
 }
