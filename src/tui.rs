@@ -52,6 +52,7 @@ mod output;
 mod panes;
 mod projection;
 mod raster;
+mod reading;
 mod record;
 mod render;
 mod runs;

@@ -24,7 +24,7 @@ use ratatui::Frame;
 use tokio::sync::watch;
 
 use super::action::{Action, Mode};
-use super::busy::Busy;
+use super::busy::{Busy, Lasting};
 use super::config::UiConfig;
 use super::dialog::{Choice, Dialog};
 use super::graphics::{Graphics, Picture, Redraw};
@@ -164,13 +164,15 @@ impl App {
     /// Looks at what the trainer is doing; returns whether the screen changes.
     pub(in crate::tui) fn update_busy(&mut self) -> bool {
         let Self { link, screen, .. } = self;
-        let evaluation_secs = match screen.snapshot.next_evaluation {
-            NextEvaluation::Running(since) => Some(since.elapsed().as_secs()),
+        let evaluating = match screen.snapshot.next_evaluation {
+            NextEvaluation::Running(since) => {
+                Some(Lasting::now(since, &screen.snapshot.evaluation_progress))
+            }
             _ => None,
         };
-        let now = (Busy::now(link.engine()), evaluation_secs);
-        let before = (screen.busy, screen.evaluation_secs);
-        (screen.busy, screen.evaluation_secs) = now;
+        let now = (Busy::now(link.engine()), evaluating);
+        let before = (screen.busy, screen.evaluating);
+        (screen.busy, screen.evaluating) = now;
         now != before
     }
 
@@ -298,8 +300,9 @@ impl Interface for App {
         let offer_changed = offer::on_tick(search, screen);
         let tour_changed = guide.on_tick(scene, screen, link);
         let log_changed = screen.log.on_tick();
+        let read = files::on_tick(scene, screen);
         let busy_changed = self.update_busy();
-        log_changed || offer_changed || tour_changed || busy_changed
+        read || log_changed || offer_changed || tour_changed || busy_changed
     }
 
     fn take_terminal_request(&mut self) -> Option<TerminalRequest> {

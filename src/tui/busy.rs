@@ -1,9 +1,10 @@
 //! What the trainer is doing instead of training, once that takes long.
 
 use std::fmt;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use gdg::engine::EngineLink;
+use gdg::pulse::Progress;
 
 /// Time after which it is shown.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -18,26 +19,58 @@ const ACTIVITIES: [(&str, &str); 6] = [
     ("the bridge graph to be built", "building the graph"),
 ];
 
+/// For how long something has been going on, and how far it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lasting {
+    /// Whole seconds.
+    pub seconds: u64,
+    /// What is done, if that is known.
+    percent: Option<u64>,
+}
+
+impl Lasting {
+    /// Returns it as of now.
+    pub fn now(since: Instant, progress: &Progress) -> Self {
+        let percent = progress.share().map(|share| (100.0 * share) as u64);
+        Self { seconds: since.elapsed().as_secs(), percent }
+    }
+
+    /// Returns how far it is, or else for how long it has been going on.
+    pub fn short(&self) -> String {
+        self.percent.map_or(format!("{} s", self.seconds), |percent| format!("{percent} %"))
+    }
+}
+
+impl fmt::Display for Lasting {
+    /// Formats as `, 3 s, 40 %`; nothing in the first second.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        if self.seconds == 0 {
+            return Ok(());
+        }
+        write!(f, ", {} s", self.seconds)?;
+        self.percent.map_or(Ok(()), |percent| write!(f, ", {percent} %"))
+    }
+}
+
 /// What the trainer is doing, and for how long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Busy {
     /// What it is doing.
     pub doing: &'static str,
-    seconds: u64,
+    lasting: Lasting,
 }
 
 impl Busy {
     /// Returns what a trainer is doing instead of training, if that takes long.
     pub fn now(engine: &EngineLink) -> Option<Self> {
-        let (name, time) = engine.busy().filter(|(_, time)| *time >= PATIENCE)?;
-        let (_, doing) = ACTIVITIES.iter().find(|(known, _)| *known == name)?;
-        Some(Self { doing, seconds: time.as_secs() })
+        let now = engine.busy().filter(|now| now.since.elapsed() >= PATIENCE)?;
+        let (_, doing) = ACTIVITIES.iter().find(|(known, _)| *known == now.name)?;
+        Some(Self { doing, lasting: Lasting::now(now.since, &now.progress) })
     }
 }
 
 impl fmt::Display for Busy {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(self.doing)?;
-        if self.seconds > 0 { write!(f, ", {} s", self.seconds) } else { Ok(()) }
+        write!(f, "{}{}", self.doing, self.lasting)
     }
 }

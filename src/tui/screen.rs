@@ -2,8 +2,9 @@
 
 use std::collections::HashSet;
 use std::sync::Arc;
+use std::time::Duration;
 
-use super::busy::Busy;
+use super::busy::{Busy, Lasting};
 use super::config::{UiConfig, used_path};
 use super::dialog::Dialog;
 use super::graphics::{Graphics, Redraw};
@@ -13,6 +14,7 @@ use super::layout::ScreenLayout;
 use super::log::Log;
 use super::offer::Offer;
 use super::panes::Pane;
+use super::reading::{READING_PATIENCE, Reading};
 use super::theme::{ColourDepth, Theme};
 use super::tour::ShownStep;
 use crate::tui::marker::Marker;
@@ -63,8 +65,12 @@ pub struct Screen {
     pub pausing: bool,
     /// What the trainer does instead of training, if that takes long.
     pub busy: Option<Busy>,
-    /// How long an evaluation has been running, in seconds.
-    pub evaluation_secs: Option<u64>,
+    /// For how long an evaluation has been running, if one is.
+    pub evaluating: Option<Lasting>,
+    /// The map or checkpoints that are being read.
+    pub reading: Option<Reading>,
+    /// How long to wait for them before the interface goes on.
+    pub reading_patience: Duration,
     /// Whether the screen is frozen.
     pub frozen: bool,
     /// Minimum upper end of the colour scale, which the screens of a comparison share.
@@ -111,7 +117,9 @@ impl Screen {
             dialogs: Vec::new(),
             pausing: false,
             busy: None,
-            evaluation_secs: None,
+            evaluating: None,
+            reading: None,
+            reading_patience: READING_PATIENCE,
             frozen: false,
             least_farthest: 0.0,
             least_contour_interval: 0.0,

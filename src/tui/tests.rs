@@ -91,6 +91,7 @@ fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {
     let viewer = Viewer::start(&engine).expect("a viewer");
     let mut app = App::new(engine.link(), viewer, &UiConfig::default(), keymap(), files);
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
+    app.screen.reading_patience = Duration::from_secs(20);
     // Tests that fail while a run is saved leave nothing in the repository.
     app.saver.folder = std::env::temp_dir().join("gdg-tui-tests");
     app.saver.start_run(&app.screen.snapshot);
@@ -242,6 +243,7 @@ fn still_of(trainer: &Trainer) -> Still {
     let viewer = Viewer::new(request, views);
     let mut app = App::new(engine, viewer, &UiConfig::default(), keymap(), Files::default());
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
+    app.screen.reading_patience = Duration::from_secs(20);
     Still { app, commands, requests, snapshots: publish, _views: show, pulse }
 }
 

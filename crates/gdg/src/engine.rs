@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 use crate::learn::Scratch;
-use crate::pulse::Pulse;
+use crate::pulse::{Doing, Pulse};
 use crate::text::grouped;
 use crate::train::{
     Due, EndReason, EvaluateAt, Limits, Recovery, Schedule, Session, Tick, TrainError, Trainer,
@@ -67,8 +67,8 @@ impl EngineLink {
         Self { commands, snapshots, pulse }
     }
 
-    /// Returns what the trainer is doing besides training, and for how long.
-    pub fn busy(&self) -> Option<(&'static str, Duration)> {
+    /// Returns what the trainer is doing besides training.
+    pub fn busy(&self) -> Option<Doing> {
         self.pulse.busy()
     }
 

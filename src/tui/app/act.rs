@@ -52,9 +52,9 @@ impl App {
         }
         match action {
             Action::ResetSetting => settings::reset(screen, link),
-            Action::OpenMap => files::pick_map(None, screen),
+            Action::OpenMap => files::pick_map(None, scene, screen),
             Action::Save => drop(saver.save(scene, screen, link)),
-            Action::Load => files::pick_checkpoint(saver.to.path(), screen),
+            Action::Load => files::pick_checkpoint(saver.to.path(), scene, screen),
             Action::Resume => match screen.offer.take() {
                 Some(offer) => self.choose(Choice::Load(offer.found.file)),
                 None => self.act(Action::Load),

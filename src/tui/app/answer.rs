@@ -77,7 +77,7 @@ impl App {
                 self.previewed_over = None;
                 view::set_theme(name, screen);
             }
-            Choice::Folder(folder) => files::pick_map(Some(&folder), screen),
+            Choice::Folder(folder) => files::pick_map(Some(&folder), scene, screen),
             Choice::OpenMap(path) => files::open_map(&path, scene, screen),
             Choice::OpenBuiltin(name) => {
                 if let Some(map) = gdg::map::builtin(name) {

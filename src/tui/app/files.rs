@@ -12,10 +12,12 @@ use crate::host::runs::{self, SAVES};
 use crate::tui::action::Action;
 use crate::tui::config::recent_path;
 use crate::tui::lists;
+use crate::tui::reading::{Read, Reading};
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use gdg::files::{has_extension, is_hidden, read_text, write_atomically};
-use gdg::map::{Grid, MapFormat, Reading, format_for, load_map, load_map_like};
+use gdg::map::{Grid, MapFormat, Reading as MapReading, format_for, load_map, load_map_like};
+use gdg::text::counted;
 use gdg::train::describe;
 
 /// Number of recent maps remembered.
@@ -27,8 +29,55 @@ const MAX_LISTED_BYTES: u64 = 1 << 18;
 /// The largest list of recent maps that is read, in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
+/// Reads `what` on its own thread and shows it: at once, or when it is there.
+fn read(
+    what: String,
+    read: impl FnOnce() -> Read + Send + 'static,
+    scene: &Scene,
+    screen: &mut Screen,
+) {
+    match Reading::start(what, read) {
+        Ok(reading) if reading.wait(screen.reading_patience) => show(reading, scene, screen),
+        Ok(mut reading) => {
+            reading.notice().iter().for_each(|notice| screen.say(notice));
+            screen.reading = Some(reading);
+        }
+        Err(error) => screen.report(&format!("nothing can be read: {error}")),
+    }
+}
+
+/// Shows what has been read meanwhile, or how long it takes; returns whether the screen changes.
+pub fn on_tick(scene: &Scene, screen: &mut Screen) -> bool {
+    if let Some(reading) = screen.reading.take_if(|reading| reading.is_finished()) {
+        show(reading, scene, screen);
+        return true;
+    }
+    let notice = screen.reading.as_mut().and_then(Reading::notice);
+    notice.iter().for_each(|notice| screen.say(notice));
+    notice.is_some()
+}
+
+/// Shows what has been read.
+fn show(reading: Reading, scene: &Scene, screen: &mut Screen) {
+    match reading.finish() {
+        Ok(Read::Checkpoints(found)) => {
+            screen.open(lists::checkpoints(found, &TimeZone::system()));
+        }
+        Ok(Read::Maps(folder, entries, recent)) => {
+            let registry = &screen.latest.registry;
+            screen.open(lists::maps(&folder, &entries, recent.as_deref(), registry));
+        }
+        Ok(Read::Map(path, Ok(map))) => {
+            warnings(&map).iter().for_each(|warning| screen.notify(warning));
+            offer_map(&Arc::new(map), Some(&path), scene, screen);
+        }
+        Ok(Read::Map(_, Err(error))) => screen.report(&format!("{error}: {}", error.help)),
+        Err(problem) => screen.report(&problem),
+    }
+}
+
 /// Lists the checkpoints beside `own`, the file of the run, and those in the usual folder.
-pub fn pick_checkpoint(own: &Path, screen: &mut Screen) {
+pub fn pick_checkpoint(own: &Path, scene: &Scene, screen: &mut Screen) {
     let own = own.parent().map_or(PathBuf::from(SAVES), Path::to_owned);
     let mut files = runs::files_in(&own).unwrap_or_default();
     if own != Path::new(SAVES) {
@@ -39,8 +88,9 @@ pub fn pick_checkpoint(own: &Path, screen: &mut Screen) {
         screen.notify(&format!("no checkpoints in {}: {key} saves one", own.display()));
         return;
     }
-    let found = files.iter().map(|path| describe(path)).collect();
-    screen.open(lists::checkpoints(found, &TimeZone::system()));
+    let what = counted(files.len() as u64, "checkpoint");
+    let describe = move || Read::Checkpoints(files.iter().map(|path| describe(path)).collect());
+    read(what, describe, scene, screen);
 }
 
 /// Writes the map to a file.
@@ -81,32 +131,33 @@ pub fn loss(name: &str, scene: &Scene) -> Option<String> {
 
 /// Lists the maps in `folder`, or by default recent maps, built-in maps and those in the current
 /// folder.
-pub fn pick_map(folder: Option<&Path>, screen: &mut Screen) {
+pub fn pick_map(folder: Option<&Path>, scene: &Scene, screen: &mut Screen) {
     let here = folder.unwrap_or(Path::new(".")).to_owned();
-    let here = here.canonicalize().unwrap_or(here);
-    let entries: Vec<(PathBuf, bool)> = files_in(&here)
-        .into_iter()
-        .map(|path| (path.clone(), path.is_dir()))
-        .filter(is_folder_or_map)
-        .collect();
-    let recent = folder.is_none().then(recent_maps);
-    let maps = lists::maps(&here, &entries, recent.as_deref(), &screen.latest.registry);
-    screen.open(maps);
+    let has_recent = folder.is_none();
+    let what = format!("the maps in {}", here.display());
+    let list = move || {
+        let here = here.canonicalize().unwrap_or(here);
+        let files = files_in(&here).into_iter().map(|path| (path.clone(), path.is_dir()));
+        let entries = files.filter(is_folder_or_map).collect();
+        Read::Maps(here, entries, has_recent.then(recent_maps))
+    };
+    read(what, list, scene, screen);
 }
 
 /// Reads a map and asks how to switch to it.
 pub fn open_map(path: &Path, scene: &Scene, screen: &mut Screen) {
-    let map = match scene.maze() {
-        Some(maze) => load_map_like(path, &maze.map, Reading::default().threshold),
-        None => load_map(path),
-    };
-    match map {
-        Ok(map) => {
-            warnings(&map).iter().for_each(|warning| screen.notify(warning));
-            offer_map(&Arc::new(map), Some(path), scene, screen);
+    let (path, now) = (path.to_owned(), scene.maze().map(|maze| maze.map.clone()));
+    let load = {
+        let path = path.clone();
+        move || {
+            let map = match now {
+                Some(now) => load_map_like(&path, &now, MapReading::default().threshold),
+                None => load_map(&path),
+            };
+            Read::Map(path, map)
         }
-        Err(error) => screen.report(&format!("{error}: {}", error.help)),
-    }
+    };
+    read(path.display().to_string(), load, scene, screen);
 }
 
 /// Asks the user how to switch to another map.

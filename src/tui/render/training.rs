@@ -175,8 +175,8 @@ fn next(screen: &Screen) -> Line<'static> {
     }
     let when = match screen.snapshot.next_evaluation {
         NextEvaluation::Running(_) => {
-            let long = screen.evaluation_secs.filter(|seconds| *seconds > 0);
-            let long = long.map_or(" now".to_owned(), |seconds| format!(", {seconds} s"));
+            let long = screen.evaluating.filter(|lasting| lasting.seconds > 0);
+            let long = long.map_or(" now".to_owned(), |lasting| format!(", {}", lasting.short()));
             return fact("next", format!("running{long}"));
         }
         _ if !screen.snapshot.phase.is_training() => "paused".to_owned(),

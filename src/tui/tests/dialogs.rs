@@ -6,6 +6,7 @@ use crate::tui::app::files::pick_map;
 use crate::tui::dialog::{Choice, Item};
 use crate::tui::lists;
 use crate::tui::panes::Pane;
+use crate::tui::reading::{Read, Reading};
 use gdg::learn::LearnerKind;
 use gdg::viewer::maze::CellInfo;
 
@@ -157,10 +158,49 @@ fn only_texts_that_are_maps_are_offered() {
     std::fs::write(folder.path().join("rooms.txt"), ROOMS).expect("written");
     std::fs::write(folder.path().join("notes.txt"), "Buy milk, 2 bottles.\n").expect("written");
     let mut app = still();
-    pick_map(Some(folder.path()), &mut app.screen);
+    let pick = |app: &mut App| pick_map(Some(folder.path()), &app.scene, &mut app.screen);
+    pick(&mut app);
     let Some(Dialog::Pick(list)) = app.screen.dialogs.last() else { panic!("a list") };
     let names: Vec<&str> = list.items().map(|item| item.label.as_str()).collect();
     assert_eq!(names, ["..", "rooms.txt"]);
+    press(&mut app, KeyCode::Esc);
+    app.screen.reading_patience = Duration::ZERO;
+    pick(&mut app);
+    let notice = app.screen.log.notice().map(|notice| notice.text.to_owned());
+    let notice = notice.expect("a notice");
+    assert!(
+        notice.starts_with("reading the maps in ") && app.screen.dialogs.is_empty(),
+        "{notice}"
+    );
+    tick_until(&mut app, |app| !app.screen.dialogs.is_empty());
+    assert!(matches!(app.screen.dialogs.last(), Some(Dialog::Pick(_))));
+}
+
+/// Lets time pass until something changes after which `is` holds.
+fn tick_until(app: &mut App, is: fn(&App) -> bool) {
+    let began = Instant::now();
+    while !(app.on_tick() && is(app)) {
+        assert!(began.elapsed() < Duration::from_secs(20), "it takes too long");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn the_interface_goes_on_while_a_map_is_read() {
+    let mut app = still();
+    let (send, receive) = std::sync::mpsc::channel();
+    let path = PathBuf::from("large.map");
+    let read = move || Read::Map(path, receive.recv().expect("a map"));
+    app.screen.reading = Some(Reading::start("large.map".to_owned(), read).expect("a thread"));
+    tick_until(&mut app, |app| app.screen.log.notice().is_some());
+    tick_until(&mut app, |app| {
+        app.screen.log.notice().is_some_and(|notice| notice.text.ends_with("... 2 s"))
+    });
+    press(&mut app, KeyCode::Char('?'));
+    assert_eq!(app.screen.dialogs.len(), 1, "keys work");
+    press(&mut app, KeyCode::Esc);
+    send.send(Ok(Grid::empty("large", 30, 30))).expect("somebody waits");
+    tick_until(&mut app, |app| !app.screen.dialogs.is_empty());
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::*;
 use gdg::engine::Command;
+use gdg::pulse::Progress;
 
 #[test]
 fn a_saved_run_is_offered_and_resumed_by_key_or_click() {
@@ -190,7 +191,10 @@ fn an_edit_that_the_trainer_has_yet_to_apply_is_shown_as_such() {
 fn what_takes_long_is_shown_and_keys_pressed_meanwhile_are_taken() {
     let mut app = still();
     assert!(!app.on_tick());
-    let saving = app.pulse.begin("the checkpoint to be written");
+    let half = Progress::default();
+    half.begin(0, 1);
+    half.set(50, 100);
+    let saving = app.pulse.begin_with("the checkpoint to be written", half.clone());
     assert!(!app.on_tick(), "not for a moment");
     app.act(Action::Evaluate);
     assert_eq!(app.screen.log.notice().map(|notice| notice.text), None);
@@ -198,19 +202,20 @@ fn what_takes_long_is_shown_and_keys_pressed_meanwhile_are_taken() {
     assert!(app.on_tick() && text(&draw(&mut app, 80, 24)).contains(" saving "));
     assert!(!app.on_tick(), "nothing new");
     std::thread::sleep(Duration::from_millis(500));
-    assert!(app.on_tick() && text(&draw(&mut app, 80, 24)).contains(" saving, 1 s "));
+    assert!(app.on_tick() && text(&draw(&mut app, 80, 24)).contains(" saving, 1 s, 50 % "));
     press(&mut app, KeyCode::Char('y'));
     let taken = "taken: it follows, the trainer is saving";
     assert_eq!(app.screen.log.notice().map(|notice| notice.text), Some(taken));
     press(&mut app, KeyCode::Char(' '));
-    assert!(text(&draw(&mut app, 80, 24)).contains(" pausing: saving, 1 s "));
+    assert!(text(&draw(&mut app, 80, 24)).contains(" pausing: saving, 1 s, 50 % "));
     drop(saving);
     assert!(app.on_tick() && text(&draw(&mut app, 80, 24)).contains(" pausing "));
     let mut snapshot = (*app.screen.latest).clone();
     let since = Instant::now().checked_sub(Duration::from_millis(3_100)).expect("a time");
     snapshot.next_evaluation = gdg::engine::NextEvaluation::Running(since);
+    snapshot.evaluation_progress = half;
     app.publish(snapshot);
-    assert!(app.on_tick() && text(&draw(&mut app, 80, 24)).contains("running, 3 s "));
+    assert!(app.on_tick() && text(&draw(&mut app, 80, 24)).contains("running, 50 % "));
 }
 
 #[test]

@@ -181,6 +181,7 @@ impl BridgeGraph {
             if cancelled.is_set() {
                 return None;
             }
+            cancelled.progress().set(from, candidates.len());
             let Some(old) = before.index_of(candidates.id(from)).filter(|_| !is_due(from)) else {
                 rows.add(from, policy, scratch);
                 continue;

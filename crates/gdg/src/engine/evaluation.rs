@@ -39,6 +39,7 @@ impl Worker {
         }
         let job = self.trainer.evaluation()?;
         let (began, cancelled) = (Instant::now(), Cancelled::default());
+        self.current.evaluation_progress = cancelled.progress().clone();
         let wanted = Wanted::from(&cancelled);
         let result = std::thread::Builder::new()
             .name("evaluation".to_owned())

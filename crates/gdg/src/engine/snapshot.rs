@@ -8,6 +8,7 @@ use super::EVALUATE_EVERY_UPDATES;
 use crate::bridge::{Candidates, SearchOutcome};
 use crate::env::Scene;
 use crate::learn::{Losses, Policy, Profile};
+use crate::pulse::Progress;
 use crate::train::{
     Counters, CurvePoint, DataSource, Evaluation, FilmFrame, Limits, Methods, Notes, Registry,
     Rollout, Run, TrainError, Trainer,
@@ -133,6 +134,8 @@ pub struct Snapshot {
     pub autosaves: Arc<Vec<PathBuf>>,
     /// When the next evaluation comes.
     pub next_evaluation: NextEvaluation,
+    /// How far the latest evaluation is.
+    pub evaluation_progress: Progress,
     /// The latest notice.
     pub notice: Notice,
 }
@@ -237,6 +240,7 @@ impl Snapshot {
             saved: None,
             save_failed: (0, String::new()),
             autosaves: Arc::default(),
+            evaluation_progress: Progress::default(),
             next_evaluation: NextEvaluation::AtUpdate(next_multiple(
                 trainer.counters().updates,
                 EVALUATE_EVERY_UPDATES,

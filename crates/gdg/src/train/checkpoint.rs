@@ -29,6 +29,7 @@ use super::trainer::{HISTORY, LEARNED, Trainer, TrainerState};
 use crate::env::EnvError;
 use crate::files::{self, Format, Mismatch, Wanted};
 use crate::learn::Threads;
+use crate::pulse::Progress;
 use crate::store::{Store, StoreError};
 use crate::text::{safe_file_name, sanitized, truncated};
 pub use content::{ContentError, unpacked, with_updated_checksum};
@@ -314,12 +315,15 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
         problem: format!("not saved: {problem}"),
         help: "choose a file in a writable folder with enough free space".to_owned(),
     };
-    let _activity = trainer.pulse().begin("the checkpoint to be written");
+    let progress = Progress::default();
+    let _activity = trainer.pulse().begin_with("the checkpoint to be written", progress.clone());
     if crate::faults::point("save") {
         return Err(failed("injected fault".to_owned()));
     }
     let store = trainer.save().map_err(|e| failed(e.to_string()))?;
-    let bytes = content::to_bytes(store).map_err(|e| failed(e.to_string()))?;
+    progress.begin(0, 2);
+    let bytes = content::to_bytes(store, &progress).map_err(|e| failed(e.to_string()))?;
+    progress.begin(1, 2);
     let path = write(to, &bytes).map_err(|e| failed(e.to_string()))?;
     log::info!("saved {} at update {}", path.display(), trainer.counters().updates);
     Ok(path)

@@ -95,8 +95,15 @@ impl EvaluationJob {
         let greedy = self.actor(None);
         let planned = graph.as_ref().map(|graph| self.actor(Some(graph)));
         let (world, rng) = (&*self.world, &mut self.rng.clone());
+        let (progress, stages) = (cancelled.progress(), 1 + usize::from(planned.is_some()));
+        let mut stage = 0;
         let mut score = |actor: &Actor| {
-            let mut watch = |_: &[f32]| !cancelled.is_set();
+            progress.begin(stage, stages);
+            stage += 1;
+            let mut watch = |_: &[f32], over| {
+                progress.set(over, tasks.tasks.len());
+                !cancelled.is_set()
+            };
             let runs = run_tasks_watched(world, &tasks.tasks, actor, rng, &mut watch)?;
             Ok::<_, EnvError>(Score::new(tasks, &runs.taken))
         };

@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, DistilledDistances, GraphState};
 use crate::env::Spec;
 use crate::learn::{ChangedDistances, Policy, Scratch};
-use crate::pulse::{Cancelled, Wanted};
+use crate::pulse::{Cancelled, Progress, Wanted};
 use crate::store::{Store, StoreError};
 
 /// Number of pairs of candidates per build whose graph distances are distilled, ...
@@ -101,7 +101,7 @@ struct Building {
     /// What the thread leaves behind.
     result: Arc<OnceLock<BuiltGraph>>,
     thread: JoinHandle<()>,
-    _wanted: Wanted,
+    wanted: Wanted,
 }
 
 impl Building {
@@ -117,7 +117,7 @@ impl Building {
             }
         };
         let thread = std::thread::Builder::new().name("bridge graph".to_owned()).spawn(build)?;
-        Ok(Self { at, job, result, thread, _wanted: wanted })
+        Ok(Self { at, job, result, thread, wanted })
     }
 
     /// Waits for the graph; builds it if its thread has panicked.
@@ -130,7 +130,7 @@ impl Building {
 
     /// Waits for the graph. If its thread panics, so does this one.
     fn join(self) -> BuiltGraph {
-        let Self { at, job, result, thread, _wanted } = self;
+        let Self { at, job, result, thread, wanted: _wanted } = self;
         thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         result.get().cloned().unwrap_or_else(|| job.finish(at))
     }
@@ -200,6 +200,8 @@ impl GraphJob {
         crate::faults::point("graph");
         let (mut scratch, policy) = (Scratch::default(), &*self.policy);
         let candidates = &self.candidates;
+        let stages = 1 + usize::from(self.finds_changed);
+        cancelled.progress().begin(0, stages);
         let graph = match &self.source {
             GraphSource::Edited(graph) => graph.clone(),
             GraphSource::Renewed { before, round } => {
@@ -211,6 +213,7 @@ impl GraphJob {
         };
         let mut built = BuiltGraph::new(at, graph, &mut self.rng.clone());
         if self.finds_changed {
+            cancelled.progress().begin(1, stages);
             let BuiltGraph { graph, distilled, .. } = &built;
             let changed = graph.changed_distances(distilled, policy, &mut scratch, cancelled)?;
             built.changed = Some(Arc::new(changed));
@@ -327,6 +330,14 @@ impl Graphs {
     /// Returns whether the next graph is due at update `now`.
     pub fn is_due(&self, now: u64) -> bool {
         self.next.as_ref().is_some_and(|(due, _)| *due <= now)
+    }
+
+    /// Returns how far the build of the next graph is.
+    pub fn progress(&self) -> Progress {
+        match &self.next {
+            Some((_, PendingGraph::Building(building))) => building.wanted.progress().clone(),
+            _ => Progress::default(),
+        }
     }
 
     /// Swaps in the next graph if it is due at update `now`; returns whether it was.

@@ -360,6 +360,7 @@ impl BridgeGraph {
             if cancelled.is_set() {
                 return None;
             }
+            cancelled.progress().set(changed.goals.len(), by_goal.places.len());
             changed.goals.push(*goal);
             let goals = self.point(*goal as usize).repeat(count);
             policy.distances(self.candidates.states(), &goals, &mut distances, scratch);

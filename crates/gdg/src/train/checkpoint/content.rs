@@ -7,6 +7,7 @@ use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
 use serde::Deserialize;
 
 use super::packed::{PackedError, Packer, Packing};
+use crate::pulse::Progress;
 use crate::store::{Array, Store, StoreError};
 use crate::train::policy_file::POLICY_KEY;
 
@@ -101,15 +102,19 @@ fn array(view: &TensorView) -> Option<Array> {
     })
 }
 
-/// Serialises `store` to the bytes of a checkpoint file.
+/// Serialises `store` to the bytes of a checkpoint file, and says how many of its numbers are
+/// packed.
 ///
 /// # Errors
 /// The format cannot represent the store.
-pub fn to_bytes(store: Store) -> Result<Vec<u8>, ContentError> {
+pub fn to_bytes(store: Store, progress: &Progress) -> Result<Vec<u8>, ContentError> {
     let (arrays, mut texts) = store.into_parts();
     let (mut packer, mut packings) = (Packer::default(), BTreeMap::new());
     let mut tensors = BTreeMap::new();
+    let (mut done, all) = (0, arrays.values().map(Array::len).sum());
     for (name, array) in &arrays {
+        progress.set(done, all);
+        done += array.len();
         let tensor = match packer.pack(name, &arrays) {
             Some((packing, bytes)) => {
                 packings.insert(name, packing);
@@ -345,4 +350,21 @@ pub fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, ContentError> {
     texts.remove(CHECKSUM_KEY);
     let tensors = arrays.iter().map(|(name, array)| (name.clone(), array.into())).collect();
     serialized_with_checksum(&tensors, texts)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packing_says_how_far_it_is() {
+        let (mut store, progress) = (Store::default(), Progress::default());
+        store.put("a", vec![0.5_f32; 3_000]);
+        store.put("b", vec![0.5_f32; 1_000]);
+        assert_eq!(progress.share(), None);
+        progress.begin(0, 2);
+        to_bytes(store, &progress).expect("it can be stored");
+        // Before the second array, in the first of two stages.
+        assert_eq!(progress.share(), Some(0.375));
+    }
 }

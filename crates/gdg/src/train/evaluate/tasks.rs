@@ -67,24 +67,26 @@ pub fn run_tasks(
     actor: &Actor,
     rng: &mut ChaCha8Rng,
 ) -> Result<TaskRuns, EnvError> {
-    run_tasks_watched(world, tasks, actor, rng, &mut |_| true)
+    run_tasks_watched(world, tasks, actor, rng, &mut |_, _| true)
 }
 
-/// Like [`run_tasks`]; calls `watch` with the states of all agents that walk together, at the start
-/// and after every step, and ends when it returns `false`.
+/// Like [`run_tasks`]; calls `watch` with the states of all agents that walk together and the number
+/// of tasks that are over, at the start and after every step, and ends when it returns `false`.
 pub fn run_tasks_watched(
     world: &dyn Environment,
     tasks: &[Task],
     actor: &Actor,
     rng: &mut ChaCha8Rng,
-    watch: &mut dyn FnMut(&[f32]) -> bool,
+    watch: &mut dyn FnMut(&[f32], usize) -> bool,
 ) -> Result<TaskRuns, EnvError> {
     let at_once = world.abilities().evaluated.map_or(usize::MAX, Evaluated::tasks_at_once).max(1);
     let (mut taken, mut last) = (Vec::new(), None);
     for together in tasks.chunks(at_once) {
         // Its agents can be used again.
         drop(last.take());
-        let runs = run_together(world, together, actor, rng, watch)?;
+        let before = taken.len();
+        let mut watch = |states: &[f32], over: usize| watch(states, before + over);
+        let runs = run_together(world, together, actor, rng, &mut watch)?;
         taken.extend(runs.taken);
         last = Some(runs.env);
     }
@@ -98,7 +100,7 @@ fn run_together(
     tasks: &[Task],
     actor: &Actor,
     rng: &mut ChaCha8Rng,
-    watch: &mut dyn FnMut(&[f32]) -> bool,
+    watch: &mut dyn FnMut(&[f32], usize) -> bool,
 ) -> Result<TaskRuns, EnvError> {
     let mut env = world.fork(tasks.len())?;
     let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
@@ -118,7 +120,7 @@ fn run_together(
     let mut taken: Vec<Option<u32>> = vec![None; tasks.len()];
     let mut actions = vec![0.0; a * tasks.len()];
     for clock in 0.. {
-        if !watch(env.states()) {
+        if !watch(env.states(), tasks.len() - active.len()) {
             break;
         }
         active.retain(|agent| {

@@ -31,7 +31,7 @@ impl EvaluationJob {
     pub fn walk(&self, task: &Task) -> Result<TaskWalk, EnvError> {
         let (graph, mut states) = (self.graph(), Vec::new());
         let tasks = std::slice::from_ref(task);
-        let mut watch = |state: &[f32]| {
+        let mut watch = |state: &[f32], _| {
             states.push(state.to_vec());
             true
         };

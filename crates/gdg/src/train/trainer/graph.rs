@@ -40,7 +40,8 @@ impl Trainer {
         }
         let now = self.counters.updates;
         let waits = self.graphs.is_due(now);
-        let _activity = waits.then(|| self.pulse.begin("the bridge graph to be built"));
+        let _activity = waits
+            .then(|| self.pulse.begin_with("the bridge graph to be built", self.graphs.progress()));
         if self.graphs.activate_due(now) {
             self.with_step_context(|rollout, context| rollout.replan(context))?;
         }

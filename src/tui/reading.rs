@@ -1,0 +1,84 @@
+//! Maps and checkpoints read in the background: a slow disk or a large file does not hold up the
+//! interface.
+
+use std::path::PathBuf;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use gdg::map::{Grid, MapError};
+use gdg::train::{CheckpointError, Description};
+
+/// How often to look whether a thread has ended.
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
+
+/// How long to wait before the interface goes on.
+pub const READING_PATIENCE: Duration = Duration::from_millis(200);
+
+/// Seconds between two notices.
+const NOTICE_SECS: u64 = 2;
+
+/// What has been read.
+pub enum Read {
+    /// A map, from this file.
+    Map(PathBuf, Result<Grid, Box<MapError>>),
+    /// A folder's files and folders (whether it is one) from which a map may be chosen, and recent
+    /// maps, if asked for.
+    Maps(PathBuf, Vec<(PathBuf, bool)>, Option<Vec<PathBuf>>),
+    /// Checkpoints.
+    Checkpoints(Vec<Result<Description, CheckpointError>>),
+}
+
+/// Something that is being read on its own thread.
+pub struct Reading {
+    /// What, as in "reading WHAT".
+    what: String,
+    since: Instant,
+    /// The number of notices so far.
+    told: u64,
+    thread: JoinHandle<Read>,
+}
+
+impl Reading {
+    /// Starts to read `what`.
+    ///
+    /// # Errors
+    /// The thread cannot be started.
+    pub fn start(
+        what: String,
+        read: impl FnOnce() -> Read + Send + 'static,
+    ) -> std::io::Result<Self> {
+        let thread = std::thread::Builder::new().name("reading".to_owned()).spawn(read)?;
+        Ok(Self { what, since: Instant::now(), told: 0, thread })
+    }
+
+    /// Waits for at most `patience`; returns whether all has been read.
+    pub fn wait(&self, patience: Duration) -> bool {
+        while !self.is_finished() && self.since.elapsed() < patience {
+            std::thread::sleep(POLL_INTERVAL);
+        }
+        self.is_finished()
+    }
+
+    /// Returns whether all has been read.
+    pub fn is_finished(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    /// Returns a notice that it takes a while, at once and then every few seconds.
+    pub fn notice(&mut self) -> Option<String> {
+        let seconds = self.since.elapsed().as_secs();
+        if seconds < self.told * NOTICE_SECS {
+            return None;
+        }
+        self.told = seconds / NOTICE_SECS + 1;
+        let time = if seconds > 0 { format!(" {seconds} s") } else { String::new() };
+        Some(format!("reading {} ...{time}", self.what))
+    }
+
+    /// Returns what was read, or what could not be because of an internal error.
+    pub fn finish(self) -> Result<Read, String> {
+        self.thread
+            .join()
+            .map_err(|_| format!("reading {} failed with an internal error", self.what))
+    }
+}
