@@ -94,7 +94,7 @@ mod lacking {
         for (case, refused) in cases.into_iter().enumerate() {
             let folder = folder();
             let path = folder.path().join("x.safetensors");
-            let often = ["--save", "x.safetensors", "--save-every", "0.0003", "--eval-tasks", "1"];
+            let often = ["--save", "x.safetensors", "--save-every", "0.002", "--eval-tasks", "1"];
             let first: &[&str] = &["trap", "--max-updates", "40"];
             let second: &[&str] = &["--resume", "x.safetensors", "--max-updates", "80"];
             for (args, updates) in [(first, 40), (second, 80)] {
