@@ -197,6 +197,24 @@ pub trait Environment: Any + Send + Sync {
     /// The world fails; the agents' states are then those before the step.
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError>;
 
+    /// Begins the step that [`Self::end_step`] ends, for a world that computes it elsewhere: training
+    /// goes on meanwhile. Returns whether it has begun, which it never has by default. Until it ends,
+    /// the states are those before it, and the world is asked for nothing else.
+    ///
+    /// # Errors
+    /// The world fails, as in [`Self::step`].
+    fn begin_step(&mut self, _actions: &[f32], _rng: &mut ChaCha8Rng) -> Result<bool, EnvError> {
+        Ok(false)
+    }
+
+    /// Waits for the step begun; does nothing without one.
+    ///
+    /// # Errors
+    /// The world fails, as in [`Self::step`].
+    fn end_step(&mut self) -> Result<(), EnvError> {
+        Ok(())
+    }
+
     /// Returns a copy of the world with the same settings and `agents` new agents. The agents'
     /// states are unspecified: callers restart them or set their full states.
     ///

@@ -94,6 +94,8 @@ pub struct Gym {
     saved: Mutex<Option<Vec<Vec<f64>>>>,
     /// Whether a worker has failed: the environments may differ from the states.
     has_failed: bool,
+    /// Whether the workers compute a step.
+    is_stepping: bool,
 }
 
 impl Gym {
@@ -125,6 +127,7 @@ impl Gym {
             retired: Vec::new(),
             saved: Mutex::default(),
             has_failed: false,
+            is_stepping: false,
         }
     }
 
@@ -190,16 +193,19 @@ impl Gym {
         Err(failed(&self.pool.address.id, problem.to_owned(), Vec::new()))
     }
 
-    /// Steps all environments; returns their rows, and which have ended.
-    fn step_all(&mut self, actions: &[f32]) -> Result<(Vec<Vec<f32>>, Vec<bool>), EnvError> {
+    /// Has all workers begin a step.
+    fn begin_all(&mut self, actions: &[f32]) -> Result<(), EnvError> {
         let (about, a) = (&self.pool.about, self.pool.found.spec.action_dim);
-        let workers = self.workers.get_mut();
-        for (worker, agents) in &mut *workers {
-            slots::begin_step(worker, about, &actions[a * agents.start..a * agents.end])?;
-        }
+        self.workers.get_mut().iter_mut().try_for_each(|(worker, agents)| {
+            slots::begin_step(worker, about, &actions[a * agents.start..a * agents.end])
+        })
+    }
+
+    /// Waits for the step begun; returns the rows of all environments, and which have ended.
+    fn end_all(&mut self) -> Result<(Vec<Vec<f32>>, Vec<bool>), EnvError> {
         let (mut rows, mut ended) = (Vec::new(), Vec::new());
-        for (worker, agents) in workers {
-            let (more, are_ended) = slots::end_step(worker, about, agents.len())?;
+        for (worker, agents) in self.workers.get_mut() {
+            let (more, are_ended) = slots::end_step(worker, &self.pool.about, agents.len())?;
             rows.extend(more);
             ended.extend(are_ended);
         }
@@ -266,6 +272,11 @@ impl Environment for Gym {
     }
 
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
+        self.begin_step(actions, rng)?;
+        self.end_step()
+    }
+
+    fn begin_step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<bool, EnvError> {
         self.check()?;
         let mut noisy = actions.to_vec();
         if self.noise > 0.0 {
@@ -280,7 +291,18 @@ impl Environment for Gym {
                 action.fill(slots::REST);
             }
         }
-        let stepped = self.step_all(&noisy);
+        let begun = self.begin_all(&noisy);
+        self.has_failed = begun.is_err();
+        begun?;
+        self.is_stepping = true;
+        Ok(true)
+    }
+
+    fn end_step(&mut self) -> Result<(), EnvError> {
+        if !std::mem::take(&mut self.is_stepping) {
+            return Ok(());
+        }
+        let stepped = self.end_all();
         self.has_failed = stepped.is_err();
         let (rows, ended) = stepped?;
         self.states = rows.iter().flat_map(|row| self.state(row)).collect();
@@ -373,10 +395,10 @@ impl Environment for Gym {
 }
 
 impl Drop for Gym {
-    /// Leaves the workers to the next fork: Python takes seconds to start. After a failure, answers
-    /// of the others may still be on their way.
+    /// Leaves the workers to the next fork: Python takes seconds to start. After a failure, or during
+    /// a step, answers may still be on their way.
     fn drop(&mut self) {
-        if self.has_failed {
+        if self.has_failed || self.is_stepping {
             return;
         }
         for (worker, _) in self.workers.get_mut().drain(..) {

@@ -40,6 +40,17 @@ struct Plan {
     disturbed: bool,
 }
 
+/// A round of steps whose outcome is not stored yet.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+enum Pending {
+    /// The world computes it when it is asked for the outcome.
+    Here,
+    /// The world computes it elsewhere.
+    Elsewhere,
+    /// The agents are where it leads; `true` for those whose episode the world has ended.
+    Done(Vec<bool>),
+}
+
 /// Inputs and outputs of a round of steps.
 pub struct StepContext<'a> {
     /// Whether episodes use bridge points and plans.
@@ -68,6 +79,7 @@ pub struct Rollout {
     goals: Vec<f32>,
     /// States before the step, `(agents, state_dim)`.
     before: Vec<f32>,
+    pending: Option<Pending>,
     /// A world with one agent, for the walks to near goals.
     aside: Option<Box<dyn Environment>>,
     scratch: Scratch,
@@ -110,6 +122,7 @@ impl Rollout {
             actions: Vec::new(),
             goals: Vec::new(),
             before: Vec::new(),
+            pending: None,
             aside: None,
             scratch: Scratch::default(),
             restarted: false,
@@ -168,14 +181,13 @@ impl Rollout {
         self.last_search.as_ref()
     }
 
-    /// Steps every agent once and stores the transitions in replay buffer and candidates. Returns
-    /// `None` without stepping if the actor's actions are not finite.
+    /// Chooses an action for every agent and begins a round of steps, which [`Self::finish`] ends.
+    /// Returns whether the world computes it elsewhere, or `None` without a step if the actor's
+    /// actions are not finite.
     ///
     /// # Errors
-    /// The world fails. What is stored then holds no transition that has not happened, and the run
-    /// can be saved; agents that could not restart are at the ends of their episodes.
-    pub fn step(&mut self, context: &mut StepContext) -> Result<Option<RoundResult>, EnvError> {
-        let a = self.env.spec().action_dim;
+    /// The world fails; no step is taken.
+    pub fn begin(&mut self, context: &mut StepContext) -> Result<Option<bool>, EnvError> {
         // In this order, a plan that begins as an excursion ends has a waypoint at once.
         self.follow_excursions(context)?;
         self.follow_plans(context);
@@ -185,32 +197,74 @@ impl Rollout {
         }
         self.before.clear();
         self.before.extend_from_slice(self.env.states());
-        self.env.step(&self.actions, &mut self.rng)?;
+        let elsewhere = self.env.begin_step(&self.actions, &mut self.rng)?;
+        self.pending = Some(if elsewhere { Pending::Elsewhere } else { Pending::Here });
+        Ok(Some(elsewhere))
+    }
+
+    /// Whether a round of steps has begun whose outcome is not stored yet.
+    pub fn has_begun(&self) -> bool {
+        self.pending.is_some()
+    }
+
+    /// Waits for the round of steps begun, if there is one.
+    ///
+    /// # Errors
+    /// The world fails; the round is then as if it had not begun.
+    pub fn wait(&mut self) -> Result<(), EnvError> {
+        let ended = match self.pending.take() {
+            None => return Ok(()),
+            Some(Pending::Done(ended)) => ended,
+            Some(begun) => {
+                match begun {
+                    Pending::Elsewhere => self.env.end_step()?,
+                    _ => self.env.step(&self.actions, &mut self.rng)?,
+                }
+                (0..self.agents.len()).map(|i| self.env.has_ended(i)).collect()
+            }
+        };
+        self.pending = Some(Pending::Done(ended));
+        Ok(())
+    }
+
+    /// Ends the round of steps begun, and stores its transitions in replay buffer and candidates.
+    ///
+    /// # Errors
+    /// The world fails. What is stored then holds no transition that has not happened, and the run
+    /// can be saved; agents that could not restart are at the ends of their episodes.
+    pub fn finish(&mut self, context: &mut StepContext) -> Result<RoundResult, EnvError> {
+        self.wait()?;
+        let mut round = RoundResult::default();
+        let Some(Pending::Done(ended)) = self.pending.take() else { return Ok(round) };
+        let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         self.excursions.count_steps();
-        let before = self.before.chunks_exact(self.env.spec().state_dim());
+        let before = self.before.chunks_exact(s);
         for (i, (agent, state)) in self.agents.iter().zip(before).enumerate() {
             context.replay.push(i, state, &self.actions[i * a..(i + 1) * a], &agent.goal);
             context.candidates.visit(i, state);
         }
-        let mut round = RoundResult::default();
         // The others' steps are kept even if one agent cannot go on.
-        let went_on: Vec<Result<(), EnvError>> =
-            (0..self.agents.len()).map(|i| self.go_on(i, context, &mut round)).collect();
+        let went_on: Vec<Result<(), EnvError>> = ended
+            .iter()
+            .enumerate()
+            .map(|(i, has_ended)| self.go_on(i, *has_ended, context, &mut round))
+            .collect();
         went_on.into_iter().collect::<Result<(), EnvError>>()?;
-        Ok(Some(round))
+        Ok(round)
     }
 
     /// Ends the episode of agent `i` after a step if it is over, or its pursuit of a goal.
     fn go_on(
         &mut self,
         i: usize,
+        has_ended: bool,
         context: &mut StepContext,
         round: &mut RoundResult,
     ) -> Result<(), EnvError> {
         let s = self.env.spec().state_dim();
         let state = &self.env.states()[i * s..(i + 1) * s];
         self.agents[i].steps = self.agents[i].steps.saturating_add(1);
-        if self.agents[i].steps >= context.episode_steps || self.env.has_ended(i) {
+        if self.agents[i].steps >= context.episode_steps || has_ended {
             context.replay.end_episode(i, state);
             // An agent that stays continues its trajectory.
             if !self.stays(i, context) {
@@ -285,7 +339,9 @@ impl Rollout {
 
     /// Ends the episodes under way in the replay buffer, for agents that do not continue them.
     pub fn end_episodes(&self, replay: &mut Replay) {
-        let states = self.env.states().chunks_exact(self.env.spec().state_dim());
+        // A round whose outcome is not stored does not count.
+        let states = if self.has_begun() { &self.before } else { self.env.states() };
+        let states = states.chunks_exact(self.env.spec().state_dim());
         for (i, (state, agent)) in states.zip(&self.agents).enumerate() {
             if agent.steps > 0 {
                 replay.end_episode(i, state);

@@ -20,7 +20,7 @@ use super::film::Film;
 use super::graphs::{BuiltGraph, Graphs};
 use super::history::{History, Moment, Notes};
 use super::registry::Registry;
-use super::rollout::{Rollout, StepContext};
+use super::rollout::{Rollout, RoundResult, StepContext};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
 use super::settings::UpdateWhen;
 use super::visits::Visits;
@@ -283,8 +283,9 @@ impl Trainer {
         reached.iter().find(|(is, _)| *is).map(|(_, reason)| *reason)
     }
 
-    /// Runs one update if one is due, else one step of every agent. If training is to stop (see
-    /// [`Self::pulse`]), a long update is undone.
+    /// Runs one update if one is due, else one step of every agent; both if the world computes its
+    /// steps elsewhere and an update is due afterwards, which then does not see the outcome of the
+    /// step. If training is to stop (see [`Self::pulse`]), a long update is undone.
     ///
     /// # Errors
     /// The learner fails, the run has diverged with no rollbacks left, or the world fails: the run
@@ -294,10 +295,7 @@ impl Trainer {
         self.pulse.beat();
         self.check_data()?;
         self.begin_to_act();
-        let tick = if self.is_update_due() { self.update()? } else { self.step()? };
-        if tick == Tick::Update {
-            self.update_took = Some(began.elapsed());
-        }
+        let tick = if self.is_update_due() { self.update_meanwhile()? } else { self.step()? };
         if tick == Tick::Step {
             self.profile.lap(Stage::Explore, began);
         }
@@ -313,26 +311,76 @@ impl Trainer {
     }
 
     fn step(&mut self) -> Result<Tick> {
-        // Those in other processes may take long, or hang.
-        let _activity = self.pulse.begin("the environment to step");
-        let Some(round) = self.with_step_context(Rollout::step)?? else {
+        let Some(elsewhere) = self.with_step_context(Rollout::begin)?? else {
             self.roll_back()?;
             return Ok(Tick::Step);
         };
-        self.visits.count(self.rollout.env());
-        let steps = self.run.settings.train.agents as u64;
-        let counters = &mut self.counters;
-        counters.env_steps += steps;
-        counters.episodes += round.episodes;
-        counters.goals_reached += round.reached;
-        if counters.env_steps <= self.run.settings.train.learning_starts && self.data.is_none() {
-            return Ok(Tick::Step);
+        let owed = self.counters.owed_steps + self.counters.deferred_steps + self.round_steps();
+        let due = self.learns_from_round()
+            && self.run.settings.train.update_when == UpdateWhen::Step
+            && owed >= self.run.settings.train.env_steps_per_update
+            && self.replay.has_transitions();
+        if elsewhere && due {
+            (self.counters.owed_steps, self.counters.deferred_steps) = (owed, 0);
+            return self.update_meanwhile();
         }
-        counters.deferred_steps += steps;
-        if self.run.settings.train.update_when == UpdateWhen::Step || round.episodes > 0 {
-            counters.owed_steps += std::mem::take(&mut counters.deferred_steps);
+        let learns = self.learns_from_round();
+        let round = self.finish_step()?;
+        if learns {
+            let counters = &mut self.counters;
+            counters.deferred_steps += self.run.settings.train.agents as u64;
+            if self.run.settings.train.update_when == UpdateWhen::Step || round.episodes > 0 {
+                counters.owed_steps += std::mem::take(&mut counters.deferred_steps);
+            }
         }
         Ok(Tick::Step)
+    }
+
+    /// Returns how many steps a round of all agents has.
+    fn round_steps(&self) -> u64 {
+        self.run.settings.train.agents as u64
+    }
+
+    /// Whether updates are owed for the next round: not during the warm-up.
+    fn learns_from_round(&self) -> bool {
+        self.counters.env_steps + self.round_steps() > self.run.settings.train.learning_starts
+            || self.data.is_some()
+    }
+
+    /// Runs an update while the world computes a round of steps, if it has begun one.
+    fn update_meanwhile(&mut self) -> Result<Tick> {
+        let began = Instant::now();
+        let updated = self.update();
+        self.update_took = Some(began.elapsed());
+        // Whatever has become of the update, nothing can be asked of the world before its step ends.
+        let waited = self.wait_for_world();
+        let tick = updated?;
+        waited?;
+        if tick == Tick::Update && self.rollout.has_begun() {
+            self.finish_step()?;
+        }
+        Ok(tick)
+    }
+
+    /// Waits for the round of steps begun, if there is one.
+    fn wait_for_world(&mut self) -> Result<()> {
+        if !self.rollout.has_begun() {
+            return Ok(());
+        }
+        // Those in other processes may take long, or hang.
+        let _activity = self.pulse.begin("the environment to step");
+        Ok(self.rollout.wait()?)
+    }
+
+    /// Ends the round of steps begun and counts it.
+    fn finish_step(&mut self) -> Result<RoundResult> {
+        self.wait_for_world()?;
+        let round = self.with_step_context(Rollout::finish)??;
+        self.visits.count(self.rollout.env());
+        self.counters.env_steps += self.round_steps();
+        self.counters.episodes += round.episodes;
+        self.counters.goals_reached += round.reached;
+        Ok(round)
     }
 
     /// Returns the current length of an episode, in steps.

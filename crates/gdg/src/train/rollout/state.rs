@@ -3,7 +3,7 @@
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::{Agent, Plan, Rollout};
+use super::{Agent, Pending, Plan, Rollout};
 use crate::bridge::{BridgeGraph, Candidates, Walker, WalkerState};
 use crate::env::MAX_MAGNITUDE;
 use crate::learn::Replay;
@@ -29,6 +29,20 @@ pub struct RolloutState {
     pub states: Vec<f64>,
     /// RNG state.
     pub rng: ChaCha8Rng,
+    /// A round of steps that the agents have taken, and which is not stored yet.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    round: Option<RoundState>,
+}
+
+/// Checkpointed outcome of a round of steps.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct RoundState {
+    /// `(agents, state_dim)`.
+    before: Vec<f32>,
+    /// `(agents, action_dim)`.
+    actions: Vec<f32>,
+    /// Whether the world has ended each agent's episode.
+    ended: Vec<bool>,
 }
 
 impl Rollout {
@@ -41,7 +55,16 @@ impl Rollout {
                 disturbed: *disturbed,
             })
         });
+        let round = match &self.pending {
+            Some(Pending::Done(ended)) => Some(RoundState {
+                before: self.before.clone(),
+                actions: self.actions.clone(),
+                ended: ended.clone(),
+            }),
+            _ => None,
+        };
         RolloutState {
+            round,
             agents: self.agents.clone(),
             plans: plans.collect(),
             states: (0..self.agents.len()).flat_map(|i| self.env.full_state(i)).collect(),
@@ -80,7 +103,13 @@ impl Rollout {
         let plans = state.plans.iter().flatten().all(|plan| sound(&plan.goal, g));
         let states = state.states.len() == self.agents.len() * size
             && state.states.iter().all(|v| v.is_finite());
-        if state.agents.len() != self.agents.len() || !states || !agents || !plans {
+        let round = state.round.as_ref().is_none_or(|round| {
+            let count = self.agents.len();
+            sound(&round.before, count * s)
+                && sound(&round.actions, count * a)
+                && round.ended.len() == count
+        });
+        if state.agents.len() != self.agents.len() || !states || !agents || !plans || !round {
             let problem = "the stored agents do not fit these settings";
             return Err(StoreError::inconsistent(problem).into());
         }
@@ -97,6 +126,10 @@ impl Rollout {
         self.agents = state.agents;
         self.rng = state.rng;
         self.restarted = false;
+        self.pending = state.round.map(|round| {
+            (self.before, self.actions) = (round.before, round.actions);
+            Pending::Done(round.ended)
+        });
         for (i, full_state) in state.states.chunks_exact(size).enumerate() {
             if !self.env.set_full_state(i, full_state)? {
                 // Then the full state begins with the state.
@@ -109,6 +142,7 @@ impl Rollout {
                 self.env.restart(i, &mut self.rng)?;
                 self.begin_episode(i);
                 self.restarted = true;
+                self.pending = None;
             }
         }
         Ok(())
