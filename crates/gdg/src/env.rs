@@ -146,6 +146,12 @@ impl Spec {
         if half > 0.0 { (value - self.state_centre[i]) / half } else { 0.0 }
     }
 
+    /// Returns the typical change per step of the goal's component that changes most: what a step
+    /// covers, in the unit of length.
+    pub fn largest_change(&self) -> f32 {
+        self.achieved.iter().map(|i| self.change_scale[*i]).fold(0.0, f32::max)
+    }
+
     /// Returns the components of the goal that `state` achieves.
     pub fn achieved<'a>(&'a self, state: &'a [f32]) -> impl Iterator<Item = f32> + Clone + 'a {
         self.achieved.iter().map(|i| state[*i])

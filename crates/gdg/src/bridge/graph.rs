@@ -252,11 +252,12 @@ impl BridgeGraph {
                 "the stored bridge graph has edges of impossible length",
             ));
         }
+        let hop = settings.hop_steps_in(spec);
         let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
             let (from, to) = (*from as usize, *to as usize);
             let status = EdgeStatus::from(candidates.walk_record(from, to));
             let link = Link::new(settings, &candidates, from, to, *distance);
-            let length = link.map_or(*distance, |link| link.length) + settings.hop_steps;
+            let length = link.map_or(*distance, |link| link.length) + hop;
             Edge { from, to, distance: *distance, length, cost: *cost, status }
         });
         let edges = edges.collect();
@@ -381,7 +382,8 @@ impl<'a> Rows<'a> {
         let Link { length, cost } = Link::new(settings, candidates, from, to, distance)?;
         let status = EdgeStatus::from(candidates.walk_record(from, to));
         let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
-        let (length, cost) = (length + settings.hop_steps, cost + settings.hop_steps);
+        let hop = settings.hop_steps_in(self.spec);
+        let (length, cost) = (length + hop, cost + hop);
         Some(Edge { from, to, distance, length, cost, status })
     }
 }
@@ -460,7 +462,7 @@ mod tests {
         let (spec, settings) = line(20);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..60).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
-        let length = 3.0 + settings.hop_steps;
+        let length = 3.0 + settings.hop_steps_in(&spec);
         let edge = |i: usize| Edge {
             from: i,
             to: i + 1,

@@ -1,5 +1,6 @@
 //! Settings of bridge search and planning.
 
+use crate::env::Spec;
 use crate::settings::Preset::{Paper, Sb3, Tuned};
 use crate::settings::{Auto, Values, settings, without};
 
@@ -17,6 +18,16 @@ pub(crate) const MAX_UNVERIFIED_FACTOR: usize = 3;
 
 /// Maximum number of edges from a candidate: no limit in practice.
 const MAX_EDGES: u64 = 100_000;
+
+/// The automatic overhead of a waypoint is the steps that a goal radius takes, as D to it ends there,
+/// less this, as paths between candidates begin and end near them, ...
+const HOP_SAVED_STEPS: f32 = 0.6;
+
+/// ... at least this, ...
+const LEAST_HOP_STEPS: f32 = 0.4;
+
+/// ... and at most this share of the longest edge.
+const MOST_HOP_SHARE: f32 = 0.5;
 
 /// Returns the number of edges from a candidate in checkpoints that do not say.
 fn all_edges() -> usize {
@@ -114,9 +125,11 @@ settings! {
         Planning {
             /// D ends a goal radius before its goal, short of where the next hop starts. Distances
             /// of the rivals are less exact.
-            hop_steps: f32 = 0.4, Paper => 0.0, Tuned | Sb3 => 1.0;
-                "overhead of passing a waypoint, in steps beyond D to it and D from it",
-                values: Values::steps(0.0, 100.0), unit: "steps",
+            hop_steps: Auto<f32> = Auto::AUTO, Paper => Auto::Given(0.0),
+                Tuned | Sb3 => Auto::Given(1.0);
+                "overhead of passing a waypoint, in steps beyond D to it and D from it; auto: the \
+                 steps that a goal radius takes, less 0.6, from 0.4 to half of edge_cutoff_steps",
+                values: Values::steps(0.0, 100.0).or_auto(), unit: "steps",
                 ablation: without("waypoints cost a step", "1");
             open_loop: bool = false;
                 "plan once and follow the plan to its end";
@@ -156,7 +169,7 @@ impl BridgeSettings {
             keep_observed_edges: false,
             progress_check: false,
             open_loop: true,
-            hop_steps: 0.0,
+            hop_steps: Auto::Given(0.0),
             planned_episodes: 0.0,
             bridge_epsilon: 0.0,
             lookahead: false,
@@ -192,6 +205,14 @@ impl BridgeSettings {
         })
     }
 
+    /// Returns the overhead of passing a waypoint in a world of `spec`, in steps.
+    pub fn hop_steps_in(&self, spec: &Spec) -> f32 {
+        let radius_steps = spec.goal_radius / spec.largest_change();
+        let most = (MOST_HOP_SHARE * self.edge_cutoff_steps).max(LEAST_HOP_STEPS);
+        let automatic = (radius_steps - HOP_SAVED_STEPS).clamp(LEAST_HOP_STEPS, most);
+        self.hop_steps.given().unwrap_or(automatic)
+    }
+
     /// Returns the maximum number of candidates.
     pub fn max_candidates(&self) -> usize {
         let factor = if self.verify_edges { MAX_FACTOR } else { MAX_UNVERIFIED_FACTOR };
@@ -213,6 +234,16 @@ impl BridgeSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_waypoint_costs_the_steps_of_a_goal_radius() {
+        let settings = BridgeSettings::default();
+        let maze = crate::env::tests::positions(&[(0.0, 50.0); 2]);
+        let hop = |goal_radius| settings.hop_steps_in(&Spec { goal_radius, ..maze.clone() });
+        assert_eq!([0.1, 1.0, 5.0, 50.0].map(hop), [0.4, 0.4, 4.4, 5.0]);
+        let given = BridgeSettings { hop_steps: Auto::Given(7.0), ..settings };
+        assert_eq!(given.hop_steps_in(&maze), 7.0);
+    }
 
     #[test]
     fn excursions_are_frequent_while_there_is_a_frontier() {

@@ -356,8 +356,11 @@ impl Trainer {
         let waited = self.wait_for_world();
         let tick = updated?;
         waited?;
-        if tick == Tick::Update && self.rollout.has_begun() {
-            self.finish_step()?;
+        if tick == Tick::Update {
+            if self.rollout.has_begun() {
+                self.finish_step()?;
+            }
+            self.film_learning()?;
         }
         Ok(tick)
     }
@@ -469,14 +472,13 @@ impl Trainer {
         self.check_update(&losses)?;
         let Self { history, rollout, visits, counters, .. } = self;
         history.add_point(counters.updates, counters.losses, || visits.coverage(rollout.env()));
-        self.film_learning()?;
         Ok(Tick::Update)
     }
 
     /// Takes a frame of the film if one is due. Draws no random numbers.
     fn film_learning(&mut self) -> Result<()> {
         let updates = self.counters.updates;
-        if !self.film.is_due(updates) {
+        if !self.learns() || !self.film.is_due(updates) {
             return Ok(());
         }
         let Self { film, learner, rollout, counters, run, .. } = self;

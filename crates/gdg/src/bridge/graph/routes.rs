@@ -109,13 +109,18 @@ pub(in crate::bridge) struct FirstHop {
 }
 
 impl BridgeGraph {
+    /// Returns the overhead of passing a waypoint, in steps.
+    pub(crate) fn hop_steps(&self) -> f32 {
+        self.settings.hop_steps_in(&self.spec)
+    }
+
     /// Finds the shortest paths to `goal`: last links from the candidates around it, then a
     /// backward search through the graph.
     pub fn route(&self, goal: &[f32], policy: &dyn Policy, scratch: &mut Scratch) -> Route {
         let nearby = self.distances_to(goal, policy, scratch);
         let nearest = nearby.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| *i);
         let links = nearby.iter().filter_map(|(i, distance)| {
-            let cost = self.link(Some(*i), nearest, *distance)?.cost + self.settings.hop_steps;
+            let cost = self.link(Some(*i), nearest, *distance)?.cost + self.hop_steps();
             Some((*i as u32, cost_units(cost)))
         });
         self.route_from_links(goal, nearest, links.collect())
@@ -141,7 +146,7 @@ impl BridgeGraph {
             .into_iter()
             .filter(|(i, _)| !is_linked(*i));
         links.extend(nearby.map(|(i, distance)| {
-            let cost = UNVERIFIED_FACTOR * distance + self.settings.hop_steps;
+            let cost = UNVERIFIED_FACTOR * distance + self.hop_steps();
             (i as u32, cost_units(cost))
         }));
         let route = self.route_from_links(&route.goal, route.nearest, links);
@@ -247,7 +252,7 @@ impl BridgeGraph {
         let mut last = vec![0.0; linked.len()];
         policy.distances(&from, &route.goal.repeat(linked.len()), &mut last, scratch);
         let last: HashMap<u32, f32> = linked.into_iter().zip(last).collect();
-        let hop = self.settings.hop_steps;
+        let hop = self.hop_steps();
         let lengths =
             self.lengths(route, |i| last.get(&i).map_or(f32::INFINITY, |distance| distance + hop));
         let states: Vec<&[f32]> = states.chunks_exact(self.spec.state_dim()).collect();
@@ -331,7 +336,7 @@ impl BridgeGraph {
             pairs.extend(reachable.map(|(i, s)| KnownPair {
                 from: i as u32,
                 to: goal as u32,
-                steps: s - self.settings.hop_steps,
+                steps: s - self.hop_steps(),
                 waypoint: waypoints[i],
             }));
             by_goal.places.push(goal as u32);
@@ -366,7 +371,7 @@ impl BridgeGraph {
             policy.distances(self.candidates.states(), &goals, &mut distances, scratch);
             for (steps, distance) in lengths.iter().zip(&distances) {
                 // These paths start exactly at a candidate, so their first hop has no overhead.
-                let steps = (steps - self.settings.hop_steps).max(0.0);
+                let steps = (steps - self.hop_steps()).max(0.0);
                 let lower = GROWN_FACTOR * steps - GROWN_SLACK_STEPS;
                 let grown = steps.is_finite() && lower > CHANGED_MARGIN * distance;
                 let shrunk = *distance > CHANGED_MARGIN * steps + SHRUNK_SLACK_STEPS;

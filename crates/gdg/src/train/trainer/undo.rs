@@ -50,10 +50,95 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::env::PointMaze;
+    use crate::env::{Abilities, EnvError, Environment, PointMaze, Spec};
     use crate::train::{Method, Preset, Registry, Run, Settings, Tick};
 
+    /// A world whose steps are computed elsewhere: their outcome shows when they end.
+    struct Elsewhere {
+        world: Box<dyn Environment>,
+        before: Option<Vec<f32>>,
+    }
+
+    impl Environment for Elsewhere {
+        fn kind(&self) -> &'static str {
+            self.world.kind()
+        }
+
+        fn spec(&self) -> &Spec {
+            self.world.spec()
+        }
+
+        fn states(&self) -> &[f32] {
+            self.before.as_deref().unwrap_or(self.world.states())
+        }
+
+        fn restart(
+            &mut self,
+            agent: usize,
+            rng: &mut ChaCha8Rng,
+        ) -> std::result::Result<(), EnvError> {
+            assert!(self.before.is_none());
+            self.world.restart(agent, rng)
+        }
+
+        fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
+            self.world.sample_goal(agent, rng, goal);
+        }
+
+        fn step(
+            &mut self,
+            actions: &[f32],
+            rng: &mut ChaCha8Rng,
+        ) -> std::result::Result<(), EnvError> {
+            self.begin_step(actions, rng)?;
+            self.end_step()
+        }
+
+        fn begin_step(
+            &mut self,
+            actions: &[f32],
+            rng: &mut ChaCha8Rng,
+        ) -> std::result::Result<bool, EnvError> {
+            self.before = Some(self.world.states().to_vec());
+            self.world.step(actions, rng).map(|()| true)
+        }
+
+        fn end_step(&mut self) -> std::result::Result<(), EnvError> {
+            self.before.take().map(drop).ok_or_else(|| unreachable!("no step has begun"))
+        }
+
+        fn fork(&self, agents: usize) -> std::result::Result<Box<dyn Environment>, EnvError> {
+            Ok(Box::new(Self { world: self.world.fork(agents)?, before: None }))
+        }
+
+        fn full_state(&self, agent: usize) -> Vec<f64> {
+            assert!(self.before.is_none());
+            self.world.full_state(agent)
+        }
+
+        fn set_full_state(
+            &mut self,
+            agent: usize,
+            state: &[f64],
+        ) -> std::result::Result<bool, EnvError> {
+            self.world.set_full_state(agent, state)
+        }
+
+        fn abilities(&self) -> Abilities<'_> {
+            self.world.abilities()
+        }
+    }
+
     fn trainer(method: &str, threads: usize) -> Trainer {
+        trainer_in(method, threads, |world| world)
+    }
+
+    /// Returns a trainer in a small maze, as `wrapped` makes it.
+    fn trainer_in(
+        method: &str,
+        threads: usize,
+        wrapped: fn(Box<dyn Environment>) -> Box<dyn Environment>,
+    ) -> Trainer {
         let mut settings = Settings::default();
         (settings.learn.hidden, settings.learn.batch_size, settings.learn.buffer_size) =
             (16, 64, 2_000);
@@ -63,7 +148,8 @@ mod tests {
         let run = Run { method, preset: Preset::Default, seed: 1, settings };
         let world =
             PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
-        Trainer::new(run, &world, &Registry::builtin(), threads).expect("a trainer")
+        let world = wrapped(Box::new(world));
+        Trainer::new(run, &*world, &Registry::builtin(), threads).expect("a trainer")
     }
 
     /// Returns everything that the rest of the run depends on.
@@ -109,5 +195,37 @@ mod tests {
             assert!(undone > 10 && finished > 0, "{method}: {undone} undone, {finished} finished");
             assert!(state(&mut whole) == state(&mut stopped), "{method}");
         }
+    }
+
+    #[test]
+    fn updates_do_not_wait_for_a_world_elsewhere_and_leave_no_trace_if_unfinished() {
+        let elsewhere =
+            || trainer_in("gdg-bridge", 1, |world| Box::new(Elsewhere { world, before: None }));
+        let (mut whole, mut stopped) = (elsewhere(), elsewhere());
+        let (mut meanwhile, mut undone) = (0, 0);
+        while whole.counters().updates < 60 {
+            let before = whole.counters();
+            let tick = whole.tick().expect("a tick");
+            let took_a_step = whole.counters().env_steps > before.env_steps;
+            meanwhile += u32::from(tick == Tick::Update && took_a_step);
+            if tick == Tick::Update {
+                stopped.update_took = None;
+                stopped.pulse.stop_at(stopped.pulse.beats() + 2 + before.updates % 40);
+            }
+            if stopped.tick().expect("a tick") == Tick::Undone {
+                undone += u32::from(stopped.rollout.has_begun());
+                // As when it is saved and resumed.
+                let saved = serde_json::to_string(&stopped.rollout.state()).expect("JSON");
+                let saved = serde_json::from_str(&saved).expect("what has been saved");
+                let Trainer { rollout, graphs, replay, candidates, .. } = &mut stopped;
+                let graph = graphs.current().map(|built| &*built.graph);
+                rollout.restore(saved, graph, replay, candidates).expect("its own state");
+                stopped.pulse.stop_at(u64::MAX);
+                assert_eq!(stopped.tick().expect("a tick"), Tick::Update);
+            }
+            stopped.pulse.stop_at(u64::MAX);
+        }
+        assert!(meanwhile > 20 && undone > 10, "{meanwhile} meanwhile, {undone} undone");
+        assert!(state(&mut whole) == state(&mut stopped));
     }
 }
