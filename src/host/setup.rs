@@ -433,18 +433,18 @@ pub fn open_maze(
     run: &Run,
     registry: &Registry,
 ) -> Result<PointMaze, Report> {
-    maze_on(Arc::new(find_map(name, reading, registry)?), run)
+    maze_on(Arc::new(find_map(name, reading, registry)?), &name.to_string_lossy(), run)
 }
 
-/// Returns the maze on a map.
+/// Returns the maze on a map; `called` is its file, or its name, in errors.
 ///
 /// # Errors
 /// It lacks a start that the run's settings require.
-pub fn maze_on(map: Arc<Grid>, run: &Run) -> Result<PointMaze, Report> {
+pub fn maze_on(map: Arc<Grid>, called: &str, run: &Run) -> Result<PointMaze, Report> {
     if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
         let problem = "has no start S, which restart=start-cell requires";
         return Err(from_map_error(MapError::whole_file(
-            map.name(),
+            called,
             problem,
             "mark a start with S, or use restart=anywhere",
         )));

@@ -216,7 +216,7 @@ fn contestant(
     let seed = options.seed.or(beginning.map(|(_, seed)| *seed)).unwrap_or(0);
     let run = Run { method: method.clone(), preset, seed, settings };
     let maze = if let Some((map, _)) = beginning {
-        setup::maze_on(map.clone(), &run)?
+        setup::maze_on(map.clone(), map.name(), &run)?
     } else {
         let map = options.map.as_deref().unwrap_or(Path::new(DEFAULT_MAP));
         setup::open_maze(map, &options.reading, &run, registry)?
