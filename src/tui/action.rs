@@ -84,6 +84,8 @@ pub enum Action {
     Scroll(isize),
     /// Switch curves between linear and logarithmic scales.
     LogScale,
+    /// Lay the curves of a saved run under those of this one, or take them away.
+    LayUnder,
     /// Open or close the map editor.
     ToggleEdit,
     /// Select an editor tool.

@@ -84,6 +84,8 @@ pub enum Choice {
     ContinueOn(Arc<Grid>, Option<PathBuf>),
     /// Loads a checkpoint; asks first if much would be lost.
     Load(PathBuf),
+    /// Lays the curves of a checkpoint's run under those of this one.
+    LayUnder(PathBuf),
     /// Loads a checkpoint without saving.
     LoadUnsaved(PathBuf),
     /// Starts the guided tour.

@@ -375,21 +375,34 @@ pub fn maps(
 
 /// Lists checkpoints, latest first, with dates in `zone`; those that cannot be loaded come last,
 /// with the reason.
-pub fn checkpoints(
-    mut found: Vec<Result<Description, CheckpointError>>,
+pub fn checkpoints(found: Vec<Described>, zone: &TimeZone) -> Picker {
+    Picker::new("load a checkpoint", described(found, zone, Choice::Load))
+}
+
+/// Lists checkpoints, like [`checkpoints`], to lay the curves of one under those of the run.
+pub fn runs_to_lay_under(found: Vec<Described>, zone: &TimeZone) -> Picker {
+    Picker::new("lay under these curves", described(found, zone, Choice::LayUnder))
+}
+
+/// A checkpoint's summary, or why it cannot be loaded.
+pub type Described = Result<Description, CheckpointError>;
+
+fn described(
+    mut found: Vec<Described>,
     zone: &TimeZone,
-) -> Picker {
+    choice: fn(PathBuf) -> Choice,
+) -> Vec<Item> {
     found.sort_by_key(|d| std::cmp::Reverse(d.as_ref().ok().and_then(|d| d.written)));
     let name = |file: &Path| {
         file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
     };
-    let item = |found: &Result<Description, CheckpointError>| match found {
-        Ok(d) => Item::new(name(&d.file), about(d, zone), Choice::Load(d.file.clone())),
+    let item = |found: &Described| match found {
+        Ok(d) => Item::new(name(&d.file), about(d, zone), choice(d.file.clone())),
         Err(e) => {
             Item::new(name(&e.file), format!("cannot be loaded: {}", e.problem), Choice::Nothing)
         }
     };
-    Picker::new("load a checkpoint", found.iter().map(item).collect())
+    found.iter().map(item).collect()
 }
 
 /// Describes a checkpoint.

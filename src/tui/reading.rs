@@ -5,6 +5,11 @@ use std::path::PathBuf;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use jiff::tz::TimeZone;
+use miette::Report;
+
+use super::dialog::Picker;
+use crate::experiment::runs::SavedRun;
 use gdg::map::{Grid, MapError};
 use gdg::train::{CheckpointError, Description};
 
@@ -24,9 +29,14 @@ pub enum Read {
     /// A folder's files and folders (whether it is one) from which a map may be chosen, and recent
     /// maps, if asked for.
     Maps(PathBuf, Vec<(PathBuf, bool)>, Option<Vec<PathBuf>>),
-    /// Checkpoints.
-    Checkpoints(Vec<Result<Description, CheckpointError>>),
+    /// Checkpoints, and how they are listed.
+    Checkpoints(Vec<Result<Description, CheckpointError>>, ListCheckpoints),
+    /// The runs in a file.
+    Runs(Result<Vec<SavedRun>, Report>),
 }
+
+/// Makes a list of checkpoints, with dates in a zone.
+pub type ListCheckpoints = fn(Vec<Result<Description, CheckpointError>>, &TimeZone) -> Picker;
 
 /// Something that is being read on its own thread.
 pub struct Reading {

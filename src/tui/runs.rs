@@ -13,7 +13,7 @@ mod list;
 mod reading;
 mod settings;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 
 use std::path::PathBuf;
 

@@ -17,6 +17,7 @@ use super::panes::Pane;
 use super::reading::{READING_PATIENCE, Reading};
 use super::theme::{ColourDepth, Theme};
 use super::tour::ShownStep;
+use crate::experiment::runs::SavedRun;
 use crate::tui::marker::Marker;
 use gdg::bridge::SearchOutcome;
 use gdg::engine::{Phase, Snapshot};
@@ -83,6 +84,8 @@ pub struct Screen {
     pub offer: Option<Offer>,
     /// The frame of the film shown instead of the present.
     pub past: Option<Arc<FilmFrame>>,
+    /// The saved run whose curves are under those of this one.
+    pub under: Option<Arc<SavedRun>>,
     /// The step of the guided tour, while it lasts.
     pub tour: Option<ShownStep>,
     /// The bridge search that the tour explains, instead of the latest.
@@ -126,6 +129,7 @@ impl Screen {
             following: None,
             offer: None,
             past: None,
+            under: None,
             tour: None,
             explained: None,
             first_run: false,

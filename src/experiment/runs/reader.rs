@@ -1,6 +1,6 @@
 //! Reads folders of runs again and again, as files grow.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,6 +9,7 @@ use std::time::SystemTime;
 use miette::Report;
 
 use super::{SavedRun, file, files_of, leave_out_superseded};
+use crate::host::runs::SAVES;
 use gdg::text::sanitized;
 
 /// The runs of folders.
@@ -47,7 +48,8 @@ impl Reader {
     pub fn read(&mut self, mut tell: impl FnMut(&dyn Fn() -> Found) -> ControlFlow<()>) -> Found {
         let (files, problems) = self.files();
         let all: Vec<(PathBuf, Stamp)> = files.into_iter().map(with_stamp).collect();
-        self.known.retain(|path, _| all.iter().any(|(file, _)| file == path));
+        let listed: HashSet<&PathBuf> = all.iter().map(|(file, _)| file).collect();
+        self.known.retain(|path, _| listed.contains(path));
         for (i, (path, stamp)) in all.iter().enumerate() {
             if self.known.get(path).is_some_and(|version| version.stamp == *stamp) {
                 continue;
@@ -66,7 +68,10 @@ impl Reader {
     /// Lists the files with runs, and the folders that cannot be read.
     fn files(&self) -> (Vec<PathBuf>, Vec<(PathBuf, String)>) {
         let (mut files, mut problems) = (Vec::new(), Vec::new());
-        for folder in self.folders.iter().flat_map(|folder| with_experiments(folder)) {
+        // The usual folder is created by the first run that is saved.
+        let is_missing = |folder: &&PathBuf| folder.as_os_str() == SAVES && !folder.exists();
+        let folders = self.folders.iter().filter(|folder| !is_missing(folder));
+        for folder in folders.flat_map(|folder| with_experiments(folder)) {
             match files_of(&folder) {
                 Ok(found) => files.extend(found),
                 Err(problem) => problems.push((folder.clone(), reason(&folder, &problem))),

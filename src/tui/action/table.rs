@@ -274,6 +274,14 @@ const PANES: &[Binding] = &[
     bind(Action::LogScale, "log-scale", &["g"], "toggle logarithmic curves")
         .watching()
         .also("log axis linear"),
+    bind(
+        Action::LayUnder,
+        "lay-under",
+        &["shift-u"],
+        "lay a saved run's curves under these, or take them away",
+    )
+    .watching()
+    .also("compare yesterday earlier saved reference baseline overlay behind checkpoint"),
 ];
 
 const MAP_EDITOR: &[Binding] = &[

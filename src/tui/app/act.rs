@@ -55,6 +55,7 @@ impl App {
             Action::OpenMap => files::pick_map(None, scene, screen),
             Action::Save => drop(saver.save(scene, screen, link)),
             Action::Load => files::pick_checkpoint(saver.to.path(), scene, screen),
+            Action::LayUnder => files::pick_under(saver.to.path(), scene, screen),
             Action::Resume => match screen.offer.take() {
                 Some(offer) => self.choose(Choice::Load(offer.found.file)),
                 None => self.act(Action::Load),

@@ -101,6 +101,7 @@ impl App {
             Choice::Tour => guide.request(screen, link),
             Choice::Quit { save: true } => saver.save_and_quit(scene, screen, link),
             Choice::Quit { save: false } => saver.is_done = true,
+            Choice::LayUnder(path) => files::lay_under(path, scene, screen),
             Choice::Nothing => {}
             _ => self.in_scene(|scene, screen, link| runs::choose(choice, scene, screen, link)),
         }

@@ -7,12 +7,13 @@ use jiff::tz::TimeZone;
 
 use super::answer_error::AnswerError;
 use super::saving::is_worth_saving;
+use crate::experiment::runs as saved_runs;
 use crate::host::maps::warnings;
 use crate::host::runs::{self, SAVES};
 use crate::tui::action::Action;
 use crate::tui::config::recent_path;
 use crate::tui::lists;
-use crate::tui::reading::{Read, Reading};
+use crate::tui::reading::{ListCheckpoints, Read, Reading};
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use gdg::files::{has_extension, is_hidden, read_text, write_atomically};
@@ -60,9 +61,13 @@ pub fn on_tick(scene: &Scene, screen: &mut Screen) -> bool {
 /// Shows what has been read.
 fn show(reading: Reading, scene: &Scene, screen: &mut Screen) {
     match reading.finish() {
-        Ok(Read::Checkpoints(found)) => {
-            screen.open(lists::checkpoints(found, &TimeZone::system()));
+        Ok(Read::Checkpoints(found, list)) => screen.open(list(found, &TimeZone::system())),
+        Ok(Read::Runs(Ok(found))) => {
+            screen.under = found.into_iter().next().map(Arc::new);
+            let key = screen.keymap.key_of(Action::LayUnder);
+            screen.notify(&format!("its curves are below the others: {key} takes them away"));
         }
+        Ok(Read::Runs(Err(problem))) => screen.report(&problem.to_string()),
         Ok(Read::Maps(folder, entries, recent)) => {
             let registry = &screen.latest.registry;
             screen.open(lists::maps(&folder, &entries, recent.as_deref(), registry));
@@ -76,8 +81,29 @@ fn show(reading: Reading, scene: &Scene, screen: &mut Screen) {
     }
 }
 
-/// Lists the checkpoints beside `own`, the file of the run, and those in the usual folder.
+/// Lists the checkpoints beside `own`, the file of the run, and those in the usual folder, to load
+/// one.
 pub fn pick_checkpoint(own: &Path, scene: &Scene, screen: &mut Screen) {
+    list_checkpoints(own, lists::checkpoints, scene, screen);
+}
+
+/// Lists them to lay the curves of one under those of the run, or takes away those that are there.
+pub fn pick_under(own: &Path, scene: &Scene, screen: &mut Screen) {
+    match screen.under.take() {
+        Some(run) => {
+            screen.notify(&format!("took away the curves of {}", run.source.display()));
+        }
+        None => list_checkpoints(own, lists::runs_to_lay_under, scene, screen),
+    }
+}
+
+/// Lays the curves of a checkpoint's run under those of the run.
+pub fn lay_under(path: PathBuf, scene: &Scene, screen: &mut Screen) {
+    let what = path.display().to_string();
+    read(what, move || Read::Runs(saved_runs::file(&path)), scene, screen);
+}
+
+fn list_checkpoints(own: &Path, list: ListCheckpoints, scene: &Scene, screen: &mut Screen) {
     let own = own.parent().map_or(PathBuf::from(SAVES), Path::to_owned);
     let mut files = runs::files_in(&own).unwrap_or_default();
     if own != Path::new(SAVES) {
@@ -89,7 +115,8 @@ pub fn pick_checkpoint(own: &Path, scene: &Scene, screen: &mut Screen) {
         return;
     }
     let what = counted(files.len() as u64, "checkpoint");
-    let describe = move || Read::Checkpoints(files.iter().map(|path| describe(path)).collect());
+    let describe =
+        move || Read::Checkpoints(files.iter().map(|path| describe(path)).collect(), list);
     read(what, describe, scene, screen);
 }
 

@@ -15,6 +15,7 @@ pub fn reason(action: Action) -> &'static str {
         A::OpenMap | A::RandomMap | A::NewMap | A::ResizeMap => {
             "both stay on their map, which can be edited; gdg-tui compare A B MAP begins on another"
         }
+        A::LayUnder => "gdg-tui runs lays the curves of more runs over each other",
         A::Faster | A::Slower => "each side trains as fast as it can",
         A::Follow => "both sides show the walking agents @",
         A::Show(_) | A::NextPane | A::Maximise | A::Scroll(_) | A::LogScale => {

@@ -8,6 +8,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::chart;
+use crate::experiment::plot::Axis;
 use crate::tui::layout::{ChartArea, ScreenLayout};
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
@@ -15,7 +16,7 @@ use crate::tui::style::{BOLD, DIM};
 use crate::tui::text::short;
 use crate::tui::theme::{ColourDepth, Theme, blend};
 use gdg::env::DistanceUnit;
-use gdg::text::display_width;
+use gdg::text::{display_width, sanitized};
 use gdg::train::{DistanceScore, Evaluation};
 
 /// Minimum height of a chart, and minimum width for two side by side.
@@ -38,11 +39,28 @@ const PAGE_SHARE: f64 = 0.25;
 struct Series {
     name: String,
     parts: Vec<Vec<(f64, f64)>>,
+    /// Whether it is of a saved run, below the others.
+    is_under: bool,
 }
 
 impl Series {
     fn joined(name: &str, points: impl Iterator<Item = (f64, f64)>) -> Self {
-        Self { name: name.to_owned(), parts: vec![points.collect()] }
+        Self { name: name.to_owned(), parts: vec![points.collect()], is_under: false }
+    }
+
+    /// Returns a saved run's series.
+    fn under(screen: &Screen, value: impl Fn(&Evaluation) -> Option<f64>) -> Option<Self> {
+        let run = screen.under.as_deref()?;
+        let axis = axis(screen);
+        let points = run.evaluations.iter();
+        let points = points.filter_map(|at| Some((axis.of(at)?, value(&at.evaluation)?)));
+        let name = run.source.file_stem().unwrap_or_default().to_string_lossy();
+        Some(Self { is_under: true, ..Self::joined(&sanitized(&name), points) })
+    }
+
+    /// Returns style and characters of series `i`, this one.
+    fn style(&self, theme: &Theme, i: usize) -> (Style, Marker) {
+        if self.is_under { (DIM, Marker::Braille) } else { (colour(theme, i), marker(theme, i)) }
     }
 }
 
@@ -104,7 +122,7 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
                 parts[i].extend(value(e).map(|value| (along(screen, *at), value)));
             }
         }
-        Series { name: name.to_owned(), parts }
+        Series { name: name.to_owned(), parts, is_under: false }
     };
     let loss = |i: usize| {
         let points =
@@ -123,15 +141,17 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     };
     let coverage =
         screen.snapshot.coverage().into_iter().map(|(at, share)| (along(screen, at), share));
-    let success = vec![
+    let mut success = vec![
         of("planned", &|e| e.planned.as_ref()?.success),
         of("greedy", &|e| e.greedy.success),
         Series::joined("coverage", coverage),
     ];
-    let errors = vec![
+    success.extend(Series::under(screen, Evaluation::success_rate));
+    let mut errors = vec![
         of("D", &|e| Some(e.distance_error?.mape)),
         of("via graph", &|e| Some(e.distance_error?.graph?.mape)),
     ];
+    errors.extend(Series::under(screen, |e| Some(e.distance_error?.mape)));
     let errors = Plot { title: "error of D", series: errors, max: None, log: true, percent: true };
     let of_critic = Plot::loss("loss of D", loss(0));
     let [second, third] =
@@ -212,10 +232,8 @@ impl<'a> Window<'a> {
             |s: &Series| plot.series.len() > 1 && s.parts.iter().any(|part| !part.is_empty());
         let named = plot.series.iter().enumerate().filter(|(_, s)| is_shown(s));
         let names = named.map(|(i, s)| {
-            Span::styled(
-                format!("  {} {}", symbol(marker(&screen.theme, i)), s.name),
-                colour(&screen.theme, i),
-            )
+            let (style, marker) = s.style(&screen.theme, i);
+            Span::styled(format!("  {} {}", symbol(marker), s.name), style)
         });
         let mut lines = chart::heading(Span::styled(title, BOLD), names, width);
         if plot.max.is_some() && !marks.is_empty() {
@@ -258,10 +276,9 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
     let past = screen.past.as_ref().map(|frame| along(screen, frame.updates));
     let past = past.filter(|at| is_within(*at, window.x)).map(upright);
     let line = |style, points| chart::Line { style, marker: Marker::Braille, points };
-    let curve = |i: usize, points| chart::Line {
-        style: colour(&screen.theme, i),
-        marker: marker(&screen.theme, i),
-        points,
+    let curve = |i: usize, points| {
+        let (style, marker) = plot.series[i].style(&screen.theme, i);
+        chart::Line { style, marker, points }
     };
     // The first ones last, on top.
     let changes = uprights.iter().map(|upright| line(DIM, &upright[..]));
@@ -289,7 +306,12 @@ pub fn along(screen: &Screen, updates: u64) -> f64 {
 
 /// Returns the unit of [`along`].
 fn unit(screen: &Screen) -> &'static str {
-    if has_learned(screen) { "updates" } else { "steps" }
+    axis(screen).name()
+}
+
+/// Returns what [`along`] counts.
+fn axis(screen: &Screen) -> Axis {
+    if has_learned(screen) { Axis::Updates } else { Axis::Steps }
 }
 
 fn has_learned(screen: &Screen) -> bool {
@@ -316,9 +338,10 @@ fn mark_names(marks: &[(f64, String)], width: usize) -> String {
     names
 }
 
-/// Returns the range of updates shown: all, or an earlier part when scrolled back.
+/// Returns the range of updates shown: all, also those of the run below, or an earlier part when scrolled back.
 fn window(screen: &Screen) -> [f64; 2] {
-    let last = along(screen, screen.snapshot.counters.updates).max(1.0);
+    let under = screen.under.as_ref().and_then(|run| axis(screen).of(run.evaluations.last()?));
+    let last = along(screen, screen.snapshot.counters.updates).max(under.unwrap_or(1.0)).max(1.0);
     let page = PAGE_SHARE * last;
     match screen.scrolled {
         0 => [0.0, last],

@@ -163,11 +163,12 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Pl
     }
     frame.render_widget(fitted_line(Line::from(heads), names.width), names);
     let room = usize::from(rows.height);
-    let first = (list.position() + 1).saturating_sub(room);
+    let position = list.position();
+    let first = (position + 1).saturating_sub(room);
     places.rows = (rows, first);
     let runs = list.shown().enumerate().skip(first).map(|(i, entry)| {
         let line = row(entry, list.mark(entry), &widths, &screen.theme);
-        line.style(if i == list.position() { REVERSED } else { Style::new() })
+        line.style(if i == position { REVERSED } else { Style::new() })
     });
     let problems = list.problems.iter().map(|(path, problem)| {
         Line::styled(format!("   {}  cannot be loaded: {problem}", name(path)), DIM)

@@ -431,3 +431,21 @@ fn edits_that_a_busy_trainer_does_not_take_are_not_in_the_history() {
     }
     assert_eq!(app.maze().map, first);
 }
+
+#[test]
+fn curves_of_a_saved_run_lie_under_those_of_the_run_until_they_are_taken_away() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut app = app_saving_to(
+        rooms(),
+        gdg(),
+        Limits { updates: Some(0), ..Limits::default() },
+        Some(folder.path().join("own.safetensors")),
+    );
+    let saved = saved_run(folder.path(), &app).file;
+    press(&mut app, KeyCode::Char('U'));
+    assert!(text(&draw(&mut app, 120, 40)).contains("lay under these curves"));
+    press(&mut app, KeyCode::Enter);
+    assert_eq!(app.screen.under.as_ref().expect("a run").source, saved);
+    press(&mut app, KeyCode::Char('U'));
+    assert!(app.screen.under.is_none());
+}

@@ -17,6 +17,7 @@ use crate::tui::lists;
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::render::pane_lines;
+use crate::tui::runs::tests::saved;
 use gdg::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
 use gdg::engine::{FollowedAgent, NextEvaluation, Snapshot};
 use gdg::train::{
@@ -436,6 +437,16 @@ fn cells_without_a_path_to_the_goal_match_their_snapshot() {
     let cut_off = (0..map.free().len()).map(|i| map.free()[i] && map.cell(i).x < 8).collect();
     app.change_view(|view| view.cut_off = Arc::new(cut_off));
     check("cut-off-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn curves_under_those_of_the_run_match_their_snapshot() {
+    let mut app = staged_app(120, 40);
+    let success = [0.2, 0.3, 0.6, 0.7, 0.8, 0.9, 0.9, 1.0, 1.0, 1.0, 1.0, 1.0];
+    let run = saved("saves/yesterday.safetensors", "rooms", "gdg-bridge", 1, &success);
+    app.screen.under = Some(Arc::new(run));
+    app.screen.pane = Pane::Curves;
+    check("curves-under-120x40", &mut app, 120, 40);
 }
 
 #[test]
