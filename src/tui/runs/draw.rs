@@ -134,8 +134,10 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
         spans.push(Span::raw(format!(" reading file {read} of {all} ")));
     }
     if !list.problems.is_empty() {
-        let text =
-            format!(" {} cannot be read, see below ", counted(list.problems.len() as u64, "file"));
+        let text = format!(
+            " {} cannot be read, see the end of the list ",
+            counted(list.problems.len() as u64, "file")
+        );
         spans.push(Span::styled(text, screen.theme.failure()));
     }
     frame.render_widget(fitted_line(Line::from(spans), area.width), area);
@@ -164,7 +166,10 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Pl
     frame.render_widget(fitted_line(Line::from(heads), names.width), names);
     let room = usize::from(rows.height);
     let position = list.position();
-    let first = (position + 1).saturating_sub(room);
+    // Below the last run is what cannot be read.
+    let is_last = position + 1 >= list.shown().len();
+    let below = if is_last { list.problems.len().min(room.saturating_sub(1)) } else { 0 };
+    let first = (position + 1 + below).saturating_sub(room);
     places.rows = (rows, first);
     let runs = list.shown().enumerate().skip(first).map(|(i, entry)| {
         let line = row(entry, list.mark(entry), &widths, &screen.theme);

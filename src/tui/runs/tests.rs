@@ -169,6 +169,21 @@ fn every_size_can_be_drawn() {
 }
 
 #[test]
+fn the_end_of_a_long_list_says_what_cannot_be_read() {
+    let mut screen = screen();
+    let runs: Vec<SavedRun> = (0..50).map(|seed| saved("many", "own", "gdg", seed, &[])).collect();
+    let problems = vec![("damaged.safetensors".into(), "is empty".to_owned())];
+    screen.show(&Found { problems, ..found(&runs) });
+    let hidden = text(&mut screen, 80, 24);
+    assert!(hidden.contains("end of the list") && !hidden.contains("is empty"), "{hidden}");
+    press(&mut screen, KeyCode::End);
+    let shown = text(&mut screen, 80, 24);
+    assert!(shown.contains("damaged.safetensors  cannot be loaded: is empty"), "{shown}");
+    let is_selected = |line: &str| line.split_whitespace().take(3).eq(["own", "gdg", "0"]);
+    assert!(shown.lines().any(is_selected), "it stays in view: {shown}");
+}
+
+#[test]
 fn curves_show_the_marked_runs_and_change_their_axes() {
     let mut screen = screen();
     let shown = text(&mut screen, 120, 40);
