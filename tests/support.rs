@@ -80,8 +80,9 @@ impl Session {
         variables: &[(&str, &str)],
     ) -> Self {
         command.args(args);
-        // A checkpoint carries its own settings, and the tour has always the same.
-        if !args.contains(&"--resume") && args.first() != Some(&"tour") {
+        // A checkpoint carries its own settings, the tour has always the same, and a list none.
+        let has_none = matches!(args.first(), Some(&("tour" | "runs")));
+        if !args.contains(&"--resume") && !has_none {
             command.args(SMALL);
         }
         Self::start_command(command, folder, variables)

@@ -278,7 +278,7 @@ const PANES: &[Binding] = &[
         Action::LayUnder,
         "lay-under",
         &["shift-u"],
-        "lay a saved run's curves under these, or take them away",
+        "a saved run's curves under these, or remove them",
     )
     .watching()
     .also("compare yesterday earlier saved reference baseline overlay behind checkpoint"),
