@@ -10,7 +10,9 @@ use gdg::learn::{LearnSettings, Scratch, Threads};
 use gdg::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
 use gdg::settings::{Auto, Effect};
 use gdg::store::{Array, Store};
-use gdg::train::{self, Method, Moment, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
+use gdg::train::{
+    self, Evaluation, Method, Moment, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer,
+};
 
 /// Two rooms joined by a door: most straight lines between them hit the wall.
 const TWO_ROOMS: &str = "\
@@ -350,7 +352,7 @@ fn changing_any_setting_keeps_the_documented_state() {
             ("update_when", _) => "episode-end".to_owned(),
             ("restart", _) => "anywhere".to_owned(),
             ("episode_steps", _) => "77".to_owned(),
-            ("frontier_epsilon", _) => "0.3".to_owned(),
+            ("frontier_epsilon" | "hop_steps", _) => "0.3".to_owned(),
             ("critics", "2") => "1".to_owned(),
             ("critics", _) => "2".to_owned(),
             (_, "true") => "false".to_owned(),
@@ -746,22 +748,29 @@ fn a_maze_with_corridors_one_cell_wide_is_learned_from_one_cell() {
     assert!(planned >= 0.85, "planned {planned}");
 }
 
-/// Returns the success rate of the actor alone on `map` after `updates` with the default preset and
+/// Evaluates a run on `map` after `updates` with the default preset and
 /// a `change`.
-fn greedy_after(updates: u64, map: &Arc<Grid>, change: impl Fn(&mut LearnSettings)) -> f64 {
+fn evaluated_after(
+    updates: u64,
+    map: &Arc<Grid>,
+    change: impl Fn(&mut LearnSettings),
+) -> Evaluation {
     let mut settings = Settings::default();
     change(&mut settings.learn);
     let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings };
     let mut run =
         Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
     train_to(&mut run, updates);
-    run.evaluate(&run.tasks(20).unwrap()).unwrap().greedy.success.unwrap()
+    run.evaluate(&run.tasks(20).unwrap()).unwrap()
 }
 
 #[test]
 fn waypoints_on_the_way_through_the_graph_lead_the_actor() {
     let map = Arc::new(builtin("fourrooms").unwrap());
-    let greedy = |led| greedy_after(4_000, &map, |learn| learn.actor_waypoints = led);
+    let greedy = |led| {
+        let evaluation = evaluated_after(4_000, &map, |learn| learn.actor_waypoints = led);
+        evaluation.greedy.success.unwrap()
+    };
     let (with, without) = (greedy(true), greedy(false));
     assert!(without < with - 0.1, "with waypoints {with}, without {without}");
 }
@@ -793,13 +802,15 @@ const CLUTTER: &str = "
 #[test]
 fn an_actor_that_clutter_blocks_is_shown_the_way_out() {
     let map = Arc::new(parse_map("clutter", CLUTTER.trim().as_bytes()).unwrap());
-    let greedy = |helped| {
-        greedy_after(6_000, &map, |learn| {
+    let success = |helped| {
+        let evaluation = evaluated_after(6_000, &map, |learn| {
             (learn.unblock_actor, learn.model_check) = (helped, helped);
-        })
+        });
+        [evaluation.planned.unwrap(), evaluation.greedy].map(|own| own.success.unwrap())
     };
-    let (with, without) = (greedy(true), greedy(false));
-    assert!(without < with - 0.05, "with ways out {with}, without {without}");
+    let ([planned, with], [stuck, without]) = (success(true), success(false));
+    assert!(stuck < planned - 0.05, "on plans, with ways out {planned}, without {stuck}");
+    assert!(without < with, "alone, with ways out {with}, without {without}");
 }
 
 #[test]
