@@ -422,6 +422,8 @@ fn ogbench_is_learned_from_files_and_stands_beside_published_results() {
     for panel in data["data"]["panels"].as_array().unwrap() {
         assert_eq!(panel["curves"].as_array().unwrap().len(), 8, "{}", panel["measure"]);
     }
+    let drawn = std::fs::read_to_string(place.path("out/figures/ogbench.svg")).unwrap();
+    has_parts(&drawn, &["success rate, planned", "success rate, actor alone"]);
     // Another file in place of one is another job.
     let again = place.run(&args);
     has_parts(&again.err, &["8 jobs done, 0 to run"]);

@@ -232,7 +232,9 @@ impl Page<'_> {
                 let (from, to) = (start + left, start + column - right);
                 let placed = Placed { chart, area: Area { left: from, top, right: to, bottom } };
                 let is_lowest = (row + 1) * columns + i >= self.charts.len();
-                placed.axes(&mut sheet, start, [is_lowest, i == 0]);
+                // A label is not repeated along a row.
+                let is_new = i == 0 || chart.labels[1] != charts[i - 1].labels[1];
+                placed.axes(&mut sheet, start, [is_lowest, is_new]);
                 placed.curves(&mut sheet);
                 if beside {
                     placed.names(&mut sheet);
