@@ -100,7 +100,7 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
     places
 }
 
-/// Returns the areas of a list of so many rows, of curves, and of settings.
+/// Returns the areas of the list, which has `rows` rows, of the curves and of the settings.
 fn panes(body: Rect, rows: usize) -> [Rect; 3] {
     if body.width >= WIDE_SCREEN {
         let [list, rest] =

@@ -311,6 +311,8 @@ struct Rows<'a> {
     spec: &'a Spec,
     settings: &'a BridgeSettings,
     candidates: &'a Candidates,
+    /// Overhead of passing a waypoint, in steps.
+    hop: f32,
     /// For each candidate, those from which some trajectory reached it.
     observed_into: Vec<Vec<u32>>,
     edges: Vec<Edge>,
@@ -326,6 +328,7 @@ impl<'a> Rows<'a> {
             spec,
             settings,
             candidates,
+            hop: settings.hop_steps_in(spec),
             observed_into: if verified { candidates.observed_into() } else { Vec::new() },
             edges: Vec::new(),
             states: Vec::new(),
@@ -382,8 +385,7 @@ impl<'a> Rows<'a> {
         let Link { length, cost } = Link::new(settings, candidates, from, to, distance)?;
         let status = EdgeStatus::from(candidates.walk_record(from, to));
         let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
-        let hop = settings.hop_steps_in(self.spec);
-        let (length, cost) = (length + hop, cost + hop);
+        let (length, cost) = (length + self.hop, cost + self.hop);
         Some(Edge { from, to, distance, length, cost, status })
     }
 }

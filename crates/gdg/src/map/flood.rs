@@ -173,8 +173,8 @@ impl Flood {
         Cell::new(in_row * BITS + bits.trailing_zeros() as usize, y)
     }
 
-    /// Floods from `from` ring by ring and passes each ring and all cells to `pass`, until that breaks. Returns
-    /// the distance of the last ring.
+    /// Floods from `from` ring by ring and passes each ring and all cells to `pass`, until that
+    /// breaks. Returns the distance of the last ring.
     fn flood(
         &mut self,
         from: &[Cell],

@@ -315,8 +315,9 @@ impl Trainer {
             self.roll_back()?;
             return Ok(Tick::Step);
         };
+        let learns = self.learns_from_round();
         let owed = self.counters.owed_steps + self.counters.deferred_steps + self.round_steps();
-        let due = self.learns_from_round()
+        let due = learns
             && self.run.settings.train.update_when == UpdateWhen::Step
             && owed >= self.run.settings.train.env_steps_per_update
             && self.replay.has_transitions();
@@ -324,7 +325,6 @@ impl Trainer {
             (self.counters.owed_steps, self.counters.deferred_steps) = (owed, 0);
             return self.update_meanwhile();
         }
-        let learns = self.learns_from_round();
         let round = self.finish_step()?;
         if learns {
             let counters = &mut self.counters;

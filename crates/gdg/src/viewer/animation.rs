@@ -123,7 +123,7 @@ fn stage(run: &Snapshot, width: Option<usize>) -> Result<Box<dyn Stage>, FilmErr
     }
 }
 
-/// Writes the first of some texts that fits below a picture of so many rows.
+/// Writes the first of `texts` that is narrow enough below a picture of `rows` rows.
 fn write_below(picture: &mut Picture, texts: &[String], rows: usize) {
     let columns = picture.size().0;
     let fits = |text: &&String| text_size(text, false)[0] + 2 * MARGIN <= columns;

@@ -319,6 +319,7 @@ impl BridgeGraph {
     /// Draws `goals` candidates and collects the graph distances to each from all candidates that
     /// reach it.
     pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> DistilledDistances {
+        let hop = self.hop_steps();
         let mut pairs = Vec::new();
         let mut by_goal = DistancesByGoal {
             places: Vec::new(),
@@ -336,7 +337,7 @@ impl BridgeGraph {
             pairs.extend(reachable.map(|(i, s)| KnownPair {
                 from: i as u32,
                 to: goal as u32,
-                steps: s - self.hop_steps(),
+                steps: s - hop,
                 waypoint: waypoints[i],
             }));
             by_goal.places.push(goal as u32);
@@ -357,7 +358,7 @@ impl BridgeGraph {
         scratch: &mut Scratch,
         cancelled: &Cancelled,
     ) -> Option<ChangedDistances> {
-        let count = self.candidates.len();
+        let (count, hop) = (self.candidates.len(), self.hop_steps());
         let mut changed = ChangedDistances::default();
         let Some(by_goal) = &distilled.by_goal else { return Some(changed) };
         let mut distances = vec![0.0; count];
@@ -371,7 +372,7 @@ impl BridgeGraph {
             policy.distances(self.candidates.states(), &goals, &mut distances, scratch);
             for (steps, distance) in lengths.iter().zip(&distances) {
                 // These paths start exactly at a candidate, so their first hop has no overhead.
-                let steps = (steps - self.hop_steps()).max(0.0);
+                let steps = (steps - hop).max(0.0);
                 let lower = GROWN_FACTOR * steps - GROWN_SLACK_STEPS;
                 let grown = steps.is_finite() && lower > CHANGED_MARGIN * distance;
                 let shrunk = *distance > CHANGED_MARGIN * steps + SHRUNK_SLACK_STEPS;
