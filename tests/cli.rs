@@ -235,6 +235,10 @@ fn episodes_can_be_restricted_to_the_start_cell() {
     assert_eq!(no_start.status.code(), Some(2));
     let error = String::from_utf8_lossy(&no_start.stderr).into_owned();
     assert!(error.contains("plain.txt") && error.contains("no start S"), "{error}");
+    let no_goal = gdg().args(["--no-ui", "fourrooms", "--set", "goals=map"]).output().unwrap();
+    assert_eq!(no_goal.status.code(), Some(2));
+    let error = String::from_utf8_lossy(&no_goal.stderr).into_owned();
+    assert!(error.contains("fourrooms: has no goal G, which goals=map requires"), "{error}");
 }
 
 #[test]

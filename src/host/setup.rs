@@ -12,7 +12,7 @@ use crate::host::maps::{self, find_map, known_name};
 use crate::host::report::{from_checkpoint_error, from_config_error, from_map_error};
 use crate::host::runs::{self, SAVES};
 use crate::host::waiting::Waiting;
-use gdg::env::{Environment, PointMaze, Restart};
+use gdg::env::{Environment, Goals, PointMaze, Restart};
 use gdg::files;
 use gdg::learn::Threads;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
@@ -447,6 +447,15 @@ pub fn maze_on(map: Arc<Grid>, called: &str, run: &Run) -> Result<PointMaze, Rep
             called,
             problem,
             "mark a start with S, or use restart=anywhere",
+        )));
+    }
+    let unmarked = [("start S", map.starts().is_empty()), ("goal G", map.goals().is_empty())];
+    let missing = unmarked.into_iter().find(|(_, is_missing)| *is_missing);
+    if let Some((mark, _)) = missing.filter(|_| run.settings.train.goals == Goals::Map) {
+        return Err(from_map_error(MapError::whole_file(
+            called,
+            format!("has no {mark}, which goals=map requires"),
+            "mark a start with S and a goal with G, or use goals=anywhere",
         )));
     }
     Ok(PointMaze::new(map, 0))

@@ -89,18 +89,31 @@ pub enum Restart {
     Never,
 }
 
+/// What agents are asked to reach.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Goals {
+    /// Random places.
+    #[default]
+    Anywhere,
+    /// The goal of the world's own task, from its start: of a map, `G` from `S`.
+    Map,
+}
+
 /// Settings common to all worlds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EnvSettings {
     /// Where episodes begin.
     pub restart: Restart,
+    /// What agents are asked to reach. With [`Goals::Map`], episodes begin at the world's own start.
+    pub goals: Goals,
     /// Standard deviation of the noise that the world adds to every action; 0 for none.
     pub noise: f32,
 }
 
 impl Default for EnvSettings {
     fn default() -> Self {
-        Self { restart: Restart::Auto, noise: 0.0 }
+        Self { restart: Restart::Auto, goals: Goals::Anywhere, noise: 0.0 }
     }
 }
 
@@ -238,8 +251,9 @@ pub trait Environment: Any + Send + Sync {
     /// not be computed; the default computes them.
     fn retire(&mut self, _agent: usize) {}
 
-    /// Switches to new settings. A world must honour both, or document that it ignores them; the
-    /// default ignores them.
+    /// Switches to new settings. A world must honour all, or document which it ignores; the default
+    /// ignores them. [`Goals::Map`] is only asked of worlds with a
+    /// [default task](Episodes::default_task).
     fn configure(&mut self, _settings: &EnvSettings) {}
 
     /// Returns an agent's full state: for every agent the same number of components, at least one.

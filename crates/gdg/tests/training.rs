@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::runs::train_to;
-use gdg::bridge::BridgeSettings;
-use gdg::env::{PointMaze, Restart};
+use gdg::bridge::{BridgeSettings, Planner};
+use gdg::env::{Goals, PointMaze, Restart};
 use gdg::learn::{LearnSettings, Scratch, Threads};
 use gdg::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
 use gdg::settings::{Auto, Effect};
@@ -351,6 +351,7 @@ fn changing_any_setting_keeps_the_documented_state() {
             ("loss", _) => "log".to_owned(),
             ("update_when", _) => "episode-end".to_owned(),
             ("restart", _) => "anywhere".to_owned(),
+            ("goals", _) => "map".to_owned(),
             ("episode_steps", _) => "77".to_owned(),
             ("frontier_epsilon" | "hop_steps", _) => "0.3".to_owned(),
             ("critics", "2") => "1".to_owned(),
@@ -371,6 +372,10 @@ fn changing_any_setting_keeps_the_documented_state() {
         };
         assert_ne!(settings, base, "{name}");
         let mut run = trainer(base.clone(), 5, 1);
+        if name == "goals" {
+            let marked = parse_map("marked", marked_rooms().as_bytes()).unwrap();
+            change_map(&mut run, &Arc::new(marked)).unwrap();
+        }
         train_to(&mut run, 20);
         let stored = run.replay().len();
         assert!(
@@ -555,6 +560,92 @@ fn near_goals_are_where_walks_of_a_few_steps_end() {
     let near = farthest_goal(1.0);
     assert!((1.0..=4.0).contains(&near), "{near}");
     assert!(farthest_goal(0.0) > 10.0);
+}
+
+/// Returns the two rooms with a start in one corner and a goal beyond the door.
+fn marked_rooms() -> String {
+    let mut text = format!("S{}", &TWO_ROOMS[1..]);
+    let goal = text.find("\n.....................\n").unwrap() + 13;
+    text.replace_range(goal..=goal, "G");
+    text
+}
+
+/// Returns a run whose agents always go from start to goal, in episodes of 40 steps.
+fn one_goal(planner: Planner, map: &str) -> Result<Trainer, train::TrainError> {
+    let mut own = settings();
+    own.train.goals = Goals::Map;
+    own.train.agents = 8;
+    own.train.episode_steps = Auto::Given(40);
+    let method = Method { planner, ..Method::default() };
+    let run = Run { method, preset: Preset::Default, seed: 3, settings: own };
+    let world = PointMaze::new(Arc::new(parse_map("marked", map.as_bytes()).unwrap()), 0);
+    Trainer::new(run, &world, &Registry::builtin(), 1)
+}
+
+#[test]
+fn the_maps_goal_is_the_only_one_and_every_episode_begins_at_its_start() {
+    for planner in [Planner::None, Planner::Bridges] {
+        let mut run = one_goal(planner, &marked_rooms()).unwrap();
+        let goal = map_of(&run).goals()[0].centre();
+        let (mut begun, mut bridges) = (0, 0);
+        while run.counters().updates < 300 {
+            run.tick().unwrap();
+            let agents = run.rollout().agents().iter().zip(run.world().states().chunks_exact(2));
+            for (i, (agent, at)) in agents.enumerate() {
+                let (last, _) = run.rollout().goal_and_waypoints(i);
+                assert_eq!(agent.after_bridge.as_deref().unwrap_or(last), goal);
+                bridges += usize::from(agent.goal != goal);
+                if agent.steps == 0 {
+                    assert!(at[0] < 1.0 && at[1] < 1.0, "begins at {at:?}");
+                    begun += 1;
+                }
+            }
+        }
+        // More than time runs out for: those who reach the goal begin again.
+        let (episodes, reached) = (run.counters().episodes, run.counters().goals_reached);
+        assert!(reached > 0 && episodes > run.counters().env_steps / 40, "{episodes}, {reached}");
+        assert!(begun > episodes as usize);
+        assert_eq!(bridges > 0, planner == Planner::Bridges, "on the way, bridge points");
+
+        let mut resumed = Trainer::load(&run.save().unwrap(), &Registry::builtin(), 1).unwrap();
+        for run in [&mut run, &mut resumed] {
+            train_to(run, 350);
+        }
+        assert_same(&run, &resumed);
+        let mut again = one_goal(planner, &marked_rooms()).unwrap();
+        train_to(&mut again, 350);
+        assert_same(&run, &again);
+    }
+}
+
+#[test]
+fn without_a_way_from_start_to_goal_there_is_no_one_goal() {
+    let refused = |map: &str| match one_goal(Planner::None, map) {
+        Ok(_) => panic!("a run"),
+        Err(error) => error.to_string(),
+    };
+    let walled: String = marked_rooms()
+        .lines()
+        .map(|line| {
+            let cells: Vec<char> = line.chars().collect();
+            cells
+                .iter()
+                .enumerate()
+                .map(|(i, c)| if i == 10 { '#' } else { *c })
+                .collect::<String>()
+                + "\n"
+        })
+        .collect();
+    for map in [TWO_ROOMS, &marked_rooms().replace('S', "."), &walled] {
+        assert_eq!(
+            refused(map),
+            "marked has no start S from which a goal G can be reached, which goals=map requires"
+        );
+    }
+    let mut run = one_goal(Planner::None, &marked_rooms()).unwrap();
+    let walled = Arc::new(parse_map("walled", walled.as_bytes()).unwrap());
+    assert!(change_map(&mut run, &walled).is_err(), "an edit that leaves no way");
+    train_to(&mut run, 20);
 }
 
 /// Returns the two rooms with the door in the first row instead.

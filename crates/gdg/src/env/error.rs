@@ -16,6 +16,9 @@ pub enum EnvError {
         /// Kind of the other world.
         other: &'static str,
     },
+    /// It has no task of its own.
+    #[error("{0} has no start S from which a goal G can be reached, which goals=map requires")]
+    NoOwnTask(String),
     /// What is stored of the world cannot be loaded.
     #[error(transparent)]
     Store(#[from] StoreError),

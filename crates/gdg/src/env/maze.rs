@@ -15,7 +15,7 @@ use serde_json::{Map, Value, json};
 
 use super::{
     Abilities, Change, Drawn, Editable, EnvError, EnvSettings, Environment, Episodes, Evaluated,
-    Explored, GroundTruth, MazeScene, Probes, Recorded, Region, Restart, Scene, Spec, Task,
+    Explored, Goals, GroundTruth, MazeScene, Probes, Recorded, Region, Restart, Scene, Spec, Task,
     TaskSet, WorldKind,
 };
 use crate::map::{
@@ -244,10 +244,9 @@ fn full_state_at([x, y]: [f32; 2]) -> [f64; 2] {
 impl PointMaze {
     /// Moves `agent` to a start state, as [`Environment::restart`].
     pub fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
-        let position = match (self.settings.restart, self.map.starts()) {
-            (Restart::Auto | Restart::StartCell | Restart::Never, starts @ [_, ..]) => {
-                Self::random_position_in(starts, rng)
-            }
+        let anywhere = self.settings.restart == Restart::Anywhere;
+        let position = match self.map.starts() {
+            starts @ [_, ..] if !anywhere => Self::random_position_in(starts, rng),
             _ => self.random_position(self.largest, rng),
         };
         self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
@@ -315,9 +314,14 @@ impl Environment for PointMaze {
     }
 
     fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
-        goal.copy_from_slice(
-            &self.random_position(self.component_at(agent).unwrap_or(self.largest), rng),
-        );
+        let position = match self.map.goals() {
+            [only] if self.settings.goals == Goals::Map => only.centre(),
+            goals @ [_, ..] if self.settings.goals == Goals::Map => {
+                goals[rng.random_range(0..goals.len())].centre()
+            }
+            _ => self.random_position(self.component_at(agent).unwrap_or(self.largest), rng),
+        };
+        goal.copy_from_slice(&position);
     }
 
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {

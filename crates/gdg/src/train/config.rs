@@ -249,6 +249,12 @@ fn checked(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
     if let Err(OutOfRange(setting)) = settings.validate_ranges() {
         return Err(refused(setting.name, setting, &values[setting.name]));
     }
+    let contradicting = settings.contradicting_goals();
+    if !contradicting.is_empty() {
+        let problem = "goals=map: every episode leads from the map's S to its G".to_owned();
+        let help = format!("set {} as well", contradicting.join(" and "));
+        return Err(ConfigError::new(problem, help));
+    }
     let needed = settings.needed_buffer_size();
     let Settings { learn, train, .. } = &settings;
     if learn.buffer_size >= needed {

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::settings::Settings;
 use crate::bridge::{Candidates, Excursions, Guide, Hop, SearchOutcome, Walker};
-use crate::env::{EnvError, Environment};
+use crate::env::{EnvError, Environment, Goals};
 use crate::learn::{Acting, Replay, Scratch};
 pub use state::RolloutState;
 
@@ -254,6 +254,7 @@ impl Rollout {
     }
 
     /// Ends the episode of agent `i` after a step if it is over, or its pursuit of a goal.
+    /// Ends the episode of agent `i` after a step if it is over, or its pursuit of a goal.
     fn go_on(
         &mut self,
         i: usize,
@@ -261,18 +262,9 @@ impl Rollout {
         context: &mut StepContext,
         round: &mut RoundResult,
     ) -> Result<(), EnvError> {
-        let s = self.env.spec().state_dim();
-        let state = &self.env.states()[i * s..(i + 1) * s];
         self.agents[i].steps = self.agents[i].steps.saturating_add(1);
         if self.agents[i].steps >= context.episode_steps || has_ended {
-            context.replay.end_episode(i, state);
-            // An agent that stays continues its trajectory.
-            if !self.stays(i, context) {
-                context.candidates.visit(i, state);
-                context.candidates.end_episode(i);
-            }
-            round.episodes += 1;
-            self.start_episode(i, context)
+            self.end_episode(i, context, round)
         } else if self.excursions.is_on(i) {
             Ok(())
         } else {
@@ -280,11 +272,30 @@ impl Rollout {
         }
     }
 
+    /// Ends the episode of agent `i` and starts the next one.
+    fn end_episode(
+        &mut self,
+        i: usize,
+        context: &mut StepContext,
+        round: &mut RoundResult,
+    ) -> Result<(), EnvError> {
+        let s = self.env.spec().state_dim();
+        let state = &self.env.states()[i * s..(i + 1) * s];
+        context.replay.end_episode(i, state);
+        // An agent that stays continues its trajectory.
+        if !self.stays(i, context) {
+            context.candidates.visit(i, state);
+            context.candidates.end_episode(i);
+        }
+        round.episodes += 1;
+        self.start_episode(i, context)
+    }
+
     /// Gives agent `i` its next goal if it has reached its own or gives up on it.
     fn end_pursuit(
         &mut self,
         i: usize,
-        context: &StepContext,
+        context: &mut StepContext,
         round: &mut RoundResult,
     ) -> Result<(), EnvError> {
         let s = self.env.spec().state_dim();
@@ -299,6 +310,10 @@ impl Rollout {
             && (reached || agent.steps >= agent.give_up_at)
         {
             round.reached += u64::from(reached);
+            // There is no other goal.
+            if context.settings.train.goals == Goals::Map {
+                return self.end_episode(i, context, round);
+            }
             self.choose_goal(i, context)?;
         }
         Ok(())

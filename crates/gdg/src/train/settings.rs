@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::bridge::BridgeSettings;
-use crate::env::{EnvSettings, Restart};
+use crate::env::{EnvSettings, Goals, Restart};
 use crate::learn::LearnSettings;
 use crate::settings::Effect::NewAgents;
 use crate::settings::Preset::{Paper, Sb3, Tuned};
@@ -113,10 +113,19 @@ settings! {
                 ablation: without("episodes of 150 steps", "150");
             restart: Restart = Restart::Auto, Paper | Sb3 => Restart::Anywhere;
                 "start of an episode: anywhere, the map's start S, or where the last one ended; \
-                 auto: never if there is an S",
+                 auto: never if there is an S, and S with goals=map",
                 values: Values::word(&["auto", "anywhere", "start-cell", "never"]),
                 effect: NewAgents,
                 ablation: without("episodes from anywhere", "anywhere");
+            /// The paper's local optimum has one goal. Batches are still relabelled as they say, and
+            /// bridge points are still first goals on the way.
+            #[serde(default)]
+            goals: Goals = Goals::Anywhere;
+                "what agents are asked to reach: places anywhere, or always the map's goal G, from \
+                 its start S; reaching it begins a new episode if new_goal_when_reached",
+                values: Values::word(&["anywhere", "map"]).with("map only without near_goals and \
+                 with restart=auto or start-cell"),
+                effect: NewAgents;
             /// It takes no knowledge of the world. SoRB (Eysenbach et al. 2019) trains on near
             /// goals with probability 0.8.
             #[serde(default)]
@@ -157,7 +166,7 @@ fn default_near_goal_steps() -> u32 {
 impl TrainSettings {
     /// Returns the settings of the environment.
     pub fn env(&self) -> EnvSettings {
-        EnvSettings { restart: self.restart, noise: self.env_noise }
+        EnvSettings { restart: self.restart, goals: self.goals, noise: self.env_noise }
     }
 }
 
@@ -179,6 +188,7 @@ impl Settings {
     /// The first setting that is out of range.
     pub fn validate(&self) -> Result<(), OutOfRange> {
         self.validate_ranges()?;
+        demand(self.contradicting_goals().is_empty(), "goals")?;
         demand(self.learn.buffer_size >= self.needed_buffer_size(), "buffer_size")
     }
 
@@ -193,6 +203,19 @@ impl Settings {
             return Err(OutOfRange(wrong));
         }
         demand(self.learn.goal_random + self.learn.goal_hindsight <= 1.0, "goal_random")
+    }
+
+    /// Returns what would have to be set for `goals=map`, by which every episode leads from the
+    /// map's start to its goal: nothing if all is well.
+    pub fn contradicting_goals(&self) -> Vec<&'static str> {
+        let TrainSettings { goals, near_goals, restart, .. } = self.train;
+        let moves = [Restart::Anywhere, Restart::Never].contains(&restart);
+        let needed = [(near_goals > 0.0, "near_goals=0"), (moves, "restart=start-cell")];
+        needed
+            .into_iter()
+            .filter(|(is, _)| *is && goals == Goals::Map)
+            .map(|(_, set)| set)
+            .collect()
     }
 
     /// Returns the smallest buffer that holds an episode of every agent.

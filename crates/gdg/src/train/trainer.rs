@@ -25,7 +25,7 @@ use super::run::{Counters, EndReason, Limits, Run, Tick};
 use super::settings::UpdateWhen;
 use super::visits::Visits;
 use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
-use crate::env::{Environment, Episodes, Scene, Spec, TaskSet};
+use crate::env::{EnvError, Environment, Episodes, Goals, Scene, Spec, TaskSet};
 use crate::learn::{
     Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, ReplaySizes,
     Scratch, Stage, Threads, TrainingData,
@@ -100,6 +100,10 @@ fn new_learner(
 
 /// Forks and configures `world` for the agents of `run`.
 fn fork_world(run: &Run, world: &dyn Environment) -> Result<Box<dyn Environment>> {
+    let has_task = || world.abilities().episodes.and_then(Episodes::default_task).is_some();
+    if run.settings.train.goals == Goals::Map && !has_task() {
+        return Err(EnvError::NoOwnTask(world.title().to_owned()).into());
+    }
     let mut world = world.fork(run.settings.train.agents)?;
     world.configure(&run.settings.train.env());
     Ok(world)

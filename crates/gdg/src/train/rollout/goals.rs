@@ -6,7 +6,7 @@ use rand::RngExt;
 
 use super::{Plan, Rollout, StepContext};
 use crate::bridge::{SearchSpace, search};
-use crate::env::{EnvError, EnvSettings, Restart};
+use crate::env::{EnvError, EnvSettings, Goals, Restart};
 
 /// An agent gives up on a goal after this multiple of D to it ...
 const GIVE_UP_FACTOR: f32 = 3.0;
@@ -22,6 +22,7 @@ impl Rollout {
         }
         match context.settings.train.restart {
             Restart::Never => true,
+            Restart::Auto if context.settings.train.goals == Goals::Map => false,
             Restart::Auto => {
                 self.env.abilities().episodes.is_some_and(|episodes| episodes.stays(i))
             }

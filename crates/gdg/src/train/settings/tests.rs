@@ -188,6 +188,7 @@ fn of_old_checkpoints_settings_added_later_are_off_and_no_others_may_be_missing(
         ("max_distance_steps", json!(0.0)),
         ("actor_l2", json!(0.0)),
         ("target_noise", json!(0.0)),
+        ("goals", json!("anywhere")),
         ("near_goals", json!(0.0)),
         ("near_goal_steps", json!(4)),
         ("pessimism", json!(1.0)),
@@ -206,6 +207,29 @@ fn of_old_checkpoints_settings_added_later_are_off_and_no_others_may_be_missing(
             None => assert!(read.is_err(), "{}", setting.name),
         }
     }
+}
+
+#[test]
+fn the_maps_goal_alone_and_what_contradicts_it_are_refused_together() {
+    let paper = Preset::Paper.settings();
+    assert_eq!(paper.contradicting_goals(), [""; 0]);
+    let error = with_setting(&paper, "goals", "map").expect_err("goals nearby, starts anywhere");
+    assert_eq!(error.help, "set near_goals=0 and restart=start-cell as well");
+    let mut own = with_setting(&paper, "near_goals", "0").expect("no near goals");
+    for restart in ["anywhere", "never"] {
+        own = with_setting(&own, "restart", restart).expect("starts elsewhere");
+        let error = with_setting(&own, "goals", "map").expect_err("starts elsewhere");
+        assert_eq!(error.help, "set restart=start-cell as well");
+    }
+    for restart in ["auto", "start-cell"] {
+        own = with_setting(&own, "restart", restart).expect("starts at S");
+        let own = with_setting(&own, "goals", "map").expect("from S to G");
+        assert!(own.validate().is_ok());
+        assert!(with_setting(&own, "near_goals", "0.1").is_err());
+    }
+    own.train.goals = Goals::Map;
+    own.train.restart = Restart::Never;
+    assert!(own.validate().is_err_and(|OutOfRange(setting)| setting.name == "goals"));
 }
 
 #[test]

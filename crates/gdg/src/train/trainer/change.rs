@@ -211,7 +211,9 @@ fn keeps_replay(before: &Settings, now: &Settings) -> bool {
 
 /// Whether the agents can be kept after a change of settings.
 fn keeps_agents(before: &Settings, now: &Settings) -> bool {
-    keeps_replay(before, now) && now.train.restart == before.train.restart
+    keeps_replay(before, now)
+        && now.train.restart == before.train.restart
+        && now.train.goals == before.train.goals
 }
 
 /// Whether the networks can be kept after a change of settings. Matching shapes are not enough:
