@@ -1,12 +1,14 @@
 //! Reads runs, with what their evaluations found: from results of experiments, checkpoints and
 //! records.
 
+mod join;
 mod line;
 mod reader;
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::io::BufRead;
+use std::collections::BTreeMap;
+use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use miette::{Report, miette};
@@ -20,11 +22,18 @@ use crate::host::runs::files_in;
 use gdg::files::{has_extension, is_hidden, open};
 use gdg::text::{counted, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
+use join::join;
 pub use line::RunLine;
 pub use reader::{Found, Reader};
 
 /// Records that have not grown for this long are not of a running run.
 const QUIET: Duration = Duration::from_mins(1);
+
+/// The longest line of records: none that this program writes is nearly as long.
+const MOST_OF_A_LINE: u64 = 16 << 20;
+
+/// Some editors begin files with it.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// What can be given.
 const HELP: &str = "give a folder of gdg-tui suite, reproduce or ablate, a folder of checkpoints, \
@@ -53,6 +62,8 @@ pub struct SavedRun {
     pub evaluations: Vec<EvaluationAt>,
     /// Its checkpoint, if it is known to have had one.
     pub checkpoint: Option<PathBuf>,
+    /// Its other files, which are not listed besides.
+    pub others: Vec<PathBuf>,
 }
 
 /// What a run was read from.
@@ -75,6 +86,8 @@ pub enum Ending {
     Interrupted,
     /// The run has reached its limit.
     Finished,
+    /// Its checkpoint has been resumed since, elsewhere.
+    Continued,
 }
 
 /// What has become of a run.
@@ -115,7 +128,7 @@ impl SavedRun {
         };
         match self.kind {
             Kind::Result | Kind::Records(Ending::Finished) => State::Done,
-            Kind::Checkpoint => State::Saved,
+            Kind::Checkpoint | Kind::Records(Ending::Continued) => State::Saved,
             Kind::Records(Ending::Interrupted) => State::Interrupted,
             Kind::Records(Ending::Open) if grows() => State::Running,
             Kind::Records(Ending::Open) => State::CutOff,
@@ -137,6 +150,7 @@ impl SavedRun {
             updates: result.updates,
             evaluations: result.evaluations,
             checkpoint,
+            others: Vec::new(),
         }
     }
 
@@ -168,6 +182,9 @@ pub fn runs(paths: &[PathBuf]) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
         }
         runs.extend(found);
     }
+    // The checkpoints may be in another folder than the records.
+    let joined = join(runs.into_iter().map(|run| (Arc::new(run), None)).collect());
+    let mut runs: Vec<_> = joined.into_iter().map(|(run, _)| Arc::unwrap_or_clone(run)).collect();
     let evaluated = runs.iter().filter(|run| !run.evaluations.is_empty()).count();
     if evaluated == 0 {
         let source = runs.first().map_or(String::new(), |run| run.source.display().to_string());
@@ -191,7 +208,6 @@ fn folder(path: &Path, notes: &mut Vec<String>) -> Result<Vec<SavedRun>, Report>
             Err(problem) => notes.push(format!("{problem}: left out")),
         }
     }
-    leave_out_superseded(&mut runs, |run| run);
     Ok(runs)
 }
 
@@ -215,23 +231,12 @@ pub fn files_of(folder: &Path) -> Result<Vec<PathBuf>, Report> {
     Ok(of_jobs.into_iter().chain(listed(folder, &["jsonl"])?).collect())
 }
 
-/// Leaves out the checkpoints and records of jobs that have a result.
-pub fn leave_out_superseded<T>(runs: &mut Vec<T>, run: impl Fn(&T) -> &SavedRun) {
-    let stem = |run: &SavedRun| run.source.with_extension("");
-    let results = runs.iter().map(&run).filter(|run| run.kind == Kind::Result);
-    let finished: BTreeSet<PathBuf> = results.map(stem).collect();
-    runs.retain(|each| {
-        let run = run(each);
-        run.kind == Kind::Result || !finished.contains(&stem(run))
-    });
-}
-
 /// Reads the runs of a file.
 ///
 /// # Errors
 /// It cannot be read, or is nothing of the kind.
 pub fn file(path: &Path) -> Result<Vec<SavedRun>, Report> {
-    if is_checkpoint(path) {
+    if is_checkpoint(path) || has_extension(path, "safetensors") {
         return checkpoint(path).map(|run| vec![run]);
     }
     if has_extension(path, "json") {
@@ -272,6 +277,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
         updates: found.updates,
         evaluations,
         checkpoint: Some(path.to_owned()),
+        others: Vec::new(),
     })
 }
 
@@ -325,6 +331,7 @@ impl SavedRun {
             updates,
             evaluations: Vec::new(),
             checkpoint: None,
+            others: Vec::new(),
         }
     }
 
@@ -336,7 +343,7 @@ impl SavedRun {
                 self.updates = at.updates;
                 self.evaluations.push(*at);
             }
-            Record::Saved { path } => self.checkpoint = Some(path),
+            Record::Saved { path } => self.checkpoint = Some(found_from(&self.source, path)),
             Record::End { reason, updates } => {
                 let interrupted = reason == "interrupted";
                 self.updates = updates;
@@ -348,6 +355,14 @@ impl SavedRun {
     }
 }
 
+/// Returns where a file is that `records` name: its path is relative to the folder in which the
+/// run was started, which is the present one, or else that of the records or one above it.
+fn found_from(records: &Path, path: PathBuf) -> PathBuf {
+    let above = || records.ancestors().skip(1).map(|folder| folder.join(&path));
+    let found = if path.is_file() { None } else { above().find(|path| path.is_file()) };
+    found.unwrap_or(path)
+}
+
 /// Reads the runs in a file of records, one JSON object per line: each begins with its `start`.
 fn records(path: &Path) -> Result<Vec<SavedRun>, Report> {
     let file = open(path).map_err(|error| unreadable(path, &error))?;
@@ -355,23 +370,24 @@ fn records(path: &Path) -> Result<Vec<SavedRun>, Report> {
     let (mut runs, mut line, mut number) = (Vec::<SavedRun>::new(), Vec::new(), 0);
     loop {
         line.clear();
-        if reader.read_until(b'\n', &mut line).map_err(|error| unreadable(path, &error))? == 0 {
+        let mut part = reader.by_ref().take(MOST_OF_A_LINE);
+        if part.read_until(b'\n', &mut line).map_err(|error| unreadable(path, &error))? == 0 {
             break;
         }
         number += 1;
-        if line.trim_ascii().is_empty() {
+        let text = line.trim_ascii();
+        let text =
+            if number == 1 { text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text) } else { text };
+        if text.is_empty() {
             continue;
         }
-        let record = match serde_json::from_slice(&line) {
+        let record = match serde_json::from_slice(text) {
             Ok(record) => record,
             // The last line of a run that goes on may be incomplete.
-            Err(_) if !runs.is_empty() && !line.ends_with(b"\n") => break,
+            Err(_) if !runs.is_empty() && !line.ends_with(b"\n") && !is_too_long(&line) => break,
             Err(error) => {
-                // The parser sees this line only, so its line number is always 1.
-                let (column, error) = (error.column(), sanitized(&error.to_string()));
-                let error = error.split(" at line ").next().unwrap_or_default();
-                let at = format!("{}:{number}:{column}", path.display());
-                return Err(miette!(help = HELP, "{at}: not a record: {error}"));
+                let at = format!("{}:{number}", path.display());
+                return Err(miette!(help = HELP, "{at}{}", not_a_record(text, &error)));
             }
         };
         match (record, runs.last_mut()) {
@@ -388,6 +404,26 @@ fn records(path: &Path) -> Result<Vec<SavedRun>, Report> {
         return Err(miette!(help = HELP, "{}: no records", path.display()));
     }
     Ok(merged(runs))
+}
+
+fn is_too_long(line: &[u8]) -> bool {
+    line.len() as u64 >= MOST_OF_A_LINE
+}
+
+/// Says what is wrong with a line, after its number.
+fn not_a_record(line: &[u8], error: &serde_json::Error) -> String {
+    if is_too_long(line) {
+        return format!(": not a record: longer than {} MB", MOST_OF_A_LINE >> 20);
+    }
+    match serde_json::from_slice::<Value>(line) {
+        Ok(Value::Object(fields)) if fields.contains_key("event") => {
+            let error = sanitized(&error.to_string());
+            // The parser sees this line only, so its line number is always 1.
+            format!(": not a record: {}", error.split(" at line ").next().unwrap_or_default())
+        }
+        Ok(_) => ": not a record: no object with an \"event\"".to_owned(),
+        Err(error) => format!(":{}: not a record: not JSON", error.column()),
+    }
 }
 
 /// Joins the parts of a run that was resumed.

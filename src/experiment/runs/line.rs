@@ -1,6 +1,6 @@
 //! A run as a line of JSON.
 
-use std::path::Path;
+use std::borrow::Cow;
 use std::time::SystemTime;
 
 use jiff::Timestamp;
@@ -13,7 +13,7 @@ use gdg::train::Evaluation;
 /// What is written of a run.
 #[derive(Debug, Serialize)]
 pub struct RunLine<'a> {
-    file: &'a Path,
+    file: Cow<'a, str>,
     /// What the file is: `checkpoint`, `result` or `records`.
     kind: &'static str,
     state: &'static str,
@@ -32,7 +32,7 @@ pub struct RunLine<'a> {
     distance_error: Option<f64>,
     coverage: Option<f64>,
     written: Option<String>,
-    checkpoint: Option<&'a Path>,
+    checkpoint: Option<Cow<'a, str>>,
 }
 
 impl SavedRun {
@@ -46,7 +46,8 @@ impl SavedRun {
             Some((name.to_owned(), value))
         };
         RunLine {
-            file: &self.source,
+            // JSON has no bytes that are not text.
+            file: self.source.to_string_lossy(),
             kind: match self.kind {
                 Kind::Result => "result",
                 Kind::Checkpoint => "checkpoint",
@@ -65,7 +66,7 @@ impl SavedRun {
             distance_error: evaluation.and_then(|last| Some(last.distance_error?.mape)),
             coverage: evaluation.and_then(|last| last.coverage),
             written: written.and_then(|at| Some(Timestamp::try_from(at).ok()?.to_string())),
-            checkpoint: self.checkpoint.as_deref(),
+            checkpoint: self.checkpoint.as_deref().map(std::path::Path::to_string_lossy),
         }
     }
 }

@@ -8,7 +8,8 @@ use std::time::SystemTime;
 
 use miette::Report;
 
-use super::{SavedRun, file, files_of, leave_out_superseded};
+use super::join::{Dated, join};
+use super::{SavedRun, file, files_of};
 use crate::host::runs::SAVES;
 use gdg::text::sanitized;
 
@@ -16,10 +17,10 @@ use gdg::text::sanitized;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
     /// The runs, with the time at which their files were written.
-    pub runs: Vec<(Arc<SavedRun>, Option<SystemTime>)>,
+    pub runs: Vec<Dated>,
     /// Files and folders that cannot be read, and why.
     pub problems: Vec<(PathBuf, String)>,
-    /// Files read so far, of how many.
+    /// The file being read, of how many; both are the same at the end.
     pub read: [usize; 2],
 }
 
@@ -44,7 +45,7 @@ impl Reader {
         Self { folders: folders.to_vec(), known: HashMap::new() }
     }
 
-    /// Reads what is new. Calls `tell` after each file that was, until it says to stop.
+    /// Reads what is new. Calls `tell` before each file that is, until it says to stop.
     pub fn read(&mut self, mut tell: impl FnMut(&dyn Fn() -> Found) -> ControlFlow<()>) -> Found {
         let (files, problems) = self.files();
         let all: Vec<(PathBuf, Stamp)> = files.into_iter().map(with_stamp).collect();
@@ -54,13 +55,13 @@ impl Reader {
             if self.known.get(path).is_some_and(|version| version.stamp == *stamp) {
                 continue;
             }
+            if tell(&|| self.found(&all, i + 1, &problems)).is_break() {
+                break;
+            }
             // One that is replaced meanwhile is read again next time.
             let contents = file(path).map(|runs| runs.into_iter().map(Arc::new).collect());
             let contents = contents.map_err(|problem| reason(path, &problem));
             self.known.insert(path.clone(), Version { stamp: *stamp, contents });
-            if tell(&|| self.found(&all, i + 1, &problems)).is_break() {
-                break;
-            }
         }
         self.found(&all, all.len(), &problems)
     }
@@ -77,6 +78,9 @@ impl Reader {
                 Err(problem) => problems.push((folder.clone(), reason(&folder, &problem))),
             }
         }
+        // A folder may be named twice, or be an experiment's in another.
+        let mut listed = HashSet::new();
+        files.retain(|file| listed.insert(file.clone()));
         (files, problems)
     }
 
@@ -94,8 +98,7 @@ impl Reader {
                 None => {}
             }
         }
-        leave_out_superseded(&mut runs, |(run, _)| run);
-        Found { runs, problems, read: [read, files.len()] }
+        Found { runs: join(runs), problems, read: [read, files.len()] }
     }
 }
 
@@ -115,11 +118,13 @@ fn with_stamp(path: PathBuf) -> (PathBuf, Stamp) {
     (path, stamp)
 }
 
-/// Returns why a file cannot be read, without its name.
+/// Returns why a file cannot be read, without its name, but with the line if there is one.
 fn reason(path: &Path, problem: &Report) -> String {
     let (text, name) = (problem.to_string(), path.display().to_string());
-    let text = text.strip_prefix(&name).map_or(&*text, |rest| rest.trim_start_matches(": "));
-    sanitized(text)
+    let Some(rest) = text.strip_prefix(&name) else { return sanitized(&text) };
+    let rest = rest.trim_start_matches([':', ' ']);
+    let is_line = rest.starts_with(|c: char| c.is_ascii_digit());
+    format!("{}{}", if is_line { "line " } else { "" }, sanitized(rest))
 }
 
 #[cfg(test)]
@@ -188,6 +193,65 @@ mod tests {
         let mut reader = Reader::new(&[folder.path().to_owned()]);
         let (updates, problems, _) = read(&mut reader);
         assert_eq!((updates, problems), (vec![500, 300], 0), "c is in no experiment");
+    }
+
+    #[test]
+    fn a_line_that_is_no_record_is_named_and_explained() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("run.jsonl");
+        let long = "x".repeat(17 << 20);
+        for (line, problem) in [
+            ("[1]", "line 2: not a record: no object with an \"event\""),
+            ("{\"event\":", "line 2:9: not a record: not JSON"),
+            (
+                "{\"event\":\"progress\",\"updates\":-3}",
+                "line 2: not a record: invalid value: integer `-3`, expected u64",
+            ),
+            (&long, "line 2: not a record: longer than 16 MB"),
+        ] {
+            write(&file, start() + line + "\n").expect("a file");
+            let mut reader = Reader::new(&[folder.path().to_owned()]);
+            let found = reader.read(|_| ControlFlow::Continue(()));
+            assert_eq!(found.problems, [(file.clone(), problem.to_owned())]);
+        }
+    }
+
+    #[test]
+    fn files_that_windows_wrote_and_folders_that_are_named_twice_are_read_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let text = format!("\u{feff}{}{}", start(), progress(1_000)).replace('\n', "\r\n");
+        write(folder.path().join("one.jsonl"), text).expect("a file");
+        let mut reader = Reader::new(&[folder.path().to_owned(), folder.path().to_owned()]);
+        assert_eq!(read(&mut reader), (vec![1_000], 0, 1));
+    }
+
+    #[test]
+    fn a_checkpoint_is_found_from_above_its_records() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().join(name);
+        for name in ["saves", "records"] {
+            create_dir(path(name)).expect("a folder");
+        }
+        write(path("saves/a.safetensors"), "").expect("a file");
+        let saved = r#"{"event":"saved","updates":1,"path":"saves/a.safetensors"}"#;
+        write(path("records/a.jsonl"), start() + saved + "\n").expect("a file");
+        let found = Reader::new(&[path("records")]).read(|_| ControlFlow::Continue(()));
+        assert_eq!(found.runs[0].0.checkpoint, Some(path("saves/a.safetensors")));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_name_that_is_no_text_is_in_json_all_the_same() {
+        use std::os::unix::ffi::OsStrExt;
+        let folder = tempfile::tempdir().expect("a folder");
+        let name = std::ffi::OsStr::from_bytes(b"a\xff.jsonl");
+        if write(folder.path().join(name), start()).is_err() {
+            return; // Not every file system has such names.
+        }
+        let mut reader = Reader::new(&[folder.path().to_owned()]);
+        let found = reader.read(|_| ControlFlow::Continue(()));
+        let line = serde_json::to_string(&found.runs[0].0.line(None)).expect("JSON");
+        assert!(line.contains("a\u{fffd}.jsonl"), "{line}");
     }
 
     #[test]

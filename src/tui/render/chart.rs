@@ -9,12 +9,16 @@ use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition};
 
 use crate::tui::style::DIM;
 use crate::tui::text::{fitted_lines, short};
+use gdg::text::fitted;
 
 /// Minimum columns for a name on the x axis.
 const MIN_NAMED_WIDTH: u16 = 20;
 
 /// Maximum lines for a chart's title and the names of its curves.
 const MAX_NAME_LINES: usize = 2;
+
+/// Columns that names of curves keep where there is no room.
+const MIN_NAME_COLUMNS: usize = 10;
 
 /// A line of a chart.
 pub struct Line<'a> {
@@ -27,24 +31,45 @@ pub struct Line<'a> {
 }
 
 /// Returns a chart's title, followed by the names of its curves, in lines of at most `width`
-/// columns.
+/// columns: names are shortened, and the last ones left out if there is no room even then.
 pub fn heading(
     title: Span<'static>,
     names: impl Iterator<Item = Span<'static>>,
     width: u16,
 ) -> Vec<TextLine<'static>> {
-    let mut lines = vec![TextLine::from(title)];
-    for name in names {
-        if lines.last().is_none_or(|line| line.width() + name.width() > usize::from(width)) {
-            lines.push(TextLine::default());
+    let names: Vec<Span> = names.collect();
+    let widest = names.iter().map(Span::width).max().unwrap_or(0).max(MIN_NAME_COLUMNS);
+    let all = (MIN_NAME_COLUMNS..=widest).rev().map(|most| name_lines(&title, &names, most, width));
+    let mut lines = Vec::new();
+    for tried in all {
+        lines = tried;
+        if lines.len() <= MAX_NAME_LINES {
+            break;
         }
-        lines.last_mut().into_iter().for_each(|line| line.push_span(name.clone()));
     }
     if lines.len() > MAX_NAME_LINES {
         lines.truncate(MAX_NAME_LINES);
         lines.last_mut().into_iter().for_each(|line| line.push_span("  ...      "));
     }
     fitted_lines(lines, width)
+}
+
+/// Returns a title and names of at most `most` columns, in as many lines as they need.
+fn name_lines(
+    title: &Span<'static>,
+    names: &[Span<'static>],
+    most: usize,
+    width: u16,
+) -> Vec<TextLine<'static>> {
+    let mut lines = vec![TextLine::from(title.clone())];
+    for name in names {
+        let name = Span::styled(fitted(&name.content, most), name.style);
+        if lines.last().is_none_or(|line| line.width() + name.width() > usize::from(width)) {
+            lines.push(TextLine::default());
+        }
+        lines.last_mut().into_iter().for_each(|line| line.push_span(name.clone()));
+    }
+    lines
 }
 
 /// The axes of a chart.

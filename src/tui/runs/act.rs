@@ -107,7 +107,7 @@ impl RunsScreen {
                 Ok(notice) => self.log.show(&notice, false),
                 Err(problem) => self.log.show(&problem, true),
             },
-            ListAction::Delete => match Question::new(&self.list.chosen()) {
+            ListAction::Delete => match Question::new(&self.list) {
                 Ok(question) => self.question = question,
                 Err(problem) => self.log.show(&problem, true),
             },
@@ -128,7 +128,12 @@ impl RunsScreen {
 
     /// Resumes the selected run, unless it has no checkpoint.
     fn resume(&mut self) {
-        let Some(entry) = self.list.selected() else { return };
+        let Some(entry) = self.list.selected() else {
+            if self.list.selected_damage().is_some() {
+                self.log.show("this file cannot be resumed, as it cannot be loaded", true);
+            }
+            return;
+        };
         match files::checkpoint(entry) {
             Ok(file) => self.next = Some(Next::Resume(file.to_owned())),
             Err(problem) => self.log.show(&problem, true),
@@ -172,7 +177,7 @@ impl RunsScreen {
         }
         let (rows, first) = self.places.rows;
         let place = first + usize::from(at.y.saturating_sub(rows.y));
-        if !rows.contains(at) || place >= self.list.shown().len() {
+        if !rows.contains(at) || place >= self.list.rows() {
             return;
         }
         if place == self.list.position() {

@@ -12,6 +12,9 @@
 //! +----------------------------------------------+
 //! ```
 
+use std::ops::Range;
+use std::path::Path;
+
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
@@ -24,9 +27,9 @@ use crate::tui::action::{Action, Binding, Mode, When, bindings};
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::render::{footer, help, paint_page};
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::{fitted_line, fitted_lines};
+use crate::tui::text::{fitted_line, fitted_lines, wrapped};
 use crate::tui::theme::Theme;
-use gdg::text::{counted, display_width, fitted, padded};
+use gdg::text::{counted, display_width, fitted, padded, sanitized};
 
 /// The smallest screen with room for everything, in columns and rows.
 pub const MIN_SIZE: (u16, u16) = (60, 16);
@@ -37,6 +40,10 @@ const WIDE_SCREEN: u16 = 170;
 /// Columns that are left out first where there is no room, and the most columns of a text.
 const LEFT_OUT: [Column; 3] = [Column::Written, Column::Greedy, Column::State];
 const MAX_TEXT: usize = 20;
+
+/// Columns that are shortened then, the widest first, and the fewest columns that they keep.
+const SHORTENED: [Column; 3] = [Column::Map, Column::Method, Column::Seed];
+const MIN_TEXT: usize = 6;
 
 /// The fewest columns of files' names, the widest value of a setting, and columns of the settings'
 /// names, at most.
@@ -90,7 +97,10 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
     let Places { layout, .. } = &mut places;
     curves::draw(frame, inner, &runs, screen.curves, &screen.theme, layout);
     let inner = line(frame, settings, Borders::TOP | Borders::LEFT);
-    draw_settings(frame, inner, &runs, &screen.theme);
+    match screen.list.selected_damage() {
+        Some((path, problem)) => draw_damage(frame, inner, path, problem),
+        None => draw_settings(frame, inner, &runs, &screen.theme),
+    }
     footer(frame, foot, screen, layout);
     if let Some(shown) = &screen.help {
         layout.forget_clicks();
@@ -134,10 +144,9 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
         spans.push(Span::raw(format!(" reading file {read} of {all} ")));
     }
     if !list.problems.is_empty() {
-        let text = format!(
-            " {} cannot be read, see the end of the list ",
-            counted(list.problems.len() as u64, "file")
-        );
+        let count = counted(list.problems.len() as u64, "file");
+        let place = if list.damaged().len() > 0 { ", see the end of the list" } else { "" };
+        let text = format!(" {count} cannot be read{place} ");
         spans.push(Span::styled(text, screen.theme.failure()));
     }
     frame.render_widget(fitted_line(Line::from(spans), area.width), area);
@@ -149,7 +158,6 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Pl
     let [title, names, rows] =
         Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)])
             .areas(area);
-    draw_title(frame, title, screen);
     let widths = widths(list, usize::from(area.width));
     let (sorted, reversed) = list.order();
     let mut at = names.x + MARGIN as u16;
@@ -164,21 +172,21 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Pl
         at += *width as u16 + 1;
     }
     frame.render_widget(fitted_line(Line::from(heads), names.width), names);
-    let room = usize::from(rows.height);
-    let position = list.position();
-    // Below the last run is what cannot be read.
-    let is_last = position + 1 >= list.shown().len();
-    let below = if is_last { list.problems.len().min(room.saturating_sub(1)) } else { 0 };
-    let first = (position + 1 + below).saturating_sub(room);
+    let (room, position) = (usize::from(rows.height), list.position());
+    let first = (position + 1).saturating_sub(room);
     places.rows = (rows, first);
+    draw_title(frame, title, screen, first..list.rows().min(first + room));
     let runs = list.shown().enumerate().skip(first).map(|(i, entry)| {
         let line = row(entry, list.mark(entry), &widths, &screen.theme);
         line.style(if i == position { REVERSED } else { Style::new() })
     });
-    let problems = list.problems.iter().map(|(path, problem)| {
-        Line::styled(format!("   {}  cannot be loaded: {problem}", name(path)), DIM)
+    let skipped = first.saturating_sub(list.shown().len());
+    let damaged = list.damaged().enumerate().skip(skipped).map(|(i, (path, problem))| {
+        let is_selected = i + list.shown().len() == position;
+        let style = if is_selected { REVERSED } else { DIM };
+        Line::styled(format!("   {}  cannot be loaded: {problem}", name(path)), style)
     });
-    let lines: Vec<Line> = runs.chain(problems).take(room).collect();
+    let lines: Vec<Line> = runs.chain(damaged).take(room).collect();
     frame.render_widget(Paragraph::new(fitted_lines(lines, rows.width)), rows);
     if list.count() == 0 && list.problems.is_empty() {
         let text = if screen.read[0] < screen.read[1] || !screen.has_read {
@@ -190,8 +198,8 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Pl
     }
 }
 
-/// Draws how many runs are listed, and the words that they must have.
-fn draw_title(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
+/// Draws how many runs are listed, the words that they must have, and which rows are in view.
+fn draw_title(frame: &mut Frame, area: Rect, screen: &RunsScreen, rows: Range<usize>) {
     let RunsScreen { list, words, is_typing, .. } = screen;
     let (shown, all) = (list.shown().len() as u64, list.count() as u64);
     let counts = if shown == all {
@@ -204,7 +212,11 @@ fn draw_title(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
         title.push(Span::raw(format!(" with words: {}", words.value())));
         title.push(Span::raw(if *is_typing { "_ " } else { " " }));
     }
-    let block = Block::new().borders(Borders::TOP).title(Line::from(title));
+    let mut block = Block::new().borders(Borders::TOP).title(Line::from(title));
+    if rows.len() < list.rows() {
+        let text = format!(" {} to {} of {} ", rows.start + 1, rows.end, list.rows());
+        block = block.title(Line::raw(text).right_aligned());
+    }
     frame.render_widget(block, area);
 }
 
@@ -228,6 +240,13 @@ fn widths(list: &List, room: usize) -> Vec<(Column, usize)> {
     for column in LEFT_OUT {
         if needed(&widths) > room {
             widths.retain(|(kept, _)| *kept != column);
+        }
+    }
+    while needed(&widths) > room {
+        let texts = widths.iter_mut().filter(|(column, _)| SHORTENED.contains(column));
+        match texts.max_by_key(|(_, width)| *width) {
+            Some((_, width)) if *width > MIN_TEXT => *width -= 1,
+            _ => break,
         }
     }
     let others = MARGIN + widths.iter().rev().skip(1).map(|(_, width)| width + 1).sum::<usize>();
@@ -309,10 +328,21 @@ fn draw_settings(frame: &mut Frame, area: Rect, runs: &[(Option<usize>, &Entry)]
     frame.render_widget(Paragraph::new(fitted_lines(lines, area.width)), area);
 }
 
+/// Draws why a file cannot be read, which its row may have no room for.
+fn draw_damage(frame: &mut Frame, area: Rect, path: &Path, problem: &str) {
+    let text = sanitized(&format!("{}: {problem}", path.display()));
+    let columns = usize::from(area.width).saturating_sub(2).max(1);
+    let rows = wrapped(&text, columns).into_iter().map(|row| Line::raw(format!(" {row}")));
+    let title = Line::styled(" cannot be loaded", BOLD);
+    let lines: Vec<Line> = std::iter::once(title).chain(rows).collect();
+    frame.render_widget(Paragraph::new(fitted_lines(lines, area.width)), area);
+}
+
 /// Draws a question, a notice, or keys.
 fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
     if let Some(question) = &screen.question {
-        let text = format!(" {} y: delete  n: keep ", question.text);
+        // Names come last, as they may be cut.
+        let text = format!(" delete for good?  y: yes  n: no   {} ", question.text);
         frame.render_widget(Clear, area);
         frame
             .render_widget(fitted_line(Line::styled(text, BOLD.patch(REVERSED)), area.width), area);

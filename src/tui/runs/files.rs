@@ -2,15 +2,16 @@
 
 use std::collections::BTreeSet;
 use std::io::{Error, ErrorKind, Result as IoResult};
+use std::iter;
 use std::path::{Path, PathBuf};
 
 use super::Curves;
 use super::list::{Entry, List, name};
 use crate::experiment::plot::{self, COLUMN, Options};
-use crate::experiment::runs::{Kind, SavedRun, State};
+use crate::experiment::runs::{Kind, SavedRun, State, file as read};
 use crate::figure::Format;
 use crate::tui::export::EXPORT_FOLDER;
-use gdg::files::{self, backup_path, named, unused_path, write_atomically};
+use gdg::files::{self, backup_path, unused_path, write_atomically};
 use gdg::text::{counted, sanitized};
 
 /// Returns the file that a run can be resumed from.
@@ -20,7 +21,19 @@ use gdg::text::{counted, sanitized};
 pub fn checkpoint(entry: &Entry) -> Result<&Path, String> {
     let (run, file) = (&entry.run, name(&entry.run.source));
     match &run.checkpoint {
-        Some(path) if path.is_file() => Ok(path),
+        Some(path) if path.is_file() => {
+            // The file that records name may have been replaced since.
+            let now = if *path == run.source { Vec::new() } else { read(path).unwrap_or_default() };
+            match now.first().filter(|now| !now.is_same(run)) {
+                Some(now) => Err(format!(
+                    "{file} cannot be resumed: {} is another run by now, with seed {} on {}",
+                    path.display(),
+                    now.seed,
+                    now.map
+                )),
+                None => Ok(path),
+            }
+        }
         Some(path) => Err(format!("{file} cannot be resumed: {} is gone", path.display())),
         None if run.kind == Kind::Result => Err(format!(
             "{file} is a result, and its checkpoint was not kept: gdg-tui suite --keep"
@@ -57,48 +70,66 @@ pub fn plot(runs: &[&Entry], Curves { measure, axis }: Curves) -> Result<String,
     let runs: Vec<SavedRun> = runs.iter().map(|entry| (*entry.run).clone()).collect();
     let options = Options { y: measure, x: axis, width: COLUMN, ..Options::default() };
     let drawn = plot::draw(&runs, &options).map_err(|problem| problem.to_string())?;
-    let stem = format!("runs-{}", measure.name());
-    let mut written = Vec::new();
-    let mut write = |extension: &str, bytes: &[u8]| {
-        let path = unused_path(&named(Path::new(EXPORT_FOLDER), &stem, &format!(".{extension}")));
+    let figure = |format: Format| format.encode(&drawn.sheet).map_err(|error| error.to_string());
+    let files =
+        [("svg", figure(Format::Svg)?), ("pdf", figure(Format::Pdf)?), ("csv", drawn.table)];
+    let stem =
+        unused_stem(&format!("runs-{}", measure.name()), &files.each_ref().map(|file| file.0));
+    for (extension, bytes) in &files {
+        let path = stem.with_extension(extension);
         write_atomically(&path, bytes)
             .map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
-        written.push(path.display().to_string());
-        Ok::<_, String>(())
-    };
-    for format in [Format::Svg, Format::Pdf] {
-        let bytes = format.encode(&drawn.sheet).map_err(|problem| problem.to_string())?;
-        write(format.extension(), &bytes)?;
     }
-    write("csv", &drawn.table)?;
-    Ok(format!("wrote {}: {}", written.join(", "), drawn.caption))
+    Ok(format!("wrote {}.svg, .pdf and .csv: {}", stem.display(), drawn.caption))
+}
+
+/// Returns the first name at which there is no file with any of these extensions.
+fn unused_stem(name: &str, extensions: &[&str]) -> PathBuf {
+    let names = (2..).map(|number| format!("{name}-{number}"));
+    let mut stems =
+        iter::once(name.to_owned()).chain(names).map(|name| Path::new(EXPORT_FOLDER).join(name));
+    let is_unused = |stem: &PathBuf| {
+        let paths = extensions.iter().map(|extension| stem.with_extension(extension));
+        paths.into_iter().all(|path| unused_path(&path) == path)
+    };
+    stems.find(is_unused).unwrap_or_default()
 }
 
 /// Asks whether to delete files.
 pub struct Question {
-    /// What it asks.
+    /// What would be deleted.
     pub text: String,
     files: Vec<PathBuf>,
 }
 
 impl Question {
-    /// Asks about the files of runs; `None` if there are none.
+    /// Asks about all files of the chosen runs; `None` if there are none.
     ///
     /// # Errors
     /// A run still goes on.
-    pub fn new(runs: &[&Entry]) -> Result<Option<Self>, String> {
+    pub fn new(list: &List) -> Result<Option<Self>, String> {
+        let runs = list.chosen();
         let running = runs.iter().find(|entry| entry.run.state(entry.written) == State::Running);
         if let Some(entry) = running {
             return Err(format!("{} still grows: end its run first", name(&entry.run.source)));
         }
-        let files: BTreeSet<&PathBuf> = runs.iter().map(|entry| &entry.run.source).collect();
+        let sources = runs.iter().map(|entry| &entry.run.source);
+        let files: BTreeSet<&PathBuf> =
+            sources.chain(runs.iter().flat_map(|entry| &entry.run.others)).collect();
         let files: Vec<PathBuf> = files.into_iter().cloned().collect();
-        let what = match &files[..] {
-            [] => return Ok(None),
-            [file] => file.display().to_string(),
-            files => counted(files.len() as u64, "file"),
+        if files.is_empty() {
+            return Ok(None);
+        }
+        let in_files: usize = files.iter().map(|file| list.count_in(file)).sum();
+        let what = match (files.len() as u64, (in_files.saturating_sub(runs.len())) as u64) {
+            (1, 0) => String::new(),
+            (files, 0) => format!("{}: ", counted(files, "file")),
+            (files, others) => {
+                format!("{} with {} not chosen: ", counted(files, "file"), counted(others, "run"))
+            }
         };
-        Ok(Some(Self { text: format!("delete {what} for good?"), files }))
+        let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+        Ok(Some(Self { text: sanitized(&(what + &names.join(", "))), files }))
     }
 
     /// Deletes the files; returns what was done.

@@ -17,6 +17,9 @@ pub const MOST_MARKS: usize = 26;
 /// What identifies a run while its file grows: the file, and its place in it.
 pub type Key = (PathBuf, usize);
 
+/// The place in a file that cannot be read.
+const DAMAGED: usize = usize::MAX;
+
 /// A run in the list.
 #[derive(Clone, Debug)]
 pub struct Entry {
@@ -155,6 +158,8 @@ impl Entry {
             run.variant.clone().unwrap_or_default(),
             run.source.to_string_lossy().into_owned(),
         ];
+        let others = run.others.iter().map(|path| path.to_string_lossy().into_owned());
+        let facts = facts.into_iter().chain(others).collect::<Vec<_>>();
         let words = facts.iter().chain(&run.settings).map(|word| word.to_lowercase()).collect();
         Self { key, run, written, words }
     }
@@ -172,6 +177,8 @@ pub struct List {
     all: Vec<Entry>,
     /// Indices of those shown, in order.
     shown: Vec<usize>,
+    /// Indices of the files shown below them, which cannot be read.
+    damaged: Vec<usize>,
     /// Files that cannot be read, and why.
     pub problems: Vec<(PathBuf, String)>,
     marks: BTreeMap<usize, Key>,
@@ -187,6 +194,7 @@ impl Default for List {
         Self {
             all: Vec::new(),
             shown: Vec::new(),
+            damaged: Vec::new(),
             problems: Vec::new(),
             marks: BTreeMap::new(),
             selected: None,
@@ -225,6 +233,12 @@ impl List {
             order.then_with(|| tie(a).cmp(&tie(b)))
         });
         self.shown = shown;
+        let matches = |(path, problem): &(PathBuf, String)| {
+            let text = format!("{} {problem}", path.display()).to_lowercase();
+            words.split_whitespace().all(|word| text.contains(word))
+        };
+        let problems = self.problems.iter().enumerate();
+        self.damaged = problems.filter(|(_, each)| matches(each)).map(|(i, _)| i).collect();
     }
 
     /// Returns the runs shown, in order.
@@ -232,16 +246,36 @@ impl List {
         self.shown.iter().map(|i| &self.all[*i])
     }
 
+    /// Returns how many runs of a file there are.
+    pub fn count_in(&self, file: &Path) -> usize {
+        self.all.iter().filter(|entry| entry.run.source == file).count()
+    }
+
     /// Returns how many runs there are.
     pub fn count(&self) -> usize {
         self.all.len()
     }
 
-    /// Returns the place of the selected run among those shown: the first one's, if the selected
-    /// one is not among them.
+    /// Returns the files shown below the runs, which cannot be read, and why.
+    pub fn damaged(&self) -> impl ExactSizeIterator<Item = &(PathBuf, String)> {
+        self.damaged.iter().map(|i| &self.problems[*i])
+    }
+
+    /// Returns the number of rows: of the runs shown, and of files that cannot be read.
+    pub fn rows(&self) -> usize {
+        self.shown.len() + self.damaged.len()
+    }
+
+    /// Returns the selected row: the first one, if the selected run is not among those shown.
     pub fn position(&self) -> usize {
-        let key = self.selected.as_ref();
-        key.and_then(|key| self.shown().position(|entry| entry.key == *key)).unwrap_or(0)
+        let Some(key) = &self.selected else { return 0 };
+        let place = if key.1 == DAMAGED {
+            let place = self.damaged().position(|(path, _)| *path == key.0);
+            place.map(|place| self.shown.len() + place)
+        } else {
+            self.shown().position(|entry| entry.key == *key)
+        };
+        place.unwrap_or(0)
     }
 
     /// Returns the selected run.
@@ -249,10 +283,20 @@ impl List {
         self.shown.get(self.position()).map(|i| &self.all[*i])
     }
 
-    /// Selects a run by its place among those shown, or the nearest place.
-    pub fn select(&mut self, place: usize) {
-        let place = place.min(self.shown.len().saturating_sub(1));
-        self.selected = self.shown.get(place).map(|i| self.all[*i].key.clone());
+    /// Returns the selected file that cannot be read, and why.
+    pub fn selected_damage(&self) -> Option<&(PathBuf, String)> {
+        let place = self.position().checked_sub(self.shown.len())?;
+        self.damaged.get(place).map(|i| &self.problems[*i])
+    }
+
+    /// Selects a row, or the nearest one.
+    pub fn select(&mut self, row: usize) {
+        let row = row.min(self.rows().saturating_sub(1));
+        let damaged = || self.damaged.get(row.checked_sub(self.shown.len())?);
+        self.selected = match self.shown.get(row) {
+            Some(i) => Some(self.all[*i].key.clone()),
+            None => damaged().map(|i| (self.problems[*i].0.clone(), DAMAGED)),
+        };
     }
 
     /// Moves the selection by a number of rows.

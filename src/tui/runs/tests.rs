@@ -51,6 +51,7 @@ pub fn saved(file: &str, map: &str, method: &str, seed: u64, success: &[f64]) ->
         updates: 1_000 * success.len() as u64,
         evaluations: success.iter().enumerate().map(evaluation).collect(),
         checkpoint: Some(file.into()),
+        others: Vec::new(),
     }
 }
 
@@ -184,11 +185,58 @@ fn the_end_of_a_long_list_says_what_cannot_be_read() {
 }
 
 #[test]
+fn files_that_cannot_be_read_are_rows_that_tell_all() {
+    let mut screen = screen();
+    let problems: Vec<_> = (0..30)
+        .map(|i| {
+            (format!("many/bad-{i}.jsonl").into(), format!("line 7: {} {i}", "no ".repeat(30)))
+        })
+        .collect();
+    screen.show(&Found { problems, ..found(&[saved("good", "own", "gdg", 0, &[])]) });
+    press(&mut screen, KeyCode::End);
+    let shown = text(&mut screen, 80, 24);
+    assert!(
+        shown.contains("many/bad-29.jsonl: line 7:") && shown.contains(" no 29 "),
+        "not cut: {shown}"
+    );
+    assert!(shown.contains(" 23 to 31 of 31 "), "{shown}");
+    press(&mut screen, KeyCode::Enter);
+    assert!(screen.next.is_none() && text(&mut screen, 80, 24).contains("cannot be resumed"));
+    type_text(&mut screen, "/bad-12\n");
+    press(&mut screen, KeyCode::Enter);
+    let shown = text(&mut screen, 80, 24);
+    assert!(shown.contains("0 of 1 run ") && shown.contains(" bad-12.jsonl"), "{shown}");
+    assert!(!shown.contains("bad-29"), "{shown}");
+}
+
+#[test]
+fn long_words_leave_room_for_numbers_and_files() {
+    let mut screen = screen();
+    let long = "x".repeat(300);
+    let run = saved("own.safetensors", &long, &long, u64::MAX, &[0.375]);
+    screen.show(&found(&[run, saved("other.safetensors", "own", "gdg", 0, &[0.5])]));
+    for (width, height) in [(60, 20), (80, 24)] {
+        let shown = text(&mut screen, width, height);
+        for part in ["xxx...", " 0.38 ", " own.safete", " other.safe"] {
+            assert!(shown.contains(part), "{part:?} at {width}: {shown}");
+        }
+    }
+    press(&mut screen, KeyCode::Char(' '));
+    press(&mut screen, KeyCode::Home);
+    let one = |name: &str| saved(&format!("{name}-{long}"), "own", "gdg", 0, &[0.5]);
+    screen.show(&found(&["one", "two"].map(one)));
+    type_text(&mut screen, "  ");
+    let shown = text(&mut screen, 80, 24);
+    assert!(shown.contains("  A two") && shown.contains("  B one"), "both curves: {shown}");
+}
+
+#[test]
 fn curves_show_the_marked_runs_and_change_their_axes() {
     let mut screen = screen();
     let shown = text(&mut screen, 120, 40);
     assert!(shown.contains("> trap-her-3 ") && !shown.contains("A fourrooms"), "{shown}");
     press(&mut screen, KeyCode::End);
+    press(&mut screen, KeyCode::Up);
     press(&mut screen, KeyCode::Char(' '));
     let shown = text(&mut screen, 120, 40);
     assert!(shown.contains("  A fourrooms ") && shown.contains("4000"), "{shown}");
@@ -289,16 +337,32 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.show(&found(&runs));
     press(&mut screen, KeyCode::End);
     press(&mut screen, KeyCode::Char('D'));
-    assert!(text(&mut screen, 200, 40).contains("a.safetensors for good? y: delete"));
+    assert!(text(&mut screen, 200, 40).contains("delete for good?  y: yes  n: no   /"));
     press(&mut screen, KeyCode::Enter);
     assert!(path("a.safetensors").exists() && screen.question.is_none(), "only y deletes");
     press(&mut screen, KeyCode::Home);
     type_text(&mut screen, "  D");
-    assert!(text(&mut screen, 120, 40).contains("delete 2 files for good?"));
+    assert!(text(&mut screen, 120, 40).contains("n: no   2 files: /"));
     press(&mut screen, KeyCode::Char('y'));
     let left = ["a", "b", "c"].map(|name| path(&format!("{name}.safetensors")).exists());
     assert_eq!(left, [true, false, false]);
     assert!(text(&mut screen, 120, 40).contains("deleted 2 files"));
+    let records = path("a.jsonl");
+    std::fs::write(&records, "records").expect("a file");
+    let joined = SavedRun {
+        source: records.clone(),
+        others: vec![path("a.safetensors")],
+        ..runs[0].clone()
+    };
+    let another = SavedRun { seed: 8, others: Vec::new(), ..joined.clone() };
+    screen.show(&found(&[joined.clone(), another]));
+    press(&mut screen, KeyCode::End);
+    type_text(&mut screen, "D");
+    assert!(text(&mut screen, 120, 40).contains("n: no   2 files with 1 run not chosen: /"));
+    press(&mut screen, KeyCode::Char('n'));
+    screen.show(&found(&[joined]));
+    type_text(&mut screen, "Dy");
+    assert!(!records.exists() && !path("a.safetensors").exists(), "all files of the run");
     let grows = SavedRun { kind: Kind::Records(Ending::Open), ..runs[0].clone() };
     let now = Some(SystemTime::now());
     screen.show(&Found { runs: vec![(Arc::new(grows), now)], ..Found::default() });
