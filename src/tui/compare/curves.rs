@@ -116,7 +116,7 @@ pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut
         Span::styled(format!("  {} {}", curves::symbol(curve.marker), curve.name), curve.style)
     });
     let title = Span::styled(format!(" success over {}", comparison.axis.name()), BOLD);
-    let lines = chart::heading(title, names, area.width);
+    let lines = chart::heading(&title, names, area.width);
     let [head, body] =
         Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
     layout.add(head, Click::Act(Action::Axis));

@@ -33,13 +33,13 @@ pub struct Line<'a> {
 /// Returns a chart's title, followed by the names of its curves, in lines of at most `width`
 /// columns: names are shortened, and the last ones left out if there is no room even then.
 pub fn heading(
-    title: Span<'static>,
+    title: &Span<'static>,
     names: impl Iterator<Item = Span<'static>>,
     width: u16,
 ) -> Vec<TextLine<'static>> {
     let names: Vec<Span> = names.collect();
     let widest = names.iter().map(Span::width).max().unwrap_or(0).max(MIN_NAME_COLUMNS);
-    let all = (MIN_NAME_COLUMNS..=widest).rev().map(|most| name_lines(&title, &names, most, width));
+    let all = (MIN_NAME_COLUMNS..=widest).rev().map(|most| name_lines(title, &names, most, width));
     let mut lines = Vec::new();
     for tried in all {
         lines = tried;

@@ -235,7 +235,7 @@ impl<'a> Window<'a> {
             let (style, marker) = s.style(&screen.theme, i);
             Span::styled(format!("  {} {}", symbol(marker), s.name), style)
         });
-        let mut lines = chart::heading(Span::styled(title, BOLD), names, width);
+        let mut lines = chart::heading(&Span::styled(title, BOLD), names, width);
         if plot.max.is_some() && !marks.is_empty() {
             lines.push(Line::styled(mark_names(marks, usize::from(width)), DIM));
         }

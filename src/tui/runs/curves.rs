@@ -55,7 +55,7 @@ pub fn draw(
         runs.iter().map(|(mark, entry)| Curve::new(*mark, entry, shown, theme)).collect();
     let names = all.iter().map(|curve| Span::styled(format!("  {}", curve.name), curve.style));
     let title = format!(" {} over {}", shown.measure.label(), shown.axis.label());
-    let heading = chart::heading(Span::styled(title, BOLD), names, area.width);
+    let heading = chart::heading(&Span::styled(title, BOLD), names, area.width);
     let [head, body] =
         Layout::vertical([Constraint::Length(heading.len() as u16), Constraint::Min(0)])
             .areas(area);

@@ -17,6 +17,10 @@ const LEVELS: usize = 32;
 /// A contour line stands out from this many levels around its own: its neighbours.
 const LEVELS_BESIDE: usize = 4;
 
+/// Distances for every kind of colour vision, from near to far: the nearest colours to those of the
+/// gradient would be pink, olive and teal.
+const COLOUR_BLIND_SAFE: [u8; 9] = [227, 221, 179, 144, 247, 103, 67, 61, 25];
+
 /// The colours of ground.
 #[derive(Clone, Copy, Debug)]
 pub struct Palette {
@@ -51,7 +55,7 @@ impl Palette {
         }
         .map(rgb_of_indexed);
         let mut lightest = f32::INFINITY;
-        let distances = levels().map(|share| {
+        let of_gradient = levels().map(|share| {
             // Farther is never lighter: after dark blue, the nearest colour is a lighter one.
             let own = nearest_of_256((gradients.distance)(share), |rgb| {
                 is_floor(rgb, wall) && lightness(rgb) <= lightest
@@ -59,6 +63,10 @@ impl Palette {
             lightest = lightness(own);
             own
         });
+        let distances = match theme {
+            ThemeName::ColourBlindSafe => spread(&COLOUR_BLIND_SAFE),
+            _ => of_gradient,
+        };
         let contours = std::array::from_fn(|i| {
             let beside = i.saturating_sub(LEVELS_BESIDE)..(i + LEVELS_BESIDE + 1).min(LEVELS);
             nearest_of_256(contour(distances[i]), |rgb| {
@@ -79,9 +87,6 @@ impl Palette {
             ThemeName::ColourBlindSafe => (8, &[11, 7, 12], &[8, 8, 15]),
             ThemeName::Light => (7, &[10, 6, 12, 5], &[8, 8, 15, 15]),
             _ => (8, &[10, 6, 12, 5], &[8, 8, 7, 7]),
-        };
-        let spread = |colours: &[u8]| {
-            std::array::from_fn(|i| rgb_of_indexed(colours[i * colours.len() / LEVELS]))
         };
         Self {
             wall: rgb_of_indexed(BLACK),
@@ -107,6 +112,11 @@ impl Palette {
         let level = self.distances.iter().position(|own| *own == ground);
         level.map_or(contour(ground), |level| self.contours[level])
     }
+}
+
+/// Returns levels that share a terminal's colours equally.
+fn spread(colours: &[u8]) -> [Rgb; LEVELS] {
+    std::array::from_fn(|i| rgb_of_indexed(colours[i * colours.len() / LEVELS]))
 }
 
 /// Returns the share of the scale that each level shows.
