@@ -173,6 +173,16 @@ pub fn stays_at(curve: &Curve, value: f64) -> BTreeMap<u64, Option<u64>> {
     from
 }
 
+/// Returns the least value of each seed.
+pub fn least(curve: &Curve) -> Point {
+    let mut least = BTreeMap::new();
+    for (seed, value) in curve.points.iter().flat_map(|point| &point.values) {
+        let of_seed = least.entry(*seed).or_insert(*value);
+        *of_seed = value.min(*of_seed);
+    }
+    Point { x: 0, values: least.into_iter().collect() }
+}
+
 /// Returns the result of the map's own task, with planning if the method plans.
 fn marked(evaluation: &Evaluation) -> Option<TaskOutcome> {
     let marked = evaluation.marked?;
@@ -261,6 +271,7 @@ mod tests {
         ];
         let curve = Curve { entry: &super::super::methods::DEFAULT, points };
         assert_eq!(stays_at(&curve, 1.0), BTreeMap::from([(1, Some(30)), (2, None)]));
+        assert_eq!(least(&curve).values, [(1, 0.9), (2, 0.2)]);
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! The paper's figures: what each shows, of which methods and how long they train.
 
 use super::methods::{
-    ARM_DDPG_DISTANCE, ARM_GDG, ARM_GDG_BRIDGE, ARM_GDG_DISTANCE, ARM_HER, DDPG, DDPG_DISTANCE,
-    DEFAULT, DEFAULT_GDG, Entry, GDG, GDG_BRIDGE, HER, OGBENCH, RANDOM, SORB,
+    ARM_DDPG_DISTANCE, ARM_GDG, ARM_GDG_BRIDGE, ARM_GDG_DISTANCE, ARM_HER, DDPG, DEFAULT, Entry,
+    GDG, GDG_BRIDGE, HER, OGBENCH, RANDOM, SORB, TRAP_DDPG, TRAP_DDPG_DISTANCE, TRAP_DEFAULT,
+    TRAP_DEFAULT_GDG, TRAP_GDG, TRAP_GDG_BRIDGE,
 };
 use crate::experiment::plan::{Length, Plan};
 
@@ -168,7 +169,14 @@ pub const FIGURES: [Figure; 8] = [
         name: "fig6",
         title: "Local optimum: distance left to the goal",
         world: "trap",
-        methods: &[DEFAULT, DEFAULT_GDG, GDG_BRIDGE, GDG, DDPG, DDPG_DISTANCE],
+        methods: &[
+            TRAP_DEFAULT,
+            TRAP_DEFAULT_GDG,
+            TRAP_GDG_BRIDGE,
+            TRAP_GDG,
+            TRAP_DDPG,
+            TRAP_DDPG_DISTANCE,
+        ],
         shows: Shows::DistanceLeft,
         several_seeds: true,
         paper: &[
@@ -207,14 +215,16 @@ impl Figure {
     fn maze_plan(&self, budget: Budget, method: &str) -> Plan {
         let (updates, episodes) = match self.world {
             "city" => (60_000, 200_000),
+            "trap" => (10_000, 100_000),
             _ => (20_000, 100_000),
         };
+        // All four of the paper's curves take the same steps to one goal.
+        let of_paper = ["gdg", "gdg-bridge"].contains(&method)
+            || self.world == "trap" && ["ddpg", "ddpg-distance"].contains(&method);
         let length = match budget {
             // With batches of one agent's steps and no tricks, the paper's updates are cheaper and
             // it needs more of them.
-            Budget::Quick if ["gdg", "gdg-bridge"].contains(&method) => {
-                Length::Updates(4 * updates)
-            }
+            Budget::Quick if of_paper => Length::Updates(4 * updates),
             Budget::Quick => Length::Updates(updates),
             // Our default needs a small part of what the paper's methods train for.
             Budget::Paper if ["default", "default-gdg"].contains(&method) => {

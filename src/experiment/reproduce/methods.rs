@@ -103,6 +103,40 @@ pub const SORB: Entry =
 pub const RANDOM: Entry =
     Entry { name: "random", title: "random", learner: "random", colour: (150, 150, 150), ..GDG };
 
+/// The local optimum: one goal, and what the published algorithms leave open, the same for all four
+/// curves of the paper (see `docs/paper.md`).
+const ONE_GOAL: &[&str] = &[
+    "goals=map",
+    "near_goals=0",
+    "restart=start-cell",
+    "max_distance_steps=0",
+    "episode_steps=500",
+    "hidden=32",
+    "grid_cells=[4,2,1,0.5]",
+    "distance_scale_steps=10",
+    "actor_bound=1",
+    "learning_rate=3e-4",
+    "buffer_size=10000",
+];
+
+/// Our default with one goal.
+pub const TRAP_DEFAULT: Entry = Entry { set: &[NOISE, "goals=map"], ..DEFAULT };
+
+/// The same without bridge points.
+pub const TRAP_DEFAULT_GDG: Entry = Entry { set: TRAP_DEFAULT.set, ..DEFAULT_GDG };
+
+/// The paper's method with one goal and bridge points.
+pub const TRAP_GDG_BRIDGE: Entry = Entry { set: ONE_GOAL, ..GDG_BRIDGE };
+
+/// The same without them.
+pub const TRAP_GDG: Entry = Entry { set: ONE_GOAL, ..GDG };
+
+/// Rivals that act, explore and see as the paper's method does.
+pub const TRAP_DDPG: Entry = Entry { preset: "paper", set: ONE_GOAL, ..DDPG };
+
+/// The same with the straight line as reward.
+pub const TRAP_DDPG_DISTANCE: Entry = Entry { preset: "paper", set: ONE_GOAL, ..DDPG_DISTANCE };
+
 /// The arm: D is given as the straight line.
 pub const ARM_GDG_DISTANCE: Entry = Entry {
     name: "gdg-distance",

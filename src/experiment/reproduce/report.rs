@@ -1,7 +1,7 @@
 //! The report: every figure with the paper's results beside ours, in Markdown.
 
 use super::MethodResults;
-use super::curves::{Curve, Panel, Point, stays_at};
+use super::curves::{Curve, Panel, Point, least, stays_at};
 use super::datasets::{PUBLISHED_METHODS, published_on};
 use super::figures::{Figure, Shows};
 use super::output::{Drawn, paths_file};
@@ -127,6 +127,31 @@ fn run(method: &MethodResults) -> String {
     format!("{name}, preset {preset}{settings}; {length}, {}", counted(seeds as u64, "seed"))
 }
 
+/// A column that sums up the whole curve of a method's first measure.
+struct Column {
+    head: String,
+    of: fn(&Curve) -> String,
+}
+
+/// Returns the columns that a figure has besides the last values, and what they need to be said.
+fn columns(figure: &Figure, panels: &[Panel]) -> (Vec<Column>, &'static str) {
+    let axis = panels.first().map_or("", |panel| panel.labels[0]);
+    match figure.shows {
+        Shows::CompleteSuccess | Shows::CompleteSuccessAndGripPath => (
+            vec![Column { head: format!("1.00 from ({axis})"), of: complete_from }],
+            " 1.00 from: the first evaluation from which on all are 1.00.",
+        ),
+        Shows::DistanceLeft => (
+            vec![
+                Column { head: "reached at the end".to_owned(), of: reached_at_the_end },
+                Column { head: "least steps left".to_owned(), of: least_left },
+            ],
+            " Least: of all evaluations, a walk each; 0 if one reaches the goal.",
+        ),
+        _ => (Vec::new(), ""),
+    }
+}
+
 /// Returns the last values of every method, beside the paper's.
 fn training_table(
     figure: &Figure,
@@ -136,15 +161,12 @@ fn training_table(
 ) -> String {
     let digits = |panel: &Panel| if panel.top.is_some() { 3 } else { 1 };
     let titles: Vec<&str> = panels.iter().map(|panel| panel.labels[1]).collect();
-    let complete =
-        [Shows::CompleteSuccess, Shows::CompleteSuccessAndGripPath].contains(&figure.shows);
-    let complete = panels.first().filter(|_| complete);
-    let column =
-        complete.map_or(String::new(), |panel| format!("1.00 from ({}) | ", panel.labels[0]));
+    let (columns, note) = columns(figure, panels);
+    let heads: String = columns.iter().map(|column| format!("{} | ", column.head)).collect();
     let mut out = format!(
-        "| method | paper | ours: {} | {column}environment steps | run |\n|---|---|{}---:|---|\n",
+        "| method | paper | ours: {} | {heads}environment steps | run |\n|---|---|{}---:|---|\n",
         titles.join(" | ours: "),
-        "---:|".repeat(panels.len() + usize::from(complete.is_some()))
+        "---:|".repeat(panels.len() + columns.len())
     );
     for method in methods {
         let paper = figure
@@ -152,28 +174,37 @@ fn training_table(
             .iter()
             .find(|(name, _)| *name == method.entry.name)
             .map_or("-", |(_, text)| text);
-        let curve = |panel: &Panel| {
-            let curve = panel.curves.iter().find(|curve| curve.entry.name == method.entry.name);
-            numbers(curve.and_then(|curve| curve.points.last()), digits(panel))
-        };
-        let values: Vec<String> = panels.iter().map(curve).collect();
+        let last =
+            |panel| numbers(curve_of(method, panel).and_then(|c| c.points.last()), digits(panel));
+        let values: Vec<String> = panels.iter().map(last).collect();
         let measured = method.results.iter().filter_map(|result| result.measured.as_ref());
         let steps = measured.map(|measured| measured.env_steps).max().unwrap_or(0);
         let (title, run) = (method.entry.title, run(method));
-        let of = |panel: &Panel| {
-            Some(panel.curves.iter().find(|curve| curve.entry.name == method.entry.name)?.clone())
-        };
-        let from = complete
-            .and_then(of)
-            .map_or(String::new(), |curve| format!("{} | ", complete_from(&curve)));
-        out += &format!("| {title} | {paper} | {} | {from}{steps} | {run} |\n", values.join(" | "));
+        let curve = panels.first().and_then(|panel| curve_of(method, panel));
+        let sums: String = columns
+            .iter()
+            .map(|column| format!("{} | ", curve.map_or("-".to_owned(), column.of)))
+            .collect();
+        out += &format!("| {title} | {paper} | {} | {sums}{steps} | {run} |\n", values.join(" | "));
     }
-    let note = if complete.is_some() {
-        " 1.00 from: the first evaluation from which on all are 1.00."
-    } else {
-        ""
-    };
     format!("Ours: {what}.{note}\n\n{out}")
+}
+
+/// Returns the curve of a method.
+fn curve_of<'a>(method: &MethodResults, panel: &'a Panel) -> Option<&'a Curve> {
+    panel.curves.iter().find(|curve| curve.entry.name == method.entry.name)
+}
+
+/// Returns how many seeds have no steps left at the end.
+fn reached_at_the_end(curve: &Curve) -> String {
+    let left = curve.points.last().map_or(&[][..], |point| &point.values);
+    let reached = left.iter().filter(|(_, left)| *left == 0.0).count();
+    format!("{reached} of {}", counted(left.len() as u64, "seed"))
+}
+
+/// Returns the fewest steps left at any evaluation.
+fn least_left(curve: &Curve) -> String {
+    numbers(Some(&least(curve)).filter(|point| !point.values.is_empty()), 1)
 }
 
 /// Returns from where on success stays at 1, for the earliest and the latest seed.
