@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+# What is outside of its range counts as no farther from its middle than this many half ranges.
+MOST_HALF_RANGES = 10.0
+
 
 class Encoder:
     """Turns states and goals into what networks read."""
@@ -22,7 +25,7 @@ class Encoder:
 
     def states(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns `[u | F(u_a)]`, with u the state scaled to [-1, 1], and its achieved part u_a."""
-        scaled = (states - self.centre) * self.scale
+        scaled = np.clip((states - self.centre) * self.scale, -MOST_HALF_RANGES, MOST_HALF_RANGES)
         at = scaled[:, self.achieved]
         return np.hstack([scaled, self._fourier(at)]), at
 
@@ -32,6 +35,7 @@ class Encoder:
         """
         own, at = self.states(states)
         to = (goals - self.centre[self.achieved]) * self.scale[self.achieved]
+        to = np.clip(to, -MOST_HALF_RANGES, MOST_HALF_RANGES)
         apart = (goals - states[:, self.achieved])[..., None] * self.rates
         relative = np.tanh(apart).reshape(len(goals), -1)
         return np.hstack([own, to, self._fourier(to), relative]), np.stack([at, to])

@@ -117,6 +117,10 @@ impl Default for EnvSettings {
     }
 }
 
+/// A state component counts as no farther from the middle of its range than this many half ranges:
+/// what is known of a range may be little.
+pub const MOST_HALF_RANGES: f32 = 10.0;
+
 /// Sizes and scales of states, goals and actions. Lengths are in the environment's own unit (maze
 /// cells, or metres for an arm).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -153,10 +157,12 @@ impl Spec {
         self.achieved.len()
     }
 
-    /// Scales `value` of state component `i` to [-1, 1]; returns 0 for a constant component.
+    /// Scales `value` of state component `i` to [-1, 1], or at most [`MOST_HALF_RANGES`] either way
+    /// where it is outside of its range; returns 0 for a constant component.
     pub fn scaled(&self, i: usize, value: f32) -> f32 {
         let half = self.state_half_range[i];
-        if half > 0.0 { (value - self.state_centre[i]) / half } else { 0.0 }
+        let scaled = if half > 0.0 { (value - self.state_centre[i]) / half } else { 0.0 };
+        scaled.clamp(-MOST_HALF_RANGES, MOST_HALF_RANGES)
     }
 
     /// Returns the typical change per step of the goal's component that changes most: what a step

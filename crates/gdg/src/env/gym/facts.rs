@@ -37,6 +37,13 @@ const CONSTANT: f32 = 1e-6;
 /// Share of the steps that change a component by less than its typical change.
 const TYPICAL: f64 = 0.9;
 
+/// What random actions hardly move may move later, once an agent gets hold of it: half its range is
+/// taken to be at least this share of the median one, and that of a goal at least a goal radius; its
+/// typical change at least these shares of half its range, and of the goal radius.
+const LEAST_RANGE: f32 = 1.0;
+const LEAST_CHANGE: f32 = 0.01;
+const LEAST_CHANGE_RADII: f32 = 0.1;
+
 /// Goal spaces of at most three dimensions and at least this many goal radii across are grids'
 /// business: smaller ones are learned faster without.
 const POSITIONS_RADII: f32 = 12.0;
@@ -255,6 +262,7 @@ fn scales(
         spec.state_half_range.push(if is_constant { 0.0 } else { MARGIN * half });
         spec.change_scale.push(if is_constant { 0.0 } else { share(changes, 1.0 - TYPICAL)[1] });
     }
+    widen(&mut spec);
     let widest = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
     let are_positions =
         spec.goal_dim() <= 3 && 2.0 * widest >= POSITIONS_RADII * MARGIN * spec.goal_radius;
@@ -264,6 +272,20 @@ fn scales(
     let cell = found.maze_of(about).map_or(goal_radius, Walls::cell_size);
     found.spec.position_scale = are_positions.then_some(cell);
     found
+}
+
+/// Widens ranges and typical changes of what hardly moved, but of constant components.
+fn widen(spec: &mut Spec) {
+    let mut ranges: Vec<f32> =
+        spec.state_half_range.iter().copied().filter(|half| *half > 0.0).collect();
+    ranges.sort_by(f32::total_cmp);
+    let median = ranges.get(ranges.len() / 2).copied().unwrap_or(0.0);
+    let scales = spec.state_half_range.iter_mut().zip(&mut spec.change_scale).enumerate();
+    for (i, (half, change)) in scales.filter(|(_, (half, _))| **half > 0.0) {
+        let radius = if spec.achieved.contains(&i) { spec.goal_radius } else { 0.0 };
+        *half = half.max(LEAST_RANGE * median).max(MARGIN * radius);
+        *change = change.max(LEAST_CHANGE * *half).max(LEAST_CHANGE_RADII * radius);
+    }
 }
 
 /// Returns the range of `numbers` without the share `tail` of them below it and above it.
@@ -339,6 +361,7 @@ fn rewards(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::env::MOST_HALF_RANGES;
 
     fn description(observed: usize, achieved: usize, goal: usize) -> Description {
         Description {
@@ -408,6 +431,28 @@ mod tests {
         assert_eq!(found.check(&about), Ok(()));
         let other = Description { observed: 5, ..about };
         assert!(found.check(&other).is_err(), "another version of the environment");
+    }
+
+    #[test]
+    fn what_random_actions_hardly_move_has_the_scale_of_the_rest() {
+        let mut spec = Spec {
+            state_centre: vec![0.0; 5],
+            state_half_range: vec![1e-6, 3.0, 2.0, 0.0, 1e-4],
+            change_scale: vec![1e-7, 1.0, 0.0, 0.0, 1e-5],
+            achieved: vec![0],
+            action_dim: 1,
+            goal_radius: 0.5,
+            position_scale: None,
+        };
+        widen(&mut spec);
+        // Four components move, and 2.0 is the upper median of their ranges.
+        assert_eq!(spec.state_half_range, [2.0, 3.0, 2.0, 0.0, 2.0]);
+        assert_eq!(spec.change_scale, [0.05, 1.0, 0.02, 0.0, 0.02]);
+        spec.achieved = vec![2];
+        spec.goal_radius = 4.0;
+        widen(&mut spec);
+        assert_eq!((spec.state_half_range[2], spec.change_scale[2]), (MARGIN * 4.0, 0.4));
+        assert_eq!(spec.scaled(4, 1e3), MOST_HALF_RANGES, "far outside of what was seen");
     }
 
     #[test]

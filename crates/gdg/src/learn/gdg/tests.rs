@@ -300,7 +300,7 @@ fn updates_on_the_tape_lead_to_the_same_weights() {
         // gradients near zero.
         let apart: Vec<f32> = fused.iter().zip(&tape[0].1).map(|(a, b)| (a - b).abs()).collect();
         let mean = apart.iter().sum::<f32>() / apart.len() as f32;
-        assert!(moved > 0.005 && mean < 1e-5, "{name} {part}: moved {moved}, apart {mean}");
+        assert!(moved > 0.005 && mean < 2e-5, "{name} {part}: moved {moved}, apart {mean}");
     }
     // The policy uses what was trained, including averages of tables.
     let (states, goals) = ([1.0, 2.0, -1.5, 0.5], [0.5, -2.0, 2.5, 1.0]);

@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use crate::env::Spec;
+use crate::env::{MOST_HALF_RANGES, Spec};
 use crate::learn::networks::grid::{GridReads, GridShape, TableView};
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::settings::LearnSettings;
@@ -225,8 +225,8 @@ impl Encoder {
                 d_state[*i] += du;
             }
         }
-        for (d, half) in d_state.iter_mut().zip(&self.spec.state_half_range) {
-            *d = if *half > 0.0 { *d / half } else { 0.0 };
+        for ((d, half), u) in d_state.iter_mut().zip(&self.spec.state_half_range).zip(row) {
+            *d = if *half > 0.0 && u.abs() < MOST_HALF_RANGES { *d / half } else { 0.0 };
         }
         if !self.relative.is_empty() {
             let from = self.plain_pair_width() - goal_dim * self.relative.len();

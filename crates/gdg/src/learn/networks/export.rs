@@ -82,7 +82,8 @@ pub struct NamedTensor {
 pub struct ActorInputs {
     /// See [`crate::env::Spec::state_centre`].
     pub state_centre: Vec<f32>,
-    /// See [`crate::env::Spec::state_half_range`]; a component whose range is 0 is scaled to 0.
+    /// See [`crate::env::Spec::state_half_range`]; a component whose range is 0 is scaled to 0, and
+    /// any other to 10 half ranges at most.
     pub state_half_range: Vec<f32>,
     /// State components that form the achieved goal. Goals are scaled like these.
     pub achieved: Vec<usize>,

@@ -282,7 +282,7 @@ pub fn axis_actions(dim: usize) -> Vec<f32> {
 }
 
 /// Maximum size of a state: states are short vectors, so their gradients live on the stack.
-pub const MAX_STATE_DIM: usize = 64;
+pub const MAX_STATE_DIM: usize = 512;
 
 /// Checks that states are not too large.
 ///

@@ -41,6 +41,10 @@ impl Sum for Losses {
     }
 }
 
+/// Errors of the dynamics model count linearly beyond this many typical changes: what is typical may
+/// have been seen before an agent had got hold of anything.
+pub const LARGEST_ERROR: f32 = 10.0;
+
 /// Weight of the squared excess of the actor's outputs over their bound.
 pub const EXCESS_WEIGHT: f32 = 0.1;
 
@@ -122,7 +126,8 @@ impl Shapes {
     }
 
     /// Computes the dynamics model's gradient of mean |f(s, a) - s'|^2 (with each component in
-    /// units of its change scale) into `gradient`. Returns the part's loss.
+    /// units of its change scale, and linear beyond [`LARGEST_ERROR`]) into `gradient`. Returns the
+    /// part's loss.
     pub fn model_gradient(
         &self,
         model: Weights,
@@ -142,8 +147,9 @@ impl Shapes {
         {
             for ((p, n), scale) in predicted.iter_mut().zip(next).zip(&spec.change_scale) {
                 let error = if *scale > 0.0 { (*p - n) / scale } else { 0.0 };
-                loss += error * error * share;
-                *p = 2.0 * error * share;
+                let bounded = error.clamp(-LARGEST_ERROR, LARGEST_ERROR);
+                loss += bounded * (2.0 * error - bounded) * share;
+                *p = 2.0 * bounded * share;
             }
         }
         let from = self.encoder.plain_state_width();
@@ -166,7 +172,7 @@ impl Shapes {
         loss
     }
 
-    /// Returns the squared errors of the predictions in each row, after [`Self::model_gradient`].
+    /// Returns the squared bounded errors of the predictions in each row, after [`Self::model_gradient`].
     pub fn model_errors(
         &self,
         rows: usize,

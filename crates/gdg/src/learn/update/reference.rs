@@ -4,6 +4,7 @@
 use candle_core::{D, Device, Result, Tensor, Var, bail};
 use candle_nn::{Linear, Module};
 
+use crate::env::MOST_HALF_RANGES;
 use crate::learn::data::batch::{Batch, STUCK_BOUND, STUCK_PROGRESS_STEPS};
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::grid::GridShape;
@@ -13,7 +14,7 @@ use crate::learn::networks::network::Network;
 use crate::learn::networks::shapes::Shapes;
 use crate::learn::settings::LossScale;
 use crate::learn::update::fused::fused_mlp;
-use crate::learn::update::losses::{EXCESS_WEIGHT, WAY_OUT_WEIGHT};
+use crate::learn::update::losses::{EXCESS_WEIGHT, LARGEST_ERROR, WAY_OUT_WEIGHT};
 use crate::learn::update::rows::{mispredicted, parts_of, rows_of_part};
 
 /// A network's parameters as tensors.
@@ -187,7 +188,7 @@ impl<'a> Reference<'a> {
         };
         let (from, actions) = (tensor(&batch.from, s)?, tensor(&batch.actions, spec.action_dim)?);
         let errors: Vec<f32> =
-            self.model_errors(&from, &actions, &tensor(&batch.next, s)?)?.to_vec1()?;
+            self.squared_model_errors(&from, &actions, &tensor(&batch.next, s)?)?.to_vec1()?;
         let of_part = |part| {
             let rows = rows_of_part(batch.len(), part);
             let at = rows.start * s..rows.end * s;
@@ -236,16 +237,29 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn model_loss(&self, states: &Tensor, actions: &Tensor, next: &Tensor) -> Result<Tensor> {
-        self.model_errors(states, actions, next)?.mean_all()
+        let error = self.model_errors(states, actions, next)?;
+        // Its derivative is twice the bounded error: quadratic up to the bound, linear beyond.
+        let bounded = error.clamp(-LARGEST_ERROR, LARGEST_ERROR)?.detach();
+        (&bounded * ((&error * 2.0)? - &bounded)?)?.sum(D::Minus1)?.mean_all()
     }
 
-    /// Returns the squared errors of the predictions, `(rows)`, with each component in units of its
-    /// change scale.
+    /// Returns the squared bounded errors of the predictions, `(rows)`.
+    fn squared_model_errors(
+        &self,
+        states: &Tensor,
+        actions: &Tensor,
+        next: &Tensor,
+    ) -> Result<Tensor> {
+        let errors = self.model_errors(states, actions, next)?;
+        errors.clamp(-LARGEST_ERROR, LARGEST_ERROR)?.sqr()?.sum(D::Minus1)
+    }
+
+    /// Returns the errors of the predictions, `(rows, state_dim)`, with each component in units of
+    /// its change scale.
     fn model_errors(&self, states: &Tensor, actions: &Tensor, next: &Tensor) -> Result<Tensor> {
         let scale =
             row(&zero_to_infinity(&self.shapes().encoder.spec().change_scale), states.device())?;
-        let error = (self.predictions(states, actions)? - next)?.broadcast_div(&scale)?;
-        error.sqr()?.sum(D::Minus1)
+        (self.predictions(states, actions)? - next)?.broadcast_div(&scale)
     }
 
     /// Returns the actor's loss, mean D(f(s, mu(s, g)), w) by the first critic, and separately the
@@ -364,7 +378,8 @@ fn zero_to_infinity(scales: &[f32]) -> Vec<f32> {
 fn scaled(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {
     let (spec, device) = (encoder.spec(), states.device());
     let half_range = row(&zero_to_infinity(&spec.state_half_range), device)?;
-    states.broadcast_sub(&row(&spec.state_centre, device)?)?.broadcast_div(&half_range)
+    let scaled = states.broadcast_sub(&row(&spec.state_centre, device)?)?;
+    scaled.broadcast_div(&half_range)?.clamp(-MOST_HALF_RANGES, MOST_HALF_RANGES)
 }
 
 fn scaled_goals(encoder: &Encoder, goals: &Tensor) -> Result<Tensor> {
@@ -374,7 +389,8 @@ fn scaled_goals(encoder: &Encoder, goals: &Tensor) -> Result<Tensor> {
     };
     goals
         .broadcast_sub(&of(&spec.state_centre)?)?
-        .broadcast_div(&of(&zero_to_infinity(&spec.state_half_range))?)
+        .broadcast_div(&of(&zero_to_infinity(&spec.state_half_range))?)?
+        .clamp(-MOST_HALF_RANGES, MOST_HALF_RANGES)
 }
 
 fn achieved(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {
