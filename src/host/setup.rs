@@ -19,8 +19,8 @@ use gdg::map::{self, Grid, MapError, MapFormat, Reading};
 use gdg::pulse::Pulse;
 use gdg::text::{safe_file_name, sanitized};
 use gdg::train::{
-    self, Dataset, Limits, Loaded, Method, Overrides, Preset, Registry, Run, SaveTo, Settings,
-    TrainError, Trainer,
+    self, Dataset, LeftOut, Limits, Loaded, Method, Overrides, Preset, Registry, Run, SaveTo,
+    Settings, TrainError, Trainer,
 };
 
 /// The option for maps that are images.
@@ -296,26 +296,31 @@ fn begin_run(request: &Request, registry: &Arc<Registry>) -> Result<Loaded, Repo
 }
 
 /// Has `trainer` learn from the recorded transitions in `file`; returns a warning if some of them
-/// are impossible in its world.
+/// are left out.
 ///
 /// # Errors
 /// The file cannot be read, does not fit, or most of it is impossible.
 pub fn learn_from(trainer: &mut Trainer, file: &Path) -> Result<Option<String>, Report> {
     let data = Dataset::read(file, trainer.world()).map_err(from_data_error)?;
-    let removed = trainer.learn_from(&data);
+    let LeftOut { impossible, by_chance } = trainer.learn_from(&data);
     let (all, file) = (data.source().transitions, sanitized(&file.to_string_lossy()));
-    if 2 * removed > all {
+    if 2 * impossible > all {
         let help = "give the data of this world: positions in its unit, on this map";
         return Err(miette!(
             help = help,
-            "{file}: {removed} of {all} transitions are impossible on this map"
+            "{file}: {impossible} of {all} transitions are impossible on this map"
         ));
     }
-    Ok((removed > 0).then(|| {
-        format!(
-            "warning: {file}: {removed} of {all} transitions are left out: impossible on this map"
-        )
-    }))
+    let reasons = [
+        (impossible, "impossible on this map"),
+        (by_chance, "they lead far, and not always to the same place"),
+    ];
+    let left_out: Vec<String> = reasons
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, why)| format!("{count} of {all} transitions are left out: {why}"))
+        .collect();
+    Ok((!left_out.is_empty()).then(|| format!("warning: {file}: {}", left_out.join("; "))))
 }
 
 /// Gives `maze` the tasks of a scenario; returns a warning if that names another map. The map of a

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use super::leaps::Leaps;
 use super::settings::Settings;
 use crate::bridge::{Candidates, Excursions, Guide, Hop, SearchOutcome, Walker};
 use crate::env::{EnvError, Environment, Goals};
@@ -84,6 +85,7 @@ pub struct Rollout {
     aside: Option<Box<dyn Environment>>,
     scratch: Scratch,
     excursions: Excursions,
+    leaps: Leaps,
     /// Whether agents began new episodes when the run was resumed.
     restarted: bool,
     last_search: Option<Arc<SearchOutcome>>,
@@ -125,6 +127,7 @@ impl Rollout {
             pending: None,
             aside: None,
             scratch: Scratch::default(),
+            leaps: Leaps::default(),
             restarted: false,
             last_search: None,
         })
@@ -159,6 +162,16 @@ impl Rollout {
     /// put them back.
     pub fn has_restarted(&self) -> bool {
         self.restarted
+    }
+
+    /// Returns the leaps seen.
+    pub(super) fn leaps(&self) -> &Leaps {
+        &self.leaps
+    }
+
+    /// Returns the leaps seen, to add more.
+    pub(super) fn leaps_mut(&mut self) -> &mut Leaps {
+        &mut self.leaps
     }
 
     /// Returns the excursions beyond the frontier.
@@ -238,10 +251,18 @@ impl Rollout {
         let Some(Pending::Done(ended)) = self.pending.take() else { return Ok(round) };
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         self.excursions.count_steps();
-        let before = self.before.chunks_exact(s);
-        for (i, (agent, state)) in self.agents.iter().zip(before).enumerate() {
-            context.replay.push(i, state, &self.actions[i * a..(i + 1) * a], &agent.goal);
+        let (spec, steps) =
+            (self.env.spec(), self.before.chunks_exact(s).zip(self.env.states().chunks_exact(s)));
+        for (i, (agent, (state, next))) in self.agents.iter().zip(steps).enumerate() {
+            let action = &self.actions[i * a..(i + 1) * a];
             context.candidates.visit(i, state);
+            self.leaps.note(spec, state, next);
+            if self.leaps.is_sure(spec, state, next) {
+                context.replay.push(i, state, action, &agent.goal);
+            } else {
+                context.replay.end_episode(i, state);
+                context.candidates.end_episode(i);
+            }
         }
         // The others' steps are kept even if one agent cannot go on.
         let went_on: Vec<Result<(), EnvError>> = ended

@@ -33,6 +33,7 @@ use crate::learn::{
 use crate::pulse::{Parts, Pulse};
 pub use change::{KeptState, WorldChange};
 use data::Data;
+pub use data::LeftOut;
 pub(super) use persistence::{HISTORY, LEARNED, TrainerState};
 use recovery::LastGood;
 pub use recovery::Recovery;

@@ -9,6 +9,7 @@ use crate::env::MAX_MAGNITUDE;
 use crate::learn::Replay;
 use crate::store::StoreError;
 use crate::train::error::TrainError;
+use crate::train::leaps::Leaps;
 
 /// Checkpointed state of a [`Plan`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -29,6 +30,9 @@ pub struct RolloutState {
     pub states: Vec<f64>,
     /// RNG state.
     pub rng: ChaCha8Rng,
+    /// The leaps seen.
+    #[serde(default, skip_serializing_if = "Leaps::is_empty")]
+    leaps: Leaps,
     /// A round of steps that the agents have taken, and which is not stored yet.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     round: Option<RoundState>,
@@ -65,6 +69,7 @@ impl Rollout {
         };
         RolloutState {
             round,
+            leaps: self.leaps.clone(),
             agents: self.agents.clone(),
             plans: plans.collect(),
             states: (0..self.agents.len()).flat_map(|i| self.env.full_state(i)).collect(),
@@ -109,7 +114,14 @@ impl Rollout {
                 && sound(&round.actions, count * a)
                 && round.ended.len() == count
         });
-        if state.agents.len() != self.agents.len() || !states || !agents || !plans || !round {
+        let leaps = state.leaps.fit(self.env.spec());
+        if state.agents.len() != self.agents.len()
+            || !states
+            || !agents
+            || !plans
+            || !round
+            || !leaps
+        {
             let problem = "the stored agents do not fit these settings";
             return Err(StoreError::inconsistent(problem).into());
         }
@@ -125,6 +137,7 @@ impl Rollout {
         self.plans = plans.collect::<Result<_, StoreError>>()?;
         self.agents = state.agents;
         self.rng = state.rng;
+        self.leaps = state.leaps;
         self.restarted = false;
         self.pending = state.round.map(|round| {
             (self.before, self.actions) = (round.before, round.actions);

@@ -61,10 +61,12 @@ impl Trainer {
         self.rollout.enter_environment(fork_world(&self.run, world)?, &mut self.replay)?;
         self.visits.enter(self.rollout.env());
         let edited = self.rollout.env().abilities().editable;
-        let possible =
-            |s: &[f32], a: &[f32], next: &[f32]| edited.is_none_or(|e| e.is_possible(s, a, next));
+        let (spec, region, leaps) =
+            (self.rollout.env().spec(), &change.region, self.rollout.leaps());
+        let possible = |s: &[f32], a: &[f32], next: &[f32]| {
+            edited.is_none_or(|e| e.is_possible(s, a, next)) && leaps.is_sure(spec, s, next)
+        };
         // A step may end in the region or be stopped by it.
-        let (spec, region) = (self.rollout.env().spec(), &change.region);
         let step = AFFECTED_STEPS * spec.goal_radius;
         let affected = |s: &[f32]| region.distance(spec.achieved(s)) <= step;
         let (transitions_removed, transitions_restored) =

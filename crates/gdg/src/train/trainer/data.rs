@@ -28,17 +28,28 @@ pub(super) struct Data {
     missing: Option<Arc<DataError>>,
 }
 
+/// Numbers of recorded transitions that are not learned from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Those that are impossible in the world, if it knows that.
+    pub impossible: usize,
+    /// Steps that lead far, and not always to the same place: chance decides where.
+    pub by_chance: usize,
+}
+
 impl Trainer {
     /// Learns from `data` instead of acting: its transitions fill the replay buffer, and its states
     /// are goals and bridge candidates. Call it before the first update. Returns how many
-    /// transitions are left out, as they are impossible in the world, if it knows that.
-    pub fn learn_from(&mut self, data: &Dataset) -> usize {
+    /// transitions are left out.
+    pub fn learn_from(&mut self, data: &Dataset) -> LeftOut {
         self.replay = self.replay_of(data);
         let editable = self.rollout.env().abilities().editable;
         let possible = |s: &[f32], a: &[f32], next: &[f32]| {
             editable.is_none_or(|editable| editable.is_possible(s, a, next))
         };
-        let (removed, _) = self.replay.retain_possible(|s, a, next| Some(possible(s, a, next)));
+        let (impossible, _) = self.replay.retain_possible(|s, a, next| Some(possible(s, a, next)));
+        let by_chance = self.leave_out_leaps();
+        let removed = impossible + by_chance;
         let Self { visits, replay, rollout, .. } = self;
         replay.visit_rows(|state, _, _| visits.add(rollout.env(), state));
         self.rebuild_candidates();
@@ -47,7 +58,25 @@ impl Trainer {
         let source = data.source().clone();
         let own_replay = (removed > 0).then(|| self.replay.capacity());
         self.data = Some(Data { source, acts: false, own_replay, missing: None });
-        removed
+        LeftOut { impossible, by_chance }
+    }
+
+    /// Leaves out leaps that chance may have decided; returns how many.
+    fn leave_out_leaps(&mut self) -> usize {
+        let spec = self.rollout.env().spec().clone();
+        let mut before: Option<Vec<f32>> = None;
+        let leaps = self.rollout.leaps_mut();
+        self.replay.visit_rows(|state, _, is_last| {
+            if let Some(from) = &before {
+                leaps.note(&spec, from, state);
+            }
+            before = (!is_last).then(|| state.to_vec());
+        });
+        if leaps.is_empty() {
+            return 0;
+        }
+        let is_sure = |s: &[f32], next: &[f32]| leaps.is_sure(&spec, s, next);
+        self.replay.retain_possible(|s, _, next| (!is_sure(s, next)).then_some(false)).0
     }
 
     /// Returns the replay buffer that holds `data`; goals are states of it, drawn at random.
