@@ -91,6 +91,8 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
         &[
             "| GDG, bridges | about 0.8 | 0.",
             "| GDG | reaches the goal |",
+            " | reached at the end | least steps left | environment steps | run |",
+            " | 0 of 1 seed | ",
             "default (ours): D(s, .)",
         ],
     );

@@ -213,10 +213,11 @@ impl Figure {
     }
 
     fn maze_plan(&self, budget: Budget, method: &str) -> Plan {
-        let (updates, episodes) = match self.world {
-            "city" => (60_000, 200_000),
-            "trap" => (10_000, 100_000),
-            _ => (20_000, 100_000),
+        // Updates, how many times as many for the paper's methods, and the paper's episodes.
+        let (updates, times, episodes) = match self.world {
+            "city" => (60_000, 4, 200_000),
+            "trap" => (5_000, 12, 100_000),
+            _ => (20_000, 4, 100_000),
         };
         // All four of the paper's curves take the same steps to one goal.
         let of_paper = ["gdg", "gdg-bridge"].contains(&method)
@@ -224,7 +225,7 @@ impl Figure {
         let length = match budget {
             // With batches of one agent's steps and no tricks, the paper's updates are cheaper and
             // it needs more of them.
-            Budget::Quick if of_paper => Length::Updates(4 * updates),
+            Budget::Quick if of_paper => Length::Updates(times * updates),
             Budget::Quick => Length::Updates(updates),
             // Our default needs a small part of what the paper's methods train for.
             Budget::Paper if ["default", "default-gdg"].contains(&method) => {
@@ -306,6 +307,17 @@ mod tests {
         assert_eq!(plans("fig3"), plans("fig4"));
         assert_eq!(plans("fig3"), plans("fig5"));
         assert_eq!(plans("fig3")[1].marks(), (1..=10).map(|i| 20_000 * i).collect::<Vec<u64>>());
+    }
+
+    #[test]
+    fn the_papers_curves_to_one_goal_train_equally_long() {
+        let figure = FIGURES.iter().find(|figure| figure.name == "fig6").expect("a figure");
+        for budget in Budget::ALL {
+            let plans: Vec<Plan> =
+                figure.paper.iter().map(|(name, _)| figure.plan(budget, name)).collect();
+            assert_eq!(plans.len(), 4);
+            assert!(plans.iter().all(|plan| *plan == plans[0]), "{budget:?}");
+        }
     }
 
     #[test]
