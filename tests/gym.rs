@@ -303,6 +303,24 @@ fn a_point_learns_and_tasks_are_the_environments_own() {
 
 #[test]
 #[ignore = "needs Python with numpy and gymnasium"]
+fn the_example_of_an_environment_of_ones_own_trains_and_its_tasks_are_far() {
+    let folder = tempfile::tempdir().unwrap();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("python");
+    let mut command = program(folder.path());
+    command.env("PYTHONPATH", examples);
+    command.args(["--no-ui", "gym:thin_rooms:ThinRooms-v0", "--python"]).arg(python()).args(SMALL);
+    let output = command.args(["--max-updates", "60", "--eval-tasks", "3"]).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let start = &records(&output, "start")[0]["gym"];
+    let facts = ["goal_radius", "episode_steps", "tasks", "resumes"].map(|name| &start[name]);
+    assert_eq!(facts.map(Value::to_string), ["1.0", "600", "1", "\"exactly\""]);
+    let evaluations = records(&output, "evaluation");
+    let reached = evaluations.last().unwrap()["planned"]["success"].as_f64().unwrap();
+    assert!(reached < 1.0, "nobody knows the way to the farthest rooms yet");
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
 fn a_maze_has_goals_everywhere_and_its_walls_are_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let world = open(folder.path(), "Maze");

@@ -306,6 +306,7 @@ enum Record {
 struct Start {
     world: String,
     map: Option<Value>,
+    gym: Option<Value>,
     method: String,
     preset: String,
     settings: Map<String, Value>,
@@ -317,8 +318,10 @@ struct Start {
 impl SavedRun {
     /// Returns the run that begins with `start` in `source`, without evaluations.
     fn begun(start: Start, source: &Path) -> Self {
-        let Start { world, map, method, preset, settings, seed, updates } = start;
-        let map = map.and_then(|map| Some(map.get("name")?.as_str()?.to_owned()));
+        let Start { world, map, gym, method, preset, settings, seed, updates } = start;
+        let named =
+            |facts: Option<Value>, key| Some(facts.as_ref()?.get(key)?.as_str()?.to_owned());
+        let map = named(map, "name").or_else(|| named(gym, "id"));
         let settings = settings.iter().map(|(name, value)| setting_text(name, value));
         Self {
             source: source.to_owned(),

@@ -172,6 +172,16 @@ mod tests {
     }
 
     #[test]
+    fn a_run_in_an_environment_in_python_is_named_after_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let facts = r#""world":"gym","gym":{"id":"FetchReach-v4"}"#;
+        let start = start().replace(r#""world":"maze","map":{"name":"room"}"#, facts);
+        write(folder.path().join("one.jsonl"), start).expect("a file");
+        let found = Reader::new(&[folder.path().to_owned()]).read(|_| ControlFlow::Continue(()));
+        assert_eq!(found.runs[0].0.map, "FetchReach-v4");
+    }
+
+    #[test]
     fn experiments_in_a_folder_are_read_and_their_results_replace_records() {
         let folder = tempfile::tempdir().expect("a folder");
         let jobs = folder.path().join("suite/jobs");
