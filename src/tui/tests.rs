@@ -483,6 +483,35 @@ fn the_field_grows_away_from_the_goal_and_is_undefined_on_walls() {
 }
 
 #[test]
+fn distances_over_each_place_are_the_sums_of_both_parts() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 200);
+    press(&mut app, KeyCode::Char(' '));
+    wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
+    while app.screen.field != Field::OverEach {
+        press(&mut app, KeyCode::Char('v'));
+    }
+    // The view may be of earlier networks at first.
+    wait_until(&mut app, |app| {
+        let (maze, policy) = (app.maze(), &app.screen.snapshot.networks.policy);
+        let (Field::OverEach, Some(raster)) = (maze.view.kind, maze.view.raster) else {
+            return false;
+        };
+        let (start, goal) = (maze.view.walk.start, maze.goal.centre());
+        let (free, places) = raster.free_ground(&maze.map);
+        let sum = |at: &[f32; 2]| {
+            let part = |from: &[f32], to: &[f32]| {
+                policy.distance(from, to, &mut gdg::learn::Scratch::default())
+            };
+            part(&start, at) + part(at, &goal)
+        };
+        let mut all = free.iter().zip(&places);
+        all.all(|(i, at)| (maze.view.field[*i] - sum(at)).abs() < 0.01)
+    });
+}
+
+#[test]
 fn every_field_can_be_shown() {
     let mut app = app();
     draw(&mut app, 80, 24);
@@ -490,7 +519,7 @@ fn every_field_can_be_shown() {
         app.screen.snapshot.counters.updates > 1_000 && !app.maze().view.edges.is_empty()
     });
     let mut seen = Vec::new();
-    for _ in 0..7 {
+    for _ in 0..8 {
         let asked = app.screen.field;
         wait_until(&mut app, |app| {
             app.maze().view.kind == asked
@@ -513,7 +542,7 @@ fn every_field_can_be_shown() {
     }
     assert_eq!(app.screen.field, Field::Learned, "and round");
     seen.dedup();
-    assert_eq!(seen.len(), 7);
+    assert_eq!(seen.len(), 8);
 }
 
 #[test]

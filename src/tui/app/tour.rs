@@ -275,7 +275,7 @@ impl Tour {
 
     fn hide_bridge(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
         screen.explained = None;
-        if std::mem::take(&mut self.shows_bridge) && screen.field == Field::FromStart {
+        if std::mem::take(&mut self.shows_bridge) && screen.field.depends_on_start() {
             view::show_field(Field::Learned, screen, link);
         }
         if std::mem::take(&mut self.shows_search) {

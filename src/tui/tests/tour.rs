@@ -177,7 +177,7 @@ fn a_bridge_that_saves_much_is_found_drawn_and_walked() {
     let [direct] = numbers(&caption(&app))[..] else { panic!("{}", caption(&app)) };
     assert_eq!(app.screen.field, Field::FromStart, "first D from the start");
     press(&mut app, KeyCode::Right);
-    assert_eq!(app.screen.field, Field::Learned, "then D to the goal");
+    assert_eq!(app.screen.field, Field::OverEach, "then over each place to the goal");
     let [first, second, sum, direct_again] = numbers(&caption(&app))[..] else {
         panic!("{}", caption(&app))
     };
@@ -193,6 +193,7 @@ fn a_bridge_that_saves_much_is_found_drawn_and_walked() {
     assert_eq!(terminal.backend().buffer()[at.expect("it is on the screen")].symbol(), "B");
     press(&mut app, KeyCode::Right);
     assert!(caption(&app).contains("@ walks from S to G"), "{}", caption(&app));
+    assert_eq!(app.screen.field, Field::Learned, "D to the goal again");
     let goal = Cell::new(shown.goal[0] as usize, shown.goal[1] as usize);
     let start = [shown.state[0], shown.state[1]];
     assert_eq!(app.maze().goal, goal);

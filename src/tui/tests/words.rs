@@ -150,6 +150,7 @@ fn settings_are_found_beside_actions_and_after_them() {
         ("shortest path", Field::True),
         ("map only", Field::Plain),
         ("D from start", Field::FromStart),
+        ("figure 2", Field::OverEach),
         ("error of D", Field::Error),
         ("q-values", Field::Learned),
     ] {

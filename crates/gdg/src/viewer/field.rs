@@ -8,6 +8,9 @@ pub enum Field {
     Learned,
     /// D(s, .) from the start of the walking agent.
     FromStart,
+    /// D(s, .) + D(., g), from the start to the goal over each place: low at good bridge points, as in
+    /// Figure 2 of the paper.
+    OverEach,
     /// D(., g) along the bridge graph.
     Composed,
     /// True steps to the goal.
@@ -22,9 +25,10 @@ pub enum Field {
 
 impl Field {
     /// All fields.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Learned,
         Self::FromStart,
+        Self::OverEach,
         Self::Composed,
         Self::True,
         Self::Error,
@@ -37,6 +41,7 @@ impl Field {
         match self {
             Self::Learned => "D to G",
             Self::FromStart => "D from S",
+            Self::OverEach => "D(S,.)+D(.,G)",
             Self::Composed => "D via graph",
             Self::True => "true steps",
             Self::Error => "error of D",
@@ -50,6 +55,7 @@ impl Field {
         match self {
             Self::Learned => "distance to goal learned value function q_values critic",
             Self::FromStart => "distance from start",
+            Self::OverEach => "bridges sum of distances over each place figure 2",
             Self::Composed => "distance along bridge graph planned",
             Self::True => "true distance ground truth shortest path optimal exact",
             Self::Error => "wrong mistakes accuracy difference",
@@ -73,7 +79,20 @@ impl Field {
 
     /// Whether its values are numbers of steps.
     pub fn is_distance(self) -> bool {
-        matches!(self, Self::Learned | Self::FromStart | Self::Composed | Self::True)
+        matches!(
+            self,
+            Self::Learned | Self::FromStart | Self::OverEach | Self::Composed | Self::True
+        )
+    }
+
+    /// Whether its values depend on where the agent starts.
+    pub fn depends_on_start(self) -> bool {
+        matches!(self, Self::FromStart | Self::OverEach)
+    }
+
+    /// Whether its values mean nothing where no agent has been.
+    pub fn fades(self) -> bool {
+        self.depends_on_start() || matches!(self, Self::Learned | Self::Composed | Self::Plain)
     }
 }
 
@@ -85,7 +104,7 @@ mod tests {
     fn next_and_previous_cycle_through_the_fields_that_are_available() {
         for plans in [true, false] {
             let available = |field| field != Field::Composed || plans;
-            let there = (0..7).scan(Field::Learned, |field, _| {
+            let there = (0..8).scan(Field::Learned, |field, _| {
                 *field = field.cycle(true, available);
                 Some(*field)
             });

@@ -220,7 +220,7 @@ impl MazeWorker {
             }
             Request::Start(cell) => {
                 self.restart(cell);
-                if self.shown.kind == Field::FromStart {
+                if self.shown.kind.depends_on_start() {
                     self.shown.timer.make_due();
                 }
             }

@@ -79,7 +79,7 @@ pub const STEPS: &[Step] = &[
         title: "A bridge",
         reading_secs: 8.0,
         limit_secs: 8.0,
-        enter: Some(show_bridge),
+        enter: Some(colour_over_each),
         look: bridge,
     },
     Step {
@@ -276,6 +276,13 @@ fn too_far(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     Caption { text, subject: vec![goal, start], marks, seen: true }
 }
 
+fn colour_over_each(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    show_bridge(tour, scene, screen, link);
+    if tour.shows_bridge {
+        view::show_field(Field::OverEach, screen, link);
+    }
+}
+
 fn show_bridge(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
     view::show_field(Field::Learned, screen, link);
     if tour.shows_bridge || stage_bridge(tour, scene, screen, link) {
@@ -288,10 +295,10 @@ fn bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     let Some(FoundBridge { stops, distances: [first, second, direct], .. }) = shown else {
         return Caption { seen: true, ..no_bridge(maze) };
     };
-    let line = if is_mono(screen) { "the =" } else { "the line" };
+    let (shown, line) = if is_mono(screen) { ("Shades", "=") } else { ("Colours", "line") };
     let text = format!(
-        "Over B, along {line}, D says less: D(S,B) + D(B,G) = {first:.0} + {second:.0} = {:.0}, not D(S,G) = {direct:.0}. \
-         B is a bridge: it makes one hard task two easier ones. D alone has found it, without a look at the map.",
+        "Over B, along the {line}, D says less: D(S,B) + D(B,G) = {first:.0} + {second:.0} = {:.0}, not D(S,G) = {direct:.0}. \
+         B is a bridge: it makes one hard task two easier ones. {shown} are D(S,.) + D(.,G), least at good bridges.",
         first + second
     );
     // Wherever the three are, there is room for the box beside them; a whole line may leave none.

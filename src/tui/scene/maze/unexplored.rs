@@ -40,11 +40,7 @@ impl Unexplored {
             Ground::Free(at) => exploration.at(*at),
             Ground::Wall | Ground::Crossed(_) | Ground::Outside => Knowledge::Known,
         };
-        let fades = matches!(
-            screen.field,
-            Field::Learned | Field::FromStart | Field::Composed | Field::Plain
-        );
-        Self { known: grounds.iter().map(known).collect(), cut_off, fades }
+        Self { known: grounds.iter().map(known).collect(), cut_off, fades: screen.field.fades() }
     }
 
     /// Returns whether values at pixel `i` mean nothing, as it shows a cell beyond the known world.

@@ -74,6 +74,14 @@ impl MazeWorker {
                 policy.distances(&start, states, &mut distances, &mut self.scratch);
                 distances
             }
+            (Field::OverEach, _) => {
+                let [start, goal] = [self.view.walk.start, goal].map(|end| end.repeat(free.len()));
+                let [mut distances, mut rest] = [0.0; 2].map(|zero| vec![zero; free.len()]);
+                policy.distances(&start, states, &mut distances, &mut self.scratch);
+                policy.distances(states, &goal, &mut rest, &mut self.scratch);
+                distances.iter_mut().zip(rest).for_each(|(d, rest)| *d += rest);
+                distances
+            }
             (Field::Composed, Some(graph)) => {
                 let route = graph.route(&goal, policy, &mut self.scratch);
                 graph.composed_distances(

@@ -181,10 +181,7 @@ fn kind(cell: Cell, maze: &MazeState, screen: &Screen) -> Kind {
     if to_goal && view.cut_off.len() == map.free().len() && view.cut_off[map.index(cell)] {
         return Kind::CutOff;
     }
-    let fades = matches!(
-        maze.shown_field(screen),
-        Field::Learned | Field::FromStart | Field::Composed | Field::Plain
-    );
+    let fades = maze.shown_field(screen).fades();
     if !screen.overlays.has(Overlay::Unexplored)
         || view.exploration.is_complete(map)
         || !map.is_free(cell)
