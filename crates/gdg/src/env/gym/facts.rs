@@ -38,11 +38,11 @@ const CONSTANT: f32 = 1e-6;
 const TYPICAL: f64 = 0.9;
 
 /// What random actions hardly move may move later, once an agent gets hold of it: half its range is
-/// taken to be at least this share of the median one, and that of a goal at least a goal radius; its
-/// typical change at least these shares of half its range, and of the goal radius.
-const LEAST_RANGE: f32 = 1.0;
+/// taken to be at least this share of the median one, or for a goal at least a goal radius; its
+/// typical change at least these shares of half its range, or of the goal radius.
+const LEAST_RANGE: f32 = 0.1;
 const LEAST_CHANGE: f32 = 0.01;
-const LEAST_CHANGE_RADII: f32 = 0.1;
+const LEAST_CHANGE_RADII: f32 = 0.05;
 
 /// Goal spaces of at most three dimensions and at least this many goal radii across are grids'
 /// business: smaller ones are learned faster without.
@@ -282,9 +282,13 @@ fn widen(spec: &mut Spec) {
     let median = ranges.get(ranges.len() / 2).copied().unwrap_or(0.0);
     let scales = spec.state_half_range.iter_mut().zip(&mut spec.change_scale).enumerate();
     for (i, (half, change)) in scales.filter(|(_, (half, _))| **half > 0.0) {
-        let radius = if spec.achieved.contains(&i) { spec.goal_radius } else { 0.0 };
-        *half = half.max(LEAST_RANGE * median).max(MARGIN * radius);
-        *change = change.max(LEAST_CHANGE * *half).max(LEAST_CHANGE_RADII * radius);
+        let [least_range, least_change] = if spec.achieved.contains(&i) {
+            [MARGIN, LEAST_CHANGE_RADII].map(|radii| radii * spec.goal_radius)
+        } else {
+            [LEAST_RANGE * median, LEAST_CHANGE * half.max(LEAST_RANGE * median)]
+        };
+        *half = half.max(least_range);
+        *change = change.max(least_change);
     }
 }
 
@@ -446,12 +450,13 @@ mod tests {
         };
         widen(&mut spec);
         // Four components move, and 2.0 is the upper median of their ranges.
-        assert_eq!(spec.state_half_range, [2.0, 3.0, 2.0, 0.0, 2.0]);
-        assert_eq!(spec.change_scale, [0.05, 1.0, 0.02, 0.0, 0.02]);
+        assert_eq!(spec.state_half_range, [MARGIN * 0.5, 3.0, 2.0, 0.0, LEAST_RANGE * 2.0]);
+        let least = LEAST_CHANGE * LEAST_RANGE * 2.0;
+        assert_eq!(spec.change_scale, [LEAST_CHANGE_RADII * 0.5, 1.0, 0.02, 0.0, least]);
         spec.achieved = vec![2];
         spec.goal_radius = 4.0;
         widen(&mut spec);
-        assert_eq!((spec.state_half_range[2], spec.change_scale[2]), (MARGIN * 4.0, 0.4));
+        assert_eq!((spec.state_half_range[2], spec.change_scale[2]), (MARGIN * 4.0, 0.2));
         assert_eq!(spec.scaled(4, 1e3), MOST_HALF_RANGES, "far outside of what was seen");
     }
 
