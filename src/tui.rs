@@ -94,7 +94,7 @@ pub use marker::Marker;
 pub use measure::{MeasuredInterface, MeasuredScreen};
 pub use record::LARGEST_SCREEN;
 use record::Recorder;
-pub use runs::{Next as NextAfterRuns, run as show_runs};
+pub use runs::{Next as NextAfterRuns, RunsScreen};
 pub use terminal::{GUARD_COMMAND, run_guard as guard_terminal};
 
 /// How the interface is shown and recorded.
@@ -109,11 +109,30 @@ pub struct InterfaceOptions {
     pub overwrite: bool,
 }
 
-/// The configuration and the recording, opened before the interface starts.
+/// The configuration, the recording and the signals, opened before the interface starts.
 pub struct PreparedInterface {
     config: UiConfig,
     keymap: Keymap,
     recorder: Option<Recorder>,
+    termination: TerminationSignal,
+    /// What is said first.
+    notice: Option<&'static str>,
+}
+
+impl PreparedInterface {
+    /// Prepares what is shown next, which is not recorded and begins with a notice.
+    #[must_use]
+    pub fn following(&self, notice: Option<&'static str>) -> Self {
+        let Self { config, keymap, termination, .. } = self;
+        let (config, keymap, termination) = (config.clone(), keymap.clone(), termination.clone());
+        Self { config, keymap, recorder: None, termination, notice }
+    }
+
+    /// Returns the exit status if a signal has ended the program.
+    #[must_use]
+    pub fn ended(&self) -> Option<u8> {
+        self.termination.status()
+    }
 }
 
 /// Open files that the interface needs besides those that are open: for terminal, signals, its
@@ -121,12 +140,12 @@ pub struct PreparedInterface {
 #[cfg(unix)]
 const MIN_OPEN_FILES: usize = 24;
 
-/// Reads the configuration and starts the recording. Called before anything else, since both can
-/// fail.
+/// Reads the configuration, starts the recording and listens to signals. Called before anything
+/// else of the interface, since all can fail.
 ///
 /// # Errors
-/// The configuration is invalid, the recording exists already or cannot be written, or too few
-/// files can be open at once.
+/// The configuration is invalid, the recording exists already or cannot be written, too few files
+/// can be open at once, or a thread cannot be started.
 pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> {
     #[cfg(unix)]
     check_open_files()?;
@@ -138,7 +157,8 @@ pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> 
         .as_deref()
         .map(|path| Recorder::start(path, options.overwrite))
         .transpose()?;
-    Ok(PreparedInterface { config, keymap, recorder })
+    let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
+    Ok(PreparedInterface { config, keymap, recorder, termination, notice: None })
 }
 
 /// Checks that as many files can be open as the interface needs: the libraries that it uses panic
@@ -161,10 +181,9 @@ fn check_open_files() -> Result<(), Report> {
 /// Errors of the terminal, of training or of saving.
 pub fn run(
     setup: Setup,
-    PreparedInterface { config, keymap, recorder }: PreparedInterface,
+    PreparedInterface { config, keymap, recorder, termination, notice }: PreparedInterface,
     named_map: Option<&Path>,
 ) -> Result<u8, Report> {
-    let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
     let Setup { trainer, limits, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
     let search =
@@ -186,6 +205,7 @@ pub fn run(
         thread.spawn(move || app::remember_map(&file)).ok()
     };
     let remembering = file.and_then(remember);
+    notice.inspect(|notice| app.screen.notify(notice));
     warnings.iter().for_each(|warning| app.screen.notify(warning));
     let status =
         event_loop::show(app, recorder, marker, &termination, |app| app.close(engine, true));
@@ -214,9 +234,8 @@ pub fn prepare_tour(threads: Threads, registry: &Arc<Registry>) -> Result<Traine
 /// Errors of the terminal, of training or of saving.
 pub fn take_tour(
     trainer: Trainer,
-    PreparedInterface { config, keymap, recorder }: PreparedInterface,
+    PreparedInterface { config, keymap, recorder, termination, .. }: PreparedInterface,
 ) -> Result<u8, Report> {
-    let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
     let engine = Engine::start(trainer, Limits::default()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let marker = config.marker;

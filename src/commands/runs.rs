@@ -18,13 +18,21 @@ use crate::cli::{Cli, TrainArgs};
 use crate::experiment::runs::{Found, Reader};
 use crate::host::runs::{self, SAVES};
 #[cfg(feature = "tui")]
-use crate::tui::{self, ComparisonOptions, Contender, InterfaceOptions, NextAfterRuns};
+use crate::host::{report::print_error, setup};
+#[cfg(feature = "tui")]
+use crate::tui::{
+    self, ComparisonOptions, Contender, NextAfterRuns, PreparedInterface, RunsScreen,
+};
 #[cfg(feature = "tui")]
 use gdg::learn::Threads;
 #[cfg(feature = "tui")]
 use gdg::map::Reading;
 use gdg::printing::eprint_line;
 use gdg::train::Registry;
+
+/// What a run or a comparison that was opened from the list says.
+#[cfg(feature = "tui")]
+const BACK: &str = "q leads back to the list of runs";
 
 /// Shows the runs of folders: on a terminal as a screen, otherwise as a table or as JSON.
 ///
@@ -41,38 +49,72 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
     print_safely(&tables(&args.folders, registry).or_bad_input()?)
 }
 
-/// Shows the screen, and then what the user has asked for in it.
+/// Shows the list, and what the user asks for in it, after which the list comes back.
 #[cfg(feature = "tui")]
 fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
     check(&args.folders).or_bad_input()?;
     crate::host::logging::start(args.screen.log_level);
     let options = args.screen.interface.options(args.screen.overwrite);
-    let prepared = tui::prepare(&options).or_bad_input()?;
-    let (next, status) = tui::show_runs(&args.folders, prepared).or_failure()?;
-    match next {
-        NextAfterRuns::Quit => Ok(status),
-        NextAfterRuns::Compare(files) => {
-            let options = ComparisonOptions {
-                contenders: files.map(Contender::Checkpoint),
-                map: None,
-                reading: Reading::default(),
-                seed: None,
-                set: Vec::new(),
-                threads: Threads::auto(),
-                recording: None,
-            };
-            let contestants = tui::prepare_comparison(&options, registry).or_bad_input()?;
-            let prepared = tui::prepare(&unrecorded(args)).or_bad_input()?;
-            tui::compare(contestants, prepared).or_failure()
+    let mut interface = tui::prepare(&options).or_bad_input()?;
+    let mut list = RunsScreen::open(&args.folders, &interface).or_failure()?;
+    let (mut problem, mut status) = (None, 0);
+    loop {
+        let following = interface.following(None);
+        let (left, next, shown) = list.show(interface, problem.as_deref()).or_failure()?;
+        list = left;
+        let ended = match next {
+            NextAfterRuns::Quit => return Ok(shown.max(status)),
+            NextAfterRuns::Compare(files) => {
+                compare(files, following.following(Some(BACK)), registry)
+            }
+            NextAfterRuns::Resume(file) => {
+                resume(file, args, following.following(Some(BACK)), registry)
+            }
+        };
+        if let Some(ended) = following.ended() {
+            return Ok(ended);
         }
-        NextAfterRuns::Resume(file) => super::train::run(&resuming(file, args)?, registry),
+        problem = ended.as_ref().err().map(|failure| failure.error.to_string());
+        // Of all that failed, the last one.
+        match ended {
+            Ok(0) => {}
+            Ok(failed) => status = failed,
+            Err(failure) => {
+                status = failure.status;
+                // The terminal shows it again after the list.
+                print_error(failure.error);
+            }
+        }
+        interface = following;
     }
 }
 
-/// Returns the options of the interface for what follows the list, which is not recorded.
 #[cfg(feature = "tui")]
-fn unrecorded(args: &RunsArgs) -> InterfaceOptions {
-    InterfaceOptions { record: None, ..args.screen.interface.options(false) }
+fn compare(files: [PathBuf; 2], to: PreparedInterface, registry: &Arc<Registry>) -> Outcome {
+    let options = ComparisonOptions {
+        contenders: files.map(Contender::Checkpoint),
+        map: None,
+        reading: Reading::default(),
+        seed: None,
+        set: Vec::new(),
+        threads: Threads::auto(),
+        recording: None,
+    };
+    let contestants = tui::prepare_comparison(&options, registry).or_bad_input()?;
+    tui::compare(contestants, to).or_failure()
+}
+
+#[cfg(feature = "tui")]
+fn resume(
+    file: PathBuf,
+    args: &RunsArgs,
+    to: PreparedInterface,
+    registry: &Arc<Registry>,
+) -> Outcome {
+    let train = resuming(file, args)?;
+    let registry = super::train::registry_for(&train, registry);
+    let setup = setup::prepare(&train.request(), &registry).or_bad_input()?;
+    tui::run(setup, to, None).or_failure()
 }
 
 /// Returns the options of the command that resumes a run.
@@ -119,6 +161,7 @@ fn json(folders: &[PathBuf]) -> Result<String, Report> {
     for (path, problem) in problems {
         eprint_line(&format!("{}: {problem}: left out", path.display()));
     }
+    runs.iter().filter_map(|(run, _)| run.note()).for_each(|note| eprint_line(&note));
     let lines = runs.iter().map(|(run, written)| serde_json::to_string(&run.line(*written)));
     let lines: Result<Vec<String>, _> = lines.collect();
     Ok(lines.into_diagnostic()?.into_iter().map(|line| line + "\n").collect())

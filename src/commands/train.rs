@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use clap::CommandFactory;
 #[cfg(feature = "tui")]
-#[cfg(feature = "tui")]
 use gdg::printing::eprint_line;
 use gdg::train::{Registry, print_settings};
 #[cfg(feature = "tui")]
@@ -27,8 +26,7 @@ use crate::tui;
 /// # Errors
 /// The arguments are invalid, or training or saving fails.
 pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
-    let options = args.gym.options(args.reading.goal_radius);
-    let registry = &registry.clone().with_gym(options).with_data(args.data.clone());
+    let registry = &registry_for(args, registry);
     let request = args.request();
     if args.print_config {
         let settings = setup::settings_to_print(&request, registry).or_bad_input()?;
@@ -50,6 +48,12 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
         return show(setup, args);
     }
     headless::run(setup, &args.headless()).or_failure()
+}
+
+/// Returns the registry with what is given of environments in Python and recorded data.
+pub fn registry_for(args: &TrainArgs, registry: &Arc<Registry>) -> Arc<Registry> {
+    let options = args.gym.options(args.reading.goal_radius);
+    registry.clone().with_gym(options).with_data(args.data.clone())
 }
 
 /// Decides whether the run is shown; prints a notice if it is not, unless `--no-ui` asked for that.

@@ -6,6 +6,7 @@ mod line;
 mod reader;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -64,6 +65,36 @@ pub struct SavedRun {
     pub checkpoint: Option<PathBuf>,
     /// Its other files, which are not listed besides.
     pub others: Vec<PathBuf>,
+    /// What of its records cannot be read.
+    pub skipped: Skipped,
+}
+
+/// Lines of records that cannot be read and are left out.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Skipped {
+    /// How many.
+    pub lines: u64,
+    /// What is wrong with the first one, and its number.
+    first: String,
+}
+
+impl Skipped {
+    fn add(&mut self, other: Self) {
+        if self.lines == 0 {
+            self.first = other.first;
+        }
+        self.lines += other.lines;
+    }
+}
+
+impl fmt::Display for Skipped {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self.lines {
+            0 => Ok(()),
+            1 => f.write_str(&self.first),
+            lines => write!(f, "{}, the first of {lines} lines", self.first),
+        }
+    }
 }
 
 /// What a run was read from.
@@ -151,7 +182,14 @@ impl SavedRun {
             evaluations: result.evaluations,
             checkpoint,
             others: Vec::new(),
+            skipped: Skipped::default(),
         }
+    }
+
+    /// Returns what of its records is left out, for a line of its own.
+    pub fn note(&self) -> Option<String> {
+        let Self { source, skipped, .. } = self;
+        (skipped.lines > 0).then(|| sanitized(&format!("{}:{skipped}: left out", source.display())))
     }
 
     /// Returns the last evaluation.
@@ -177,19 +215,19 @@ pub fn runs(paths: &[PathBuf]) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
         }
         let found = folder(path, &mut notes)?;
         if found.is_empty() {
-            let left_out: String = notes.iter().map(|note| format!("\n{note}")).collect();
-            return Err(miette!(help = HELP, "{}: no runs here{left_out}", path.display()));
+            return Err(miette!(help = HELP, "{}: no runs here{}", path.display(), lines(&notes)));
         }
         runs.extend(found);
     }
     // The checkpoints may be in another folder than the records.
     let joined = join(runs.into_iter().map(|run| (Arc::new(run), None)).collect());
     let mut runs: Vec<_> = joined.into_iter().map(|(run, _)| Arc::unwrap_or_clone(run)).collect();
+    notes.extend(runs.iter().filter_map(SavedRun::note));
     let evaluated = runs.iter().filter(|run| !run.evaluations.is_empty()).count();
     if evaluated == 0 {
         let source = runs.first().map_or(String::new(), |run| run.source.display().to_string());
         let help = "runs are evaluated on the way with --eval-every-updates N, and at the end";
-        return Err(miette!(help = help, "{source}: no evaluation yet"));
+        return Err(miette!(help = help, "{source}: no evaluation yet{}", lines(&notes)));
     }
     if evaluated < runs.len() {
         let without = counted((runs.len() - evaluated) as u64, "run");
@@ -197,6 +235,11 @@ pub fn runs(paths: &[PathBuf]) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
         runs.retain(|run| !run.evaluations.is_empty());
     }
     Ok((runs, notes))
+}
+
+/// Returns notes as further lines of an error.
+fn lines(notes: &[String]) -> String {
+    notes.iter().map(|note| format!("\n{note}")).collect()
 }
 
 /// Reads the runs of an experiment's folder, or of a folder of checkpoints and records.
@@ -278,6 +321,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
         evaluations,
         checkpoint: Some(path.to_owned()),
         others: Vec::new(),
+        skipped: Skipped::default(),
     })
 }
 
@@ -335,6 +379,7 @@ impl SavedRun {
             evaluations: Vec::new(),
             checkpoint: None,
             others: Vec::new(),
+            skipped: Skipped::default(),
         }
     }
 
@@ -367,10 +412,12 @@ fn found_from(records: &Path, path: PathBuf) -> PathBuf {
 }
 
 /// Reads the runs in a file of records, one JSON object per line: each begins with its `start`.
+/// Leaves out lines that are no records, as a full disk or a second writer may have damaged them.
 fn records(path: &Path) -> Result<Vec<SavedRun>, Report> {
     let file = open(path).map_err(|error| unreadable(path, &error))?;
     let mut reader = std::io::BufReader::new(file);
-    let (mut runs, mut line, mut number) = (Vec::<SavedRun>::new(), Vec::new(), 0);
+    let (mut runs, mut line, mut number) = (Vec::<SavedRun>::new(), Vec::new(), 0_u64);
+    let mut skipped = Skipped::default();
     loop {
         line.clear();
         let mut part = reader.by_ref().take(MOST_OF_A_LINE);
@@ -378,34 +425,42 @@ fn records(path: &Path) -> Result<Vec<SavedRun>, Report> {
             break;
         }
         number += 1;
+        let is_whole = line.ends_with(b"\n");
+        if is_too_long(&line) && !is_whole {
+            reader.skip_until(b'\n').map_err(|error| unreadable(path, &error))?;
+        }
         let text = line.trim_ascii();
         let text =
             if number == 1 { text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text) } else { text };
         if text.is_empty() {
             continue;
         }
-        let record = match serde_json::from_slice(text) {
-            Ok(record) => record,
+        let problem = match (serde_json::from_slice(text), runs.last_mut()) {
+            (Ok(Record::Start(start)), _) => {
+                runs.push(SavedRun::begun(*start, path));
+                continue;
+            }
+            (Ok(Record::Evaluation(_)), None) => {
+                ":1: an evaluation before any start record".to_owned()
+            }
+            (Ok(record), Some(run)) => {
+                run.add(record);
+                continue;
+            }
+            (Ok(_), None) => continue,
             // The last line of a run that goes on may be incomplete.
-            Err(_) if !runs.is_empty() && !line.ends_with(b"\n") && !is_too_long(&line) => break,
-            Err(error) => {
-                let at = format!("{}:{number}", path.display());
-                return Err(miette!(help = HELP, "{at}{}", not_a_record(text, &error)));
-            }
+            (Err(_), Some(_)) if !is_whole && !is_too_long(&line) => break,
+            (Err(error), _) => not_a_record(text, &error),
         };
-        match (record, runs.last_mut()) {
-            (Record::Start(start), _) => runs.push(SavedRun::begun(*start, path)),
-            (record, Some(run)) => run.add(record),
-            (Record::Evaluation(_), None) => {
-                let at = format!("{}:{number}:1", path.display());
-                return Err(miette!(help = HELP, "{at}: an evaluation before any start record"));
-            }
-            (_, None) => {}
-        }
+        let one = Skipped { lines: 1, first: format!("{number}{problem}") };
+        runs.last_mut().map_or(&mut skipped, |run| &mut run.skipped).add(one);
     }
-    if runs.is_empty() {
-        return Err(miette!(help = HELP, "{}: no records", path.display()));
-    }
+    let Some(run) = runs.first_mut() else {
+        let problem = if skipped.lines == 0 { " no records".to_owned() } else { skipped.first };
+        return Err(miette!(help = HELP, "{}:{problem}", path.display()));
+    };
+    skipped.add(std::mem::take(&mut run.skipped));
+    run.skipped = skipped;
     Ok(merged(runs))
 }
 
@@ -438,9 +493,12 @@ fn merged(runs: Vec<SavedRun>) -> Vec<SavedRun> {
             Some(earlier) => {
                 let evaluations = std::mem::take(&mut earlier.evaluations);
                 let checkpoint = run.checkpoint.or(earlier.checkpoint.take());
+                let mut skipped = std::mem::take(&mut earlier.skipped);
+                skipped.add(run.skipped);
                 *earlier = SavedRun {
                     evaluations: evaluations.into_iter().chain(run.evaluations).collect(),
                     checkpoint,
+                    skipped,
                     ..run
                 };
             }

@@ -42,7 +42,6 @@ use super::layout::ScreenLayout;
 use super::log::{Log, Notice};
 use super::scene::maze::place_walker;
 use super::scene::{Cache, MazeState};
-use crate::host::signals::TerminationSignal;
 use curves::Axis;
 use gdg::engine::{Command, Engine, Snapshot};
 use gdg::map::Cell;
@@ -99,11 +98,11 @@ pub struct Comparison {
 /// Errors of the terminal or of training.
 pub fn run(
     contestants: [Contestant; 2],
-    PreparedInterface { config, keymap, recorder }: PreparedInterface,
+    PreparedInterface { config, keymap, recorder, termination, notice }: PreparedInterface,
 ) -> Result<u8, Report> {
-    let termination = TerminationSignal::listen_in_interface(super::terminal::restore)?;
     let marker = config.marker;
-    let comparison = Comparison::start(contestants, &config, &keymap, Limits::default())?;
+    let mut comparison = Comparison::start(contestants, &config, &keymap, Limits::default())?;
+    notice.inspect(|notice| comparison.log.show(notice, false));
     event_loop::show(comparison, recorder, marker, &termination, Comparison::close)
 }
 

@@ -32,10 +32,9 @@ use super::log::Log;
 use super::render::curves as lines;
 use super::style::BOLD;
 use super::theme::{ColourDepth, Theme};
-use super::{PreparedInterface, event_loop, terminal};
+use super::{PreparedInterface, event_loop};
 use crate::experiment::plot::{Axis, Measure};
 use crate::experiment::runs::Found;
-use crate::host::signals::TerminationSignal;
 use draw::Places;
 use files::Question;
 use list::List;
@@ -85,25 +84,41 @@ pub struct RunsScreen {
     terminal_request: Option<TerminalRequest>,
 }
 
-/// Shows the runs of folders; returns what the user does next, and the exit status.
-///
-/// # Errors
-/// Errors of the terminal, or the folders cannot be read on a thread of their own.
-pub fn run(
-    folders: &[PathBuf],
-    PreparedInterface { config, keymap, recorder }: PreparedInterface,
-) -> Result<(Next, u8), Report> {
-    let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
-    let reading = Reading::start(folders).into_diagnostic()?;
-    let names: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
-    let marker = config.marker;
-    let screen = RunsScreen::new(&names.join(" "), reading, &config, keymap);
-    let mut next = Next::Quit;
-    let status = event_loop::show(screen, recorder, marker, &termination, |screen| {
-        next = screen.next.unwrap_or(Next::Quit);
-        ClosedRun { summary: String::new(), saved: Ok(()), failed: false }
-    })?;
-    Ok((next, status))
+impl RunsScreen {
+    /// Begins to read the runs of folders.
+    ///
+    /// # Errors
+    /// The folders cannot be read on a thread of their own.
+    pub fn open(folders: &[PathBuf], interface: &PreparedInterface) -> Result<Self, Report> {
+        let reading = Reading::start(folders).into_diagnostic()?;
+        let names: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
+        let PreparedInterface { config, keymap, .. } = interface;
+        Ok(Self::new(&names.join(" "), reading, config, keymap.clone()))
+    }
+
+    /// Shows the list, as it was left, with a `problem` that there has been since; returns it, what
+    /// the user does next, and the exit status.
+    ///
+    /// # Errors
+    /// Errors of the terminal.
+    pub fn show(
+        mut self,
+        interface: PreparedInterface,
+        problem: Option<&str>,
+    ) -> Result<(Self, Next, u8), Report> {
+        let PreparedInterface { config, recorder, termination, .. } = interface;
+        self.reading.look_again();
+        problem.inspect(|problem| self.log.show(problem, true));
+        let mut left = None;
+        let status =
+            event_loop::show(self, recorder, config.marker, &termination, |mut screen| {
+                let next = screen.next.take().unwrap_or(Next::Quit);
+                left = Some((screen, next));
+                ClosedRun { summary: String::new(), saved: Ok(()), failed: false }
+            })?;
+        let (screen, next) = left.expect("the loop closes what it shows");
+        Ok((screen, next, status))
+    }
 }
 
 impl RunsScreen {
@@ -129,7 +144,7 @@ impl RunsScreen {
     }
 
     /// Shows what has been read.
-    fn show(&mut self, found: &Found) {
+    fn list(&mut self, found: &Found) {
         (self.read, self.has_read) = (found.read, true);
         self.list.update(found);
     }
@@ -152,7 +167,7 @@ impl Interface for RunsScreen {
             return std::future::pending().await;
         }
         let found = self.reading.found.borrow_and_update().clone();
-        self.show(&found);
+        self.list(&found);
     }
 
     fn on_event(&mut self, event: &Event) {

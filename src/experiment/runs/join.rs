@@ -76,6 +76,7 @@ impl SavedRun {
         if self.kind == Kind::Result {
             return;
         }
+        self.skipped.add(part.skipped.clone());
         if self.checkpoint.is_none() {
             self.checkpoint.clone_from(&part.checkpoint);
         }

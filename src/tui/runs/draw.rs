@@ -184,7 +184,7 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Pl
     let damaged = list.damaged().enumerate().skip(skipped).map(|(i, (path, problem))| {
         let is_selected = i + list.shown().len() == position;
         let style = if is_selected { REVERSED } else { DIM };
-        Line::styled(format!("   {}  cannot be loaded: {problem}", name(path)), style)
+        Line::styled(format!("   {}  {problem}", name(path)), style)
     });
     let lines: Vec<Line> = runs.chain(damaged).take(room).collect();
     frame.render_widget(Paragraph::new(fitted_lines(lines, rows.width)), rows);
@@ -333,7 +333,7 @@ fn draw_damage(frame: &mut Frame, area: Rect, path: &Path, problem: &str) {
     let text = sanitized(&format!("{}: {problem}", path.display()));
     let columns = usize::from(area.width).saturating_sub(2).max(1);
     let rows = wrapped(&text, columns).into_iter().map(|row| Line::raw(format!(" {row}")));
-    let title = Line::styled(" cannot be loaded", BOLD);
+    let title = Line::styled(" left out", BOLD);
     let lines: Vec<Line> = std::iter::once(title).chain(rows).collect();
     frame.render_widget(Paragraph::new(fitted_lines(lines, area.width)), area);
 }

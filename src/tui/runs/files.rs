@@ -103,7 +103,8 @@ pub struct Question {
 }
 
 impl Question {
-    /// Asks about all files of the chosen runs; `None` if there are none.
+    /// Asks about all files of the chosen runs, or the selected file that cannot be read; `None` if
+    /// there are none.
     ///
     /// # Errors
     /// A run still goes on.
@@ -114,8 +115,11 @@ impl Question {
             return Err(format!("{} still grows: end its run first", name(&entry.run.source)));
         }
         let sources = runs.iter().map(|entry| &entry.run.source);
-        let files: BTreeSet<&PathBuf> =
-            sources.chain(runs.iter().flat_map(|entry| &entry.run.others)).collect();
+        let damaged = list.selected_damage().map(|(path, _)| path).filter(|path| path.is_file());
+        let files: BTreeSet<&PathBuf> = sources
+            .chain(runs.iter().flat_map(|entry| &entry.run.others))
+            .chain(damaged.filter(|_| !list.has_marks()))
+            .collect();
         let files: Vec<PathBuf> = files.into_iter().cloned().collect();
         if files.is_empty() {
             return Ok(None);

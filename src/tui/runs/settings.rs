@@ -1,7 +1,7 @@
 //! What runs differ in, side by side.
 
 use crate::experiment::runs::SavedRun;
-use gdg::text::grouped;
+use gdg::text::{counted, grouped};
 use gdg::train::{Preset, list_settings};
 
 /// A name, and its value in each run.
@@ -19,6 +19,11 @@ pub fn rows(runs: &[&SavedRun]) -> Vec<Row> {
         row("variant", runs, |run| run.variant.clone().unwrap_or_default()),
         row("seed", runs, |run| run.seed.to_string()),
         row("updates", runs, |run| grouped(run.updates)),
+        row("left out", runs, |run| match run.skipped.lines {
+            0 => String::new(),
+            _ if runs.len() == 1 => format!("line {}", run.skipped),
+            lines => counted(lines, "line"),
+        }),
     ];
     let mut names: Vec<&str> = Vec::new();
     for (name, _) in runs.iter().flat_map(|run| own(run)) {

@@ -12,7 +12,7 @@ use ratatui::layout::Position;
 
 use super::*;
 use crate::experiment::job::EvaluationAt;
-use crate::experiment::runs::{Ending, Kind, SavedRun};
+use crate::experiment::runs::{Ending, Kind, SavedRun, Skipped};
 use crate::tui::tests::screens::check_drawn;
 use crate::tui::theme::ThemeName;
 use gdg::train::{Evaluation, Score};
@@ -52,6 +52,7 @@ pub fn saved(file: &str, map: &str, method: &str, seed: u64, success: &[f64]) ->
         evaluations: success.iter().enumerate().map(evaluation).collect(),
         checkpoint: Some(file.into()),
         others: Vec::new(),
+        skipped: Skipped::default(),
     }
 }
 
@@ -90,7 +91,7 @@ fn screen() -> RunsScreen {
     ]);
     all.problems = vec![("saves/damaged.safetensors".into(), "is cut off at 12 bytes".to_owned())];
     all.read = [6, 6];
-    screen.show(&all);
+    screen.list(&all);
     screen
 }
 
@@ -174,12 +175,12 @@ fn the_end_of_a_long_list_says_what_cannot_be_read() {
     let mut screen = screen();
     let runs: Vec<SavedRun> = (0..50).map(|seed| saved("many", "own", "gdg", seed, &[])).collect();
     let problems = vec![("damaged.safetensors".into(), "is empty".to_owned())];
-    screen.show(&Found { problems, ..found(&runs) });
+    screen.list(&Found { problems, ..found(&runs) });
     let hidden = text(&mut screen, 80, 24);
     assert!(hidden.contains("end of the list") && !hidden.contains("is empty"), "{hidden}");
     press(&mut screen, KeyCode::End);
     let shown = text(&mut screen, 80, 24);
-    assert!(shown.contains("damaged.safetensors  cannot be loaded: is empty"), "{shown}");
+    assert!(shown.contains("damaged.safetensors  is empty"), "{shown}");
     let is_selected = |line: &str| line.split_whitespace().take(3).eq(["own", "gdg", "0"]);
     assert!(shown.lines().any(is_selected), "it stays in view: {shown}");
 }
@@ -192,7 +193,7 @@ fn files_that_cannot_be_read_are_rows_that_tell_all() {
             (format!("many/bad-{i}.jsonl").into(), format!("line 7: {} {i}", "no ".repeat(30)))
         })
         .collect();
-    screen.show(&Found { problems, ..found(&[saved("good", "own", "gdg", 0, &[])]) });
+    screen.list(&Found { problems, ..found(&[saved("good", "own", "gdg", 0, &[])]) });
     press(&mut screen, KeyCode::End);
     let shown = text(&mut screen, 80, 24);
     assert!(
@@ -214,7 +215,7 @@ fn long_words_leave_room_for_numbers_and_files() {
     let mut screen = screen();
     let long = "x".repeat(300);
     let run = saved("own.safetensors", &long, &long, u64::MAX, &[0.375]);
-    screen.show(&found(&[run, saved("other.safetensors", "own", "gdg", 0, &[0.5])]));
+    screen.list(&found(&[run, saved("other.safetensors", "own", "gdg", 0, &[0.5])]));
     for (width, height) in [(60, 20), (80, 24)] {
         let shown = text(&mut screen, width, height);
         for part in ["xxx...", " 0.38 ", " own.safete", " other.safe"] {
@@ -224,7 +225,7 @@ fn long_words_leave_room_for_numbers_and_files() {
     press(&mut screen, KeyCode::Char(' '));
     press(&mut screen, KeyCode::Home);
     let one = |name: &str| saved(&format!("{name}-{long}"), "own", "gdg", 0, &[0.5]);
-    screen.show(&found(&["one", "two"].map(one)));
+    screen.list(&found(&["one", "two"].map(one)));
     type_text(&mut screen, "  ");
     let shown = text(&mut screen, 80, 24);
     assert!(shown.contains("  A two") && shown.contains("  B one"), "both curves: {shown}");
@@ -254,10 +255,10 @@ fn files_that_grow_change_curves_and_numbers() {
     let mut screen = screen();
     press(&mut screen, KeyCode::Char(' '));
     let run = |success: &[f64]| saved("saves/own.safetensors", "own", "gdg", 7, success);
-    screen.show(&found(&[run(&[0.25])]));
+    screen.list(&found(&[run(&[0.25])]));
     press(&mut screen, KeyCode::Char(' '));
     assert!(text(&mut screen, 120, 40).contains(" 0.25 "));
-    screen.show(&found(&[run(&[0.25, 0.75])]));
+    screen.list(&found(&[run(&[0.25, 0.75])]));
     let shown = text(&mut screen, 120, 40);
     assert!(
         shown.contains(" 0.75 ") && shown.contains(" A own") && !shown.contains("0.25"),
@@ -292,7 +293,7 @@ fn only_runs_with_a_checkpoint_can_be_resumed() {
     let shown = text(&mut screen, 120, 40);
     assert!(screen.next.is_none() && shown.contains("its checkpoint was not kept"), "{shown}");
     let own = |path: &Path| saved(&path.to_string_lossy(), "own", "gdg", 7, &[]);
-    screen.show(&found(&[own(&folder.path().join("gone.safetensors")), own(&file)]));
+    screen.list(&found(&[own(&folder.path().join("gone.safetensors")), own(&file)]));
     press(&mut screen, KeyCode::End);
     press(&mut screen, KeyCode::Enter);
     let shown = text(&mut screen, 200, 40);
@@ -311,7 +312,7 @@ fn two_runs_on_the_same_map_are_compared() {
         saved(&path(name).to_string_lossy(), map, "gdg", 7, &[])
     };
     let mut screen = screen();
-    screen.show(&found(&[own("c", "own"), own("b", "other"), own("a", "own")]));
+    screen.list(&found(&[own("c", "own"), own("b", "other"), own("a", "own")]));
     press(&mut screen, KeyCode::Char('c'));
     assert!(text(&mut screen, 120, 40).contains("mark two runs"));
     press(&mut screen, KeyCode::Char(' '));
@@ -334,7 +335,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
         std::fs::write(&run.source, "a checkpoint").expect("a file");
     }
     let mut screen = screen();
-    screen.show(&found(&runs));
+    screen.list(&found(&runs));
     press(&mut screen, KeyCode::End);
     press(&mut screen, KeyCode::Char('D'));
     assert!(text(&mut screen, 200, 40).contains("delete for good?  y: yes  n: no   /"));
@@ -347,6 +348,13 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     let left = ["a", "b", "c"].map(|name| path(&format!("{name}.safetensors")).exists());
     assert_eq!(left, [true, false, false]);
     assert!(text(&mut screen, 120, 40).contains("deleted 2 files"));
+    let damaged = path("damaged.jsonl");
+    std::fs::write(&damaged, "[]").expect("a file");
+    let problems = vec![(damaged.clone(), "line 1: not a record".to_owned())];
+    screen.list(&Found { problems, ..found(&runs[..1]) });
+    press(&mut screen, KeyCode::End);
+    type_text(&mut screen, "Dy");
+    assert!(!damaged.exists() && path("a.safetensors").exists(), "a file that is no run");
     let records = path("a.jsonl");
     std::fs::write(&records, "records").expect("a file");
     let joined = SavedRun {
@@ -355,17 +363,17 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
         ..runs[0].clone()
     };
     let another = SavedRun { seed: 8, others: Vec::new(), ..joined.clone() };
-    screen.show(&found(&[joined.clone(), another]));
+    screen.list(&found(&[joined.clone(), another]));
     press(&mut screen, KeyCode::End);
     type_text(&mut screen, "D");
     assert!(text(&mut screen, 120, 40).contains("n: no   2 files with 1 run not chosen: /"));
     press(&mut screen, KeyCode::Char('n'));
-    screen.show(&found(&[joined]));
+    screen.list(&found(&[joined]));
     type_text(&mut screen, "Dy");
     assert!(!records.exists() && !path("a.safetensors").exists(), "all files of the run");
     let grows = SavedRun { kind: Kind::Records(Ending::Open), ..runs[0].clone() };
     let now = Some(SystemTime::now());
-    screen.show(&Found { runs: vec![(Arc::new(grows), now)], ..Found::default() });
+    screen.list(&Found { runs: vec![(Arc::new(grows), now)], ..Found::default() });
     press(&mut screen, KeyCode::Delete);
     assert!(text(&mut screen, 120, 40).contains("still grows"));
 }
