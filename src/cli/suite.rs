@@ -32,7 +32,12 @@ pub struct SuiteArgs {
     pub maps: Vec<PathBuf>,
 
     /// Updates per map [default: 60000 up to 6,000 free cells, 200000 up to 50,000, 600000 beyond]
-    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]
+    #[arg(
+        long,
+        visible_alias = "max-updates",
+        value_name = "N",
+        value_parser = counts::<u64>(1..=1 << 53)
+    )]
     pub budget: Option<u64>,
 
     /// Runs per map, with seeds 1, 2, ...

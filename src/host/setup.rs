@@ -16,7 +16,7 @@ use gdg::env::{Environment, Goals, PointMaze, Restart};
 use gdg::files;
 use gdg::learn::Threads;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
-use gdg::pulse::Pulse;
+use gdg::pulse::{Progress, Pulse};
 use gdg::text::{safe_file_name, sanitized};
 use gdg::train::{
     self, Dataset, LeftOut, Limits, Loaded, Method, Overrides, Preset, Registry, Run, SaveTo,
@@ -191,7 +191,8 @@ pub fn run(
 pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Report> {
     let threads = request.threads;
     let pulse = Pulse::default();
-    let _opening = pulse.begin("the world to open");
+    let progress = Progress::default();
+    let _opening = pulse.begin_with("the world to open", progress.clone());
     let _waiting = Waiting::begin(&pulse, "Ctrl-C", || {});
     // Checked before training: otherwise, what was learned might be impossible to save.
     let resumed = resumed_file(request, registry)?;
@@ -214,7 +215,10 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
     }
     check_options(request, resumed.as_deref(), registry)?;
     let Loaded { mut trainer, warning } = match &resumed {
-        Some(path) => train::load(path, registry, threads).map_err(from_checkpoint_error)?,
+        Some(path) => {
+            let loaded = train::load_with(path, registry, threads, &progress);
+            loaded.map_err(from_checkpoint_error)?
+        }
         None => begin_run(request, registry)?,
     };
     trainer.check_data().map_err(from_data_error)?;

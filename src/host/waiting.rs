@@ -17,6 +17,9 @@ const POLL_INTERVAL: Duration = Duration::from_secs(1);
 /// ... and time between reports while the activity stays the same.
 const REPEAT_AFTER: Duration = Duration::from_mins(1);
 
+/// ... or until it is farther by this share.
+const TOLD_SHARE: f64 = 0.1;
+
 /// How to end the program at once if no Ctrl-C has been received yet.
 pub const TWICE: &str = "Ctrl-C twice";
 
@@ -37,20 +40,23 @@ impl Waiting {
             while end.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
                 pause = POLL_INTERVAL;
                 let activity = pulse.activity();
-                if said.is_some_and(|(same, at): (_, Instant)| {
-                    same == activity && at.elapsed() < REPEAT_AFTER
+                let share = pulse.busy().and_then(|doing| doing.progress.share());
+                if said.is_some_and(|(same, at, before): (_, Instant, Option<f64>)| {
+                    let moved = share.unwrap_or(0.0) - before.unwrap_or(0.0);
+                    same == activity && at.elapsed() < REPEAT_AFTER && moved < TOLD_SHARE
                 }) {
                     continue;
                 }
                 if said.is_none() {
                     before();
                 }
-                let mut line =
-                    format!("waiting for {activity} ({} s so far)", began.elapsed().as_secs());
+                let part = share.map_or(String::new(), |share| format!(", {:.0} %", 100.0 * share));
+                let seconds = began.elapsed().as_secs();
+                let mut line = format!("waiting for {activity} ({seconds} s so far{part})");
                 if said.is_none() {
                     line += &format!("; {ends_at_once} ends at once, without what is not saved");
                 }
-                said = Some((activity, Instant::now()));
+                said = Some((activity, Instant::now(), share));
                 eprint_line(&line);
             }
         };

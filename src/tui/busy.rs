@@ -52,6 +52,11 @@ impl fmt::Display for Lasting {
     }
 }
 
+/// Returns a notice that `what` goes on, as in `reading a.map ... 3 s, 40 %`.
+pub fn notice(what: &str, lasting: Lasting) -> String {
+    format!("{what} ...{}", lasting.to_string().trim_start_matches(','))
+}
+
 /// What the trainer is doing, and for how long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Busy {

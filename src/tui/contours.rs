@@ -4,7 +4,7 @@ use ratatui::layout::Rect;
 
 use super::canvas::Canvas;
 use super::raster::MapFrame;
-use super::theme::Theme;
+use super::theme::{Rgb, Theme};
 use gdg::draw::{ContourLine, contour_interval, contour_lines};
 
 /// Minimum average distance between lines, in pixels.
@@ -66,10 +66,17 @@ pub fn draw(
     let labels = place_labels(&lines, map_frame, field, near);
     let mut in_gap = vec![false; canvas.len()];
     labels.iter().flat_map(|label| label.pixels(map_frame)).for_each(|i| in_gap[i] = true);
-    for i in lines.iter().flat_map(|line| &line.pixels).copied().filter(|i| !in_gap[*i]) {
-        let line = canvas.colour(i).map(|ground| theme.contour(ground));
-        canvas.set_thin(i, line);
-    }
+    let drawn = lines.iter().flat_map(|line| &line.pixels).copied().filter(|i| !in_gap[*i]);
+    // Chosen before any is drawn: beside a line is ground.
+    let line = |i: usize| {
+        let (columns, len) = (canvas.columns(), canvas.len());
+        let beside = [i.wrapping_sub(1), i + 1, i.wrapping_sub(columns), i + columns];
+        let beside = beside.into_iter().filter(|other| *other < len);
+        let beside: Vec<Rgb> = beside.filter_map(|other| canvas.colour(other)).collect();
+        (i, canvas.colour(i).map(|ground| theme.contour(ground, &beside)))
+    };
+    let drawn: Vec<(usize, Option<Rgb>)> = drawn.map(line).collect();
+    drawn.into_iter().for_each(|(i, line)| canvas.set_thin(i, line));
     labels
 }
 

@@ -20,6 +20,7 @@ use super::theme::{Rgb, Theme};
 use crate::figure::Format;
 use gdg::engine::Snapshot;
 use gdg::files::{self, write_atomically};
+use gdg::pulse::Progress;
 use gdg::viewer::{FilmError, animate, still};
 pub use picture::{picture_of, png_of};
 
@@ -69,9 +70,10 @@ pub fn write_film(
     kind: ExportKind,
     screen: &Screen,
     scene: &Scene,
+    progress: Progress,
 ) -> std::io::Result<JoinHandle<Result<String, String>>> {
     let (path, run) = (export_path(kind, screen, scene), screen.snapshot.clone());
-    let write = move || write_contents(&path, filmed(kind, &run));
+    let write = move || write_contents(&path, filmed(kind, &run, &progress));
     std::thread::Builder::new().name("film".to_owned()).spawn(write)
 }
 
@@ -121,7 +123,9 @@ pub fn contents(
         ExportKind::CurvesPng => figure(Format::Png, screen, scene),
         ExportKind::CurvesPdf => figure(Format::Pdf, screen, scene),
         ExportKind::CurvesCsv => curves::csv(screen),
-        ExportKind::Still | ExportKind::Film => filmed(kind, &screen.snapshot),
+        ExportKind::Still | ExportKind::Film => {
+            filmed(kind, &screen.snapshot, &Progress::default())
+        }
         ExportKind::MapPng | ExportKind::MapSvg | ExportKind::ScreenPng | ExportKind::ScreenSvg => {
             let (drawn, map_pane) = draw(screen, scene)?;
             let area = match kind {
@@ -134,10 +138,10 @@ pub fn contents(
 }
 
 /// Returns the film, or a picture of its end.
-fn filmed(kind: ExportKind, run: &Snapshot) -> Result<Vec<u8>, ExportError> {
+fn filmed(kind: ExportKind, run: &Snapshot, progress: &Progress) -> Result<Vec<u8>, ExportError> {
     Ok(match kind {
         ExportKind::Still => still(run, Some(STILL_WIDTH))?,
-        _ => animate(run, None)?,
+        _ => animate(run, None, progress)?,
     })
 }
 

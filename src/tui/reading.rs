@@ -8,9 +8,11 @@ use std::time::{Duration, Instant};
 use jiff::tz::TimeZone;
 use miette::Report;
 
+use super::busy::{self, Lasting};
 use super::dialog::Picker;
 use crate::experiment::runs::SavedRun;
 use gdg::map::{Grid, MapError};
+use gdg::pulse::Progress;
 use gdg::train::{CheckpointError, Description};
 
 /// How often to look whether a thread has ended.
@@ -45,20 +47,24 @@ pub struct Reading {
     since: Instant,
     /// The number of notices so far.
     told: u64,
+    progress: Progress,
     thread: JoinHandle<Read>,
 }
 
 impl Reading {
-    /// Starts to read `what`.
+    /// Starts to read `what`; `read` may say how far it is.
     ///
     /// # Errors
     /// The thread cannot be started.
     pub fn start(
         what: String,
-        read: impl FnOnce() -> Read + Send + 'static,
+        read: impl FnOnce(&Progress) -> Read + Send + 'static,
     ) -> std::io::Result<Self> {
+        let progress = Progress::default();
+        let told = progress.clone();
+        let read = move || read(&told);
         let thread = std::thread::Builder::new().name("reading".to_owned()).spawn(read)?;
-        Ok(Self { what, since: Instant::now(), told: 0, thread })
+        Ok(Self { what, since: Instant::now(), told: 0, progress, thread })
     }
 
     /// Waits for at most `patience`; returns whether all has been read.
@@ -81,8 +87,8 @@ impl Reading {
             return None;
         }
         self.told = seconds / NOTICE_SECS + 1;
-        let time = if seconds > 0 { format!(" {seconds} s") } else { String::new() };
-        Some(format!("reading {} ...{time}", self.what))
+        let lasting = Lasting::now(self.since, &self.progress);
+        Some(busy::notice(&format!("reading {}", self.what), lasting))
     }
 
     /// Returns what was read, or what could not be because of an internal error.

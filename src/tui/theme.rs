@@ -14,6 +14,8 @@ use gdg::draw::{distance_colour, sample};
 use gdg::text::terminal_obeys_escapes;
 #[cfg(test)]
 pub use palette::LEAST_CONTRAST;
+#[cfg(test)]
+pub use palette::XTERM;
 pub use palette::rgb_of_indexed;
 use palette::{Gradients, Palette};
 
@@ -308,9 +310,9 @@ impl Theme {
         self.palette.map_or_else(|| sample(self.error, share), |palette| palette.error(share))
     }
 
-    /// Returns the colour of a contour line on `ground`.
-    pub fn contour(&self, ground: Rgb) -> Rgb {
-        self.palette.map_or_else(|| contour(ground), |palette| palette.contour(ground))
+    /// Returns the colour of a contour line on `ground`, with these colours `beside` it.
+    pub fn contour(&self, ground: Rgb, beside: &[Rgb]) -> Rgb {
+        self.palette.map_or_else(|| contour(ground), |palette| palette.contour(ground, beside))
     }
 
     /// Returns the colour of unvisited floor beyond the known world whose value has the colour

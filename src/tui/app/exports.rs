@@ -1,18 +1,32 @@
 //! Exports to files.
 
 use std::thread::JoinHandle;
+use std::time::Instant;
 
+use crate::tui::busy::{self, Lasting};
 use crate::tui::export;
 use crate::tui::output::ExportKind;
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
+use gdg::pulse::Progress;
 
 /// The export that is pending, and the film that is being written.
 #[derive(Default)]
 pub struct Exports {
     pending: Option<ExportKind>,
-    /// Returns the notice.
-    film: Option<JoinHandle<Result<String, String>>>,
+    film: Option<WrittenFilm>,
+}
+
+/// A film that is being written.
+struct WrittenFilm {
+    /// Its name, as in "writing NAME".
+    name: String,
+    since: Instant,
+    /// Seconds at the last notice.
+    told: u64,
+    progress: Progress,
+    /// Returns the notice at the end.
+    thread: JoinHandle<Result<String, String>>,
 }
 
 impl Exports {
@@ -30,9 +44,16 @@ impl Exports {
             Some(kind) => say(export::write(kind, screen, scene), screen),
             None => {}
         }
-        if let Some(film) = self.film.take_if(|film| film.is_finished()) {
+        if let Some(film) = &mut self.film
+            && film.since.elapsed().as_secs() > film.told
+        {
+            film.told = film.since.elapsed().as_secs();
+            let lasting = Lasting::now(film.since, &film.progress);
+            screen.say(&busy::notice(&format!("writing {}", film.name), lasting));
+        }
+        if let Some(film) = self.film.take_if(|film| film.thread.is_finished()) {
             let written =
-                film.join().unwrap_or_else(|_| Err("the film cannot be drawn".to_owned()));
+                film.thread.join().unwrap_or_else(|_| Err("the film cannot be drawn".to_owned()));
             say(written, screen);
         }
     }
@@ -41,10 +62,13 @@ impl Exports {
         if self.film.is_some() {
             return screen.notify("the film is being written already");
         }
-        match export::write_film(kind, screen, scene) {
-            Ok(film) => {
-                self.film = Some(film);
-                screen.notify(&format!("writing {} ...", kind.name(scene.noun())));
+        let progress = Progress::default();
+        match export::write_film(kind, screen, scene, progress.clone()) {
+            Ok(thread) => {
+                let name = kind.name(scene.noun()).to_string();
+                screen.notify(&format!("writing {name} ..."));
+                let since = Instant::now();
+                self.film = Some(WrittenFilm { name, since, told: 0, progress, thread });
             }
             Err(error) => screen.report(&format!("the film cannot be written: {error}")),
         }
@@ -54,7 +78,7 @@ impl Exports {
     pub fn finish(&mut self) {
         if let Some(film) = self.film.take() {
             // A second at most; otherwise its temporary file would stay behind.
-            drop(film.join());
+            drop(film.thread.join());
         }
     }
 }

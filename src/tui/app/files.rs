@@ -18,6 +18,7 @@ use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use gdg::files::{has_extension, is_hidden, read_text, write_atomically};
 use gdg::map::{Grid, MapFormat, Reading as MapReading, format_for, load_map, load_map_like};
+use gdg::pulse::Progress;
 use gdg::text::counted;
 use gdg::train::describe;
 
@@ -33,7 +34,7 @@ const MAX_BYTES: u64 = 1 << 20;
 /// Reads `what` on its own thread and shows it: at once, or when it is there.
 fn read(
     what: String,
-    read: impl FnOnce() -> Read + Send + 'static,
+    read: impl FnOnce(&Progress) -> Read + Send + 'static,
     scene: &Scene,
     screen: &mut Screen,
 ) {
@@ -100,7 +101,7 @@ pub fn pick_under(own: &Path, scene: &Scene, screen: &mut Screen) {
 /// Lays the curves of a checkpoint's run under those of the run.
 pub fn lay_under(path: PathBuf, scene: &Scene, screen: &mut Screen) {
     let what = path.display().to_string();
-    read(what, move || Read::Runs(saved_runs::file(&path)), scene, screen);
+    read(what, move |_| Read::Runs(saved_runs::file(&path)), scene, screen);
 }
 
 fn list_checkpoints(own: &Path, list: ListCheckpoints, scene: &Scene, screen: &mut Screen) {
@@ -115,9 +116,15 @@ fn list_checkpoints(own: &Path, list: ListCheckpoints, scene: &Scene, screen: &m
         return;
     }
     let what = counted(files.len() as u64, "checkpoint");
-    let describe =
-        move || Read::Checkpoints(files.iter().map(|path| describe(path)).collect(), list);
-    read(what, describe, scene, screen);
+    let describe_all = move |progress: &Progress| {
+        progress.begin(0, 1);
+        let described = files.iter().enumerate().map(|(i, path)| {
+            progress.set(i, files.len());
+            describe(path)
+        });
+        Read::Checkpoints(described.collect(), list)
+    };
+    read(what, describe_all, scene, screen);
 }
 
 /// Writes the map to a file.
@@ -162,7 +169,7 @@ pub fn pick_map(folder: Option<&Path>, scene: &Scene, screen: &mut Screen) {
     let here = folder.unwrap_or(Path::new(".")).to_owned();
     let has_recent = folder.is_none();
     let what = format!("the maps in {}", here.display());
-    let list = move || {
+    let list = move |_: &Progress| {
         let here = here.canonicalize().unwrap_or(here);
         let files = files_in(&here).into_iter().map(|path| (path.clone(), path.is_dir()));
         let entries = files.filter(is_folder_or_map).collect();
@@ -176,7 +183,7 @@ pub fn open_map(path: &Path, scene: &Scene, screen: &mut Screen) {
     let (path, now) = (path.to_owned(), scene.maze().map(|maze| maze.map.clone()));
     let load = {
         let path = path.clone();
-        move || {
+        move |_: &Progress| {
             let map = match now {
                 Some(now) => load_map_like(&path, &now, MapReading::default().threshold),
                 None => load_map(&path),

@@ -125,7 +125,7 @@ fn staged_view(app: &App, side: usize) -> MazeView {
         }
     };
     let values: Vec<f32> = (0..columns * rows).map(field).collect();
-    MazeView {
+    let mut view = MazeView {
         goal: (Some(app.maze().goal), app.link.goal_request()),
         kind: Field::Learned,
         farthest: 30.0,
@@ -135,7 +135,6 @@ fn staged_view(app: &App, side: usize) -> MazeView {
             &map,
             &vec![1; map.free().len()],
         )),
-        path: if side == 0 { vec![[10.5, 2.5], [19.5, 4.5]] } else { vec![[19.5, 4.5]] },
         trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
         walk: gdg::viewer::maze::Walk {
             start: [0.5, 2.5],
@@ -145,7 +144,10 @@ fn staged_view(app: &App, side: usize) -> MazeView {
             ..gdg::viewer::maze::Walk::default()
         },
         ..MazeView::default()
-    }
+    };
+    let path = if side == 0 { vec![[10.5, 2.5], [19.5, 4.5]] } else { vec![[19.5, 4.5]] };
+    view.set_plan(&map, [3.5, 1.9], path);
+    view
 }
 
 #[test]

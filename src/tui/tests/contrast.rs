@@ -8,7 +8,7 @@ use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::marker::Marker;
 use crate::tui::output::ExportKind;
 use crate::tui::raster::MapFrame;
-use crate::tui::theme::{LEAST_CONTRAST, Rgb, rgb_of_indexed};
+use crate::tui::theme::{LEAST_CONTRAST, Rgb, XTERM, rgb_of_indexed};
 use gdg::draw::Ground;
 use gdg::draw::contrast;
 use gdg::viewer::maze::{Exploration, Knowledge};
@@ -16,26 +16,6 @@ use gdg::viewer::maze::{Exploration, Knowledge};
 const SIZE: (u16, u16) = (120, 40);
 
 const COLOURED: [ThemeName; 3] = [ThemeName::Dark, ThemeName::Light, ThemeName::ColourBlindSafe];
-
-/// The first 16 colours of xterm; those of the Linux console are the palette's own.
-const XTERM: [Rgb; 16] = [
-    (0, 0, 0),
-    (205, 0, 0),
-    (0, 205, 0),
-    (205, 205, 0),
-    (0, 0, 238),
-    (205, 0, 205),
-    (0, 205, 205),
-    (229, 229, 229),
-    (127, 127, 127),
-    (255, 0, 0),
-    (0, 255, 0),
-    (255, 255, 0),
-    (92, 92, 255),
-    (255, 0, 255),
-    (0, 255, 255),
-    (255, 255, 255),
-];
 
 /// Returns a terminal's colour, where `first` are its first 16.
 fn displayed(colour: vt100::Color, first: Option<&[Rgb; 16]>) -> Rgb {
@@ -145,7 +125,14 @@ fn check_half_blocks(theme: &Theme, first: Option<&[Rgb; 16]>) {
         }
         if let Some(line) = with[i].filter(|line| *line != floor) {
             counts[2] += 1;
-            for other in [floor, wall] {
+            let known = |other: usize| match ground(other) {
+                Ground::Free(at) => maze.view.exploration.at(at) == knowledge,
+                _ => false,
+            };
+            let beside = [i.wrapping_sub(1), i + 1, i.wrapping_sub(columns), i + columns];
+            let beside = beside.into_iter().filter(|other| *other < without.len() && known(*other));
+            let beside = beside.filter_map(|other| without[other]);
+            for other in [floor, wall].into_iter().chain(beside) {
                 let own = contrast(line, other);
                 assert!(own >= LEAST_CONTRAST, "{line:?} on {other:?} has only {own}");
             }

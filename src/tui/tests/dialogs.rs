@@ -8,6 +8,7 @@ use crate::tui::lists;
 use crate::tui::panes::Pane;
 use crate::tui::reading::{Read, Reading};
 use gdg::learn::LearnerKind;
+use gdg::pulse::Progress;
 use gdg::viewer::maze::CellInfo;
 
 #[test]
@@ -190,11 +191,15 @@ fn the_interface_goes_on_while_a_map_is_read() {
     let mut app = still();
     let (send, receive) = std::sync::mpsc::channel();
     let path = PathBuf::from("large.map");
-    let read = move || Read::Map(path, receive.recv().expect("a map"));
+    let read = move |progress: &Progress| {
+        progress.begin(0, 1);
+        progress.set(1, 4);
+        Read::Map(path, receive.recv().expect("a map"))
+    };
     app.screen.reading = Some(Reading::start("large.map".to_owned(), read).expect("a thread"));
     tick_until(&mut app, |app| app.screen.log.notice().is_some());
     tick_until(&mut app, |app| {
-        app.screen.log.notice().is_some_and(|notice| notice.text.ends_with("... 2 s"))
+        app.screen.log.notice().is_some_and(|notice| notice.text.ends_with("... 2 s, 25 %"))
     });
     press(&mut app, KeyCode::Char('?'));
     assert_eq!(app.screen.dialogs.len(), 1, "keys work");

@@ -155,10 +155,9 @@ fn staged_view(app: &App) -> MazeView {
     let map = &app.maze().map;
     let visited = |i: usize| map.cell(i).x < 15 && map.cell(i) != Cell::new(3, 3);
     let visits: Vec<u32> = (0..map.free().len()).map(|i| u32::from(visited(i))).collect();
-    MazeView {
+    let mut view = MazeView {
         goal: (Some(app.maze().goal), 1),
         kind: Field::Learned,
-        past: None,
         farthest: values.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max),
         field: Arc::new(values),
         raster: Some(frame.raster),
@@ -169,9 +168,7 @@ fn staged_view(app: &App) -> MazeView {
         ]),
         candidates: Arc::new(candidates.into_iter().enumerate().map(candidate).collect()),
         edges: Arc::new(edges.collect()),
-        cut_off: Arc::default(),
         exploration: Arc::new(Exploration::new(&app.maze().map, &visits)),
-        path: vec![[6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [19.5, 4.5]],
         trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
         walk: Walk {
             start: [0.5, 2.5],
@@ -184,9 +181,12 @@ fn staged_view(app: &App) -> MazeView {
             gave_up: false,
             finished_walks: (3, 4),
         },
-        inspected: None,
         followed_steps: Some(11),
-    }
+        ..MazeView::default()
+    };
+    let path = vec![[6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [19.5, 4.5]];
+    view.set_plan(map, [3.5, 1.9], path);
+    view
 }
 
 pub(super) fn check(name: &str, app: &mut App, width: u16, height: u16) {

@@ -21,6 +21,26 @@ const LEVELS_BESIDE: usize = 4;
 /// gradient would be pink, olive and teal.
 const COLOUR_BLIND_SAFE: [u8; 9] = [227, 221, 179, 144, 247, 103, 67, 61, 25];
 
+/// The first 16 colours of xterm; those of the Linux console are the palette's own.
+pub const XTERM: [Rgb; 16] = [
+    (0, 0, 0),
+    (205, 0, 0),
+    (0, 205, 0),
+    (205, 205, 0),
+    (0, 0, 238),
+    (205, 0, 205),
+    (0, 205, 205),
+    (229, 229, 229),
+    (127, 127, 127),
+    (255, 0, 0),
+    (0, 255, 0),
+    (255, 255, 0),
+    (92, 92, 255),
+    (255, 0, 255),
+    (0, 255, 255),
+    (255, 255, 255),
+];
+
 /// The colours of ground.
 #[derive(Clone, Copy, Debug)]
 pub struct Palette {
@@ -32,6 +52,8 @@ pub struct Palette {
     distances: [Rgb; LEVELS],
     /// Contour lines on each of them.
     contours: [Rgb; LEVELS],
+    /// Whether a line between two colours may need another colour than on either.
+    is_coarse: bool,
     /// Relative errors from -1 to 1.
     errors: [Rgb; LEVELS],
 }
@@ -76,7 +98,7 @@ impl Palette {
         });
         let errors =
             levels().map(|at| nearest_of_256((gradients.error)(at), |rgb| is_floor(rgb, wall)));
-        Self { wall, unvisited: [between, hatched], distances, contours, errors }
+        Self { wall, unvisited: [between, hatched], distances, contours, is_coarse: false, errors }
     }
 
     /// Chooses from 16 colours. The Linux console has only the first 8 as backgrounds: neighbours
@@ -84,7 +106,7 @@ impl Palette {
     pub fn of_16(theme: ThemeName) -> Self {
         const BLACK: u8 = 0;
         let (unvisited, scale, contours): (u8, &[u8], &[u8]) = match theme {
-            ThemeName::ColourBlindSafe => (8, &[11, 7, 12], &[8, 8, 15]),
+            ThemeName::ColourBlindSafe => (8, &[11, 6, 12], &[8, 8, 15]),
             ThemeName::Light => (7, &[10, 6, 12, 5], &[8, 8, 15, 15]),
             _ => (8, &[10, 6, 12, 5], &[8, 8, 7, 7]),
         };
@@ -93,6 +115,7 @@ impl Palette {
             unvisited: [rgb_of_indexed(unvisited); 2],
             distances: spread(scale),
             contours: spread(contours),
+            is_coarse: true,
             errors: spread(&[9, 3, 7, 6, 12]),
         }
     }
@@ -107,10 +130,21 @@ impl Palette {
         at(&self.errors, share)
     }
 
-    /// Returns the colour of a contour line on the colour of a distance.
-    pub fn contour(&self, ground: Rgb) -> Rgb {
+    /// Returns the colour of a contour line on the colour of a distance, with these colours
+    /// `beside` it: the usual one, unless it can hardly be told from those of the scale.
+    pub fn contour(&self, ground: Rgb, beside: &[Rgb]) -> Rgb {
         let level = self.distances.iter().position(|own| *own == ground);
-        level.map_or(contour(ground), |level| self.contours[level])
+        let own = level.map_or(contour(ground), |level| self.contours[level]);
+        let least = |line: Rgb| {
+            let beside = beside.iter().filter(|other| self.distances.contains(other));
+            let others = beside.chain([&ground, &self.wall]);
+            others.map(|other| contrast_of_16(line, *other)).fold(f32::INFINITY, f32::min)
+        };
+        if !self.is_coarse || least(own) >= LEAST_CONTRAST {
+            return own;
+        }
+        let others = (0..16).map(rgb_of_indexed).filter(|other| least(*other) > least(own));
+        others.max_by(|a, b| least(*a).total_cmp(&least(*b))).unwrap_or(own)
     }
 }
 
@@ -144,6 +178,16 @@ fn nearest_of_256(rgb: Rgb, fits: impl Fn(Rgb) -> bool) -> Rgb {
     };
     let colours = (16..=255).map(rgb_of_indexed).filter(|own| fits(*own));
     colours.min_by_key(off).unwrap_or(rgb)
+}
+
+/// Returns the contrast of two of the first 16 colours where it is least: on the Linux console or in
+/// xterm.
+fn contrast_of_16(a: Rgb, b: Rgb) -> f32 {
+    let in_xterm = |rgb: Rgb| {
+        let index = (0..16).find(|index| rgb_of_indexed(*index) == rgb);
+        index.map_or(rgb, |index| XTERM[usize::from(index)])
+    };
+    contrast(a, b).min(contrast(in_xterm(a), in_xterm(b)))
 }
 
 /// Returns the RGB value of one of a terminal's 256 colours.

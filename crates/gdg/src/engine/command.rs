@@ -336,7 +336,9 @@ impl Worker {
     }
 
     fn load(&mut self, path: PathBuf) -> Result<String, CommandError> {
-        let loaded = train::load(&path, self.trainer.registry(), self.trainer.threads());
+        let progress = self.pulse.busy().map(|opening| opening.progress).unwrap_or_default();
+        let (registry, threads) = (self.trainer.registry(), self.trainer.threads());
+        let loaded = train::load_with(&path, registry, threads, &progress);
         let Loaded { trainer, warning } = loaded.map_err(CommandError::NotLoaded)?;
         let phase = self.current.phase.clone();
         self.switch_to(trainer)?;

@@ -361,6 +361,9 @@ pub struct Loaded {
     pub warning: Option<String>,
 }
 
+/// Parts of loading: the file is read, its arrays are unpacked, and the run is put together.
+const LOAD_STAGES: usize = 3;
+
 /// Loads a run from a checkpoint, or from its backup if the file is damaged and a backup exists.
 ///
 /// # Errors
@@ -370,9 +373,23 @@ pub fn load(
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
 ) -> Result<Loaded, CheckpointError> {
+    load_with(path, registry, threads, &Progress::default())
+}
+
+/// Like [`load`], and says how far it is.
+///
+/// # Errors
+/// See [`load`].
+pub fn load_with(
+    path: &Path,
+    registry: &Arc<Registry>,
+    threads: impl Into<Threads>,
+    progress: &Progress,
+) -> Result<Loaded, CheckpointError> {
+    progress.begin(0, LOAD_STAGES);
     let facts = FileFacts::of(path);
     let threads = threads.into();
-    let parse = |bytes: Vec<u8>| from_bytes(&bytes, registry, threads);
+    let parse = |bytes: Vec<u8>| parse(&bytes, registry, threads, progress);
     let bytes = read(path);
     let contents = bytes.as_ref().map_or(0, |bytes| crc32fast::hash(bytes));
     let problem = match bytes.map(parse) {
@@ -418,5 +435,17 @@ pub fn from_bytes(
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
 ) -> Result<Trainer, LoadError> {
-    Ok(Trainer::load(&content::from_bytes(bytes, most_bytes())?, registry, threads)?)
+    parse(bytes, registry, threads, &Progress::default())
+}
+
+fn parse(
+    bytes: &[u8],
+    registry: &Arc<Registry>,
+    threads: impl Into<Threads>,
+    progress: &Progress,
+) -> Result<Trainer, LoadError> {
+    progress.begin(1, LOAD_STAGES);
+    let store = content::from_bytes(bytes, most_bytes())?;
+    progress.begin(2, LOAD_STAGES);
+    Ok(Trainer::load(&store, registry, threads)?)
 }

@@ -8,6 +8,7 @@ use crate::draw::{
 };
 use crate::engine::Snapshot;
 use crate::env::{ArmScene, MazeScene, Scene};
+use crate::pulse::Progress;
 use crate::text::grouped;
 use crate::train::FilmFrame;
 
@@ -67,7 +68,12 @@ pub enum FilmError {
 ///
 /// # Errors
 /// There is no film, or it cannot be encoded.
-pub fn animate(run: &Snapshot, width: Option<usize>) -> Result<Vec<u8>, FilmError> {
+pub fn animate(
+    run: &Snapshot,
+    width: Option<usize>,
+    progress: &Progress,
+) -> Result<Vec<u8>, FilmError> {
+    progress.begin(0, 1);
     let frames = &run.film;
     let (stage, last) = (stage(run, width)?, frames.last().ok_or(FilmError::NoFrames)?);
     let scale = Scale { farthest: last.farthest(), interval: stage.contour_interval(last) };
@@ -78,6 +84,7 @@ pub fn animate(run: &Snapshot, width: Option<usize>) -> Result<Vec<u8>, FilmErro
     let size = (columns, rows + text_size("", false)[1] + 2 * MARGIN);
     let mut animation = Animation::begin(&mut file, size, frames.len())?;
     for (i, frame) in frames.iter().enumerate() {
+        progress.set(i, frames.len());
         let mut picture = Picture::new(size, PAGE);
         picture.put(&stage.draw(frame, scale), [0, 0]);
         write_below(&mut picture, &captions(run, frame), rows);
@@ -369,15 +376,19 @@ mod tests {
 
     #[test]
     fn films_of_maps_and_arms_are_animations_in_which_time_passes_evenly() {
-        let file = animate(&run(&maze("....#....\n.........\n"), &[250, 500, 1_000, 1_250]), None)
-            .expect("a film");
+        let drawn = Progress::default();
+        let file =
+            animate(&run(&maze("....#....\n.........\n"), &[250, 500, 1_000, 1_250]), None, &drawn)
+                .expect("a film");
         let (size, seconds) = frames(&file);
         assert_eq!(size, (9 * 24, 2 * 24 + 24));
+        assert_eq!(drawn.share(), Some(0.75), "when the last of four frames began");
         assert_eq!(
             seconds,
             [FRAME_SECONDS, 2.0 * FRAME_SECONDS, FRAME_SECONDS, LAST_FRAME_SECONDS]
         );
-        let file = animate(&run(&FetchReach::new(None, 0), &[1]), None).expect("a film");
+        let file = animate(&run(&FetchReach::new(None, 0), &[1]), None, &Progress::default())
+            .expect("a film");
         assert_eq!(frames(&file).0, (2 * PLANE_PIXELS as u32 + 4, PLANE_PIXELS as u32 + 24));
     }
 
@@ -402,7 +413,7 @@ mod tests {
     fn captions_are_as_long_as_fits() {
         let run = run(&maze("..\n"), &[250]);
         assert_eq!(captions(&run, &run.film[0]), ["map: update 250", "update 250", "update 250"]);
-        assert!(animate(&run, None).is_ok());
+        assert!(animate(&run, None, &Progress::default()).is_ok());
     }
 
     #[test]
@@ -417,7 +428,10 @@ mod tests {
         for width in [90, 1_000] {
             let file = still(&run, Some(width)).expect("a picture");
             assert_eq!(size(&file), (width as u32, (2 * width).div_ceil(9) as u32 + below));
-            assert_eq!(size(&animate(&run, Some(width)).expect("a film")).0, width as u32);
+            assert_eq!(
+                size(&animate(&run, Some(width), &Progress::default()).expect("a film")).0,
+                width as u32
+            );
         }
         let arm = self::run(&FetchReach::new(None, 0), &[1]);
         let (width, _) = size(&still(&arm, Some(1_004)).expect("a picture"));
@@ -429,9 +443,9 @@ mod tests {
         let world = maze("..\n");
         let mut run = run(&world, &[250]);
         run.scene = Scene::Goals(crate::env::GoalSpace::of(&world));
-        assert!(matches!(animate(&run, None), Err(FilmError::NoScene)));
+        assert!(matches!(animate(&run, None, &Progress::default()), Err(FilmError::NoScene)));
         run.film = Arc::default();
-        assert!(matches!(animate(&run, None), Err(FilmError::NoFrames)));
+        assert!(matches!(animate(&run, None, &Progress::default()), Err(FilmError::NoFrames)));
         assert!(matches!(still(&run, None), Err(FilmError::NoFrames)));
     }
 
@@ -440,7 +454,7 @@ mod tests {
         for (width, height) in [(1, 1), (700, 1), (1, 700), (300, 200)] {
             let world = PointMaze::new(Arc::new(Grid::empty("shape", width, height)), 0);
             let run = run(&world, &[250]);
-            assert!(animate(&run, None).is_ok(), "{width} x {height}");
+            assert!(animate(&run, None, &Progress::default()).is_ok(), "{width} x {height}");
             let file = still(&run, Some(500)).expect("a picture");
             let reader = png::Decoder::new(Cursor::new(&file)).read_info().expect("a PNG");
             let columns = reader.info().width as usize;

@@ -3,6 +3,7 @@
 
 mod exploration;
 mod field;
+mod legs;
 mod past;
 mod walk;
 
@@ -83,6 +84,9 @@ pub struct MazeView {
     pub cut_off: Arc<Vec<bool>>,
     /// Waypoints ahead of the walking agent, ending at the goal.
     pub path: Vec<[f32; 2]>,
+    /// The way along them, from the agent, which no wall cuts; fewer than two positions without a
+    /// plan.
+    pub way: Vec<[f32; 2]>,
     /// Recent positions of the walking agent, the current one last.
     pub trail: Vec<[f32; 2]>,
     /// Its current walk.
@@ -91,6 +95,14 @@ pub struct MazeView {
     pub inspected: Option<CellInfo>,
     /// True steps from the followed exploring agent to its goal, if it is reachable.
     pub followed_steps: Option<u32>,
+}
+
+impl MazeView {
+    /// Sets the waypoints ahead of an agent at `at`, and the way along them on `map`.
+    pub fn set_plan(&mut self, map: &Grid, at: [f32; 2], path: Vec<[f32; 2]>) {
+        let stops: Vec<[f32; 2]> = [at].into_iter().chain(path.iter().copied()).collect();
+        (self.way, self.path) = (legs::way_along(map, &stops), path);
+    }
 }
 
 /// Computes what is shown of a maze.

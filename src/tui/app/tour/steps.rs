@@ -135,9 +135,7 @@ fn straight(from: [f32; 2], to: [f32; 2]) -> f32 {
 
 /// Returns the rest of the agent's planned path, from where it is.
 fn path_ahead(maze: &MazeState) -> Vec<[f32; 2]> {
-    let view = &maze.view;
-    let stops: Vec<[f32; 2]> = view.trail.last().into_iter().chain(&view.path).copied().collect();
-    points_along(&stops)
+    points_along(&maze.view.way)
 }
 
 fn is_mono(screen: &Screen) -> bool {

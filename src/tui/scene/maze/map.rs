@@ -224,9 +224,7 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, maze: &MazeState
         }
     }
     if shows(Overlay::Path) {
-        let stops: Vec<[f32; 2]> =
-            maze.view.trail.last().into_iter().chain(&maze.view.path).copied().collect();
-        let ends = stops.windows(2).map(|ends| [ends[0], ends[1]]);
+        let ends = maze.view.way.windows(2).map(|ends| [ends[0], ends[1]]);
         let pen = Pen { rgb: theme.path, share: 1.0, mark: '+' };
         canvas.lines_via(map_frame, ends, pen, on_floor);
     }

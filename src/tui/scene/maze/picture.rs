@@ -357,10 +357,8 @@ impl Moving<'_> {
 
     fn path(&mut self) {
         let view = &self.maze.view;
-        let stops: Vec<[f32; 2]> =
-            view.trail.last().into_iter().chain(&view.path).copied().collect();
         let ink = Ink(self.theme.path, 1.0);
-        self.route(&stops, self.of(0.1).max(1.5), ink);
+        self.route(&view.way, self.of(0.1).max(1.5), ink);
         for stop in view.path.iter().take(view.path.len().saturating_sub(1)) {
             self.sheet.disc(self.scale.pixel(*stop), self.of(0.17).max(2.0), ink);
         }

@@ -8,6 +8,7 @@ use super::{Result, Trainer, fork_world, new_candidates, new_learner, new_rollou
 use crate::bridge::Candidates;
 use crate::env::{Change, EnvError, Environment, Region, Spec};
 use crate::learn::Replay;
+use crate::pulse::Progress;
 use crate::settings::Effect;
 use crate::store::Store;
 use crate::train::config::list_settings;
@@ -18,6 +19,9 @@ use crate::train::settings::{SETTINGS, Settings};
 
 /// An edit may affect the steps that begin this near to its region, in steps.
 const AFFECTED_STEPS: f32 = 2.0;
+
+/// Parts of an edit: what changes, the world, the transitions, the candidates, the graph.
+const EDIT_STAGES: usize = 5;
 
 /// Result of a change of the world.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -55,9 +59,13 @@ impl Trainer {
     /// `world` cannot replace the run's world; nothing has changed then.
     pub fn change_world(&mut self, world: &dyn Environment) -> Result<WorldChange> {
         self.check_data()?;
-        let _activity = self.pulse.begin("the edit of the world");
+        let progress = Progress::default();
+        let _activity = self.pulse.begin_with("the edit of the world", progress.clone());
+        let is_at = |stage| progress.begin(stage, EDIT_STAGES);
+        is_at(0);
         let editable = world.abilities().editable.ok_or(EnvError::NotEditable(world.kind()))?;
         let change = editable.change_from(self.world())?;
+        is_at(1);
         self.rollout.enter_environment(fork_world(&self.run, world)?, &mut self.replay)?;
         self.visits.enter(self.rollout.env());
         let edited = self.rollout.env().abilities().editable;
@@ -69,8 +77,10 @@ impl Trainer {
         // A step may end in the region or be stopped by it.
         let step = AFFECTED_STEPS * spec.goal_radius;
         let affected = |s: &[f32]| region.distance(spec.achieved(s)) <= step;
+        is_at(2);
         let (transitions_removed, transitions_restored) =
             self.replay.retain_possible(|s, a, next| affected(s).then(|| possible(s, a, next)));
+        is_at(3);
         let idle = vec![0.0; spec.action_dim];
         self.candidates.forget(region, change.may_lengthen, |state| possible(state, &idle, state));
         if change.may_lengthen || transitions_restored > 0 {
@@ -82,6 +92,7 @@ impl Trainer {
         }
         self.counters.changed_at_step = self.counters.env_steps;
         self.own_replay();
+        is_at(4);
         self.edit_graph(&change.region)?;
         let Change { summary, warning, facts, .. } = change;
         Ok(WorldChange { summary, warning, facts, transitions_removed, transitions_restored })

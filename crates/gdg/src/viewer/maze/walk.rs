@@ -1,9 +1,9 @@
 //! The walking agent: it follows the current policy to the goal.
 
+use super::legs::sees;
 use super::{MazeWorker, OnArrival, cell_of};
-use crate::draw::positions_along;
 use crate::env::Environment;
-use crate::map::{Cell, Grid};
+use crate::map::Cell;
 use crate::viewer::pilot::position;
 use crate::viewer::push_to_trail;
 
@@ -40,16 +40,6 @@ pub struct Walk {
     pub finished_walks: (u32, u32),
 }
 
-/// Positions along a straight line in each cell that it crosses.
-const SIGHT_PER_CELL: f32 = 8.0;
-
-/// Returns whether no wall is on the straight line between two positions.
-fn sees(map: &Grid, from: [f32; 2], to: [f32; 2]) -> bool {
-    let cells = (to[0] - from[0]).hypot(to[1] - from[1]);
-    let count = (SIGHT_PER_CELL * cells).ceil().max(1.0) as usize;
-    positions_along([from, to], count).all(|[x, y]| map.is_free_at(x, y))
-}
-
 impl MazeWorker {
     /// Restarts the walking agent at a cell or at a random position.
     pub(super) fn restart(&mut self, cell: Option<Cell>) {
@@ -84,7 +74,7 @@ impl MazeWorker {
             ..Walk::default()
         };
         self.pilot.forget_plan();
-        self.view.path.clear();
+        (self.view.path, self.view.way) = Default::default();
         self.view.walk.shortest =
             self.view.goal.0.and_then(|goal| self.true_steps(at, goal.centre()));
         self.shown.changed = true;
@@ -127,7 +117,7 @@ impl MazeWorker {
             self.view.walk.waypoint = None;
             self.view.walk.finished_walks =
                 (self.view.walk.finished_walks.0 + 1, self.view.walk.finished_walks.1 + 1);
-            self.view.path.clear();
+            (self.view.path, self.view.way) = Default::default();
             return;
         }
         // The same step budget as in evaluation.
@@ -150,7 +140,8 @@ impl MazeWorker {
         // that the actor alone has to find.
         let is_plan = self.view.walk.shortest.is_some()
             && (waypoints.len() > 1 || sees(self.world.map(), at, goal));
-        self.view.path = if is_plan { waypoints } else { Vec::new() };
+        let plan = if is_plan { waypoints } else { Vec::new() };
+        self.view.set_plan(self.world.map(), at, plan);
         let stops: Vec<[f32; 2]> = [at].into_iter().chain(self.view.path.clone()).collect();
         let hop = |ends: &[[f32; 2]]| self.pilot.distance(&ends[0], &ends[1]);
         let hops = stops.windows(2).map(hop);
@@ -159,18 +150,5 @@ impl MazeWorker {
         self.view.walk.waypoint = (target != goal).then_some(target);
         self.view.walk.steps += 1;
         push_to_trail(&mut self.view.trail, at, TRAIL_STEPS);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::map::parse_map;
-
-    #[test]
-    fn walls_block_the_view() {
-        let map = parse_map("map", b"..#..\n..#..\n.....\n").expect("a map");
-        assert!(sees(&map, [0.5, 0.5], [0.5, 0.5]) && sees(&map, [0.5, 2.5], [4.5, 2.5]));
-        assert!(!sees(&map, [0.5, 0.5], [4.5, 0.5]) && !sees(&map, [1.5, 1.5], [3.5, 2.2]));
     }
 }
