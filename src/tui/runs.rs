@@ -18,7 +18,7 @@ pub(super) mod tests;
 use std::path::PathBuf;
 
 use crossterm::event::Event;
-use miette::{IntoDiagnostic, Report};
+use miette::{IntoDiagnostic, Report, miette};
 use ratatui::Frame;
 use ratatui::style::Style;
 use tui_input::Input;
@@ -116,7 +116,7 @@ impl RunsScreen {
                 left = Some((screen, next));
                 ClosedRun { summary: String::new(), saved: Ok(()), failed: false }
             })?;
-        let (screen, next) = left.expect("the loop closes what it shows");
+        let (screen, next) = left.ok_or_else(|| miette!("the list was not closed"))?;
         Ok((screen, next, status))
     }
 }

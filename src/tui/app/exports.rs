@@ -65,7 +65,7 @@ impl Exports {
         let progress = Progress::default();
         match export::write_film(kind, screen, scene, progress.clone()) {
             Ok(thread) => {
-                let name = kind.name(scene.noun()).to_string();
+                let name = kind.name(scene.noun());
                 screen.notify(&format!("writing {name} ..."));
                 let since = Instant::now();
                 self.film = Some(WrittenFilm { name, since, told: 0, progress, thread });
