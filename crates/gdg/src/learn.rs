@@ -21,8 +21,8 @@ mod update;
 
 pub use data::batch::{Batch, BatchSampler};
 pub use data::goal_index::GoalIndex;
-pub(crate) use data::known::WAYPOINT_STEPS;
 pub use data::known::{ChangedDistances, DistancesByGoal, KnownDistances, KnownPair, Relearning};
+pub(crate) use data::known::{NEAR_STEPS, WAYPOINT_STEPS};
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub use error::LearnError;
 pub use gdg::Gdg;

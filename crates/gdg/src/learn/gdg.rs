@@ -3,6 +3,7 @@
 
 pub mod graph_paths;
 mod objective;
+mod short_pairs;
 #[cfg(test)]
 mod tests;
 
@@ -32,6 +33,7 @@ use crate::learn::update::threads::Threads;
 use crate::learn::update::training::Training;
 use crate::pulse::Parts;
 use graph_paths::GraphPaths;
+use short_pairs::ShortPairs;
 
 /// Registry entry of the learner.
 pub const KIND: LearnerKind = LearnerKind {
@@ -49,6 +51,8 @@ pub struct Gdg {
     sampler: BatchSampler,
     /// Adds paths through the bridge graph to batches, if the settings ask for it.
     graph_paths: Option<GraphPaths>,
+    /// Chooses pairs whose D falls short of the bridge graph.
+    short_pairs: ShortPairs,
     training: Training<Shapes>,
     backend: Backend,
     /// The networks on a tape backend, if one is selected; each update is written back to
@@ -72,6 +76,7 @@ impl Gdg {
         Ok(Self {
             sampler: BatchSampler::new(spec, settings),
             graph_paths: GraphPaths::new(settings),
+            short_pairs: ShortPairs::default(),
             tape: Tape::new(settings.backend, training.networks())?,
             backend: settings.backend,
             training,
@@ -183,12 +188,16 @@ impl PhasedLearner for Gdg {
     fn sample(&mut self, data: TrainingData, batch: &mut Batch) -> Result<()> {
         self.sampler.sample(data.replay, data.relearning, data.rng, batch);
         let Some(known) = &data.known else { return Ok(()) };
-        let first = self.sampler.add_known(known, data.rng, batch);
-        let Some(paths) = &mut self.graph_paths else { return Ok(()) };
-        paths.collect(self.training.objective().encoder.spec(), known, batch, first);
-        self.training.with_nets(true, |mut nets| {
+        let Self { sampler, graph_paths, short_pairs, training, .. } = self;
+        let spec = training.objective().encoder.spec();
+        let (_, count) = sampler.known_rows(batch);
+        short_pairs.draw(spec, known, count, data.rng);
+        training.with_nets(true, |mut nets| {
             // The second critic would double the cost and change little.
             nets.critics.truncate(1);
+            let first = sampler.add_known(known, short_pairs.choose(&nets), data.rng, batch);
+            let Some(paths) = graph_paths else { return };
+            paths.collect(spec, known, batch, first);
             paths.apply(&nets, known, batch);
         })
     }

@@ -177,6 +177,13 @@ settings! {
                  the target",
                 values: Values::FRACTION,
                 ablation: without("no distillation", "0");
+            /// Across thin walls D is too short, and the actor gets stuck in front of them.
+            #[serde(default)]
+            short_pairs: f32 = 0.5, Paper | Tuned | Sb3 => 0.0;
+                "fraction of the pairs of distillation that are chosen of near ones, where D falls \
+                 furthest short of the graph",
+                values: Values::FRACTION,
+                ablation: without("no pairs where D falls short", "0");
             buffer_size was "replay_capacity": usize = 1_000_000;
                 "capacity of the replay buffer",
                 values: Values::count(1_000, 100_000_000)

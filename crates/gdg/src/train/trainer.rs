@@ -452,6 +452,7 @@ impl Trainer {
                 states: graph.candidates().states(),
                 goals: graph.candidates().goal_index(),
                 pairs: &distilled.pairs,
+                near: &distilled.pairs[..distilled.near],
                 by_goal: distilled.by_goal.as_ref(),
                 changed: changed.as_deref().filter(|_| relearns),
             });

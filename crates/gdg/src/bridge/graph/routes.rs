@@ -8,7 +8,8 @@ use rand_chacha::ChaCha8Rng;
 use super::radix_heap::RadixHeap;
 use super::{BridgeGraph, Incoming, Link};
 use crate::learn::{
-    ChangedDistances, DistancesByGoal, GoalIndex, KnownPair, Policy, Scratch, WAYPOINT_STEPS,
+    ChangedDistances, DistancesByGoal, GoalIndex, KnownPair, NEAR_STEPS, Policy, Scratch,
+    WAYPOINT_STEPS,
 };
 use crate::pulse::Cancelled;
 
@@ -41,8 +42,10 @@ pub(crate) const SHRUNK_SLACK_STEPS: f32 = 1.0;
 /// Graph distances as training targets.
 #[derive(Clone, Debug, Default)]
 pub struct DistilledDistances {
-    /// Pairs of candidates and their graph distance.
+    /// Pairs of candidates and their graph distance, the near ones first.
     pub pairs: Vec<KnownPair>,
+    /// Number of near pairs, less than `NEAR_STEPS` apart.
+    pub near: usize,
     /// The same by goal, if there are any.
     pub by_goal: Option<DistancesByGoal>,
 }
@@ -320,7 +323,7 @@ impl BridgeGraph {
     /// reach it.
     pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> DistilledDistances {
         let hop = self.hop_steps();
-        let mut pairs = Vec::new();
+        let (mut near, mut far) = (Vec::new(), Vec::new());
         let mut by_goal = DistancesByGoal {
             places: Vec::new(),
             goals: GoalIndex::new(&self.spec),
@@ -334,18 +337,20 @@ impl BridgeGraph {
             let waypoints = route.waypoints(&lengths);
             let reachable = lengths.iter().enumerate().filter(|(i, s)| *i != goal && s.is_finite());
             // These paths start exactly at a candidate, so their first hop has no overhead.
-            pairs.extend(reachable.map(|(i, s)| KnownPair {
-                from: i as u32,
-                to: goal as u32,
-                steps: s - hop,
-                waypoint: waypoints[i],
-            }));
+            for (i, s) in reachable {
+                let steps = s - hop;
+                let pairs = if steps < NEAR_STEPS { &mut near } else { &mut far };
+                let (from, to) = (i as u32, goal as u32);
+                pairs.push(KnownPair { from, to, steps, waypoint: waypoints[i] });
+            }
             by_goal.places.push(goal as u32);
             by_goal.goals.push(self.point(goal));
             by_goal.steps.extend(lengths);
             by_goal.waypoints.extend(waypoints);
         }
-        DistilledDistances { by_goal: (!pairs.is_empty()).then_some(by_goal), pairs }
+        let (number, mut pairs) = (near.len(), near);
+        pairs.append(&mut far);
+        DistilledDistances { by_goal: (!pairs.is_empty()).then_some(by_goal), pairs, near: number }
     }
 
     /// Finds the distances that have changed since the networks learned them: those of `distilled`

@@ -172,12 +172,20 @@ impl BatchSampler {
         batch.actor_goals.extend(&batch.goals);
     }
 
+    /// Returns the number of pairs of places whose distance is known in a batch (distillation), and
+    /// the number of those to be chosen where D falls short.
+    pub(in crate::learn) fn known_rows(&self, batch: &Batch) -> (usize, usize) {
+        let count = (self.settings.distillation * batch.len() as f32).round();
+        (count as usize, (self.settings.short_pairs * count).round() as usize)
+    }
+
     /// Replaces a share of the pairs, the first ones, with pairs of places whose distance is known
-    /// (distillation), and bounds the targets of distances that have changed. Returns the number of
-    /// pairs replaced.
+    /// (distillation), and bounds the targets of distances that have changed. The last of them are
+    /// `short`, pairs where D falls short of what is known. Returns the number of pairs replaced.
     pub fn add_known(
         &self,
         known: &KnownDistances,
+        short: &[KnownPair],
         rng: &mut ChaCha8Rng,
         batch: &mut Batch,
     ) -> usize {
@@ -186,10 +194,13 @@ impl BatchSampler {
         }
         let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
         let state_of = |place: usize| &known.states[place * s..(place + 1) * s];
-        let count = (self.settings.distillation * batch.len() as f32).round() as usize;
+        let (count, _) = self.known_rows(batch);
         for i in 0..count {
-            let KnownPair { from, to, steps, waypoint } =
-                known.pairs[rng.random_range(0..known.pairs.len())];
+            let KnownPair { from, to, steps, waypoint } = match (i + short.len()).checked_sub(count)
+            {
+                Some(k) => short[k],
+                None => known.pairs[rng.random_range(0..known.pairs.len())],
+            };
             let towards = if self.settings.actor_waypoints { waypoint } else { to };
             let goals = [to, towards].map(|place| known.goals.goal(place as usize));
             batch.set_graph_distance(i, state_of(from as usize), goals, steps);
@@ -339,10 +350,11 @@ mod tests {
             states: &states,
             goals: &places,
             pairs: &pairs,
+            near: &[],
             by_goal: None,
             changed: None,
         };
-        sampler.add_known(&known, rng, batch);
+        sampler.add_known(&known, &[], rng, batch);
         for i in 0..16 {
             let (upper, lower) =
                 if batch.states[i] == 10.0 { (200.0, 114.0) } else { (80.0, 42.0) };
@@ -358,13 +370,18 @@ mod tests {
             batch.lower[16..].iter().all(|steps| *steps == 0.0),
             "other pairs stay as they are"
         );
-        bounded.add_known(&known, rng, batch);
+        let short = [pair(1, 0, 30.0), pair(0, 1, 20.0)];
+        sampler.add_known(&known, &short, rng, batch);
+        assert_eq!(batch.bound[14..16], [30.0, 20.0]);
+        assert_eq!((batch.states[14], batch.goals[14]), (90.0, 10.0));
+        bounded.add_known(&known, &[], rng, batch);
         assert!(
             batch.bound.iter().chain(&batch.lower).all(|steps| *steps <= 20.0),
             "the limit is for all pairs"
         );
-        sampler.add_known(&known, rng, batch);
-        sampler.add_known(&KnownDistances { changed: Some(&changed), ..known }, rng, batch);
+        sampler.add_known(&known, &[], rng, batch);
+        let known = KnownDistances { changed: Some(&changed), ..known };
+        sampler.add_known(&known, &[], rng, batch);
         for i in 16..64 {
             let (state, goal) = (batch.states[i], batch.goals[i]);
             let off = if state < 50.0 { (state - 10.0).abs() } else { (state - 90.0).abs() }

@@ -23,6 +23,8 @@ pub struct KnownDistances<'a> {
     pub goals: &'a GoalIndex,
     /// Pairs of places whose distance is known.
     pub pairs: &'a [KnownPair],
+    /// Those of them that are less than `NEAR_STEPS` apart.
+    pub near: &'a [KnownPair],
     /// Distances along the same paths by goal, for looking up.
     pub by_goal: Option<&'a DistancesByGoal>,
     /// Distances that have changed, while they are relearned.
@@ -41,6 +43,9 @@ pub struct KnownPair {
     /// The first place on it that is at least `WAYPOINT_STEPS` from the start, or its end.
     pub waypoint: u32,
 }
+
+/// Pairs are near up to this distance, in steps.
+pub(crate) const NEAR_STEPS: f32 = 40.0;
 
 /// Least distance of the waypoints that lead the actor, in steps: near enough that D is right, far
 /// enough that the way there shows the direction.

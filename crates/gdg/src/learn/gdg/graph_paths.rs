@@ -169,6 +169,7 @@ mod tests {
             states: &states,
             goals: &goals,
             pairs: &[],
+            near: &[],
             by_goal: Some(&by_goal),
             changed: None,
         };

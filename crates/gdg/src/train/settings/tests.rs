@@ -183,6 +183,7 @@ fn of_old_checkpoints_settings_added_later_are_off_and_no_others_may_be_missing(
         ("graph_bounds", json!(false)),
         ("actor_waypoints", json!(false)),
         ("unblock_actor", json!(false)),
+        ("short_pairs", json!(0.0)),
         ("lookahead", json!(false)),
         ("edges_per_candidate", json!(100_000)),
         ("max_distance_steps", json!(0.0)),

@@ -1,0 +1,126 @@
+//! Pairs whose D falls short of the bridge graph: hard examples for critics and actor.
+//!
+//! Walks of the actor alone end at walls, where they press against the wall with nothing left of
+//! their motion along it: D to a place beyond is too short on this side, as networks interpolate
+//! across a thin wall, and has a dip there. Among pairs drawn at random, such pairs are rare. So of
+//! several near pairs whose distance along the graph is known, the one whose D falls furthest short
+//! of it is learned (hard example mining, Shrivastava et al. 2016).
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use crate::env::Spec;
+use crate::learn::data::known::{KnownDistances, KnownPair};
+use crate::learn::networks::policy::{Policy, Scratch};
+
+/// Near pairs of which the one is chosen whose D falls furthest short.
+pub(crate) const TRIED_PAIRS: usize = 4;
+
+/// Shortfalls count relative to the distance and this many steps more.
+pub(crate) const SHORTFALL_SLACK_STEPS: f32 = 3.0;
+
+/// Chooses the pairs, and keeps the buffers.
+#[derive(Default)]
+pub struct ShortPairs {
+    tried: Vec<KnownPair>,
+    states: Vec<f32>,
+    goals: Vec<f32>,
+    distances: Vec<f32>,
+    scratch: Scratch,
+    chosen: Vec<KnownPair>,
+}
+
+impl ShortPairs {
+    /// Draws [`TRIED_PAIRS`] near pairs for each of `count` to be chosen; none if there are no near
+    /// pairs.
+    pub fn draw(
+        &mut self,
+        spec: &Spec,
+        known: &KnownDistances,
+        count: usize,
+        rng: &mut ChaCha8Rng,
+    ) {
+        let s = spec.state_dim();
+        self.tried.clear();
+        [&mut self.states, &mut self.goals].into_iter().for_each(Vec::clear);
+        if known.near.is_empty() {
+            return;
+        }
+        for _ in 0..count * TRIED_PAIRS {
+            let pair = known.near[rng.random_range(0..known.near.len())];
+            let (from, to) = (pair.from as usize, pair.to as usize);
+            self.states.extend(&known.states[from * s..(from + 1) * s]);
+            self.goals.extend(known.goals.goal(to));
+            self.tried.push(pair);
+        }
+    }
+
+    /// Returns the pairs chosen of those drawn; `policy` gives D.
+    pub fn choose(&mut self, policy: &dyn Policy) -> &[KnownPair] {
+        self.distances.resize(self.tried.len(), 0.0);
+        policy.distances(&self.states, &self.goals, &mut self.distances, &mut self.scratch);
+        self.chosen.clear();
+        let drawn = self.tried.chunks(TRIED_PAIRS).zip(self.distances.chunks(TRIED_PAIRS));
+        for (pairs, distances) in drawn {
+            let shortfall = |(pair, d): (&KnownPair, &f32)| {
+                (pair.steps - d) / (pair.steps + SHORTFALL_SLACK_STEPS)
+            };
+            let furthest =
+                pairs.iter().zip(distances).max_by(|a, b| shortfall(*a).total_cmp(&shortfall(*b)));
+            self.chosen.extend(furthest.map(|(pair, _)| *pair));
+        }
+        &self.chosen
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+    use crate::env::tests::positions;
+    use crate::learn::data::goal_index::GoalIndex;
+
+    /// D is the straight line.
+    struct Line;
+
+    impl Policy for Line {
+        fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
+            let pairs = states.iter().zip(goals);
+            out.iter_mut().zip(pairs).for_each(|(d, (s, g))| *d = (s - g).abs());
+        }
+
+        fn actions(&self, _: &[f32], _: &[f32], _: &mut [f32], _: &mut Scratch) {}
+    }
+
+    #[test]
+    fn the_pairs_chosen_are_those_whose_d_falls_furthest_short_of_the_graph() {
+        let spec = positions(&[(50.0, 50.0)]);
+        let states = [10.0, 12.0, 30.0];
+        let mut goals = GoalIndex::new(&spec);
+        states.iter().for_each(|place| goals.push(&[*place]));
+        // A wall between the first two: 15 steps along the graph, 2 by D.
+        let pair = |from, to, steps| KnownPair { from, to, steps, waypoint: to };
+        let near = [pair(0, 1, 15.0), pair(1, 2, 18.0), pair(2, 1, 19.0), pair(0, 2, 5.0)];
+        let mut known = KnownDistances {
+            states: &states,
+            goals: &goals,
+            pairs: &near,
+            near: &near,
+            by_goal: None,
+            changed: None,
+        };
+        let (mut pairs, mut rng) = (ShortPairs::default(), ChaCha8Rng::seed_from_u64(1));
+        pairs.draw(&spec, &known, 100, &mut rng);
+        let chosen = pairs.choose(&Line);
+        assert_eq!(chosen.len(), 100);
+        let behind_wall = chosen.iter().filter(|pair| **pair == near[0]).count();
+        // At random it would be a quarter; it is among four drawn with a probability of 0.68.
+        assert!(behind_wall > 55, "{behind_wall} of 100");
+        let longer = chosen.iter().filter(|pair| **pair == near[3]).count();
+        assert!(longer < 5, "D is longer than the graph there: {longer}");
+        known.near = &[];
+        pairs.draw(&spec, &known, 100, &mut rng);
+        assert!(pairs.choose(&Line).is_empty());
+    }
+}
