@@ -139,10 +139,20 @@ struct LoadTimes {
 struct TimeToSuccess {
     map: &'static str,
     success: f64,
-    updates: Vec<Option<u64>>,
+    /// By plans, and by the actor alone.
+    reached: Vec<Reached>,
+}
+
+/// When runs first reached the success rate, for each seed; `None` if never.
+#[derive(Debug, Serialize)]
+struct Reached {
+    what: &'static str,
+    updates: Vec<Option<f64>>,
     /// On all threads, without evaluations.
     seconds: Vec<Option<f64>>,
     median_updates: Option<f64>,
+    /// Summed over all agents.
+    median_env_steps: Option<f64>,
     median_seconds: Option<f64>,
 }
 
@@ -401,15 +411,19 @@ impl Measurements {
     fn add_times_to_success(&self, out: &mut String) {
         for t in &self.time_to_success {
             let on_threads = self.on_threads();
-            let what = format!("{}: time to {} planned success on {on_threads}", t.map, t.success);
-            let (s, n) = (told(t.median_seconds.as_ref(), 1), told(t.median_updates.as_ref(), 0));
-            *out += &format!("{what:<58}{s:>6} s, {n:>6} updates (");
-            let seeds = t
-                .seconds
-                .iter()
-                .zip(&t.updates)
-                .map(|(s, n)| told(s.as_ref(), 1) + " s, " + &told(n.as_ref(), 0));
-            *out += &(seeds.collect::<Vec<_>>().join("; ") + ")\n");
+            *out += &format!("{}: time to {} on {on_threads}\n", t.map, t.success);
+            for r in &t.reached {
+                let (s, n) =
+                    (told(r.median_seconds.as_ref(), 1), told(r.median_updates.as_ref(), 0));
+                let steps = told(r.median_env_steps.as_ref(), 0);
+                *out += &format!("  {:<12}{s:>6} s, {n:>6} updates, {steps:>8} steps (", r.what);
+                let seeds = r
+                    .seconds
+                    .iter()
+                    .zip(&r.updates)
+                    .map(|(s, n)| told(s.as_ref(), 1) + " s, " + &told(n.as_ref(), 0));
+                *out += &(seeds.collect::<Vec<_>>().join("; ") + ")\n");
+            }
         }
     }
 

@@ -1,17 +1,19 @@
-//! How long a run takes to learn: time until planned success first reaches .95.
+//! How long a run takes to learn: until planned success, and that of the actor alone, first reach
+//! .95.
 
 use std::sync::Arc;
 
-use super::{TimeToSuccess, median};
+use super::{Reached, TimeToSuccess, median};
 use gdg::env::PointMaze;
 use gdg::map::builtin;
-use gdg::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
+use gdg::train::{Evaluation, Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
 
-/// Success rate with planning to reach.
+/// Success rate to reach.
 const SUCCESS: f64 = 0.95;
 
-/// Updates between evaluations.
-const EVALUATE_EVERY: u64 = 250;
+/// Updates between evaluations until planned success is reached, and afterwards: the actor alone
+/// takes far longer, and an evaluation as long as hundreds of updates.
+const EVALUATE_EVERY: [u64; 2] = [250, 1_000];
 
 /// Tasks at each of the six distances.
 const TASKS_PER_DISTANCE: usize = 15;
@@ -22,6 +24,23 @@ const MAX_UPDATES: u64 = 40_000;
 /// Maximum number of seeds; one can take a minute.
 const MAX_SEEDS: usize = 3;
 
+/// A success rate of an evaluation.
+type Rate = fn(&Evaluation) -> Option<f64>;
+
+/// What is to reach the success rate: plans first.
+const RATES: [(&str, Rate); 2] = [
+    ("planned", Evaluation::success_rate),
+    ("actor alone", |evaluation| evaluation.greedy.success),
+];
+
+/// When a run first reached the success rate.
+#[derive(Clone, Copy)]
+struct Moment {
+    updates: u64,
+    env_steps: u64,
+    seconds: f64,
+}
+
 /// Measures the time from scratch to the success rate on a built-in map, excluding
 /// evaluation time, for seeds 1, 2, ...
 pub fn measure(
@@ -29,38 +48,60 @@ pub fn measure(
     threads: usize,
     runs: usize,
 ) -> Result<TimeToSuccess, TrainError> {
-    let Some(grid) = builtin(map).map(Arc::new) else { unreachable!("{map} is built in") };
-    let world = PointMaze::new(grid, 0);
-    let (mut updates, mut seconds) = (Vec::new(), Vec::new());
-    for seed in 1..=runs.clamp(1, MAX_SEEDS) as u64 {
-        let run = Run {
-            method: Method::default(),
-            preset: Preset::Default,
-            seed,
-            settings: Settings::default(),
+    let moments = (1..=runs.clamp(1, MAX_SEEDS) as u64)
+        .map(|seed| moments(map, seed, threads))
+        .collect::<Result<Vec<_>, _>>()?;
+    let reached = RATES.iter().enumerate().map(|(k, (what, _))| {
+        let of = |number: fn(Moment) -> f64| -> Vec<Option<f64>> {
+            moments.iter().map(|run| run[k].map(number)).collect()
         };
-        let mut trainer = Trainer::new(run, &world, &Registry::builtin(), threads)?;
-        let mut reached = false;
-        while !reached && trainer.counters().updates < MAX_UPDATES {
-            let updated = trainer.tick()? == Tick::Update;
-            if updated && trainer.counters().updates.is_multiple_of(EVALUATE_EVERY) {
-                let evaluation = trainer.evaluate(&trainer.tasks(TASKS_PER_DISTANCE)?)?;
-                reached = evaluation.success_rate().is_some_and(|rate| rate >= SUCCESS);
+        let (updates, seconds) = (of(|at| at.updates as f64), of(|at| at.seconds));
+        Reached {
+            what,
+            median_updates: median_or_never(&updates),
+            median_env_steps: median_or_never(&of(|at| at.env_steps as f64)),
+            median_seconds: median_or_never(&seconds),
+            updates,
+            seconds,
+        }
+    });
+    Ok(TimeToSuccess { map, success: SUCCESS, reached: reached.collect() })
+}
+
+/// Trains until both success rates are reached; returns when each first was.
+fn moments(map: &str, seed: u64, threads: usize) -> Result<[Option<Moment>; 2], TrainError> {
+    let Some(grid) = builtin(map).map(Arc::new) else { unreachable!("{map} is built in") };
+    let run = Run {
+        method: Method::default(),
+        preset: Preset::Default,
+        seed,
+        settings: Settings::default(),
+    };
+    let world = PointMaze::new(grid, 0);
+    let mut trainer = Trainer::new(run, &world, &Registry::builtin(), threads)?;
+    let mut reached = [None; 2];
+    while reached.iter().any(Option::is_none) && trainer.counters().updates < MAX_UPDATES {
+        let every = EVALUATE_EVERY[usize::from(reached[0].is_some())];
+        if trainer.tick()? != Tick::Update || !trainer.counters().updates.is_multiple_of(every) {
+            continue;
+        }
+        let evaluation = trainer.evaluate(&trainer.tasks(TASKS_PER_DISTANCE)?)?;
+        let now = Moment {
+            updates: trainer.counters().updates,
+            env_steps: trainer.counters().env_steps,
+            seconds: trainer.seconds(),
+        };
+        for (at, (_, rate)) in reached.iter_mut().zip(RATES) {
+            if at.is_none() && rate(&evaluation).is_some_and(|rate| rate >= SUCCESS) {
+                *at = Some(now);
             }
         }
-        updates.push(reached.then_some(trainer.counters().updates));
-        seconds.push(reached.then_some(trainer.seconds()));
     }
-    let or_never = |number: Option<f64>| number.unwrap_or(f64::INFINITY);
-    let finite = |number: f64| number.is_finite().then_some(number);
-    Ok(TimeToSuccess {
-        map,
-        success: SUCCESS,
-        median_updates: finite(median(
-            updates.iter().map(|n| or_never(n.map(|n| n as f64))).collect(),
-        )),
-        median_seconds: finite(median(seconds.iter().map(|s| or_never(*s)).collect())),
-        updates,
-        seconds,
-    })
+    Ok(reached)
+}
+
+/// Returns the median over runs; `None` if it is one that never got there.
+fn median_or_never(numbers: &[Option<f64>]) -> Option<f64> {
+    let middle = median(numbers.iter().map(|number| number.unwrap_or(f64::INFINITY)).collect());
+    middle.is_finite().then_some(middle)
 }
