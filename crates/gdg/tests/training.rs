@@ -896,7 +896,7 @@ fn an_actor_that_clutter_blocks_is_shown_the_way_out() {
     let success = |helped| {
         let evaluation = evaluated_after(6_000, &map, |learn| {
             (learn.unblock_actor, learn.model_check) = (helped, helped);
-            // They help there as well.
+            // These pairs help in clutter as well.
             learn.short_pairs = 0.0;
         });
         [evaluation.planned.unwrap(), evaluation.greedy].map(|own| own.success.unwrap())
