@@ -30,6 +30,8 @@ DRAWS = 200
 
 # Rules of walks, and how to do without each.
 RULES = {
+    "single plan": lambda graph: setattr(graph.rules, "open_loop", False),
+    "deadline without a way": lambda graph: setattr(graph.rules, "window_steps", np.inf),
     "delays": lambda graph: setattr(graph, "hops", np.zeros_like(graph.hops)),
     "longer bans": lambda graph: setattr(graph.rules, "ban_strikes", 10**9),
 }
