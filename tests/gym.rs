@@ -448,8 +448,10 @@ fn an_exported_policy_reaches_goals_in_its_environment() {
 }
 
 /// What goes wrong in the middle of a run, and what is said of it.
-const FAULTS: [(&str, &str); 5] = [
+const FAULTS: [(&str, &str); 7] = [
     ("Raises", "the environment raised an exception in step: ValueError: the point is ?[31mlost"),
+    ("Shouts", "ValueError: no such file: ?!!!"),
+    ("Shrinks", "its achieved goal has shape (1,) of float64, but its spaces say 2 numbers"),
     ("Unknown", "step returned NaN as component 0 of its observation"),
     ("Dies", "its Python process has ended: killed by signal 11 dying now"),
     ("Exits", "the environment raised an exception in step: SystemExit: that was all"),

@@ -86,6 +86,21 @@ class Raises(Point):
         raise ValueError("the point is \x1b[31mlost")
 
 
+class Shouts(Point):
+    """Says more than fits, and half of a character."""
+
+    def misbehave(self):
+        raise ValueError("no such file: \udcff" + 100_000 * "!" + " that is it")
+
+
+class Shrinks(Point):
+    """Its goals become single numbers, which numpy would repeat."""
+
+    def observe(self):
+        observation = super().observe()
+        return {**observation, "achieved_goal": self.at[:1]} if steps > AFTER else observation
+
+
 class Unknown(Point):
     def misbehave(self):
         self.wind = float("nan")

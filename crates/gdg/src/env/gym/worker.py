@@ -26,6 +26,9 @@ KNOWN_PACKAGES = ("gymnasium_robotics", "ogbench")
 # Most numbers of a state: an observation with more is an image or the like.
 MAX_NUMBERS = 4096
 
+# Most characters of an exception that are told.
+MAX_TEXT = 4000
+
 # Steps taken twice from the same full state, to find out whether it is one.
 TRIAL_STEPS = 12
 
@@ -100,14 +103,27 @@ class Goals:
     def write(self, observation, row):
         """Writes an observation, followed by the achieved goal if it is apart, to `row`."""
         if self.in_observation:
-            row[: self.observed] = observation["observation"]
-            row[self.observed :] = observation["achieved_goal"]
+            row[: self.observed] = vector(observation["observation"], self.observed, "observation")
+            row[self.observed :] = vector(observation["achieved_goal"], self.goal, "achieved goal")
         else:
-            row[:] = observation
+            row[:] = vector(observation, self.observed, "observation")
 
     def desired(self, observation, info):
-        goal = observation["desired_goal"] if self.in_observation else info["goal"]
-        return np.asarray(goal, dtype=np.float32).reshape(-1)
+        if self.in_observation:
+            return vector(observation["desired_goal"], self.goal, "desired goal")
+        return vector(np.reshape(info["goal"], -1), self.goal, "goal")
+
+
+def vector(numbers, length, what):
+    """Returns numbers of an environment as an array, unless there are more or fewer than it has said.
+
+    Assigning them would repeat a single one as often as needed.
+    """
+    numbers = np.asarray(numbers)
+    if numbers.shape != (length,) or numbers.dtype.kind not in "fiub":
+        shown = f"shape {numbers.shape} of {numbers.dtype}"
+        raise ValueError(f"its {what} has {shown}, but its spaces say {length} numbers")
+    return numbers
 
 
 def make(**how):
@@ -294,7 +310,7 @@ def is_restorable(slot):
 
 def open_environment(config):
     """Imports what is needed, makes the first environment and returns its description."""
-    global gym, np, environment_id, goals
+    global gym, np, environment_id, goals, actions_length
     np = importlib.import_module("numpy")
     gym = importlib.import_module("gymnasium")
     environment_id = config["id"]
@@ -311,7 +327,7 @@ def open_environment(config):
     actions = slot.env.action_space
     if not isinstance(actions, gym.spaces.Box):
         raise Unsupported(f"its actions are {actions}: only continuous ones (Box) are supported")
-    flat_numbers(actions, "its actions are")
+    actions_length = flat_numbers(actions, "its actions are")
     goals = Goals(slot)
     own = slot.env.unwrapped
     radius = getattr(own, "distance_threshold", getattr(own, "_goal_tol", None))
@@ -346,7 +362,7 @@ def versions(package):
 def step_all(body):
     """Steps the first environments, one per row of actions; returns rows and who has ended."""
     space = slots[0].env.action_space
-    actions = np.frombuffer(body, dtype="<f4").reshape(-1, space.shape[0])
+    actions = np.frombuffer(body, dtype="<f4").reshape(-1, actions_length)
     rows = np.zeros((len(actions), goals.observed + goals.achieved), dtype="<f4")
     ended = bytearray(len(actions))
     for i, (slot, action) in enumerate(zip(slots, actions)):
@@ -436,12 +452,20 @@ def picture(body):
         return struct.pack("<II", columns, rows) + pixels
     except Exception as error:  # Nothing else depends on a picture.
         text = "".join(traceback.format_exception_only(type(error), error)).strip()
-        return struct.pack("<II", 0, 0) + text[-1000:].encode()
+        return struct.pack("<II", 0, 0) + safe(text[-1000:]).encode()
+
+
+def safe(text):
+    """Returns a text without halves of characters, as names of files have them: UTF-8 has none."""
+    return text.encode(errors="replace").decode()
 
 
 def why(error):
     """Describes an exception: what it is, and the last places outside this file."""
     lines = traceback.format_exception_only(type(error), error)
+    text = str(error) if isinstance(error, Unsupported) else "".join(lines).strip()
+    if len(text) > MAX_TEXT:
+        text = text[: MAX_TEXT // 2] + " ... " + text[-MAX_TEXT // 2 :]
     places = [
         f"{place.filename}, line {place.lineno}, in {place.name}"
         for place in traceback.extract_tb(error.__traceback__)
@@ -451,8 +475,8 @@ def why(error):
         {
             "unsupported": isinstance(error, Unsupported),
             "missing": error.name if isinstance(error, ModuleNotFoundError) else None,
-            "error": "".join(lines).strip() if not isinstance(error, Unsupported) else str(error),
-            "places": places[-4:],
+            "error": safe(text),
+            "places": [safe(place) for place in places[-4:]],
         }
     ).encode()
 
