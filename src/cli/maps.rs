@@ -106,6 +106,10 @@ pub struct ConvertArgs {
     #[arg(long, value_name = "FORMAT", value_parser = formats())]
     pub format: Option<&'static MapFormat>,
 
+    /// Mark the starts and goals of this scenario's tasks, or of the agents of a map for planners
+    #[arg(long, value_name = "FILE")]
+    pub scen: Option<PathBuf>,
+
     /// Replace existing files
     #[arg(long)]
     pub overwrite: bool,

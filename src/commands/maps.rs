@@ -1,6 +1,6 @@
 //! `gdg-tui maps`: the built-in maps, random ones, and maps in other formats.
 
-use std::path::Path;
+use std::path::PathBuf;
 
 use miette::{Report, miette};
 
@@ -11,7 +11,9 @@ use crate::cli::{ConvertArgs, MapsArgs, MapsCommand};
 use crate::host::maps::{find_map, warn};
 use crate::host::report::from_map_error;
 use crate::host::setup::{refuse_existing, refuse_input};
-use gdg::map::{self, BUILTIN, Diameter, Grid, MapFormat, Reading, print_ascii};
+use gdg::map::{
+    self, BUILTIN, Diameter, Grid, MapFormat, Reading, Scenario, ScenarioTask, print_ascii,
+};
 use gdg::printing::eprint_line;
 use gdg::text::sanitized;
 use gdg::train::Registry;
@@ -51,32 +53,74 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
         let help = "give --format FORMAT: gdg-tui maps convert --help lists them";
         miette!(help = help, "{}: this ending says no format", output.display())
     })?;
-    let grid = find_map(input, &Reading::from(&args.map), registry)?;
+    let mut grid = find_map(input, &Reading::from(&args.map), registry)?;
+    if let Some(scenario) = &args.scen {
+        grid = with_tasks(&grid, map::load_scenario(scenario, &grid).map_err(from_map_error)?);
+    }
     warn(&grid);
-    let files = format.write(&grid, output);
+    let mut files = format.write(&grid, output);
+    let scenario = Scenario::beside(&grid, output, format);
+    if let Some((path, scenario)) = &scenario {
+        files.push((path.clone(), scenario.print().into_bytes()));
+    }
     for (path, _) in &files {
-        refuse_input("OUT", path, std::iter::once(input))?;
+        let read = std::iter::once(input).chain(args.scen.as_deref());
+        refuse_input("OUT", path, read)?;
         refuse_existing(path, args.overwrite)?;
     }
-    warn_of_losses(input, &grid, format)?;
+    warn_of_losses(args, &grid, format, scenario)?;
     files.iter().map(|(path, bytes)| write_file(path, bytes)).collect()
 }
 
-/// Prints what of a map its file in this `format` will not have.
-fn warn_of_losses(input: &Path, grid: &Grid, format: &MapFormat) -> Result<(), Report> {
-    let warn = |lost: &str| {
-        eprint_line(&format!("warning: {}: {lost}", sanitized(grid.name())));
-    };
-    let has_marks = !grid.starts().is_empty() || !grid.goals().is_empty();
-    if has_marks && !format.loses.is_empty() {
-        warn(&format!("the format {} has no {}", format.name, format.loses));
+/// Returns a map with the starts and goals of tasks beside its own.
+fn with_tasks(grid: &Grid, tasks: Vec<ScenarioTask>) -> Grid {
+    let (starts, goals): (Vec<_>, Vec<_>) =
+        tasks.into_iter().map(|task| (task.start, task.goal)).unzip();
+    grid.with_marks([grid.starts(), &starts].concat(), [grid.goals(), &goals].concat())
+}
+
+/// Prints what of a map its file in this `format` will not have, and how to keep it.
+fn warn_of_losses(
+    args: &ConvertArgs,
+    grid: &Grid,
+    format: &MapFormat,
+    scenario: Option<(PathBuf, Scenario)>,
+) -> Result<(), Report> {
+    let say = |what: &str| eprint_line(&format!("{}: {what}", sanitized(grid.name())));
+    let mut lost = format.lost(grid, &args.output);
+    if let Some((path, scenario)) = scenario {
+        let tasks = scenario.tasks(grid).map_err(from_map_error)?;
+        let kept = with_tasks(&grid.with_marks(Vec::new(), Vec::new()), tasks);
+        let path = sanitized(&path.to_string_lossy());
+        let marks =
+            [("starts", grid.starts(), kept.starts()), ("goals", grid.goals(), kept.goals())];
+        for (name, all, kept) in marks {
+            match all.len() - kept.len() {
+                0 => lost.retain(|lost| lost != name),
+                some => say(&format!(
+                    "warning: {some} of {} {name} are not in {path}: its tasks have a start and a goal with a path",
+                    all.len()
+                )),
+            }
+        }
+        say(&format!("starts and goals are the tasks of {path}: give --scen {path} with the map"));
     }
-    let radius = grid.scale().goal_radius;
-    if radius != Reading::default().scale.goal_radius && !format.keeps_goal_radius {
-        warn(&format!("the file has no goal radius: give --goal-radius {radius} with it"));
+    if !lost.is_empty() {
+        let keep = MapFormat::lossless().join(", ");
+        let lost = lost.join(", ");
+        say(&format!("warning: the file has no {lost}; formats that keep all: {keep}"));
     }
-    if map::agents_of(input).map_err(from_map_error)?.is_some() {
-        warn("its agents are not written");
+    if grid.scale().benchmark.is_some() {
+        say("warning: the tasks of the benchmark are not written");
+    }
+    if let Some(agents) = map::agents_of(&args.input).map_err(from_map_error)? {
+        let tasks = agents.tasks(grid).map_err(from_map_error)?;
+        if with_tasks(grid, tasks) != *grid {
+            let file = sanitized(&args.input.to_string_lossy());
+            say(&format!(
+                "warning: its agents are not written: --scen {file} makes them starts and goals"
+            ));
+        }
     }
     Ok(())
 }

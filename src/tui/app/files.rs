@@ -142,25 +142,21 @@ pub fn save_map(name: &str, scene: &mut Scene, screen: &mut Screen) -> Result<()
         write_atomically(&path, &bytes)
             .map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
     }
-    let lost = lost(&maze.map, format);
-    let without = lost.map_or(String::new(), |lost| format!(" without {lost}"));
+    let lost = format.lost(&maze.map, path);
+    let without =
+        if lost.is_empty() { String::new() } else { format!(" without {}", lost.join(", ")) };
     maze.kept_map = maze.map.clone();
     screen.notify(&format!("wrote {name}{without}"));
     remember_map(path);
     Ok(())
 }
 
-/// Returns what of a map a file in this format will not have, if anything.
-fn lost(map: &Grid, format: &MapFormat) -> Option<&'static str> {
-    let has_marks = !map.starts().is_empty() || !map.goals().is_empty();
-    (has_marks && !format.loses.is_empty()).then_some(format.loses)
-}
-
 /// Returns what a file for the map called `name` would lack, if anything.
 pub fn loss(name: &str, scene: &Scene) -> Option<String> {
     let format = format_for(Path::new(name));
-    let lost = lost(&scene.maze()?.map, format)?;
-    Some(format!("the format {} has no {lost}", format.name))
+    let lost = format.lost(&scene.maze()?.map, Path::new(name));
+    let loss = || format!("the format {} has no {}", format.name, lost.join(", "));
+    (!lost.is_empty()).then(loss)
 }
 
 /// Lists the maps in `folder`, or by default recent maps, built-in maps and those in the current

@@ -12,17 +12,12 @@ impl MapScale {
     /// Says why there is no such map: it would be too large, or the margin leaves no room.
     pub fn of(self, file: &str, maze: &Grid) -> MapResult<Grid> {
         let Self { cell, margin, .. } = self;
-        if !self.is_valid() {
-            let (least, most) = Self::GOAL_RADII.into_inner();
-            let problem = format!("a goal radius of {} cells is not possible", self.goal_radius);
-            let help = format!("a goal radius is from {least} to {most} cells");
-            return Err(MapError::whole_file(file, problem, help));
-        }
+        self.checked(file)?;
         if maze.scale() != Self::default() {
             if self == Self::default() {
                 return Ok(maze.clone());
             }
-            let help = "leave --cell, --margin and --goal-radius out";
+            let help = "leave --cell and --margin out, and --goal-radius with a benchmark's maze";
             return Err(MapError::whole_file(file, "the map has a scale of its own", help));
         }
         if cell == 1 && margin == 0.0 {
@@ -55,6 +50,20 @@ impl MapScale {
         }
         let map = Grid::new(maze.name(), width, free, starts, goals);
         Ok(map.with_scale(self).with_doubt(maze.doubt()))
+    }
+
+    /// Returns the scale; errors refer to the map as `file`.
+    ///
+    /// # Errors
+    /// No map can have it.
+    pub fn checked(self, file: &str) -> MapResult<Self> {
+        if self.is_valid() {
+            return Ok(self);
+        }
+        let (least, most) = Self::GOAL_RADII.into_inner();
+        let problem = format!("a goal radius of {} cells is not possible", self.goal_radius);
+        let help = format!("a goal radius is from {least} to {most} cells");
+        Err(MapError::whole_file(file, problem, help))
     }
 }
 

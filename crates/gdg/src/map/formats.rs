@@ -8,6 +8,7 @@ mod image;
 mod list;
 mod mapf;
 mod movingai;
+mod notes;
 mod numbers;
 mod pgm;
 mod plain;
@@ -21,7 +22,6 @@ use std::path::{Path, PathBuf};
 
 use super::error::MapResult;
 use super::grid::{Cell, Grid};
-use super::scale::MapScale;
 use super::text::Text;
 use image::Image;
 pub use mapf::{agents, has_agents, is_mapf};
@@ -73,24 +73,6 @@ impl<'a> Source<'a> {
 /// The brightness, from 0 to 1, below which pixels of images are walls unless another is given.
 pub const THRESHOLD: f32 = 0.5;
 
-/// The key of a map's goal radius, in cells, in formats with keys. Other programs ignore it.
-const GOAL_RADIUS: &str = "goal_radius";
-
-/// What a goal radius can be.
-const RADII: &str = "goal_radius is a number of cells from 0.1 to 100";
-
-/// Returns the goal radius to write with a map, unless it is the usual one.
-fn written_goal_radius(grid: &Grid) -> Option<f32> {
-    let radius = grid.scale().goal_radius;
-    (radius != MapScale::default().goal_radius).then_some(radius)
-}
-
-/// Returns the map with the goal radius that is written with it; `None` if that is out of range.
-fn with_goal_radius(grid: Grid, radius: f32) -> Option<Grid> {
-    let scale = MapScale { goal_radius: radius, ..grid.scale() };
-    scale.is_valid().then(|| grid.with_scale(scale))
-}
-
 /// Returns the name of a file without its ending.
 fn name_of(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
@@ -108,10 +90,10 @@ pub struct MapFormat {
     pub about: &'static str,
     /// The endings of its files' names, without the dot.
     pub endings: &'static [&'static str],
-    /// What is lost when a map is written in it; empty if nothing is.
+    /// Which marks are lost when a map is written in it; empty if none are.
     pub loses: &'static str,
-    /// Whether its files keep a map's goal radius.
-    pub keeps_goal_radius: bool,
+    /// Whether a file of this name keeps a map's scale.
+    keeps_scale: fn(&str) -> bool,
     /// Whether a file's content is of this format.
     is: fn(&Source) -> bool,
     read: fn(&Source) -> MapResult<Grid>,
@@ -165,6 +147,28 @@ impl MapFormat {
     /// The file is malformed; the error names the place.
     pub fn read(&self, source: &Source) -> MapResult<Grid> {
         (self.read)(source)
+    }
+
+    /// Returns what of a map a file of this name in this format would lack.
+    pub fn lost(&self, grid: &Grid, file: &Path) -> Vec<String> {
+        let marks = [("starts", grid.starts()), ("goals", grid.goals())];
+        let marks = marks.into_iter().filter(|(_, cells)| !cells.is_empty());
+        let marks = marks.map(|(which, _)| which).filter(|which| self.loses.contains(which));
+        let is_kept = (self.keeps_scale)(&file.to_string_lossy());
+        let values = notes::scale_values(grid).filter(|_| !is_kept);
+        let values = values.map(|(key, value)| format!("{} {value}", key.replace('_', " ")));
+        marks.map(str::to_owned).chain(values).collect()
+    }
+
+    /// Returns the names of the formats that keep a whole map.
+    pub fn lossless() -> Vec<&'static str> {
+        let keeps = |format: &&Self| format.loses.is_empty() && (format.keeps_scale)("");
+        FORMATS.iter().filter(keeps).map(|format| format.name).collect()
+    }
+
+    /// Returns whether starts and goals are in a scenario beside the map.
+    pub fn has_scenarios(&self) -> bool {
+        self.name == movingai::FORMAT.name
     }
 
     /// Returns the files of a map in this format, with their names: `file`, and for some formats an

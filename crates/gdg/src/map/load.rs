@@ -73,7 +73,19 @@ impl Reading {
             let goal_radius = self.goal_radius.unwrap_or(self.scale.goal_radius);
             return MapScale { goal_radius, ..self.scale }.of(file, maze);
         }
-        let own = Some(maze.scale().goal_radius)
+        let own = maze.scale();
+        let is_enlarged =
+            |scale: MapScale| MapScale { goal_radius: 1.0, ..scale } != MapScale::default();
+        if is_enlarged(own) {
+            // Its cells are no blocks.
+            if is_enlarged(self.scale) {
+                return self.scale.of(file, maze);
+            }
+            let goal_radius = self.goal_radius.unwrap_or(own.goal_radius);
+            let scale = MapScale { goal_radius, ..own };
+            return scale.checked(file).map(|scale| maze.clone().with_scale(scale));
+        }
+        let own = Some(own.goal_radius)
             .filter(|radius| *radius != MapScale::default().goal_radius)
             // In the cells of the maze.
             .map(|radius| radius * self.scale.cell as f32);

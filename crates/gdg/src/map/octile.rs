@@ -3,6 +3,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::f64::consts::SQRT_2;
 
 use super::distance::{OFFSETS, StepSearch};
 use super::grid::{Cell, Grid};
@@ -48,7 +49,7 @@ impl OctileSearch {
         let mut open = BinaryHeap::from([Reverse((to_goal(first), to_goal(first), first as u32))]);
         while let Some(Reverse((promised, ahead, at))) = open.pop() {
             if ahead == 0 {
-                return Some(f64::from(promised) / f64::from(STRAIGHT));
+                return Some(self.length_to(at as usize));
             }
             let (at, length) = (at as usize, promised - ahead);
             if length > self.lengths[at] {
@@ -74,6 +75,25 @@ impl OctileSearch {
         }
         None
     }
+
+    /// Returns the length of the path to a cell that was found, with diagonals that are not rounded.
+    fn length_to(&self, cell: usize) -> f64 {
+        let (mut at, mut length) = (cell, 0.0);
+        while self.lengths[at] > 0 {
+            let mut steps = (0..OFFSETS.len()).filter(|i| self.moves[at] >> i & 1 == 1).map(|i| {
+                let (dx, dy) = OFFSETS[i];
+                (at.wrapping_add_signed(dy * self.width as isize + dx), dx == 0 || dy == 0)
+            });
+            let leads_here = |(from, is_straight): &(usize, bool)| {
+                let own = if *is_straight { STRAIGHT } else { DIAGONAL };
+                self.lengths[*from].checked_add(own) == Some(self.lengths[at])
+            };
+            let Some((from, is_straight)) = steps.find(leads_here) else { break };
+            length += if is_straight { 1.0 } else { SQRT_2 };
+            at = from;
+        }
+        length
+    }
 }
 
 /// Returns the length of the shortest path without any wall.
@@ -85,7 +105,7 @@ fn straight_length(a: Cell, b: Cell) -> u32 {
 /// Returns a lower bound on the length, in cells, of a path between two cells.
 pub fn least_length((ax, ay): (usize, usize), (bx, by): (usize, usize)) -> f64 {
     let (x, y) = (ax.abs_diff(bx) as f64, ay.abs_diff(by) as f64);
-    x.min(y) * std::f64::consts::SQRT_2 + (x - y).abs()
+    x.min(y) * SQRT_2 + (x - y).abs()
 }
 
 #[cfg(test)]

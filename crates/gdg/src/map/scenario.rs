@@ -1,10 +1,11 @@
 //! Moving AI `.scen` files: tasks on a map.
 
 use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 
 use super::distance::StepSearch;
 use super::error::{MapError, MapResult};
-use super::formats::{agents, is_mapf};
+use super::formats::{MapFormat, agents, is_mapf};
 use super::grid::{Cell, Grid};
 use super::octile::{OctileSearch, least_length};
 use super::text::Text;
@@ -99,6 +100,53 @@ impl Scenario {
             return Err(text.line_error(0, "the scenario has no tasks", EXPECTED_FIELDS));
         }
         Ok(Self { file: file.to_owned(), entries })
+    }
+
+    /// Returns tasks on `grid`, whose file is called `name`, that have all of its starts and goals: the
+    /// first start with the first goal and so on, and again from the first of those that are fewer.
+    /// Tasks without a path are left out; `None` if that leaves none.
+    fn of_marks(grid: &Grid, name: &str) -> Option<Self> {
+        let (starts, goals) = (grid.starts(), grid.goals());
+        let most = if starts.is_empty() { 0 } else { goals.len().max(starts.len()) };
+        let mut search = OctileSearch::new(grid, MOST_VISITS);
+        let pairs = starts.iter().cycle().zip(goals.iter().cycle()).take(most);
+        let entries = pairs.filter_map(|(start, goal)| {
+            let length = search.shortest(*start, *goal)?;
+            let (width, height) = (grid.width(), grid.height());
+            let cells = format!("{}\t{}\t{}\t{}", start.x, start.y, goal.x, goal.y);
+            Some((
+                // Benchmarks put four lengths into a bucket.
+                format!(
+                    "{}\t{name}\t{width}\t{height}\t{cells}\t{length:.8}",
+                    (length / 4.0) as usize
+                ),
+                (start, goal, length),
+            ))
+        });
+        let entries = entries.enumerate().map(|(i, (text, (start, goal, length)))| Entry {
+            line: i + 1,
+            text,
+            size: (grid.width(), grid.height()),
+            start: (start.x, start.y),
+            goal: (goal.x, goal.y),
+            length: Some(length),
+        });
+        let entries: Vec<Entry> = entries.collect();
+        (!entries.is_empty()).then(|| Self { file: name.to_owned(), entries })
+    }
+
+    /// Returns the scenario, with the name of its file, that goes with the `file` of a map in a format
+    /// without starts and goals; `None` if there is none.
+    pub fn beside(grid: &Grid, file: &Path, format: &MapFormat) -> Option<(PathBuf, Self)> {
+        let name = file.file_name()?.to_string_lossy();
+        let scenario = format.has_scenarios().then(|| Self::of_marks(grid, &name))??;
+        Some((file.with_extension("scen"), scenario))
+    }
+
+    /// Returns the scenario as a file.
+    pub fn print(&self) -> String {
+        let lines = self.entries.iter().map(|entry| format!("{}\n", entry.text));
+        std::iter::once("version 1\n".to_owned()).chain(lines).collect()
     }
 
     /// Returns the tasks of the agents of a map for planners: they refer to the map in the same file.

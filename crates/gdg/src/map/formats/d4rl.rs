@@ -5,6 +5,7 @@ use super::super::error::MapResult;
 use super::super::grid::Grid;
 use super::super::text::{Place, Text};
 use super::list::after_name;
+use super::notes::{comment, with_comment};
 use super::{MapFormat, Mark, Rows, Source, marks};
 use crate::text::line_and_column;
 
@@ -12,8 +13,8 @@ pub const FORMAT: MapFormat = MapFormat {
     name: "d4rl",
     about: "a string of D4RL, in which O is free: \"#####\\\\#GOO#\\\\#####\"",
     endings: &["d4rl"],
-    loses: "starts",
-    keeps_goal_radius: false,
+    loses: "",
+    keeps_scale: |_| true,
     is: |source| source.is_text(is_d4rl),
     read,
     write: |grid, _| write(grid).into_bytes(),
@@ -65,7 +66,7 @@ fn read(source: &Source) -> MapResult<Grid> {
     if !rows.is_row_empty() {
         rows.end_row(row)?;
     }
-    rows.finish(&source.name(), CELLS)
+    with_comment(rows.finish(&source.name(), CELLS)?, text.file, text.lines.iter().copied())
 }
 
 /// Returns the characters of the maze with their places: those in quotes, if there are any.
@@ -99,5 +100,8 @@ fn write(grid: &Grid) -> String {
         Mark::Goal | Mark::Both => 'G',
     };
     let rows: Vec<String> = marks(grid).map(|row| row.map(cell).collect()).collect();
-    format!("\"{}\"\n", rows.join("\\\\"))
+    // Goals have a letter, starts have none.
+    let starts = grid.with_marks(grid.starts().to_vec(), Vec::new());
+    let comment = comment(&starts, true).map_or(String::new(), |comment| format!("# {comment}\n"));
+    format!("\"{}\"\n{comment}", rows.join("\\\\"))
 }

@@ -1,8 +1,11 @@
 //! Mazes as lists of rows: Gymnasium-Robotics' `maze_map`, OGBench's layouts, and arrays in JSON.
 
+use std::path::Path;
+
 use super::super::error::{MapError, MapResult};
 use super::super::grid::Grid;
 use super::super::text::{Place, Text};
+use super::notes::{comment, with_comment};
 use super::yaml::{Event, events};
 use super::{MapFormat, Mark, Rows, Source, marks};
 
@@ -11,10 +14,10 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "rows of Gymnasium-Robotics and OGBench: [[1, 1], ['r', 0]]",
     endings: &["json", "py"],
     loses: "",
-    keeps_goal_radius: false,
+    keeps_scale: |file| !is_json(file),
     is: |source| source.is_text(|text| text.source[start(text.source)..].starts_with('[')),
     read,
-    write: |grid, _| write(grid).into_bytes(),
+    write: |grid, file| write(grid, file).into_bytes(),
     image: None,
 };
 
@@ -76,14 +79,19 @@ fn read(source: &Source) -> MapResult<Grid> {
             _ => return Err(text.error_at(place, "this is not a row of cells", ROWS)),
         }
     }
-    rows.finish(&source.name(), CELLS)
+    with_comment(rows.finish(&source.name(), CELLS)?, text.file, text.lines.iter().copied())
 }
 
 fn not_a_cell(text: &Text, place: Place, cell: &str) -> Box<MapError> {
     text.error_at(place, format!("{cell:?} is not a cell"), CELLS)
 }
 
-fn write(grid: &Grid) -> String {
+/// Returns whether a file is called one of JSON, which has no comments.
+fn is_json(file: &str) -> bool {
+    Path::new(file).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
+}
+
+fn write(grid: &Grid, file: &str) -> String {
     let cell = |mark| match mark {
         Mark::Free => "0",
         Mark::Wall => "1",
@@ -94,5 +102,7 @@ fn write(grid: &Grid) -> String {
     let rows: Vec<String> = marks(grid)
         .map(|row| format!("  [{}]", row.map(cell).collect::<Vec<_>>().join(", ")))
         .collect();
-    format!("[\n{}\n]\n", rows.join(",\n"))
+    let comment = comment(grid, false).filter(|_| !is_json(file));
+    let comment = comment.map_or(String::new(), |comment| format!("# {comment}\n"));
+    format!("{comment}[\n{}\n]\n", rows.join(",\n"))
 }

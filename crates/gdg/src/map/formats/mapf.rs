@@ -4,24 +4,25 @@
 use super::super::error::MapResult;
 use super::super::grid::{Cell, Grid, MAX_CELLS, is_size, size_limits};
 use super::super::text::{Place, Text};
+use super::notes::{column_and_row, with_notes, yaml_lines};
 use super::ros::has_key;
 use super::rows::grid;
-use super::yaml::{Node, goal_radius_line, tree};
+use super::yaml::{Node, tree};
 use super::{MapFormat, Mark, marks};
 
 pub const FORMAT: MapFormat = MapFormat {
     name: "mapf",
     about: "YAML of multi-agent planners; its agents are tasks for --scen",
     endings: &["yaml", "yml"],
-    loses: "starts and goals, except as agents, pair by pair",
-    keeps_goal_radius: true,
+    loses: "",
+    keeps_scale: |_| true,
     is: |source| source.is_text(is_mapf),
     read: |source| {
         let text = source.text()?;
         let root = tree(text)?;
-        root.with_goal_radius(text, map(text, &source.name(), &root)?)
+        with_notes(&root, text, &map(text, &source.name(), &root)?, |place| place)
     },
-    write: |grid, _| (goal_radius_line(grid) + &write(grid)).into_bytes(),
+    write: |grid, _| (yaml_lines(grid, column_and_row) + &write(grid)).into_bytes(),
     image: None,
 };
 
@@ -35,7 +36,8 @@ pub fn is_mapf(text: &Text) -> bool {
 
 /// Returns whether a text is such a map with agents.
 pub fn has_agents(text: &Text) -> bool {
-    is_mapf(text) && has_key(text, "agents") && has_key(text, "start")
+    let has_start = ["start:", "start\":"].iter().any(|key| text.source.contains(key));
+    is_mapf(text) && has_key(text, "agents") && has_start
 }
 
 /// A task of one agent.

@@ -15,7 +15,7 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "Moving AI's format",
     endings: &["map"],
     loses: "starts and goals",
-    keeps_goal_radius: false,
+    keeps_scale: |_| false,
     is: |source| source.is_text(is_movingai),
     read: |source| parse_movingai(&source.name(), source.text()?),
     write: |grid, _| print_movingai(grid).into_bytes(),

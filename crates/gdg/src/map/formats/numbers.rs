@@ -10,7 +10,7 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "numbers: 0 is free (-1 in layers of Tiled), others walls; also 10011",
     endings: &["csv"],
     loses: "starts and goals",
-    keeps_goal_radius: false,
+    keeps_scale: |_| false,
     is: |source| source.is_text(is_numbers),
     read,
     write: |grid, _| write(grid).into_bytes(),

@@ -4,17 +4,20 @@ use super::super::error::{MapError, MapResult};
 use super::super::grid::{Grid, MAX_SIDE};
 use super::super::text::error_at_byte;
 use super::image::Image;
+use super::notes::{comment, with_comment};
 use super::{MapFormat, Mark, marks};
 
 pub const FORMAT: MapFormat = MapFormat {
     name: "pgm",
     about: "an image in PGM or PPM, with the colours of PNG",
     endings: &["pgm", "ppm", "pnm"],
-    loses: "starts and goals",
-    keeps_goal_radius: false,
+    loses: "",
+    keeps_scale: |_| true,
     is: |source| is_pgm(source.bytes),
-    read: |source| source.read_image(decode),
-    write: |grid, _| write(grid),
+    read: |source| {
+        with_comment(source.read_image(decode)?, source.file, header(source.bytes).lines())
+    },
+    write: |grid, _| write(grid, comment(grid, true)),
     image: None,
 };
 
@@ -96,9 +99,17 @@ pub fn decode(file: &str, bytes: &[u8]) -> MapResult<Image> {
     Ok(Image { width, pixels })
 }
 
-/// Returns a map as a binary PGM.
-pub fn write(grid: &Grid) -> Vec<u8> {
-    let header = format!("P5\n{} {}\n255\n", grid.width(), grid.height());
+/// Returns the first line of a file and the comments after it.
+fn header(bytes: &[u8]) -> String {
+    let lines = bytes.split_inclusive(|byte| *byte == b'\n').enumerate();
+    let header = lines.take_while(|(i, line)| *i == 0 || line.starts_with(b"#"));
+    header.map(|(_, line)| String::from_utf8_lossy(line)).collect()
+}
+
+/// Returns a map as a binary PGM, with a comment.
+pub fn write(grid: &Grid, comment: Option<String>) -> Vec<u8> {
+    let comment = comment.map_or(String::new(), |comment| format!("# {comment}\n"));
+    let header = format!("P5\n{comment}{} {}\n255\n", grid.width(), grid.height());
     let grey = |mark| if mark == Mark::Wall { 0 } else { 255 };
     header.into_bytes().into_iter().chain(marks(grid).flatten().map(grey)).collect()
 }

@@ -15,7 +15,7 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "a character a cell: '#' wall, '.' free, S start, G goal, C both",
     endings: &["txt"],
     loses: "",
-    keeps_goal_radius: false,
+    keeps_scale: |_| false,
     is: |_| false,
     read: |source| {
         let text = source.text()?;

@@ -8,15 +8,18 @@ use super::super::error::{MapError, MapResult};
 use super::super::grid::Grid;
 use super::MapFormat;
 use super::image::Image;
+use super::notes::{comment, with_comment};
 
 pub const FORMAT: MapFormat = MapFormat {
     name: "png",
     about: "an image, a pixel a cell: dark is a wall, green S, red G, yellow both",
     endings: &["png"],
     loses: "",
-    keeps_goal_radius: false,
+    keeps_scale: |_| true,
     is: |source| is_png(source.bytes),
-    read: |source| source.read_image(decode),
+    read: |source| {
+        with_comment(source.read_image(decode)?, source.file, texts(source.bytes).lines())
+    },
     write: |grid, _| encode(grid).unwrap_or_default(),
     image: None,
 };
@@ -52,6 +55,13 @@ pub fn decode(file: &str, bytes: &[u8]) -> MapResult<Image> {
     Ok(Image { width, pixels: pixels.take(width * height).collect() })
 }
 
+/// Returns the comments before an image.
+fn texts(bytes: &[u8]) -> String {
+    let Ok(reader) = Decoder::new(Cursor::new(bytes)).read_info() else { return String::new() };
+    let texts = reader.info().uncompressed_latin1_text.iter().map(|chunk| chunk.text.as_str());
+    texts.collect::<Vec<_>>().join("\n")
+}
+
 fn encode(grid: &Grid) -> Result<Vec<u8>, EncodingError> {
     let image = Image::of(grid);
     let mut file = Vec::new();
@@ -59,6 +69,9 @@ fn encode(grid: &Grid) -> Result<Vec<u8>, EncodingError> {
     encoder.set_color(ColorType::Rgb);
     encoder.set_depth(BitDepth::Eight);
     encoder.set_compression(Compression::High);
+    if let Some(comment) = comment(grid, false) {
+        encoder.add_text_chunk("Comment".to_owned(), comment)?;
+    }
     encoder.write_header()?.write_image_data(image.pixels.as_flattened())?;
     Ok(file)
 }

@@ -4,22 +4,26 @@ use std::path::Path;
 
 use super::super::error::{MapError, MapResult};
 use super::super::file::read as read_file;
-use super::super::grid::Grid;
+use super::super::grid::{Cell, Grid};
 use super::super::text::Text;
 use super::image::Image;
-use super::yaml::{Node, goal_radius_line, tree};
+use super::notes::{with_notes, yaml_lines};
+use super::yaml::{Node, tree};
 use super::{MapFormat, Source, name_of, pgm, png};
 
 pub const FORMAT: MapFormat = MapFormat {
     name: "ros",
     about: "ROS's map.yaml with its image; unknown cells are walls",
     endings: &["yaml", "yml"],
-    loses: "starts and goals",
-    keeps_goal_radius: true,
+    loses: "",
+    keeps_scale: |_| true,
     is: |source| source.is_text(|text| has_key(text, "image") && has_key(text, "resolution")),
     read,
-    write: |grid, stem| (write(stem) + &goal_radius_line(grid)).into_bytes(),
-    image: Some(("pgm", pgm::write)),
+    write: |grid, name| {
+        let place = |cell: &Cell| Frame::WRITTEN.place(*cell, grid.height());
+        (write(name) + &yaml_lines(grid, place)).into_bytes()
+    },
+    image: Some(("pgm", |grid| pgm::write(grid, None))),
 };
 
 const HELP: &str = "a map of ROS has the keys image, resolution, origin, negate, occupied_thresh and free_thresh, and \
@@ -27,8 +31,32 @@ const HELP: &str = "a map of ROS has the keys image, resolution, origin, negate,
 
 const IMAGE: &str = "image is the path of a PNG or PGM image from this file's folder";
 
-/// Resolution of written maps, in metres per cell.
-const RESOLUTION: f32 = 0.05;
+/// Where a map is in the world.
+struct Frame {
+    /// Metres per cell.
+    resolution: f64,
+    /// The lower left corner of the image, in metres. The third number of a file's origin, an angle,
+    /// is ignored, as ROS itself does mostly.
+    origin: [f64; 2],
+}
+
+impl Frame {
+    /// That of written maps.
+    const WRITTEN: Self = Self { resolution: 0.05, origin: [0.0; 2] };
+
+    /// Returns the middle of a cell, in metres, of a map that is `height` cells high.
+    fn place(&self, cell: Cell, height: usize) -> [String; 2] {
+        let [x, y] = self.origin;
+        let along = |origin: f64, cells: f64| format!("{:.3}", origin + cells * self.resolution);
+        [along(x, cell.x as f64 + 0.5), along(y, (height - cell.y) as f64 - 0.5)]
+    }
+
+    /// Returns column and row of a place in metres, from the upper left.
+    fn column_and_row(&self, [x, y]: [f64; 2], height: usize) -> [f64; 2] {
+        let cells = |at: f64, origin: f64| (at - origin) / self.resolution;
+        [cells(x, self.origin[0]), height as f64 - cells(y, self.origin[1])]
+    }
+}
 
 /// What is free or occupied unless a map says so: as in ROS 1.
 const OCCUPIED: f32 = 0.65;
@@ -72,7 +100,8 @@ impl Rule {
 fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
     let root = tree(text)?;
-    let (image, rule) = (root.wanted(text, "image", HELP)?, rule(text, &root)?);
+    let image = root.wanted(text, "image", HELP)?;
+    let (frame, rule) = (frame(text, &root)?, rule(text, &root)?);
     let name = image.scalar(text, "the name of an image", HELP)?;
     let Some(folder) = source.folder else {
         return Err(text.error_at(image.place, "the image cannot be read from here", HELP));
@@ -87,7 +116,9 @@ fn read(source: &Source) -> MapResult<Grid> {
             let problem = format!("the image {name}{at}: {}", error.problem);
             text.error_at(image.place, problem, IMAGE)
         })?;
-    root.with_goal_radius(text, map.named(&source.name()))
+    let height = map.height();
+    let place = |place| frame.column_and_row(place, height);
+    with_notes(&root, text, &map.named(&source.name()), place)
 }
 
 /// Decodes an image in any of the formats.
@@ -101,17 +132,22 @@ fn decode(file: &str, bytes: &[u8]) -> MapResult<Image> {
     }
 }
 
+fn frame(text: &Text, root: &Node) -> MapResult<Frame> {
+    let number = |node: &Node| node.parsed::<f64>(text, "a number", HELP);
+    let resolution = number(root.wanted(text, "resolution", HELP)?)?;
+    let origin = match root.get("origin") {
+        None => Vec::new(),
+        Some(origin) => origin.list(text, HELP)?.iter().map(number).collect::<MapResult<_>>()?,
+    };
+    let along = |axis: usize| origin.get(axis).copied().unwrap_or(0.0);
+    Ok(Frame { resolution, origin: [along(0), along(1)] })
+}
+
 fn rule(text: &Text, root: &Node) -> MapResult<Rule> {
     let number = |key: &str, otherwise: f32| match root.get(key) {
         None => Ok(otherwise),
         Some(node) => node.parsed(text, "a number", HELP),
     };
-    root.wanted(text, "resolution", HELP)?.parsed::<f32>(text, "a number", HELP)?;
-    if let Some(origin) = root.get("origin") {
-        for node in origin.list(text, HELP)? {
-            node.parsed::<f32>(text, "a number", HELP)?;
-        }
-    }
     let negate = match root.get("negate") {
         None => false,
         Some(node) => match node.scalar(text, "0 or 1", HELP)? {
@@ -143,7 +179,8 @@ fn rule(text: &Text, root: &Node) -> MapResult<Rule> {
 fn write(stem: &str) -> String {
     let image = name_of(Path::new(stem)) + ".pgm";
     format!(
-        "image: {image:?}\nresolution: {RESOLUTION}\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n\
-         occupied_thresh: {OCCUPIED}\nfree_thresh: {FREE}\n"
+        "image: {image:?}\nresolution: {}\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n\
+         occupied_thresh: {OCCUPIED}\nfree_thresh: {FREE}\n",
+        Frame::WRITTEN.resolution
     )
 }

@@ -7,9 +7,8 @@ use roxmltree::{Document, Node};
 use super::super::error::{MapError, MapResult};
 use super::super::grid::Grid;
 use super::super::text::{Place, Text};
-use super::{
-    GOAL_RADIUS, MapFormat, Mark, RADII, Rows, Source, marks, with_goal_radius, written_goal_radius,
-};
+use super::notes::{KEYS, VALUES, scale_values, with_value};
+use super::{MapFormat, Mark, Rows, Source, marks};
 use crate::text::line_and_column;
 
 pub const FORMAT: MapFormat = MapFormat {
@@ -17,7 +16,7 @@ pub const FORMAT: MapFormat = MapFormat {
     about: "Tiled's TMX in CSV: tiles of layers called walls, or else of any layer",
     endings: &["tmx"],
     loses: "",
-    keeps_goal_radius: true,
+    keeps_scale: |_| true,
     is: |source| source.is_text(is_tiled),
     read,
     write: |grid, _| write(grid).into_bytes(),
@@ -72,20 +71,23 @@ fn read(source: &Source) -> MapResult<Grid> {
         row.iter().try_for_each(|cell| rows.push(*cell))?;
         rows.end_row(Place::default())?;
     }
-    with_radius_of(text, root, rows.finish(&source.name(), WALLS)?)
+    with_scale_of(text, root, rows.finish(&source.name(), WALLS)?)
 }
 
-/// Returns a map with the goal radius among the properties of the file, if there is one.
-fn with_radius_of(text: &Text, root: Node, grid: Grid) -> MapResult<Grid> {
+/// Returns a map with the scale among the properties of the file.
+fn with_scale_of(text: &Text, root: Node, grid: Grid) -> MapResult<Grid> {
+    let mut scale = grid.scale();
     let properties = root.children().filter(|node| node.has_tag_name("properties"));
-    let mut own = properties.flat_map(|node| node.children());
-    let Some(own) = own.find(|node| node.attribute("name") == Some(GOAL_RADIUS)) else {
-        return Ok(grid);
-    };
-    let radius = own.attribute("value").and_then(|value| value.parse().ok());
-    let place = place_of(text, own.range().start);
-    let wrong = || text.error_at(place, "there is no such goal radius", RADII);
-    radius.and_then(|radius| with_goal_radius(grid, radius)).ok_or_else(wrong)
+    for property in properties.flat_map(|node| node.children()) {
+        let name = property.attribute("name").unwrap_or_default();
+        if KEYS.contains(&name) {
+            let value = property.attribute("value").unwrap_or_default();
+            let place = place_of(text, property.range().start);
+            let wrong = || text.error_at(place, format!("{value:?} is not a {name}"), VALUES);
+            scale = with_value(scale, name, value).ok_or_else(wrong)?;
+        }
+    }
+    Ok(grid.with_scale(scale))
 }
 
 /// Returns an attribute of the map that is a size.
@@ -166,10 +168,14 @@ fn write(grid: &Grid) -> String {
         let _ =
             writeln!(objects, "  <object name=\"{name}\" x=\"{x}\" y=\"{y}\"><point/></object>");
     }
-    let properties = written_goal_radius(grid).map_or(String::new(), |radius| {
-        let value = format!("name=\"{GOAL_RADIUS}\" type=\"float\" value=\"{radius}\"");
-        format!(" <properties>\n  <property {value}/>\n </properties>\n")
-    });
+    let property = |(name, value)| {
+        let kind = if name == "cells_per_block" { "int" } else { "float" };
+        format!("  <property name=\"{name}\" type=\"{kind}\" value=\"{value}\"/>\n")
+    };
+    let mut properties: String = scale_values(grid).map(property).collect();
+    if !properties.is_empty() {
+        properties = format!(" <properties>\n{properties} </properties>\n");
+    }
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
          <map version=\"1.10\" orientation=\"orthogonal\" renderorder=\"right-down\" width=\"{width}\" \

@@ -8,9 +8,7 @@ use std::str::FromStr;
 use saphyr_parser::{Event as Parsed, Marker, Parser, ScanError};
 
 use super::super::error::MapResult;
-use super::super::grid::Grid;
 use super::super::text::{Place, Text};
-use super::{GOAL_RADIUS, RADII, with_goal_radius, written_goal_radius};
 use crate::text::line_and_column;
 
 /// A piece of a YAML document.
@@ -102,11 +100,6 @@ enum Value<'a> {
     Map(Vec<(Cow<'a, str>, Node<'a>)>),
 }
 
-/// Returns the line with the goal radius of a map, unless that is the usual one.
-pub fn goal_radius_line(grid: &Grid) -> String {
-    written_goal_radius(grid).map_or(String::new(), |radius| format!("{GOAL_RADIUS}: {radius}\n"))
-}
-
 /// The deepest nesting of values.
 const MAX_DEPTH: usize = 8;
 
@@ -176,17 +169,6 @@ impl Node<'_> {
     pub fn get(&self, key: &str) -> Option<&Self> {
         let Value::Map(entries) = &self.value else { return None };
         entries.iter().find(|(name, _)| name == key).map(|(_, value)| value)
-    }
-
-    /// Returns a map with the goal radius that this document has for it, if any.
-    ///
-    /// # Errors
-    /// That is no such number.
-    pub fn with_goal_radius(&self, text: &Text, grid: Grid) -> MapResult<Grid> {
-        let Some(node) = self.get(GOAL_RADIUS) else { return Ok(grid) };
-        let radius = node.parsed(text, "a number", RADII)?;
-        let wrong = || text.error_at(node.place, "there is no such goal radius", RADII);
-        with_goal_radius(grid, radius).ok_or_else(wrong)
     }
 
     /// Returns the value of a key.
