@@ -220,7 +220,7 @@ fn contour(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
 }
 
 /// What is said as long as no bridge has been found.
-const NO_BRIDGE: &str = "Wait for a bridge: a place B from S to G with D(S,B) + D(B,G) far below \
+const NO_BRIDGE: &str = "Wait for a bridge: a place B between S and G with D(S,B) + D(B,G) far below \
      D(S,G).";
 
 /// Returns the bridge that is shown. As long as there is none, looks for one, with which the step
