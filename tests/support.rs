@@ -80,8 +80,8 @@ impl Session {
         variables: &[(&str, &str)],
     ) -> Self {
         command.args(args);
-        // A checkpoint carries its own settings, the tour has always the same, and a list none.
-        let has_none = matches!(args.first(), Some(&("tour" | "runs")));
+        // A checkpoint carries its own settings, the tour has always the same, and others none.
+        let has_none = matches!(args.first(), Some(&("tour" | "runs" | "check")));
         if !args.contains(&"--resume") && !has_none {
             command.args(SMALL);
         }
@@ -212,21 +212,27 @@ impl Session {
 
     /// Checks that the terminal was restored: every mode that was enabled was disabled afterwards.
     pub fn assert_terminal_restored(&self) {
-        // The last output may still be in transit.
-        std::thread::sleep(Duration::from_millis(200));
-        let raw = self.raw.lock().unwrap();
-        let last = |sequence: &[u8]| raw.windows(sequence.len()).rposition(|w| w == sequence);
-        for (taken, given_back) in [
-            (&b"\x1b[?1049h"[..], &b"\x1b[?1049l"[..]),
-            (b"\x1b[?1000h", b"\x1b[?1000l"),
-            (b"\x1b[?2004h", b"\x1b[?2004l"),
-            (b"\x1b[?25l", b"\x1b[?25h"),
-        ] {
-            assert!(
-                last(taken).is_some() && last(given_back) > last(taken),
-                "{given_back:?} is missing"
-            );
+        let missing = || {
+            let raw = self.raw.lock().unwrap();
+            let last = |sequence: &[u8]| raw.windows(sequence.len()).rposition(|w| w == sequence);
+            let modes = [
+                [&b"\x1b[?1049h"[..], &b"\x1b[?1049l"[..]],
+                [b"\x1b[?1000h", b"\x1b[?1000l"],
+                [b"\x1b[?2004h", b"\x1b[?2004l"],
+                [b"\x1b[?25l", b"\x1b[?25h"],
+            ];
+            let is_kept =
+                |[taken, back]: &[&[u8]; 2]| last(taken).is_none() || last(back) <= last(taken);
+            modes.into_iter().find(is_kept).map(|[_, back]| String::from_utf8_lossy(back))
+        };
+        // The last output may still be in transit; if this end did not read for a while, the guard
+        // sends it after the program has ended.
+        let began = Instant::now();
+        while missing().is_some() && began.elapsed() < Duration::from_secs(10) {
+            std::thread::sleep(Duration::from_millis(10));
         }
+        let missing = missing();
+        assert!(missing.is_none(), "{missing:?} is missing");
     }
 
     /// Waits for the program to exit, checks that it restored the terminal, and returns its exit
