@@ -26,6 +26,7 @@
 
 mod action;
 mod app;
+mod background;
 mod busy;
 mod canvas;
 mod compare;
@@ -79,10 +80,14 @@ use crate::host::report::ExplainedError;
 use crate::host::setup::{self, Setup};
 use crate::host::signals::TerminationSignal;
 use app::{App, Files};
-pub use compare::{ComparisonOptions, Contender, prepare as prepare_comparison, run as compare};
+pub use compare::{
+    ComparisonOptions, Contender, prepare as prepare_comparison,
+    prepare_with as prepare_comparison_with, run as compare,
+};
 pub use config::{
     UiConfig, load as load_config, parse as parse_config, template as config_template,
 };
+use event_loop::Stage;
 pub use export::{PageColours, picture_of, png_of};
 use gdg::engine::Engine;
 use gdg::learn::Threads;
@@ -94,7 +99,7 @@ pub use marker::Marker;
 pub use measure::{MeasuredInterface, MeasuredScreen};
 pub use record::LARGEST_SCREEN;
 use record::Recorder;
-pub use runs::{Next as NextAfterRuns, RunsScreen};
+pub use runs::{Next as NextAfterRuns, Opened, Opener, RunsScreen, Wish};
 pub use terminal::{GUARD_COMMAND, run_guard as guard_terminal};
 
 /// How the interface is shown and recorded.
@@ -113,21 +118,13 @@ pub struct InterfaceOptions {
 pub struct PreparedInterface {
     config: UiConfig,
     keymap: Keymap,
-    recorder: Option<Recorder>,
     termination: TerminationSignal,
     /// What is said first.
-    notice: Option<&'static str>,
+    pub notice: Option<&'static str>,
+    stage: Stage,
 }
 
 impl PreparedInterface {
-    /// Prepares what is shown next, which is not recorded and begins with a notice.
-    #[must_use]
-    pub fn following(&self, notice: Option<&'static str>) -> Self {
-        let Self { config, keymap, termination, .. } = self;
-        let (config, keymap, termination) = (config.clone(), keymap.clone(), termination.clone());
-        Self { config, keymap, recorder: None, termination, notice }
-    }
-
     /// Returns the exit status if a signal has ended the program.
     #[must_use]
     pub fn ended(&self) -> Option<u8> {
@@ -158,7 +155,8 @@ pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> 
         .map(|path| Recorder::start(path, options.overwrite))
         .transpose()?;
     let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
-    Ok(PreparedInterface { config, keymap, recorder, termination, notice: None })
+    let stage = Stage::new(recorder, config.marker, termination.clone());
+    Ok(PreparedInterface { config, keymap, termination, notice: None, stage })
 }
 
 /// Checks that as many files can be open as the interface needs: the libraries that it uses panic
@@ -175,15 +173,17 @@ fn check_open_files() -> Result<(), Report> {
     })
 }
 
-/// Runs the trainer on the map that the user has named, if any, and returns the exit status.
+/// Runs the trainer on the map that the user has named, if any; returns the exit status, and what is
+/// said about files.
 ///
 /// # Errors
 /// Errors of the terminal, of training or of saving.
 pub fn run(
     setup: Setup,
-    PreparedInterface { config, keymap, recorder, termination, notice }: PreparedInterface,
+    interface: &mut PreparedInterface,
     named_map: Option<&Path>,
-) -> Result<u8, Report> {
+) -> Result<(u8, String), Report> {
+    let PreparedInterface { config, keymap, notice, stage, .. } = interface;
     let Setup { trainer, limits, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
     let search =
@@ -192,8 +192,7 @@ pub fn run(
     let engine =
         Engine::resume(trainer, limits, resumed.filter(|_| save.is_none())).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let marker = config.marker;
-    let mut app = App::new(engine.link(), viewer, &config, keymap, Files { save });
+    let mut app = App::new(engine.link(), viewer, config, keymap.clone(), Files { save });
     app.search = search;
     app.screen.first_run = is_first_run();
     let file =
@@ -207,10 +206,9 @@ pub fn run(
     let remembering = file.and_then(remember);
     notice.inspect(|notice| app.screen.notify(notice));
     warnings.iter().for_each(|warning| app.screen.notify(warning));
-    let status =
-        event_loop::show(app, recorder, marker, &termination, |app| app.close(engine, true));
+    let shown = stage.show(app, |app| app.close(engine, true));
     remembering.map(JoinHandle::join);
-    status
+    shown
 }
 
 /// Returns whether the interface has not been used yet.
@@ -234,13 +232,13 @@ pub fn prepare_tour(threads: Threads, registry: &Arc<Registry>) -> Result<Traine
 /// Errors of the terminal, of training or of saving.
 pub fn take_tour(
     trainer: Trainer,
-    PreparedInterface { config, keymap, recorder, termination, .. }: PreparedInterface,
-) -> Result<u8, Report> {
+    interface: &mut PreparedInterface,
+) -> Result<(u8, String), Report> {
+    let PreparedInterface { config, keymap, stage, .. } = interface;
     let engine = Engine::start(trainer, Limits::default()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let marker = config.marker;
-    let mut app = App::new(engine.link(), viewer, &config, keymap, Files::default());
+    let mut app = App::new(engine.link(), viewer, config, keymap.clone(), Files::default());
     app.screen.first_run = is_first_run();
     app.begin_tour();
-    event_loop::show(app, recorder, marker, &termination, |app| app.close(engine, true))
+    stage.show(app, |app| app.close(engine, true))
 }

@@ -28,4 +28,5 @@ mod support;
 mod terminal;
 #[cfg(unix)]
 mod tour;
+mod waiting;
 mod wheel;

@@ -2,18 +2,17 @@
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Report, miette};
 
 use super::output::{OrFail, Outcome, print_safely};
 use crate::host::maps::{doubts, find_map, unconnected_parts};
-use crate::host::progress_bar;
 use crate::host::report::from_map_error;
 use crate::host::status::EXIT_NOT_REACHED;
+use crate::host::waiting::Working;
 use gdg::files::has_extension;
 use gdg::map::{self, Cell, Diameter, Grid, MapError, MapScale, Reading, Scenario, StepSearch};
+use gdg::pulse::Progress;
 use gdg::text::counted;
 use gdg::train::Registry;
 
@@ -43,7 +42,8 @@ fn checked(
     reading: &Reading,
     registry: &Registry,
 ) -> Result<(String, Grid), Report> {
-    let _spinner = Spinner::start("measuring the map");
+    let measuring = Working::begin("the map to be measured");
+    let progress = measuring.progress();
     if !has_extension(file, "scen") {
         if map_file.is_some() {
             let help = "leave --map out, or give a .scen file with it";
@@ -55,15 +55,15 @@ fn checked(
         }
         let grid = find_map(file, reading, registry)?;
         let Some(scenario) = map::agents_of(file).map_err(from_map_error)? else {
-            return Ok((facts(&grid, None), grid));
+            return Ok((facts(&grid, None, progress), grid));
         };
-        return Ok((tasks(&scenario, &grid)?, grid));
+        return Ok((tasks(&scenario, &grid, progress)?, grid));
     }
     let scenario = map::read_scenario(file).map_err(from_map_error)?;
     let path = map_file
         .map_or_else(|| map_beside(file, &scenario.map_name()), |path| Ok(path.to_owned()))?;
     let grid = map::load_map_as(&path, reading).map_err(from_map_error)?;
-    Ok((tasks(&scenario, &grid)?, grid))
+    Ok((tasks(&scenario, &grid, progress)?, grid))
 }
 
 /// Returns which marked goals no agent can reach, and which starts are cut off.
@@ -98,14 +98,14 @@ fn place(cell: Cell) -> String {
 }
 
 /// Returns the facts about a scenario and its map.
-fn tasks(scenario: &Scenario, grid: &Grid) -> Result<String, Report> {
+fn tasks(scenario: &Scenario, grid: &Grid, progress: &Progress) -> Result<String, Report> {
     let tasks = scenario.tasks(grid).map_err(from_map_error)?;
     scenario.check_lengths(&tasks, grid).map_err(from_map_error)?;
     let longest = tasks.iter().filter_map(|t| t.optimal_octile).reduce(f64::max);
     let longest =
         longest.map_or(String::new(), |longest| format!(", longest {longest:.1} cells (octile)"));
     let tasks = counted(tasks.len() as u64, "task");
-    let facts = facts(grid, scenario.other_map(grid));
+    let facts = facts(grid, scenario.other_map(grid), progress);
     Ok(format!("scenario: {tasks}{longest}\n{facts}"))
 }
 
@@ -142,7 +142,7 @@ fn map_beside(scenario: &Path, named: &str) -> Result<PathBuf, Report> {
 }
 
 /// Returns the facts about a map, and a line for each warning.
-fn facts(grid: &Grid, other_map: Option<String>) -> String {
+fn facts(grid: &Grid, other_map: Option<String>, progress: &Progress) -> String {
     let components = StepSearch::new(grid).components(grid);
     let free = grid.free_count();
     let largest = components.sizes[components.largest() as usize];
@@ -158,7 +158,7 @@ fn facts(grid: &Grid, other_map: Option<String>) -> String {
         ),
         format!(
             "farthest:   {} steps",
-            describe_diameter(Diameter::compute_from(grid, &components))
+            describe_diameter(Diameter::compute_from(grid, &components, progress))
         ),
     ];
     if !grid.starts().is_empty() || !grid.goals().is_empty() {
@@ -182,22 +182,4 @@ fn facts(grid: &Grid, other_map: Option<String>) -> String {
 
 pub fn describe_diameter(diameter: Diameter) -> String {
     if diameter.exact { diameter.steps.to_string() } else { format!("at least {}", diameter.steps) }
-}
-
-/// A spinner on standard error, if that is a terminal, until it is dropped.
-struct Spinner(ProgressBar);
-
-impl Spinner {
-    fn start(message: &'static str) -> Self {
-        let bar = ProgressBar::with_draw_target(None, progress_bar::target());
-        let bar = bar.with_style(ProgressStyle::default_spinner()).with_message(message);
-        bar.enable_steady_tick(Duration::from_millis(100));
-        Self(bar)
-    }
-}
-
-impl Drop for Spinner {
-    fn drop(&mut self) {
-        self.0.finish_and_clear();
-    }
 }

@@ -7,6 +7,7 @@ use miette::{IntoDiagnostic, Report};
 use super::output::{beside, look_into, write_file};
 use crate::cli::ExportDataArgs;
 use crate::host::setup::refuse_existing;
+use crate::host::waiting::Working;
 use gdg::train::{Registry, data_file};
 
 /// Writes the transitions of a checkpoint's replay buffer and returns a line that says where: by
@@ -19,6 +20,7 @@ pub fn run(args: &ExportDataArgs, registry: &Arc<Registry>) -> Result<String, Re
     refuse_existing(&path, args.overwrite)?;
     let loaded = look_into(&args.checkpoint, registry)?;
     loaded.trainer.check_data().into_diagnostic()?;
+    let _writing = Working::begin("the transitions to be written");
     let bytes = data_file(loaded.trainer.replay(), loaded.trainer.world()).into_diagnostic()?;
     write_file(&path, &bytes)
 }

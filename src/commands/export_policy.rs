@@ -7,6 +7,7 @@ use miette::{IntoDiagnostic, Report};
 use super::output::{beside, look_into, write_file};
 use crate::cli::ExportPolicyArgs;
 use crate::host::setup::refuse_existing;
+use crate::host::waiting::Working;
 use gdg::train::{Registry, policy_file};
 
 /// Writes the policy of a checkpoint and returns a line that says where: by default,
@@ -18,6 +19,7 @@ pub fn run(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<String, 
     let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, ".policy.safetensors"));
     refuse_existing(&path, args.overwrite)?;
     let loaded = look_into(&args.checkpoint, registry)?;
+    let _writing = Working::begin("the policy to be written");
     let bytes = policy_file(&loaded.trainer, args.plans).into_diagnostic()?;
     write_file(&path, &bytes)
 }

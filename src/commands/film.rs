@@ -7,10 +7,9 @@ use miette::{IntoDiagnostic, Report, miette};
 use super::output::{beside, look_into, write_file};
 use crate::cli::FilmArgs;
 use crate::host::setup::refuse_existing;
-use crate::host::waiting::Waiting;
+use crate::host::waiting::Working;
 use gdg::engine::Snapshot;
 use gdg::env::Scene;
-use gdg::pulse::{Progress, Pulse};
 use gdg::train::Registry;
 use gdg::viewer::{FilmError, animate, still};
 
@@ -25,11 +24,13 @@ pub fn run(args: &FilmArgs, registry: &Arc<Registry>) -> Result<String, Report> 
     refuse_existing(&path, args.overwrite)?;
     let loaded = look_into(&args.checkpoint, registry)?;
     let run = Snapshot::capture(&loaded.trainer).into_diagnostic()?;
-    let (pulse, progress) = (Pulse::default(), Progress::default());
-    let _drawing = pulse.begin_with("the film to be drawn", progress.clone());
-    let _waiting = Waiting::begin(&pulse, "Ctrl-C", || {});
-    let drawn =
-        if args.still { still(&run, args.width) } else { animate(&run, args.width, &progress) };
+    let drawing = Working::begin("the film to be drawn");
+    let drawn = if args.still {
+        still(&run, args.width)
+    } else {
+        animate(&run, args.width, drawing.progress())
+    };
+    drop(drawing);
     let bytes = drawn.map_err(|error| {
         let help = match error {
             FilmError::NoFrames if !matches!(run.scene, Scene::Goals(_)) => {

@@ -11,6 +11,7 @@ use crate::cli::{ConvertArgs, MapsArgs, MapsCommand};
 use crate::host::maps::{find_map, warn};
 use crate::host::report::from_map_error;
 use crate::host::setup::{refuse_existing, refuse_input};
+use crate::host::waiting::Working;
 use gdg::map::{
     self, BUILTIN, Diameter, Grid, MapFormat, Reading, Scenario, ScenarioTask, print_ascii,
 };
@@ -20,13 +21,18 @@ use gdg::train::Registry;
 
 /// Returns the table of built-in maps.
 fn list() -> String {
+    let measuring = Working::begin("the maps to be measured");
+    measuring.progress().begin(0, 1);
     let head =
         format!("{:<28}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
-    let lines = BUILTIN.iter().filter_map(|(name, _)| map::builtin(name)).map(|grid| {
-        let size = format!("{}x{}", grid.width(), grid.height());
-        let farthest = describe_diameter(Diameter::compute(&grid));
-        format!("{:<28}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count())
-    });
+    let maps = BUILTIN.iter().enumerate();
+    let lines =
+        maps.filter_map(|(i, (name, _))| Some((i, map::builtin(name)?))).map(|(i, grid)| {
+            measuring.progress().set(i, BUILTIN.len());
+            let size = format!("{}x{}", grid.width(), grid.height());
+            let farthest = describe_diameter(Diameter::compute(&grid));
+            format!("{:<28}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count())
+        });
     std::iter::once(head).chain(lines).collect()
 }
 
@@ -53,16 +59,18 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
         let help = "give --format FORMAT: gdg-tui maps convert --help lists them";
         miette!(help = help, "{}: this ending says no format", output.display())
     })?;
+    let converting = Working::begin("the map to be converted");
     let mut grid = find_map(input, &Reading::from(&args.map), registry)?;
     if let Some(scenario) = &args.scen {
         grid = with_tasks(&grid, map::load_scenario(scenario, &grid).map_err(from_map_error)?);
     }
-    warn(&grid);
     let mut files = format.write(&grid, output);
     let scenario = Scenario::beside(&grid, output, format);
     if let Some((path, scenario)) = &scenario {
         files.push((path.clone(), scenario.print().into_bytes()));
     }
+    drop(converting);
+    warn(&grid);
     for (path, _) in &files {
         let read = std::iter::once(input).chain(args.scen.as_deref());
         refuse_input("OUT", path, read)?;

@@ -7,6 +7,7 @@ use miette::{Report, miette};
 
 use crate::host::report::from_checkpoint_error;
 use crate::host::status::{EXIT_BAD_INPUT, EXIT_FAILURE};
+use crate::host::waiting::Working;
 use gdg::files;
 use gdg::printing::print_text;
 use gdg::text::sanitized_lines;
@@ -59,7 +60,10 @@ pub fn beside(checkpoint: &Path, end: &str) -> PathBuf {
 /// # Errors
 /// The checkpoint cannot be read.
 pub fn look_into(checkpoint: &Path, registry: &Arc<Registry>) -> Result<Loaded, Report> {
-    train::load(checkpoint, &registry.clone().only_reading(), 1).map_err(from_checkpoint_error)
+    let reading = Working::begin("the checkpoint to be read");
+    let registry = registry.clone().only_reading();
+    let loaded = train::load_with(checkpoint, &registry, 1, reading.progress());
+    loaded.map_err(from_checkpoint_error)
 }
 
 /// Writes a file and returns a line that says where.

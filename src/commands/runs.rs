@@ -12,16 +12,20 @@ use super::output::Failure;
 use super::output::{OrFail, Outcome, print, print_safely};
 #[cfg(feature = "tui")]
 use super::screen::obstacle;
-use crate::cli::RunsArgs;
 #[cfg(feature = "tui")]
-use crate::cli::{Cli, TrainArgs};
+use crate::cli::Cli;
+use crate::cli::RunsArgs;
 use crate::experiment::runs::{Found, Reader};
 use crate::host::runs::{self, SAVES};
+#[cfg(feature = "tui")]
+use crate::host::status::{EXIT_BAD_INPUT, EXIT_FAILURE};
+use crate::host::waiting::Working;
 #[cfg(feature = "tui")]
 use crate::host::{report::print_error, setup};
 #[cfg(feature = "tui")]
 use crate::tui::{
-    self, ComparisonOptions, Contender, NextAfterRuns, PreparedInterface, RunsScreen,
+    self, ComparisonOptions, Contender, NextAfterRuns, Opened, Opener, PreparedInterface,
+    RunsScreen, Wish,
 };
 #[cfg(feature = "tui")]
 use gdg::learn::Threads;
@@ -54,80 +58,84 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
 fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
     check(&args.folders).or_bad_input()?;
     crate::host::logging::start(args.screen.log_level);
+    let opener = opener(args, registry)?;
     let options = args.screen.interface.options(args.screen.overwrite);
     let mut interface = tui::prepare(&options).or_bad_input()?;
-    let mut list = RunsScreen::open(&args.folders, &interface).or_failure()?;
-    let (mut problem, mut status) = (None, 0);
+    let list = RunsScreen::open(&args.folders, opener, &interface).or_failure()?;
+    let (ended, failures) = show_all(list, &mut interface);
+    // Restores the terminal, which shows them then.
+    drop(interface);
+    failures.into_iter().for_each(print_error);
+    ended
+}
+
+/// Shows the list and what is opened in it, in turns; returns the exit status and what has failed.
+#[cfg(feature = "tui")]
+fn show_all(mut list: RunsScreen, interface: &mut PreparedInterface) -> (Outcome, Vec<Report>) {
+    let (mut since, mut status, mut failures) = (Ok(String::new()), 0, Vec::new());
     loop {
-        let following = interface.following(None);
-        let (left, next, shown) = list.show(interface, problem.as_deref()).or_failure()?;
+        interface.notice = None;
+        let (left, next, shown) = match list.show(interface, &since).or_failure() {
+            Ok(shown) => shown,
+            Err(failure) => return (Err(failure), failures),
+        };
         list = left;
+        if !list.failures.is_empty() {
+            status = EXIT_BAD_INPUT;
+            failures.append(&mut list.failures);
+        }
+        interface.notice = Some(BACK);
         let ended = match next {
-            NextAfterRuns::Quit => return Ok(shown.max(status)),
-            NextAfterRuns::Compare(files) => {
-                compare(files, following.following(Some(BACK)), registry)
+            NextAfterRuns::Quit => return (Ok(shown.max(status)), failures),
+            NextAfterRuns::Show(Opened::Run(setup)) => tui::run(*setup, interface, None),
+            NextAfterRuns::Show(Opened::Comparison(both)) => tui::compare(*both, interface),
+        };
+        if let Some(signalled) = interface.ended() {
+            return (Ok(signalled), failures);
+        }
+        // Of all that failed, the last one.
+        since = match ended {
+            Ok((failed, files)) => {
+                status = if failed == 0 { status } else { failed };
+                Ok(files)
             }
-            NextAfterRuns::Resume(file) => {
-                resume(file, args, following.following(Some(BACK)), registry)
+            Err(error) => {
+                status = EXIT_FAILURE;
+                let problem = error.to_string();
+                failures.push(error);
+                Err(problem)
             }
         };
-        if let Some(ended) = following.ended() {
-            return Ok(ended);
-        }
-        problem = ended.as_ref().err().map(|failure| failure.error.to_string());
-        // Of all that failed, the last one.
-        match ended {
-            Ok(0) => {}
-            Ok(failed) => status = failed,
-            Err(failure) => {
-                status = failure.status;
-                // The terminal shows it again after the list.
-                print_error(failure.error);
-            }
-        }
-        interface = following;
     }
 }
 
+/// Returns what opens runs, as the commands that show one or two of them do.
 #[cfg(feature = "tui")]
-fn compare(files: [PathBuf; 2], to: PreparedInterface, registry: &Arc<Registry>) -> Outcome {
-    let options = ComparisonOptions {
-        contenders: files.map(Contender::Checkpoint),
-        map: None,
-        reading: Reading::default(),
-        seed: None,
-        set: Vec::new(),
-        threads: Threads::auto(),
-        recording: None,
-    };
-    let contestants = tui::prepare_comparison(&options, registry).or_bad_input()?;
-    tui::compare(contestants, to).or_failure()
-}
-
-#[cfg(feature = "tui")]
-fn resume(
-    file: PathBuf,
-    args: &RunsArgs,
-    to: PreparedInterface,
-    registry: &Arc<Registry>,
-) -> Outcome {
-    let train = resuming(file, args)?;
-    let registry = super::train::registry_for(&train, registry);
-    let setup = setup::prepare(&train.request(), &registry).or_bad_input()?;
-    tui::run(setup, to, None).or_failure()
-}
-
-/// Returns the options of the command that resumes a run.
-#[cfg(feature = "tui")]
-fn resuming(file: PathBuf, args: &RunsArgs) -> Result<TrainArgs, Failure> {
+fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> {
     use clap::Parser;
-    let parsed = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().or_failure()?;
-    let mut train = parsed.train;
-    train.resume = Some(Some(file));
+    let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().or_failure()?.train;
     train.log_level = args.screen.log_level;
-    train.interface.ui_config.clone_from(&args.screen.interface.ui_config);
-    train.interface.marker = args.screen.interface.marker;
-    Ok(train)
+    let (request, registry) = (train.request(), super::train::registry_for(&train, registry));
+    Ok(Arc::new(move |wish, progress| match wish {
+        Wish::Resume(file) => {
+            let request = setup::Request { resume: Some(Some(file)), ..request.clone() };
+            let setup = setup::prepare_with(&request, &registry, progress)?;
+            Ok(Opened::Run(Box::new(setup)))
+        }
+        Wish::Compare(files) => {
+            let options = ComparisonOptions {
+                contenders: files.map(Contender::Checkpoint),
+                map: None,
+                reading: Reading::default(),
+                seed: None,
+                set: Vec::new(),
+                threads: Threads::auto(),
+                recording: None,
+            };
+            let both = tui::prepare_comparison_with(&options, &registry, progress)?;
+            Ok(Opened::Comparison(Box::new(both)))
+        }
+    }))
 }
 
 /// Checks that folders can be read; the default one need not exist.
@@ -157,7 +165,14 @@ fn tables(folders: &[PathBuf], registry: &Arc<Registry>) -> Result<String, Repor
 /// Returns a line of JSON for each run; says on standard error what cannot be read.
 fn json(folders: &[PathBuf]) -> Result<String, Report> {
     check(folders)?;
-    let Found { runs, problems, .. } = Reader::new(folders).read(|_| ControlFlow::Continue(()));
+    let reading = Working::begin("the runs to be read");
+    reading.progress().begin(0, 1);
+    let mut reader = Reader::new(folders);
+    let Found { runs, problems, .. } = reader.read(|[file, files], _| {
+        reading.progress().set(file, files);
+        ControlFlow::Continue(())
+    });
+    drop(reading);
     for (path, problem) in problems {
         eprint_line(&format!("{}: {problem}: left out", path.display()));
     }

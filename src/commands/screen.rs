@@ -26,7 +26,7 @@ pub fn watch<T>(
     args: &ScreenArgs,
     refusal: &Refusal,
     prepare: impl FnOnce() -> Result<T, Report>,
-    show: impl FnOnce(T, PreparedInterface) -> Result<u8, Report>,
+    show: impl FnOnce(T, &mut PreparedInterface) -> Result<(u8, String), Report>,
 ) -> Outcome {
     logging::start(args.log_level);
     let prepared = prepare().or_bad_input()?;
@@ -34,8 +34,8 @@ pub fn watch<T>(
         let error = miette!(help = refusal.help, "{}, but {obstacle}", refusal.problem);
         return Err(error).or_bad_input();
     }
-    let interface = tui::prepare(&args.interface.options(args.overwrite)).or_bad_input()?;
-    show(prepared, interface).or_failure()
+    let mut interface = tui::prepare(&args.interface.options(args.overwrite)).or_bad_input()?;
+    Ok(show(prepared, &mut interface).or_failure()?.0)
 }
 
 /// Returns why the interface cannot be shown, if it cannot.

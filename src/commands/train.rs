@@ -76,8 +76,8 @@ fn is_shown(args: &TrainArgs) -> Result<bool, super::Failure> {
 
 #[cfg(feature = "tui")]
 fn show(setup: Setup, args: &TrainArgs) -> Outcome {
-    let prepared = tui::prepare(&args.interface.options(args.overwrite)).or_bad_input()?;
-    tui::run(setup, prepared, args.map.as_deref()).or_failure()
+    let mut interface = tui::prepare(&args.interface.options(args.overwrite)).or_bad_input()?;
+    Ok(tui::run(setup, &mut interface, args.map.as_deref()).or_failure()?.0)
 }
 
 /// Checks that the map argument is not a mistyped command.

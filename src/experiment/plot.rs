@@ -10,6 +10,7 @@ use super::job::EvaluationAt;
 use super::runs::{self, SavedRun};
 use crate::figure::{Format, MILLIMETRE, Page, Sheet};
 use crate::host::setup::refuse_existing;
+use crate::host::waiting::Working;
 use gdg::files::{named, write_atomically};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
@@ -231,14 +232,20 @@ pub fn run(options: &Options) -> Result<String, Report> {
     for path in out.iter().chain([&table]) {
         refuse_existing(path, options.overwrite)?;
     }
-    let (runs, mut notes) = runs::runs(&options.runs)?;
+    let reading = Working::begin("the runs to be read");
+    let (runs, mut notes) = runs::runs(&options.runs, reading.progress())?;
+    drop(reading);
+    let drawing = Working::begin("the curves to be drawn");
     let drawn = draw(&runs, options)?;
+    let figures = formats.into_iter().map(|format| format.encode(&drawn.sheet));
+    let figures = figures.collect::<Result<Vec<_>, _>>()?;
+    drop(drawing);
     notes.extend(drawn.notes);
     notes.iter().for_each(|note| eprint_line(note));
     eprint_line(&drawn.caption);
     let mut lines = String::new();
-    for (path, format) in out.iter().zip(formats) {
-        lines += &write(path, &format.encode(&drawn.sheet)?)?;
+    for (path, figure) in out.iter().zip(figures) {
+        lines += &write(path, &figure)?;
     }
     Ok(lines + &write(&table, &drawn.table)?)
 }

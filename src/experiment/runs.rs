@@ -21,6 +21,7 @@ use super::job::{EvaluationAt, JobResult, evaluations, setting_text};
 use crate::host::report::from_checkpoint_error;
 use crate::host::runs::files_in;
 use gdg::files::{has_extension, is_hidden, open};
+use gdg::pulse::Progress;
 use gdg::text::{counted, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
 use join::join;
@@ -202,18 +203,22 @@ fn with_preset(preset: &str, settings: impl IntoIterator<Item = String>) -> Vec<
     [format!("preset={preset}")].into_iter().chain(settings).collect()
 }
 
-/// Reads all runs at `paths`, and says what in folders cannot be used.
+/// Reads all runs at `paths`, says how far it is, and what in folders cannot be used.
 ///
 /// # Errors
 /// A file cannot be read or is nothing of the kind, or a folder has no runs.
-pub fn runs(paths: &[PathBuf]) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
+pub fn runs(
+    paths: &[PathBuf],
+    progress: &Progress,
+) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
     let (mut runs, mut notes) = (Vec::new(), Vec::new());
-    for path in paths {
+    for (i, path) in paths.iter().enumerate() {
+        progress.begin(i, paths.len());
         if !path.is_dir() {
             runs.extend(file(path)?);
             continue;
         }
-        let found = folder(path, &mut notes)?;
+        let found = folder(path, &mut notes, progress)?;
         if found.is_empty() {
             return Err(miette!(help = HELP, "{}: no runs here{}", path.display(), lines(&notes)));
         }
@@ -243,10 +248,15 @@ fn lines(notes: &[String]) -> String {
 }
 
 /// Reads the runs of an experiment's folder, or of a folder of checkpoints and records.
-fn folder(path: &Path, notes: &mut Vec<String>) -> Result<Vec<SavedRun>, Report> {
-    let mut runs = Vec::new();
-    for path in files_of(path)? {
-        match file(&path) {
+fn folder(
+    path: &Path,
+    notes: &mut Vec<String>,
+    progress: &Progress,
+) -> Result<Vec<SavedRun>, Report> {
+    let (mut runs, files) = (Vec::new(), files_of(path)?);
+    for (i, path) in files.iter().enumerate() {
+        progress.set(i, files.len());
+        match file(path) {
             Ok(found) => runs.extend(found),
             Err(problem) => notes.push(format!("{problem}: left out")),
         }

@@ -9,6 +9,7 @@ use jiff::tz::TimeZone;
 use jiff::{Timestamp, Zoned};
 use miette::{Report, miette};
 
+use crate::host::waiting::Working;
 use gdg::files::is_hidden;
 use gdg::text::{aligned, grouped, safe_file_name, sanitized};
 use gdg::train::{CheckpointError, Description, Registry, describe, examine};
@@ -72,7 +73,14 @@ pub fn list(folder: &Path, registry: &Arc<Registry>) -> Result<String, Report> {
     if files.is_empty() {
         return Ok(format!("no checkpoints in {}\n", sanitized(&folder.to_string_lossy())));
     }
-    let mut found: Vec<_> = files.iter().map(|path| examine(path, registry)).collect();
+    let examining = Working::begin("the checkpoints to be read");
+    examining.progress().begin(0, 1);
+    let one = |(i, path): (usize, &PathBuf)| {
+        examining.progress().set(i, files.len());
+        examine(path, registry)
+    };
+    let mut found: Vec<_> = files.iter().enumerate().map(one).collect();
+    drop(examining);
     found.sort_by_key(|found| {
         std::cmp::Reverse(found.as_ref().ok().and_then(|found| found.written))
     });

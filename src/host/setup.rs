@@ -11,12 +11,12 @@ use miette::{IntoDiagnostic, Report, miette};
 use crate::host::maps::{self, find_map, known_name};
 use crate::host::report::{from_checkpoint_error, from_config_error, from_map_error};
 use crate::host::runs::{self, SAVES};
-use crate::host::waiting::Waiting;
+use crate::host::waiting::Working;
 use gdg::env::{Environment, Goals, PointMaze, Restart};
 use gdg::files;
 use gdg::learn::Threads;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
-use gdg::pulse::{Progress, Pulse};
+use gdg::pulse::Progress;
 use gdg::text::{safe_file_name, sanitized};
 use gdg::train::{
     self, Dataset, LeftOut, Limits, Loaded, Method, Overrides, Preset, Registry, Run, SaveTo,
@@ -189,11 +189,21 @@ pub fn run(
 /// # Errors
 /// A file or setting is invalid; the report is meant for the user.
 pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Report> {
+    let what = if request.resume.is_some() { "the run to be opened" } else { "the world to open" };
+    let opening = Working::begin(what);
+    prepare_with(request, registry, opening.progress())
+}
+
+/// Like [`prepare`], and says how far it is only to `progress`.
+///
+/// # Errors
+/// See [`prepare`].
+pub fn prepare_with(
+    request: &Request,
+    registry: &Arc<Registry>,
+    progress: &Progress,
+) -> Result<Setup, Report> {
     let threads = request.threads;
-    let pulse = Pulse::default();
-    let progress = Progress::default();
-    let _opening = pulse.begin_with("the world to open", progress.clone());
-    let _waiting = Waiting::begin(&pulse, "Ctrl-C", || {});
     // Checked before training: otherwise, what was learned might be impossible to save.
     let resumed = resumed_file(request, registry)?;
     let save = request
@@ -216,7 +226,7 @@ pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Rep
     check_options(request, resumed.as_deref(), registry)?;
     let Loaded { mut trainer, warning } = match &resumed {
         Some(path) => {
-            let loaded = train::load_with(path, registry, threads, &progress);
+            let loaded = train::load_with(path, registry, threads, progress);
             loaded.map_err(from_checkpoint_error)?
         }
         None => begin_run(request, registry)?,

@@ -14,7 +14,7 @@ use signal_hook::consts::{
 };
 use signal_hook::iterator::Signals;
 
-use crate::host::waiting::{TWICE, Waiting};
+use crate::host::waiting::{ONCE_MORE, TWICE, Waiting};
 use gdg::printing;
 use gdg::pulse::Pulse;
 
@@ -98,10 +98,10 @@ impl TerminationSignal {
                 {
                     printing::hurry();
                     own.pulse.stop();
-                    let ends_at_once = if number == SIGINT { "Ctrl-C" } else { TWICE };
+                    let how_to_end = if number == SIGINT { ONCE_MORE } else { TWICE };
                     waiting = restore_terminal
                         .is_none()
-                        .then(|| Waiting::begin(&own.pulse, ends_at_once, || {}));
+                        .then(|| Waiting::begin(&own.pulse, how_to_end, || {}));
                 }
             }
             drop(waiting);

@@ -34,7 +34,6 @@ use super::PreparedInterface;
 use super::action::Mode;
 use super::app::{App, Files, unbound, view};
 use super::config::UiConfig;
-use super::event_loop;
 use super::graphics::{Graphics, Picture, Redraw};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap::Keymap;
@@ -48,7 +47,7 @@ use gdg::map::Cell;
 use gdg::train::Limits;
 use gdg::viewer::{OnArrival, View, Viewer};
 use pace::Pace;
-pub use prepare::{ComparisonOptions, Contender, Contestant, prepare};
+pub use prepare::{ComparisonOptions, Contender, Contestant, Contestants, prepare, prepare_with};
 use race::Race;
 
 /// The names of the sides.
@@ -92,18 +91,19 @@ pub struct Comparison {
     terminal_request: Option<TerminalRequest>,
 }
 
-/// Shows a comparison and returns the exit status.
+/// Shows a comparison; returns the exit status, and what is said about files.
 ///
 /// # Errors
 /// Errors of the terminal or of training.
 pub fn run(
-    contestants: [Contestant; 2],
-    PreparedInterface { config, keymap, recorder, termination, notice }: PreparedInterface,
-) -> Result<u8, Report> {
-    let marker = config.marker;
-    let mut comparison = Comparison::start(contestants, &config, &keymap, Limits::default())?;
-    notice.inspect(|notice| comparison.log.show(notice, false));
-    event_loop::show(comparison, recorder, marker, &termination, Comparison::close)
+    Contestants { both, warnings }: Contestants,
+    interface: &mut PreparedInterface,
+) -> Result<(u8, String), Report> {
+    let PreparedInterface { config, keymap, notice, stage, .. } = interface;
+    let mut comparison = Comparison::start(both, config, keymap, Limits::default())?;
+    let notices = notice.iter().copied().chain(warnings.iter().map(String::as_str));
+    notices.for_each(|notice| comparison.log.show(notice, false));
+    stage.show(comparison, Comparison::close)
 }
 
 impl Side {
@@ -238,7 +238,7 @@ impl Comparison {
 impl Comparison {
     /// Ends training.
     pub fn close(self) -> ClosedRun {
-        let mut closed = ClosedRun { summary: String::new(), saved: Ok(()), failed: self.failed };
+        let mut closed = ClosedRun { failed: self.failed, ..ClosedRun::default() };
         for (side, letter) in self.sides.into_iter().zip(LETTERS) {
             let own = side.app.close(side.engine, false);
             let gap = if closed.summary.is_empty() { "" } else { "\n" };

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use crossterm::event::{Event, MouseEvent, MouseEventKind};
 use miette::{IntoDiagnostic, Report};
+use tokio::runtime::Runtime;
 
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::record::Recorder;
@@ -26,52 +27,105 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// should use little CPU.
 const IDLE_FRAME_INTERVAL: Duration = Duration::from_millis(130);
 
-/// Shows `interface` until the user or a signal ends it, lets `close` end training, restores the
-/// terminal, and returns the exit status.
-///
-/// # Errors
-/// Errors of the terminal, of training or of saving.
-pub fn show<I: Interface>(
-    mut interface: I,
-    recorder: Option<Recorder>,
+/// Where interfaces are shown, one after the other: the terminal is set up for the first one and
+/// restored after the last, when the stage is dropped.
+pub struct Stage {
     marker: Marker,
-    termination: &TerminationSignal,
-    close: impl FnOnce(I) -> ClosedRun,
-) -> Result<u8, Report> {
-    let runtime =
-        tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
-    // Before the terminal's modes change: the signal's default action would stop the program
-    // without restoring them.
-    let job_control = {
-        let _context = runtime.enter();
-        JobControl::listen().into_diagnostic()?
-    };
-    let mut terminal = Terminal::enter(recorder, marker).into_diagnostic()?;
-    let draw =
-        || runtime.block_on(event_loop(&mut interface, &mut terminal, job_control, termination));
-    let shown = catch_unwind(AssertUnwindSafe(draw));
-    if termination.number().is_some() || !matches!(shown, Ok(Ok(()))) {
-        interface.on_signal();
+    /// For the terminal, once it is set up.
+    recorder: Option<Recorder>,
+    termination: TerminationSignal,
+    open: Option<Open>,
+    /// The texts left on the terminal.
+    summaries: String,
+}
+
+/// A terminal that is set up.
+struct Open {
+    runtime: Runtime,
+    job_control: JobControl,
+    terminal: Terminal,
+}
+
+impl Stage {
+    /// Creates a stage, which `recorder` records.
+    pub fn new(recorder: Option<Recorder>, marker: Marker, termination: TerminationSignal) -> Self {
+        Self { marker, recorder, termination, open: None, summaries: String::new() }
     }
-    // First, since writing to a terminal that is gone may block.
-    let closed = close(interface);
-    // Keys typed meanwhile are discarded.
-    let _ = runtime.block_on(terminal.answered());
-    drop(terminal);
-    if !closed.summary.is_empty() {
-        let summary = format!("{}\n", sanitized_lines(&closed.summary));
-        let _ = printing::stdout().print(summary.as_bytes());
+
+    /// Shows `interface` until the user or a signal ends it, lets `close` end training, and returns
+    /// the exit status with what is said about files.
+    ///
+    /// # Errors
+    /// Errors of the terminal, of training or of saving.
+    pub fn show<I: Interface>(
+        &mut self,
+        mut interface: I,
+        close: impl FnOnce(I) -> ClosedRun,
+    ) -> Result<(u8, String), Report> {
+        let Open { runtime, job_control, terminal } = match &mut self.open {
+            Some(open) => {
+                open.terminal.hand_over();
+                open
+            }
+            none => none.insert(Open::new(self.recorder.take(), self.marker)?),
+        };
+        let draw = || {
+            runtime.block_on(event_loop(&mut interface, terminal, job_control, &self.termination))
+        };
+        let shown = catch_unwind(AssertUnwindSafe(draw));
+        let is_over = self.termination.number().is_some() || !matches!(shown, Ok(Ok(())));
+        if is_over {
+            interface.on_signal();
+        }
+        // First, since writing to a terminal that is gone may block.
+        let closed = close(interface);
+        if !closed.summary.is_empty() {
+            self.summaries += &format!("{}\n", sanitized_lines(&closed.summary));
+        }
+        if is_over {
+            self.leave();
+        }
+        closed.saved?;
+        if let Some(status) = self.termination.status() {
+            return Ok((status, closed.files));
+        }
+        match shown {
+            Err(_) => Err(miette::miette!(
+                help = crate::host::logging::hint(),
+                "an internal error ended the interface"
+            )),
+            Ok(shown) => shown.into_diagnostic().map(|()| (u8::from(closed.failed), closed.files)),
+        }
     }
-    closed.saved?;
-    if let Some(status) = termination.status() {
-        return Ok(status);
+
+    /// Restores the terminal, and leaves the texts on it.
+    fn leave(&mut self) {
+        if let Some(Open { runtime, mut terminal, .. }) = self.open.take() {
+            // Keys typed meanwhile are discarded.
+            let _ = runtime.block_on(terminal.answered());
+        }
+        let _ = printing::stdout().print(std::mem::take(&mut self.summaries).as_bytes());
     }
-    match shown {
-        Err(_) => Err(miette::miette!(
-            help = crate::host::logging::hint(),
-            "an internal error ended the interface"
-        )),
-        Ok(shown) => shown.into_diagnostic().map(|()| u8::from(closed.failed)),
+}
+
+impl Drop for Stage {
+    fn drop(&mut self) {
+        self.leave();
+    }
+}
+
+impl Open {
+    fn new(recorder: Option<Recorder>, marker: Marker) -> Result<Self, Report> {
+        let runtime = tokio::runtime::Builder::new_current_thread();
+        let runtime = { runtime }.enable_all().build().into_diagnostic()?;
+        // Before the terminal's modes change: the signal's default action would stop the program
+        // without restoring them.
+        let job_control = {
+            let _context = runtime.enter();
+            JobControl::listen().into_diagnostic()?
+        };
+        let terminal = Terminal::enter(recorder, marker).into_diagnostic()?;
+        Ok(Self { runtime, job_control, terminal })
     }
 }
 
@@ -79,7 +133,7 @@ pub fn show<I: Interface>(
 async fn event_loop(
     app: &mut impl Interface,
     terminal: &mut Terminal,
-    mut job_control: JobControl,
+    job_control: &mut JobControl,
     termination: &TerminationSignal,
 ) -> std::io::Result<()> {
     let mut timer = FrameTimer { immediate: true, ..FrameTimer::default() };

@@ -5,20 +5,19 @@ mod picture;
 mod vector;
 
 use std::path::{Path, PathBuf};
-use std::thread::JoinHandle;
 
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::{Frame, Terminal};
 
+use super::background::Background;
 use super::output::ExportKind;
 use super::render;
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
 use super::theme::{Rgb, Theme};
 use crate::figure::Format;
-use gdg::engine::Snapshot;
 use gdg::files::{self, write_atomically};
 use gdg::pulse::Progress;
 use gdg::viewer::{FilmError, animate, still};
@@ -53,28 +52,23 @@ pub enum ExportError {
     Csv(#[from] csv::Error),
 }
 
-/// Writes an export to a new file; returns the notice for the user.
-///
-/// # Errors
-/// The notice that the file cannot be written.
-pub fn write(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<String, String> {
-    write_contents(&export_path(kind, screen, scene), contents(kind, screen, scene))
-}
+/// Encodes what has been drawn, which may take a second or two, and says how far it is.
+type Encode = Box<dyn FnOnce(&Progress) -> Result<Vec<u8>, ExportError> + Send>;
 
-/// Writes the film, or a picture of its end, to a new file on its own thread, as that takes a second
-/// or two; it returns the notice.
+/// Draws an export and begins to write it to a new file; returns the notice for the user.
 ///
 /// # Errors
-/// The thread cannot be started.
-pub fn write_film(
+/// It cannot be drawn, or the thread cannot be started.
+pub fn begin(
     kind: ExportKind,
-    screen: &Screen,
+    screen: &mut Screen,
     scene: &Scene,
-    progress: Progress,
-) -> std::io::Result<JoinHandle<Result<String, String>>> {
-    let (path, run) = (export_path(kind, screen, scene), screen.snapshot.clone());
-    let write = move || write_contents(&path, filmed(kind, &run, &progress));
-    std::thread::Builder::new().name("film".to_owned()).spawn(write)
+) -> Result<Background<Result<String, String>>, ExportError> {
+    let (world, updates) = (scene.title(&screen.snapshot), screen.snapshot.counters.updates);
+    let path = new_path(&format!("{world}-{updates}"), kind, scene.noun());
+    let encode = drawn(kind, screen, scene)?;
+    let write = move |progress: &Progress| write_contents(&path, encode(progress));
+    Ok(Background::start(format!("writing {}", kind.name(scene.noun())), write)?)
 }
 
 /// Writes contents to a new file that begins with `name`; returns the notice for the user.
@@ -88,11 +82,6 @@ pub fn write_as(
     contents: Result<Vec<u8>, ExportError>,
 ) -> Result<String, String> {
     write_contents(&new_path(name, kind, noun), contents)
-}
-
-fn export_path(kind: ExportKind, screen: &Screen, scene: &Scene) -> PathBuf {
-    let (world, updates) = (scene.title(&screen.snapshot), screen.snapshot.counters.updates);
-    new_path(&format!("{world}-{updates}"), kind, scene.noun())
 }
 
 /// Returns a file that does not exist: a paused run may be exported several times.
@@ -109,22 +98,30 @@ fn write_contents(path: &Path, contents: Result<Vec<u8>, ExportError>) -> Result
     }
 }
 
-/// Returns the file's contents.
-///
-/// # Errors
-/// What cannot be drawn or encoded.
-pub fn contents(
-    kind: ExportKind,
-    screen: &mut Screen,
-    scene: &Scene,
-) -> Result<Vec<u8>, ExportError> {
-    match kind {
-        ExportKind::CurvesSvg => figure(Format::Svg, screen, scene),
-        ExportKind::CurvesPng => figure(Format::Png, screen, scene),
-        ExportKind::CurvesPdf => figure(Format::Pdf, screen, scene),
-        ExportKind::CurvesCsv => curves::csv(screen),
+/// Draws what is exported as it is now.
+fn drawn(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Encode, ExportError> {
+    let curves = |format: Format, screen: &Screen| -> Encode {
+        let run = screen.run();
+        let title = format!("{}, {}, seed {}", scene.title(&screen.snapshot), run.method, run.seed);
+        let figure = curves::figure(screen, &title);
+        Box::new(move |_| format.encode(&figure).map_err(ExportError::Figure))
+    };
+    Ok(match kind {
+        ExportKind::CurvesSvg => curves(Format::Svg, screen),
+        ExportKind::CurvesPng => curves(Format::Png, screen),
+        ExportKind::CurvesPdf => curves(Format::Pdf, screen),
+        ExportKind::CurvesCsv => {
+            let table = curves::csv(screen)?;
+            Box::new(|_| Ok(table))
+        }
         ExportKind::Still | ExportKind::Film => {
-            filmed(kind, &screen.snapshot, &Progress::default())
+            let run = screen.snapshot.clone();
+            Box::new(move |progress| {
+                Ok(match kind {
+                    ExportKind::Still => still(&run, Some(STILL_WIDTH))?,
+                    _ => animate(&run, None, progress)?,
+                })
+            })
         }
         ExportKind::MapPng | ExportKind::MapSvg | ExportKind::ScreenPng | ExportKind::ScreenSvg => {
             let (drawn, map_pane) = draw(screen, scene)?;
@@ -132,24 +129,23 @@ pub fn contents(
                 ExportKind::MapPng | ExportKind::MapSvg => map_pane.intersection(drawn.area),
                 _ => drawn.area,
             };
-            picture(kind, &drawn, area, &screen.theme.in_full_colour())
+            let theme = screen.theme.in_full_colour();
+            Box::new(move |_| picture(kind, &drawn, area, &theme))
         }
-    }
-}
-
-/// Returns the film, or a picture of its end.
-fn filmed(kind: ExportKind, run: &Snapshot, progress: &Progress) -> Result<Vec<u8>, ExportError> {
-    Ok(match kind {
-        ExportKind::Still => still(run, Some(STILL_WIDTH))?,
-        _ => animate(run, None, progress)?,
     })
 }
 
-/// Draws the curves.
-fn figure(format: Format, screen: &Screen, scene: &Scene) -> Result<Vec<u8>, ExportError> {
-    let run = screen.run();
-    let title = format!("{}, {}, seed {}", scene.title(&screen.snapshot), run.method, run.seed);
-    format.encode(&curves::figure(screen, &title)).map_err(ExportError::Figure)
+/// Returns an export's contents.
+///
+/// # Errors
+/// What cannot be drawn or encoded.
+#[cfg(test)]
+pub fn contents(
+    kind: ExportKind,
+    screen: &mut Screen,
+    scene: &Scene,
+) -> Result<Vec<u8>, ExportError> {
+    drawn(kind, screen, scene)?(&Progress::default())
 }
 
 /// Returns a picture of part of a drawn screen, in a theme's colours.
@@ -172,26 +168,49 @@ pub fn picture(
     }
 }
 
-/// Draws the screen without dialogs, in full colour even on a terminal that has fewer colours;
-/// returns it with the area of the map pane.
+/// Draws the screen without dialogs; returns it with the area of the map pane.
 fn draw(screen: &mut Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
-    let own = screen.theme;
-    screen.theme = own.in_full_colour();
-    let drawn = draw_as_it_is(screen, scene);
-    screen.theme = own;
+    in_full_colour(
+        screen,
+        |screen| [&mut screen.theme],
+        |screen| {
+            on_paper(screen.layout.screen, |frame| {
+                render::draw_panes(frame, screen, scene, &mut Cache::default()).map_pane
+            })
+        },
+    )
+}
+
+/// Draws `of` with its `themes` in full colour, even on a terminal that has fewer colours.
+pub fn in_full_colour<D, T, const N: usize>(
+    of: &mut D,
+    themes: impl Fn(&mut D) -> [&mut Theme; N],
+    draw: impl FnOnce(&D) -> T,
+) -> T {
+    let own = themes(of).map(|theme| {
+        let full = theme.in_full_colour();
+        std::mem::replace(theme, full)
+    });
+    let drawn = draw(of);
+    for (theme, own) in themes(of).into_iter().zip(own) {
+        *theme = own;
+    }
     drawn
 }
 
-fn draw_as_it_is(screen: &Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
-    let Rect { width, height, .. } = screen.layout.screen;
-    let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1)))
-        .map_err(std::io::Error::other)?;
-    let mut map_pane = Rect::default();
-    let panes = |frame: &mut Frame| {
-        map_pane = render::draw_panes(frame, screen, scene, &mut Cache::default()).map_pane;
-    };
-    terminal.draw(panes).map_err(std::io::Error::other)?;
-    Ok((terminal.backend().buffer().clone(), map_pane))
+/// Draws a screen in memory; returns it with the area that `draw` returns.
+///
+/// # Errors
+/// It cannot be drawn.
+pub fn on_paper(
+    screen: Rect,
+    draw: impl FnOnce(&mut Frame) -> Rect,
+) -> std::io::Result<(Buffer, Rect)> {
+    let backend = TestBackend::new(screen.width.max(1), screen.height.max(1));
+    let mut terminal = Terminal::new(backend).map_err(std::io::Error::other)?;
+    let mut area = Rect::default();
+    terminal.draw(|frame| area = draw(frame)).map_err(std::io::Error::other)?;
+    Ok((terminal.backend().buffer().clone(), area))
 }
 
 /// The colours that replace a terminal's default text and background.

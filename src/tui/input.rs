@@ -5,6 +5,11 @@
 
 mod scan;
 
+#[cfg(unix)]
+use std::sync::Arc;
+#[cfg(unix)]
+use std::sync::atomic::{AtomicBool, Ordering};
+
 pub use scan::Input;
 
 #[cfg(unix)]
@@ -22,6 +27,9 @@ const IN_BACKGROUND: u16 = 50;
 pub struct InputStream {
     #[cfg(unix)]
     inputs: tokio::sync::mpsc::Receiver<Input>,
+    /// Whether nothing is read.
+    #[cfg(unix)]
+    pauses: Arc<AtomicBool>,
     /// Ends the thread when dropped.
     #[cfg(unix)]
     _stop: std::os::unix::net::UnixStream,
@@ -47,13 +55,20 @@ impl InputStream {
         };
         let (stop, stopped) = std::os::unix::net::UnixStream::pair()?;
         let (sender, inputs) = tokio::sync::mpsc::channel(WAITING);
+        let pauses = Arc::new(AtomicBool::new(false));
+        let is_paused = pauses.clone();
         let read = move || {
-            if let Err(error) = read_all(&terminal, &stopped, &sender) {
+            if let Err(error) = read_all(&terminal, &stopped, &is_paused, &sender) {
                 log::info!("reading from the terminal: {error}");
             }
         };
         std::thread::Builder::new().name("terminal input".to_owned()).spawn(read)?;
-        Ok(Self { inputs, _stop: stop })
+        Ok(Self { inputs, pauses, _stop: stop })
+    }
+
+    /// Leaves what is typed from now on to others, or no longer.
+    pub fn pause(&self, pauses: bool) {
+        self.pauses.store(pauses, Ordering::SeqCst);
     }
 
     /// Waits for the next input. Nothing is lost if the future is dropped.
@@ -63,6 +78,11 @@ impl InputStream {
     pub async fn next(&mut self) -> std::io::Result<Input> {
         self.inputs.recv().await.ok_or_else(|| std::io::Error::other("the terminal is gone"))
     }
+
+    /// Returns the next input if it has been read already.
+    pub fn read_already(&mut self) -> Option<Input> {
+        self.inputs.try_recv().ok()
+    }
 }
 
 /// Reads until the terminal is gone or the receiver is dropped.
@@ -70,6 +90,7 @@ impl InputStream {
 fn read_all(
     terminal: &std::fs::File,
     stopped: &std::os::unix::net::UnixStream,
+    is_paused: &AtomicBool,
     to: &tokio::sync::mpsc::Sender<Input>,
 ) -> std::io::Result<()> {
     use std::io::Read;
@@ -89,8 +110,9 @@ fn read_all(
             Err(error) => return Err(error.into()),
             Ok(0) => scanner.give_up(),
             Ok(_) if ready[1].any() == Some(true) => return Ok(()),
-            // In the background, input belongs to the shell.
-            Ok(_) if !is_in_foreground(terminal) => {
+            // In the background, and from the moment on at which the program gives the terminal back,
+            // input belongs to the shell.
+            Ok(_) if is_paused.load(Ordering::SeqCst) || !is_in_foreground(terminal) => {
                 await_stop(stopped)?;
                 continue;
             }
@@ -153,5 +175,13 @@ impl InputStream {
         event
             .unwrap_or_else(|| Err(std::io::Error::other("the terminal is gone")))
             .map(Input::Event)
+    }
+
+    /// Reading goes on: nothing suspends the program here.
+    pub fn pause(&self, _: bool) {}
+
+    /// Nothing is read ahead.
+    pub fn read_already(&mut self) -> Option<Input> {
+        None
     }
 }

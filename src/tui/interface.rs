@@ -58,8 +58,17 @@ pub trait Interface {
 pub struct ClosedRun {
     /// The text left on the terminal.
     pub summary: String,
+    /// What it says about files: what is saved, and what is not.
+    pub files: String,
     /// Result of the final save, if one was requested.
     pub saved: Result<(), Report>,
     /// Whether there was an internal error or training failed.
     pub failed: bool,
+}
+
+impl Default for ClosedRun {
+    /// Nothing was to be saved, and nothing has failed.
+    fn default() -> Self {
+        Self { summary: String::new(), files: String::new(), saved: Ok(()), failed: false }
+    }
 }

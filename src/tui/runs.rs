@@ -2,7 +2,7 @@
 //!
 //! * `reading`: reads the folders on a thread of its own.
 //! * `list`: filter, order, marks and selection; `settings`: what runs differ in.
-//! * `act`: user input; `files`: what it does with files.
+//! * `act`: user input; `files`: what it does with files; `opening`: what is opened from it.
 //! * `draw`, `curves`: the screen.
 
 mod act;
@@ -10,12 +10,14 @@ mod curves;
 mod draw;
 mod files;
 mod list;
+mod opening;
 mod reading;
 mod settings;
 #[cfg(test)]
 pub(super) mod tests;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use crossterm::event::Event;
 use miette::{IntoDiagnostic, Report, miette};
@@ -23,6 +25,9 @@ use ratatui::Frame;
 use ratatui::style::Style;
 use tui_input::Input;
 
+use super::PreparedInterface;
+use super::background::Background;
+use super::compare::Contestants;
 use super::config::UiConfig;
 use super::dialog::Help;
 use super::graphics::{Graphics, Picture, Redraw};
@@ -32,11 +37,12 @@ use super::log::Log;
 use super::render::curves as lines;
 use super::style::BOLD;
 use super::theme::{ColourDepth, Theme};
-use super::{PreparedInterface, event_loop};
 use crate::experiment::plot::{Axis, Measure};
 use crate::experiment::runs::Found;
+use crate::host::setup::Setup;
 use draw::Places;
 use files::Question;
+use gdg::pulse::Progress;
 use list::List;
 use reading::Reading;
 
@@ -49,15 +55,32 @@ pub struct Curves {
     pub axis: Axis,
 }
 
-/// What the user does after the list.
+/// What the user wishes to see instead of the list.
 #[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Wish {
+    /// The run of a checkpoint, resumed.
+    Resume(PathBuf),
+    /// The runs of two checkpoints side by side.
+    Compare([PathBuf; 2]),
+}
+
+/// What has been opened.
+pub enum Opened {
+    /// A run.
+    Run(Box<Setup>),
+    /// Two runs.
+    Comparison(Box<Contestants>),
+}
+
+/// Opens what the user wishes, and says how far it is.
+pub type Opener = Arc<dyn Fn(Wish, &Progress) -> Result<Opened, Report> + Send + Sync>;
+
+/// What comes after the list.
 pub enum Next {
     /// Nothing.
     Quit,
-    /// Resume the run of a checkpoint.
-    Resume(PathBuf),
-    /// Compare the runs of two checkpoints.
-    Compare([PathBuf; 2]),
+    /// What has been opened.
+    Show(Opened),
 }
 
 /// The screen.
@@ -80,49 +103,66 @@ pub struct RunsScreen {
     theme: Theme,
     keymap: Keymap,
     places: Places,
+    opener: Opener,
+    wish: Option<Wish>,
+    opening: Option<Background<Result<Opened, Report>>>,
+    /// What could not be opened.
+    pub failures: Vec<Report>,
     next: Option<Next>,
     terminal_request: Option<TerminalRequest>,
 }
 
 impl RunsScreen {
-    /// Begins to read the runs of folders.
+    /// Begins to read the runs of folders, which `opener` opens.
     ///
     /// # Errors
     /// The folders cannot be read on a thread of their own.
-    pub fn open(folders: &[PathBuf], interface: &PreparedInterface) -> Result<Self, Report> {
+    pub fn open(
+        folders: &[PathBuf],
+        opener: Opener,
+        interface: &PreparedInterface,
+    ) -> Result<Self, Report> {
         let reading = Reading::start(folders).into_diagnostic()?;
         let names: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
         let PreparedInterface { config, keymap, .. } = interface;
-        Ok(Self::new(&names.join(" "), reading, config, keymap.clone()))
+        Ok(Self::new(&names.join(" "), reading, opener, config, keymap.clone()))
     }
 
-    /// Shows the list, as it was left, with a `problem` that there has been since; returns it, what
-    /// the user does next, and the exit status.
+    /// Shows the list, as it was left, with what there is to say of what has been shown since, or
+    /// the problem with it; returns it, what comes next, and the exit status.
     ///
     /// # Errors
     /// Errors of the terminal.
     pub fn show(
         mut self,
-        interface: PreparedInterface,
-        problem: Option<&str>,
+        interface: &mut PreparedInterface,
+        since: &Result<String, String>,
     ) -> Result<(Self, Next, u8), Report> {
-        let PreparedInterface { config, recorder, termination, .. } = interface;
         self.reading.look_again();
-        problem.inspect(|problem| self.log.show(problem, true));
+        match since {
+            Ok(notice) if notice.is_empty() => {}
+            Ok(notice) => self.log.show(notice, false),
+            Err(problem) => self.log.show(problem, true),
+        }
         let mut left = None;
-        let status =
-            event_loop::show(self, recorder, config.marker, &termination, |mut screen| {
-                let next = screen.next.take().unwrap_or(Next::Quit);
-                left = Some((screen, next));
-                ClosedRun { summary: String::new(), saved: Ok(()), failed: false }
-            })?;
+        let (status, _) = interface.stage.show(self, |mut screen| {
+            let next = screen.next.take().unwrap_or(Next::Quit);
+            left = Some((screen, next));
+            ClosedRun::default()
+        })?;
         let (screen, next) = left.ok_or_else(|| miette!("the list was not closed"))?;
         Ok((screen, next, status))
     }
 }
 
 impl RunsScreen {
-    fn new(title: &str, reading: Reading, config: &UiConfig, keymap: Keymap) -> Self {
+    fn new(
+        title: &str,
+        reading: Reading,
+        opener: Opener,
+        config: &UiConfig,
+        keymap: Keymap,
+    ) -> Self {
         Self {
             title: gdg::text::sanitized(title),
             reading,
@@ -138,6 +178,10 @@ impl RunsScreen {
             theme: Theme::new(config.theme, ColourDepth::detect()),
             keymap,
             places: Places::default(),
+            opener,
+            wish: None,
+            opening: None,
+            failures: Vec::new(),
             next: None,
             terminal_request: None,
         }
@@ -185,7 +229,8 @@ impl Interface for RunsScreen {
     }
 
     fn on_tick(&mut self) -> bool {
-        self.log.on_tick()
+        self.begin_to_open();
+        self.show_opened() | self.log.on_tick()
     }
 
     fn take_terminal_request(&mut self) -> Option<TerminalRequest> {

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::background::{self, Background};
 use super::busy::{Busy, Lasting};
 use super::config::{UiConfig, used_path};
 use super::dialog::Dialog;
@@ -14,7 +15,7 @@ use super::layout::ScreenLayout;
 use super::log::Log;
 use super::offer::Offer;
 use super::panes::Pane;
-use super::reading::{READING_PATIENCE, Reading};
+use super::reading::Read;
 use super::theme::{ColourDepth, Theme};
 use super::tour::ShownStep;
 use crate::experiment::runs::SavedRun;
@@ -69,7 +70,7 @@ pub struct Screen {
     /// For how long an evaluation has been running, if one is.
     pub evaluating: Option<Lasting>,
     /// The map or checkpoints that are being read.
-    pub reading: Option<Reading>,
+    pub reading: Option<Background<Read>>,
     /// How long to wait for them before the interface goes on.
     pub reading_patience: Duration,
     /// Whether the screen is frozen.
@@ -122,7 +123,7 @@ impl Screen {
             busy: None,
             evaluating: None,
             reading: None,
-            reading_patience: READING_PATIENCE,
+            reading_patience: background::PATIENCE,
             frozen: false,
             least_farthest: 0.0,
             least_contour_interval: 0.0,

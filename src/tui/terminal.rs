@@ -178,6 +178,22 @@ impl Terminal {
         }
     }
 
+    /// Makes way for another interface, which is drawn from scratch: keys pressed before are
+    /// discarded.
+    pub fn hand_over(&mut self) {
+        while let Some(input) = self.input.read_already() {
+            if let Input::Reply(reply) = input {
+                self.take_reply(&reply);
+            }
+        }
+        // It has had its time.
+        self.answer = None;
+        self.size = (0, 0);
+        if !ON_SCREEN.load(Ordering::Relaxed) {
+            self.reopen();
+        }
+    }
+
     /// Waits briefly for the answer to the capability query; returns the user's events meanwhile.
     pub async fn answered(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
@@ -295,8 +311,12 @@ impl Terminal {
             return Ok(false);
         }
         self.answered().await;
+        // What is typed as soon as the shell's screen is back is meant for the shell.
+        self.input.pause(true);
         restore();
-        job_control::stop()?;
+        let stopped = job_control::stop();
+        self.input.pause(false);
+        stopped?;
         self.reopen();
         Ok(true)
     }

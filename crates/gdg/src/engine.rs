@@ -112,7 +112,8 @@ impl Engine {
         let saved = file.map(|file| (trainer.counters().updates, Arc::new(file)));
         let pulse = Pulse::default();
         trainer.set_pulse(pulse.clone());
-        let first = Snapshot { limits, saved, ..Snapshot::capture(&trainer)? };
+        let saved_seconds = if saved.is_some() { trainer.seconds() } else { 0.0 };
+        let first = Snapshot { limits, saved, saved_seconds, ..Snapshot::capture(&trainer)? };
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
         let worker = Worker {
             trainer,

@@ -45,8 +45,12 @@ impl Reader {
         Self { folders: folders.to_vec(), known: HashMap::new() }
     }
 
-    /// Reads what is new. Calls `tell` before each file that is, until it says to stop.
-    pub fn read(&mut self, mut tell: impl FnMut(&dyn Fn() -> Found) -> ControlFlow<()>) -> Found {
+    /// Reads what is new. Calls `tell` before each file that is, with how many of all have been
+    /// read and what they contain, until it says to stop.
+    pub fn read(
+        &mut self,
+        mut tell: impl FnMut([usize; 2], &dyn Fn() -> Found) -> ControlFlow<()>,
+    ) -> Found {
         let (files, problems) = self.files();
         let all: Vec<(PathBuf, Stamp)> = files.into_iter().map(with_stamp).collect();
         let listed: HashSet<&PathBuf> = all.iter().map(|(file, _)| file).collect();
@@ -55,7 +59,7 @@ impl Reader {
             if self.known.get(path).is_some_and(|version| version.stamp == *stamp) {
                 continue;
             }
-            if tell(&|| self.found(&all, i + 1, &problems)).is_break() {
+            if tell([i, all.len()], &|| self.found(&all, i + 1, &problems)).is_break() {
                 break;
             }
             // One that is replaced meanwhile is read again next time.
@@ -146,7 +150,7 @@ mod tests {
 
     fn read(reader: &mut Reader) -> (Vec<u64>, usize, usize) {
         let mut told = 0;
-        let found = reader.read(|_| {
+        let found = reader.read(|_, _| {
             told += 1;
             ControlFlow::Continue(())
         });
@@ -177,7 +181,7 @@ mod tests {
         let facts = r#""world":"gym","gym":{"id":"FetchReach-v4"}"#;
         let start = start().replace(r#""world":"maze","map":{"name":"room"}"#, facts);
         write(folder.path().join("one.jsonl"), start).expect("a file");
-        let found = Reader::new(&[folder.path().to_owned()]).read(|_| ControlFlow::Continue(()));
+        let found = Reader::new(&[folder.path().to_owned()]).read(|_, _| ControlFlow::Continue(()));
         assert_eq!(found.runs[0].0.map, "FetchReach-v4");
     }
 
@@ -222,7 +226,7 @@ mod tests {
             let read = |text: String| {
                 write(&file, text).expect("a file");
                 let mut reader = Reader::new(&[folder.path().to_owned()]);
-                reader.read(|_| ControlFlow::Continue(()))
+                reader.read(|_, _| ControlFlow::Continue(()))
             };
             let found = read(line.to_owned() + "\n");
             assert_eq!(found.problems, [(file.clone(), format!("line 1{problem}"))], "no run");
@@ -254,7 +258,7 @@ mod tests {
         write(path("saves/a.safetensors"), "").expect("a file");
         let saved = r#"{"event":"saved","updates":1,"path":"saves/a.safetensors"}"#;
         write(path("records/a.jsonl"), start() + saved + "\n").expect("a file");
-        let found = Reader::new(&[path("records")]).read(|_| ControlFlow::Continue(()));
+        let found = Reader::new(&[path("records")]).read(|_, _| ControlFlow::Continue(()));
         assert_eq!(found.runs[0].0.checkpoint, Some(path("saves/a.safetensors")));
     }
 
@@ -268,7 +272,7 @@ mod tests {
             return; // Not every file system has such names.
         }
         let mut reader = Reader::new(&[folder.path().to_owned()]);
-        let found = reader.read(|_| ControlFlow::Continue(()));
+        let found = reader.read(|_, _| ControlFlow::Continue(()));
         let line = serde_json::to_string(&found.runs[0].0.line(None)).expect("JSON");
         assert!(line.contains("a\u{fffd}.jsonl"), "{line}");
     }
@@ -277,7 +281,8 @@ mod tests {
     fn a_folder_that_is_missing_is_named_and_a_reader_can_be_stopped() {
         let folder = tempfile::tempdir().expect("a folder");
         let missing = folder.path().join("none");
-        let found = Reader::new(std::slice::from_ref(&missing)).read(|_| ControlFlow::Continue(()));
+        let found =
+            Reader::new(std::slice::from_ref(&missing)).read(|_, _| ControlFlow::Continue(()));
         assert!(
             found.problems[0].0 == missing && found.problems[0].1.starts_with("cannot be read"),
             "{:?}",
@@ -287,7 +292,7 @@ mod tests {
             write(folder.path().join(name), start()).expect("a file");
         }
         let mut told = Vec::new();
-        Reader::new(&[folder.path().to_owned()]).read(|found| {
+        Reader::new(&[folder.path().to_owned()]).read(|_, found| {
             told.push(found().read);
             ControlFlow::Break(())
         });

@@ -30,6 +30,7 @@ impl App {
         let failed = self.saver.has_failed || matches!(self.screen.latest.phase, Phase::Failed(_));
         let mut ending = Ending {
             summary: self.screen.summary(self.scene.title(&self.screen.snapshot)),
+            files: String::new(),
             is_wanted: self.saver.named.is_some(),
             is_worth_saving: is_worth_saving(&self.scene, &self.screen),
             is_kept,
@@ -50,21 +51,23 @@ impl App {
         };
         let (saved_to, saved) = ending.save(trainer, notes, &to, &snapshot);
         ending.tell_files(saved.is_ok() && !failed, &snapshot);
-        let Ending { mut summary, .. } = ending;
+        let Ending { mut summary, files, .. } = ending;
+        summary += &files;
         if let Some(file) = saved_to.or_else(|| newest_file(&to, &snapshot)) {
             summary += &format!("\nresume with: {}", runs::resume_command(&file));
         }
         if failed {
             summary += &format!("\nthere were errors; {}", logging::hint());
         }
-        ClosedRun { summary, saved, failed }
+        ClosedRun { summary, files: files.trim_start().replace('\n', "; "), saved, failed }
     }
 }
 
 /// What is known and said of a run when the interface is closed.
 struct Ending {
-    /// The text left on the terminal.
+    /// The text left on the terminal, and the lines of it that are about files.
     summary: String,
+    files: String,
     /// Whether the run is to be saved.
     is_wanted: bool,
     is_worth_saving: bool,
@@ -91,7 +94,7 @@ impl Ending {
                 let _ = trainer.ensure_finite();
                 trainer.set_notes(notes);
                 if !up_to_date {
-                    return save_somewhere(&trainer, to, &mut self.summary);
+                    return save_somewhere(&trainer, to, &mut self.files);
                 }
             }
             None if self.is_wanted || self.is_worth_saving => {
@@ -104,7 +107,7 @@ impl Ending {
             Some(_) if self.is_kept && (self.is_worth_saving || saved_at.is_some()) => {
                 let unsaved = snapshot.counters.updates.saturating_sub(saved_at.unwrap_or(0));
                 if unsaved > 0 {
-                    self.summary += &format!("\nnot saved: {} updates", grouped(unsaved));
+                    self.files += &format!("\nnot saved: {} updates", grouped(unsaved));
                 }
             }
             _ => {}
@@ -117,14 +120,14 @@ impl Ending {
     fn tell_files(&mut self, well: bool, snapshot: &Snapshot) {
         if let Some((updates, path)) = &snapshot.saved {
             let at = grouped(snapshot.learned(*updates));
-            self.summary += &format!("\nsaved {} at update {at}", path.display());
+            self.files += &format!("\nsaved {} at update {at}", path.display());
         }
         let has_own = snapshot.saved.is_some() && !self.is_worth_saving;
         for path in snapshot.autosaves.iter() {
             if well && (self.is_wanted || has_own) {
                 train::remove_own(path);
             } else {
-                self.summary += &format!("\nautosaved {}", path.display());
+                self.files += &format!("\nautosaved {}", path.display());
             }
         }
     }
@@ -135,18 +138,18 @@ impl Ending {
 fn save_somewhere(
     trainer: &Trainer,
     to: &SaveTo,
-    summary: &mut String,
+    lines: &mut String,
 ) -> (Option<PathBuf>, Result<(), Report>) {
     let first = match train::save(trainer, to) {
         Ok(path) => {
-            *summary += &format!("\nsaved {}", path.display());
+            *lines += &format!("\nsaved {}", path.display());
             return (Some(path), Ok(()));
         }
         Err(error) => error,
     };
     let elsewhere = save_elsewhere(trainer, to.path());
     if let Some(path) = &elsewhere {
-        *summary += &format!("\nsaved {} instead", path.display());
+        *lines += &format!("\nsaved {} instead", path.display());
     }
     (elsewhere, Err(from_checkpoint_error(first)))
 }

@@ -11,9 +11,10 @@ use crate::experiment::runs as saved_runs;
 use crate::host::maps::warnings;
 use crate::host::runs::{self, SAVES};
 use crate::tui::action::Action;
+use crate::tui::background::Background;
 use crate::tui::config::recent_path;
 use crate::tui::lists;
-use crate::tui::reading::{ListCheckpoints, Read, Reading};
+use crate::tui::reading::{ListCheckpoints, Read};
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use gdg::files::{has_extension, is_hidden, read_text, write_atomically};
@@ -38,7 +39,7 @@ fn read(
     scene: &Scene,
     screen: &mut Screen,
 ) {
-    match Reading::start(what, read) {
+    match Background::start(format!("reading {what}"), read) {
         Ok(reading) if reading.wait(screen.reading_patience) => show(reading, scene, screen),
         Ok(mut reading) => {
             reading.notice().iter().for_each(|notice| screen.say(notice));
@@ -54,13 +55,13 @@ pub fn on_tick(scene: &Scene, screen: &mut Screen) -> bool {
         show(reading, scene, screen);
         return true;
     }
-    let notice = screen.reading.as_mut().and_then(Reading::notice);
+    let notice = screen.reading.as_mut().and_then(Background::notice);
     notice.iter().for_each(|notice| screen.say(notice));
     notice.is_some()
 }
 
 /// Shows what has been read.
-fn show(reading: Reading, scene: &Scene, screen: &mut Screen) {
+fn show(reading: Background<Read>, scene: &Scene, screen: &mut Screen) {
     match reading.finish() {
         Ok(Read::Checkpoints(found, list)) => screen.open(list(found, &TimeZone::system())),
         Ok(Read::Runs(Ok(found))) => {

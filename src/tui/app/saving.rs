@@ -290,8 +290,5 @@ fn content(scene: &Scene, screen: &Screen) -> Content {
 
 /// Returns whether enough is unsaved to be worth asking about: training, or any edit of the map.
 pub fn is_worth_saving(scene: &Scene, screen: &Screen) -> bool {
-    let latest = &screen.latest;
-    let unsaved = latest.unsaved_updates() as f64;
-    let seconds = latest.seconds * unsaved / latest.updates().max(1) as f64;
-    seconds > MAX_DISCARDED_SECS || scene.has_unsaved_map()
+    screen.latest.unsaved_seconds() > MAX_DISCARDED_SECS || scene.has_unsaved_map()
 }

@@ -1,13 +1,10 @@
 //! Pictures of the comparison in files.
 
-use ratatui::Terminal;
-use ratatui::backend::TestBackend;
-use ratatui::layout::Rect;
-
 use super::{Comparison, draw};
-use crate::tui::export::{ExportError, picture, write_as};
+use crate::tui::export::{ExportError, in_full_colour, on_paper, picture, write_as};
 use crate::tui::output::ExportKind;
 use crate::tui::scene::Cache;
+use crate::tui::theme::Theme;
 
 impl Comparison {
     /// Writes a picture of both maps or of the whole screen to a new file, and says where.
@@ -28,31 +25,20 @@ impl Comparison {
     /// # Errors
     /// The screen is too small, or the picture cannot be encoded.
     pub fn contents(&mut self, kind: ExportKind) -> Result<Vec<u8>, ExportError> {
-        let own = self.sides.each_ref().map(|side| side.app.screen.theme);
-        for (side, own) in self.sides.iter_mut().zip(&own) {
-            side.app.screen.theme = own.in_full_colour();
-        }
-        let drawn = self.contents_as_they_are(kind);
-        for (side, own) in self.sides.iter_mut().zip(own) {
-            side.app.screen.theme = own;
-        }
-        drawn
-    }
-
-    fn contents_as_they_are(&self, kind: ExportKind) -> Result<Vec<u8>, ExportError> {
-        let Rect { width, height, .. } = self.layout.screen;
-        let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1)))
-            .map_err(std::io::Error::other)?;
-        let mut maps = Rect::default();
-        let mut caches = [Cache::default(), Cache::default()];
-        terminal
-            .draw(|frame| maps = draw::draw_parts(frame, self, caches.each_mut()).maps)
-            .map_err(std::io::Error::other)?;
-        let drawn = terminal.backend().buffer();
+        let (drawn, maps) = in_full_colour(self, Self::themes, |own| {
+            let mut caches = [Cache::default(), Cache::default()];
+            on_paper(own.layout.screen, |frame| {
+                draw::draw_parts(frame, own, caches.each_mut()).maps
+            })
+        })?;
         let area = match kind {
             ExportKind::MapPng | ExportKind::MapSvg => maps,
             _ => drawn.area,
         };
-        picture(kind, drawn, area, &self.sides[0].app.screen.theme)
+        picture(kind, &drawn, area, &self.sides[0].app.screen.theme.in_full_colour())
+    }
+
+    fn themes(&mut self) -> [&mut Theme; 2] {
+        self.sides.each_mut().map(|side| &mut side.app.screen.theme)
     }
 }

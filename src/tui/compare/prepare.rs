@@ -6,13 +6,14 @@ use std::sync::Arc;
 use miette::{Report, miette};
 
 use super::LETTERS;
-use crate::host::maps::warn;
+use crate::host::maps;
 use crate::host::report::{from_checkpoint_error, from_config_error};
 use crate::host::setup;
+use crate::host::waiting::Working;
 use gdg::env::PointMaze;
 use gdg::learn::Threads;
 use gdg::map::{Grid, Reading};
-use gdg::printing::eprint_line;
+use gdg::pulse::Progress;
 use gdg::text::sanitized;
 use gdg::train::{self, Loaded, Method, Overrides, Registry, Run, Trainer, settings_from};
 
@@ -57,6 +58,14 @@ pub struct Contestant {
     pub is_paused: bool,
 }
 
+/// Both runs.
+pub struct Contestants {
+    /// From left to right.
+    pub both: [Contestant; 2],
+    /// Warnings about checkpoints, and about the map.
+    pub warnings: Vec<String>,
+}
+
 /// A side before it is prepared.
 enum Side<'a> {
     Method(&'a Method),
@@ -74,10 +83,26 @@ type Beginning = (Arc<Grid>, u64);
 pub fn prepare(
     options: &ComparisonOptions,
     registry: &Arc<Registry>,
-) -> Result<[Contestant; 2], Report> {
+) -> Result<Contestants, Report> {
+    let opening = Working::begin("both runs to be opened");
+    prepare_with(options, registry, opening.progress())
+}
+
+/// Like [`prepare`], and says how far it is only to `progress`.
+///
+/// # Errors
+/// See [`prepare`].
+pub fn prepare_with(
+    options: &ComparisonOptions,
+    registry: &Arc<Registry>,
+    progress: &Progress,
+) -> Result<Contestants, Report> {
     check(options)?;
-    let [a, b] =
-        options.contenders.each_ref().map(|contender| Side::load(contender, options, registry));
+    let (mut warnings, mut done) = (Vec::new(), 0..);
+    let [a, b] = options.contenders.each_ref().map(|contender| {
+        progress.begin(done.next().unwrap_or_default(), LETTERS.len());
+        Side::load(contender, options, registry, &mut warnings)
+    });
     let sides = [a?, b?];
     let [a, b] = sides.each_ref().map(Side::beginning);
     let (a, b) = (a?, b?);
@@ -88,11 +113,11 @@ pub fn prepare(
     let [a, b] = sides;
     let [a, b] = [(a, LETTERS[0]), (b, LETTERS[1])]
         .map(|(side, letter)| side.prepare(letter, beginning.as_ref(), options, registry));
-    let contestants = [a?, b?];
-    if let Some(maze) = PointMaze::downcast_ref(contestants[0].trainer.world()) {
-        warn(maze.map());
+    let both = [a?, b?];
+    if let Some(maze) = PointMaze::downcast_ref(both[0].trainer.world()) {
+        warnings.extend(maps::warnings(maze.map()));
     }
-    Ok(contestants)
+    Ok(Contestants { both, warnings })
 }
 
 /// Checks what can be checked before anything is loaded.
@@ -159,6 +184,7 @@ impl<'a> Side<'a> {
         contender: &'a Contender,
         options: &ComparisonOptions,
         registry: &Arc<Registry>,
+        warnings: &mut Vec<String>,
     ) -> Result<Self, Report> {
         let path = match contender {
             Contender::Method(method) => return Ok(Self::Method(method)),
@@ -167,7 +193,7 @@ impl<'a> Side<'a> {
         let threads = options.threads.share(LETTERS.len());
         let Loaded { trainer, warning } =
             train::load(path, registry, threads).map_err(from_checkpoint_error)?;
-        warning.iter().for_each(|warning| eprint_line(warning));
+        warnings.extend(warning);
         Ok(Self::Saved(path, Box::new(trainer)))
     }
 

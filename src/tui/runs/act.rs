@@ -4,7 +4,7 @@ use crossterm::event::{Event, KeyCode, KeyEvent, MouseButton, MouseEvent, MouseE
 use ratatui::layout::Position;
 use tui_input::backend::crossterm::EventHandler;
 
-use super::{Next, Question, RunsScreen, files};
+use super::{Next, Question, RunsScreen, Wish, files};
 use crate::tui::action::{Action, ListAction, Mode};
 use crate::tui::dialog::Help;
 use crate::tui::interface::TerminalRequest;
@@ -100,7 +100,7 @@ impl RunsScreen {
             ListAction::Axis => self.curves.axis = self.curves.axis.next(),
             ListAction::Resume => self.resume(),
             ListAction::Compare => match files::pair(&self.list) {
-                Ok(pair) => self.next = Some(Next::Compare(pair)),
+                Ok(pair) => self.wish = Some(Wish::Compare(pair)),
                 Err(problem) => self.log.show(&problem, true),
             },
             ListAction::Plot => match files::plot(&self.list.chosen(), self.curves) {
@@ -114,9 +114,10 @@ impl RunsScreen {
         }
     }
 
-    /// Closes the help, or else shows all runs, or else unmarks them.
+    /// Closes the help, or else opens nothing any more, or else shows all runs, or else unmarks
+    /// them.
     fn close_top(&mut self) {
-        if self.help.take().is_some() {
+        if self.help.take().is_some() || self.cancel_opening() {
             return;
         }
         if self.words.value().is_empty() {
@@ -135,7 +136,7 @@ impl RunsScreen {
             return;
         };
         match files::checkpoint(entry) {
-            Ok(file) => self.next = Some(Next::Resume(file.to_owned())),
+            Ok(file) => self.wish = Some(Wish::Resume(file.to_owned())),
             Err(problem) => self.log.show(&problem, true),
         }
     }

@@ -57,7 +57,7 @@ fn follow(mut reader: Reader, publish: &watch::Sender<Arc<Found>>, asked: &Recei
     loop {
         let began = Instant::now();
         let mut told = began;
-        let found = reader.read(|so_far| {
+        let found = reader.read(|_, so_far| {
             if told.elapsed() > TOLD_EVERY {
                 publish.send_replace(Arc::new(so_far()));
                 told = Instant::now();

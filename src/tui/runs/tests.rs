@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
+use miette::miette;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::layout::Position;
@@ -64,11 +65,16 @@ pub fn found(runs: &[SavedRun]) -> Found {
     Found { runs: runs.collect(), ..Found::default() }
 }
 
+/// Opens nothing.
+fn opener() -> Opener {
+    Arc::new(|_, _| Err(miette!("is cut off at 12 bytes")))
+}
+
 /// Returns a list with runs of several kinds, one of which cannot be read.
-fn screen() -> RunsScreen {
+pub fn screen() -> RunsScreen {
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let config = UiConfig::default();
-    let mut screen = RunsScreen::new("saves", Reading::nothing(), &config, keymap);
+    let mut screen = RunsScreen::new("saves", Reading::nothing(), opener(), &config, keymap);
     screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     let records = |seed, success: &[f64]| SavedRun {
         kind: Kind::Records(Ending::Interrupted),
@@ -101,7 +107,7 @@ fn drawn(screen: &mut RunsScreen, width: u16, height: u16) -> Terminal<TestBacke
     terminal
 }
 
-fn text(screen: &mut RunsScreen, width: u16, height: u16) -> String {
+pub fn text(screen: &mut RunsScreen, width: u16, height: u16) -> String {
     let terminal = drawn(screen, width, height);
     let buffer = terminal.backend().buffer();
     let rows = buffer.content.chunks(usize::from(width));
@@ -109,7 +115,7 @@ fn text(screen: &mut RunsScreen, width: u16, height: u16) -> String {
         .collect()
 }
 
-fn press(screen: &mut RunsScreen, code: KeyCode) {
+pub fn press(screen: &mut RunsScreen, code: KeyCode) {
     screen.on_event(&Event::Key(KeyEvent::new(code, KeyModifiers::NONE)));
 }
 
@@ -202,7 +208,7 @@ fn files_that_cannot_be_read_are_rows_that_tell_all() {
     );
     assert!(shown.contains(" 23 to 31 of 31 "), "{shown}");
     press(&mut screen, KeyCode::Enter);
-    assert!(screen.next.is_none() && text(&mut screen, 80, 24).contains("cannot be resumed"));
+    assert!(screen.wish.is_none() && text(&mut screen, 80, 24).contains("cannot be resumed"));
     type_text(&mut screen, "/bad-12\n");
     press(&mut screen, KeyCode::Enter);
     let shown = text(&mut screen, 80, 24);
@@ -291,16 +297,16 @@ fn only_runs_with_a_checkpoint_can_be_resumed() {
     let mut screen = screen();
     press(&mut screen, KeyCode::Enter);
     let shown = text(&mut screen, 120, 40);
-    assert!(screen.next.is_none() && shown.contains("its checkpoint was not kept"), "{shown}");
+    assert!(screen.wish.is_none() && shown.contains("its checkpoint was not kept"), "{shown}");
     let own = |path: &Path| saved(&path.to_string_lossy(), "own", "gdg", 7, &[]);
     screen.list(&found(&[own(&folder.path().join("gone.safetensors")), own(&file)]));
     press(&mut screen, KeyCode::End);
     press(&mut screen, KeyCode::Enter);
     let shown = text(&mut screen, 200, 40);
-    assert!(screen.next.is_none() && shown.contains("is gone"), "{shown}");
+    assert!(screen.wish.is_none() && shown.contains("is gone"), "{shown}");
     press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Enter);
-    assert_eq!(screen.next, Some(Next::Resume(file)));
+    assert_eq!(screen.wish, Some(Wish::Resume(file)));
 }
 
 #[test]
@@ -322,7 +328,7 @@ fn two_runs_on_the_same_map_are_compared() {
     );
     press(&mut screen, KeyCode::Down);
     press(&mut screen, KeyCode::Char('c'));
-    assert_eq!(screen.next, Some(Next::Compare([path("a"), path("c")])));
+    assert_eq!(screen.wish, Some(Wish::Compare([path("a"), path("c")])));
 }
 
 #[test]

@@ -404,8 +404,8 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
     let other = save(&trainer("her", 8), "other.safetensors");
     let method = Contender::Method("her".parse().expect("a method"));
     let registry = Registry::builtin();
-    let [a, b] =
-        prepare(&options([saved.clone(), method]), &registry).expect("a run beside a method");
+    let prepared = prepare(&options([saved.clone(), method]), &registry);
+    let [a, b] = prepared.expect("a run beside a method").both;
     assert_eq!([a.is_paused, b.is_paused], [true, false]);
     assert_eq!(a.title, "A own.safetensors: gdg-bridge default seed 7");
     assert_eq!((b.title.as_str(), b.trainer.run().seed), ("B her tuned", 7));
@@ -415,7 +415,7 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
     assert_eq!(map(&a), map(&b));
 
     let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
-    let contestants = prepare(&both, &registry).expect("two saved runs");
+    let contestants = prepare(&both, &registry).expect("two saved runs").both;
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let config = UiConfig::default();
     let mut comparison =

@@ -3,10 +3,11 @@
 use super::screens::staged_app;
 use super::*;
 use crate::tui::app::files::pick_map;
+use crate::tui::background::Background;
 use crate::tui::dialog::{Choice, Item};
 use crate::tui::lists;
 use crate::tui::panes::Pane;
-use crate::tui::reading::{Read, Reading};
+use crate::tui::reading::Read;
 use gdg::learn::LearnerKind;
 use gdg::pulse::Progress;
 use gdg::viewer::maze::CellInfo;
@@ -196,7 +197,8 @@ fn the_interface_goes_on_while_a_map_is_read() {
         progress.set(1, 4);
         Read::Map(path, receive.recv().expect("a map"))
     };
-    app.screen.reading = Some(Reading::start("large.map".to_owned(), read).expect("a thread"));
+    app.screen.reading =
+        Some(Background::start("reading large.map".to_owned(), read).expect("a thread"));
     tick_until(&mut app, |app| app.screen.log.notice().is_some());
     tick_until(&mut app, |app| {
         app.screen.log.notice().is_some_and(|notice| notice.text.ends_with("... 2 s, 25 %"))

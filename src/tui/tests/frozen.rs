@@ -19,6 +19,7 @@ fn saved_app() -> Still {
     let mut app = staged_app(80, 24);
     let mut saved = (*app.screen.snapshot).clone();
     saved.saved = Some((saved.counters.updates, Arc::new(PathBuf::from("saves/kept.safetensors"))));
+    saved.saved_seconds = saved.seconds;
     app.on_snapshot(Arc::new(saved));
     app
 }
@@ -35,6 +36,20 @@ fn what_is_unsaved_behind_a_frozen_screen_is_asked_about_and_saved_on_a_signal()
     assert!(asked.contains("6,000 unsaved updates"), "{asked}");
     app.on_signal();
     assert!(app.saver.named.as_ref().is_some_and(|path| path.ends_with("kept.safetensors")));
+}
+
+#[test]
+fn a_resumed_run_is_asked_about_after_ten_seconds_however_fast_it_was_before() {
+    for (seconds, is_asked) in [(11.0, true), (9.0, false)] {
+        let mut app = saved_app();
+        let mut latest = (*app.screen.snapshot).clone();
+        // Much slower than before: another machine, or other work on it.
+        latest.counters.updates += 3;
+        latest.seconds += seconds;
+        app.on_snapshot(Arc::new(latest));
+        press(&mut app, KeyCode::Char('q'));
+        assert_eq!(app.is_done(), !is_asked, "{seconds} s");
+    }
 }
 
 #[test]

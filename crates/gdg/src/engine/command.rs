@@ -8,6 +8,7 @@ use super::snapshot::{Phase, Snapshot, Step};
 use super::{Worker, session};
 use crate::env::{EnvError, Environment};
 use crate::files;
+use crate::pulse::Progress;
 use crate::text::{counted, grouped, sanitized};
 use crate::train::{
     self, CheckpointError, Dataset, Limits, Loaded, Notes, Run, SaveTo, TrainError, Trainer,
@@ -68,6 +69,9 @@ enum CommandError {
     #[error("not loaded: {} {}; {}", .0.file.file_name().unwrap_or_default().to_string_lossy(), .0.problem, .0.help)]
     NotLoaded(CheckpointError),
 }
+
+/// Parts of starting a run: its world is made, then its trainer, and its state is captured.
+const START_STAGES: usize = 3;
 
 /// Returns a file's stem without what an autosave added: a run resumed from `rooms-auto-5000`
 /// autosaves to `rooms-auto-9000`.
@@ -197,6 +201,7 @@ impl Worker {
             self.new_file = Some((requested, path.clone()));
         }
         self.current.saved = Some((updates, Arc::new(path)));
+        self.current.saved_seconds = self.trainer.seconds();
         Ok(text)
     }
 
@@ -303,6 +308,7 @@ impl Worker {
             }
             Command::Change(run) => self.change(*run).map(Some),
             Command::StartRun(run, make) => {
+                self.opening().begin(0, START_STAGES);
                 let made = make(self.trainer.world()).map_err(TrainError::from);
                 made.map_err(Into::into).and_then(|world| self.start_run(*run, &*world)).map(Some)
             }
@@ -318,7 +324,9 @@ impl Worker {
 
     /// Starts a new run.
     fn start_run(&mut self, run: Run, world: &dyn Environment) -> Result<String, CommandError> {
+        let progress = self.opening();
         let begin = || {
+            progress.begin(1, START_STAGES);
             let registry = self.trainer.registry();
             memory::check(&run, world, registry)?;
             let mut trainer = Trainer::new(run, world, registry, self.trainer.threads())?;
@@ -331,12 +339,18 @@ impl Worker {
             Ok::<_, TrainError>(trainer)
         };
         let trainer = begin()?;
+        progress.begin(2, START_STAGES);
         self.switch_to(trainer)?;
         Ok("started a new run".to_owned())
     }
 
+    /// Returns how far the opening of a run is, to be told.
+    fn opening(&self) -> Progress {
+        self.pulse.busy().map(|opening| opening.progress).unwrap_or_default()
+    }
+
     fn load(&mut self, path: PathBuf) -> Result<String, CommandError> {
-        let progress = self.pulse.busy().map(|opening| opening.progress).unwrap_or_default();
+        let progress = self.opening();
         let (registry, threads) = (self.trainer.registry(), self.trainer.threads());
         let loaded = train::load_with(&path, registry, threads, &progress);
         let Loaded { trainer, warning } = loaded.map_err(CommandError::NotLoaded)?;
@@ -348,6 +362,7 @@ impl Worker {
         let text = warning.unwrap_or_else(|| format!("loaded {}", path.display()));
         let updates = self.trainer.counters().updates;
         self.current.saved = Some((updates, Arc::new(path)));
+        self.current.saved_seconds = self.trainer.seconds();
         Ok(text)
     }
 }

@@ -128,6 +128,8 @@ pub struct Snapshot {
     pub notes: Arc<Notes>,
     /// Update of the latest save, and its file.
     pub saved: Option<(u64, Arc<PathBuf>)>,
+    /// Seconds of training at which it was saved or loaded; 0 for a run that has not been.
+    pub saved_seconds: f64,
     /// Number of failed saves, and the latest reason.
     pub save_failed: (u64, String),
     /// Autosaved files that are still kept.
@@ -238,6 +240,7 @@ impl Snapshot {
             learns: trainer.learns(),
             notes: Arc::new(trainer.history().notes.clone()),
             saved: None,
+            saved_seconds: 0.0,
             save_failed: (0, String::new()),
             autosaves: Arc::default(),
             evaluation_progress: Progress::default(),
@@ -265,13 +268,19 @@ impl Snapshot {
         self.updates().saturating_sub(saved)
     }
 
+    /// Returns the seconds of training not saved in any checkpoint.
+    pub fn unsaved_seconds(&self) -> f64 {
+        if self.unsaved_updates() == 0 { 0.0 } else { self.seconds - self.saved_seconds }
+    }
+
     /// Copies the user's choices, but not training progress, from `latest`, a later snapshot of the
     /// same run.
     pub fn follow_decisions(&mut self, latest: &Self) {
         (self.run, self.methods, self.learns) =
             (latest.run.clone(), latest.methods.clone(), latest.learns);
         (self.phase, self.limits, self.speed) = (latest.phase.clone(), latest.limits, latest.speed);
-        (self.saved, self.autosaves) = (latest.saved.clone(), latest.autosaves.clone());
+        (self.saved, self.saved_seconds) = (latest.saved.clone(), latest.saved_seconds);
+        self.autosaves = latest.autosaves.clone();
     }
 
     /// Returns the latest evaluation, if it was of the current method, and the updates counted

@@ -3,6 +3,7 @@
 use super::distance::{Components, StepSearch};
 use super::grid::{Cell, Grid};
 use super::half_cells::HalfCells;
+use crate::pulse::Progress;
 
 /// The most steps from any cell of a map's largest component to any other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,20 +29,22 @@ const SEARCHES_PER_MIDDLE: usize = 25;
 impl Diameter {
     /// Computes the diameter of `grid` in bounded time.
     pub fn compute(grid: &Grid) -> Self {
-        Self::compute_from(grid, &StepSearch::new(grid).components(grid))
+        let components = StepSearch::new(grid).components(grid);
+        Self::compute_from(grid, &components, &Progress::default())
     }
 
-    /// Like [`Self::compute`], for a map whose components are known.
-    pub fn compute_from(grid: &Grid, components: &Components) -> Self {
+    /// Like [`Self::compute`], for a map whose components are known; says how far it is.
+    pub fn compute_from(grid: &Grid, components: &Components, progress: &Progress) -> Self {
         let searches = CELL_BUDGET / grid.free_count().max(1);
-        Self::bounded(searches, grid, components, &HalfCells::new(grid))
+        Self::bounded(searches, grid, components, &HalfCells::new(grid), progress)
     }
 
     /// Computes the diameter of `grid` by at most `searches` searches after the few that find the
     /// middle.
     pub fn within(searches: usize, grid: &Grid) -> Self {
         let components = StepSearch::new(grid).components(grid);
-        Self::bounded(searches, grid, &components, &HalfCells::new(grid))
+        let progress = Progress::default();
+        Self::bounded(searches, grid, &components, &HalfCells::new(grid), &progress)
     }
 
     /// Runs iFUB (Crescenzi et al. 2013, "On computing the diameter of real-world undirected
@@ -52,6 +55,7 @@ impl Diameter {
         grid: &Grid,
         components: &Components,
         half_cells: &HalfCells,
+        progress: &Progress,
     ) -> Self {
         let Some(first) = components.largest_cells(grid).next() else {
             return Self { steps: 0, exact: true, middle: None };
@@ -78,6 +82,8 @@ impl Diameter {
         let outermost = flood.outermost(middle, across / 2, searches);
         let radius = outermost.first().map_or(across / 2, |(ring, _)| *ring);
         let (mut moves, mut exact) = (across, true);
+        let most = outermost.len().min(searches);
+        progress.begin(0, 1);
         for (count, (ring, cell)) in outermost.into_iter().enumerate() {
             if moves >= 2 * ring {
                 break;
@@ -86,6 +92,7 @@ impl Diameter {
                 exact = false;
                 break;
             }
+            progress.set(count, most);
             moves = moves.max(flood.farthest(cell).1);
         }
         let middle = Some((half_cells.cell(middle), half_cells.steps(radius)));

@@ -23,6 +23,12 @@ const AFFECTED_STEPS: f32 = 2.0;
 /// Parts of an edit: what changes, the world, the transitions, the candidates, the graph.
 const EDIT_STAGES: usize = 5;
 
+/// Parts of a change of settings: the learner, the agents with their candidates, the graph.
+const CHANGE_STAGES: usize = 3;
+
+/// How often to say how far the candidates are, in transitions.
+const TOLD_EVERY: usize = 1000;
+
 /// Result of a change of the world.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WorldChange {
@@ -84,7 +90,7 @@ impl Trainer {
         let idle = vec![0.0; spec.action_dim];
         self.candidates.forget(region, change.may_lengthen, |state| possible(state, &idle, state));
         if change.may_lengthen || transitions_restored > 0 {
-            revisit(&self.replay, &mut self.candidates, spec, region);
+            revisit(&self.replay, &mut self.candidates, spec, region, &progress);
         }
         if change.may_lengthen || transitions_restored > 0 {
             self.counters.relearns_until =
@@ -105,7 +111,9 @@ impl Trainer {
     /// The learner or the world fails; nothing has changed then.
     pub fn change_run(&mut self, run: Run) -> Result<KeptState> {
         self.check_data()?;
-        let _activity = self.pulse.begin("the change of settings");
+        let progress = Progress::default();
+        let _activity = self.pulse.begin_with("the change of settings", progress.clone());
+        progress.begin(0, CHANGE_STAGES);
         let spec = self.spec();
         let fresh = || new_learner(&run, spec, &self.registry, self.threads);
         let (mut learner, mut networks) = (fresh()?, false);
@@ -130,7 +138,9 @@ impl Trainer {
         }
         // The change may have fixed the cause of earlier divergence.
         self.counters.recoveries = 0;
-        self.fit_agents(&before, fresh_agents);
+        progress.begin(1, CHANGE_STAGES);
+        self.fit_agents(&before, fresh_agents, &progress);
+        progress.begin(2, CHANGE_STAGES);
         let same_graph = self.run.bridge() == before.bridge()
             && self.run.method.planner == before.method.planner;
         if !(networks && agents && same_graph) {
@@ -146,14 +156,14 @@ impl Trainer {
 
     /// Adapts world, agents, replay buffer and candidates to settings changed from `before`;
     /// replaces the agents by `fresh` ones, if there are any.
-    fn fit_agents(&mut self, before: &Run, fresh: Option<Rollout>) {
+    fn fit_agents(&mut self, before: &Run, fresh: Option<Rollout>, progress: &Progress) {
         let are_fresh = fresh.is_some();
         match fresh {
             None => self.rollout.env_mut().configure(&self.run.settings.train.env()),
             Some(rollout) => self.replace_agents(rollout, &before.settings),
         }
         if are_fresh || !self.run.bridge().makes_same_candidates(&before.bridge()) {
-            self.rebuild_candidates();
+            self.rebuild_candidates(progress);
         }
     }
 
@@ -171,24 +181,31 @@ impl Trainer {
     }
 
     /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.
-    pub(super) fn rebuild_candidates(&mut self) {
+    pub(super) fn rebuild_candidates(&mut self, progress: &Progress) {
         self.candidates.reset_to(new_candidates(&self.run, self.spec()));
-        self.revisit_everything();
+        self.revisit_everything(progress);
         // The whole replay shows more paths than were known before.
         self.candidates.adapt_spacing();
     }
 
     /// Lets the candidates visit again all that the replay buffer has seen.
-    pub(super) fn revisit_everything(&mut self) {
+    pub(super) fn revisit_everything(&mut self, progress: &Progress) {
         let everything = Region::everything(self.spec().goal_dim());
         let Self { candidates, replay, rollout, .. } = self;
-        revisit(replay, candidates, rollout.env().spec(), &everything);
+        revisit(replay, candidates, rollout.env().spec(), &everything, progress);
     }
 }
 
 /// Lets the candidates visit again what the replay buffer has seen within their reach of `region`.
-/// Ends all episodes.
-fn revisit(replay: &Replay, candidates: &mut Candidates, spec: &Spec, region: &Region) {
+/// Ends all episodes, and says how far it is.
+fn revisit(
+    replay: &Replay,
+    candidates: &mut Candidates,
+    spec: &Spec,
+    region: &Region,
+    progress: &Progress,
+) {
+    let (mut seen, all) = (0, replay.len());
     let reach = candidates.reach();
     // An episode that begins where the agent's last one ended continues its trajectory.
     let mut ends: Vec<Option<Vec<f32>>> = vec![None; replay.agents()];
@@ -210,6 +227,10 @@ fn revisit(replay: &Replay, candidates: &mut Candidates, spec: &Spec, region: &R
                     candidates.pass(agent);
                 }
             }
+        }
+        seen += 1;
+        if seen % TOLD_EVERY == 0 {
+            progress.set(seen, all);
         }
         last[agent].clear();
         last[agent].extend(state);

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Result, Stream, Trainer, stream};
 use crate::learn::{Replay, ReplaySizes, ReplayState};
+use crate::pulse::Progress;
 use crate::store::{Store, StoreError};
 use crate::train::dataset::{DataSource, Dataset};
 use crate::train::error::{DataError, TrainError};
@@ -52,9 +53,9 @@ impl Trainer {
         let removed = impossible + by_chance;
         let Self { visits, replay, rollout, .. } = self;
         replay.visit_rows(|state, _, _| visits.add(rollout.env(), state));
-        self.rebuild_candidates();
+        self.rebuild_candidates(&Progress::default());
         // Paths from where candidates were found later.
-        self.revisit_everything();
+        self.revisit_everything(&Progress::default());
         let source = data.source().clone();
         let own_replay = (removed > 0).then(|| self.replay.capacity());
         self.data = Some(Data { source, acts: false, own_replay, missing: None });
