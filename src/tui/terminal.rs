@@ -387,14 +387,14 @@ pub fn restore() {
 /// Restores the terminal; returns whether it has read all of the output.
 fn give_back() -> bool {
     let leaves = ON_SCREEN.swap(false, Ordering::Relaxed);
-    let bytes =
-        if leaves { leaving(SHOWS_KITTY_PICTURES.load(Ordering::Relaxed)) } else { Vec::new() };
-    let is_read = printing::stdout().send(&bytes).is_ok() && printing::stdout().flush_briefly();
-    // A shell in the foreground sets its own modes.
+    // First, as what is typed on the shell's screen is a line of the shell's. A shell in the foreground
+    // sets its own modes.
     if is_in_foreground(std::io::stdout()) || is_raw(std::io::stdout()) {
         let _ = disable_raw_mode();
     }
-    is_read
+    let bytes =
+        if leaves { leaving(SHOWS_KITTY_PICTURES.load(Ordering::Relaxed)) } else { Vec::new() };
+    printing::stdout().send(&bytes).is_ok() && printing::stdout().flush_briefly()
 }
 
 /// Whether kitty pictures have been sent, which stay when the text is cleared.

@@ -120,7 +120,8 @@ impl Ending {
     fn tell_files(&mut self, well: bool, snapshot: &Snapshot) {
         if let Some((updates, path)) = &snapshot.saved {
             let at = grouped(snapshot.learned(*updates));
-            self.files += &format!("\nsaved {} at update {at}", path.display());
+            // First: what is not saved has come since.
+            self.files.insert_str(0, &format!("\nsaved {} at update {at}", path.display()));
         }
         let has_own = snapshot.saved.is_some() && !self.is_worth_saving;
         for path in snapshot.autosaves.iter() {

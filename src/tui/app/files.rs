@@ -34,7 +34,7 @@ const MAX_BYTES: u64 = 1 << 20;
 
 /// Reads `what` on its own thread and shows it: at once, or when it is there.
 fn read(
-    what: String,
+    what: &str,
     read: impl FnOnce(&Progress) -> Read + Send + 'static,
     scene: &Scene,
     screen: &mut Screen,
@@ -102,7 +102,7 @@ pub fn pick_under(own: &Path, scene: &Scene, screen: &mut Screen) {
 /// Lays the curves of a checkpoint's run under those of the run.
 pub fn lay_under(path: PathBuf, scene: &Scene, screen: &mut Screen) {
     let what = path.display().to_string();
-    read(what, move |_| Read::Runs(saved_runs::file(&path)), scene, screen);
+    read(&what, move |_| Read::Runs(saved_runs::file(&path)), scene, screen);
 }
 
 fn list_checkpoints(own: &Path, list: ListCheckpoints, scene: &Scene, screen: &mut Screen) {
@@ -125,7 +125,7 @@ fn list_checkpoints(own: &Path, list: ListCheckpoints, scene: &Scene, screen: &m
         });
         Read::Checkpoints(described.collect(), list)
     };
-    read(what, describe_all, scene, screen);
+    read(&what, describe_all, scene, screen);
 }
 
 /// Writes the map to a file.
@@ -172,7 +172,7 @@ pub fn pick_map(folder: Option<&Path>, scene: &Scene, screen: &mut Screen) {
         let entries = files.filter(is_folder_or_map).collect();
         Read::Maps(here, entries, has_recent.then(recent_maps))
     };
-    read(what, list, scene, screen);
+    read(&what, list, scene, screen);
 }
 
 /// Reads a map and asks how to switch to it.
@@ -188,7 +188,7 @@ pub fn open_map(path: &Path, scene: &Scene, screen: &mut Screen) {
             Read::Map(path, map)
         }
     };
-    read(path.display().to_string(), load, scene, screen);
+    read(&path.display().to_string(), load, scene, screen);
 }
 
 /// Asks the user how to switch to another map.

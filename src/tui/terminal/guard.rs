@@ -120,11 +120,11 @@ pub fn run_guard() {
     if ready.is_err() || read.is_err() || word.ends_with(DISMISSED) {
         return;
     }
-    let _ = std::io::stdout().write_all(&super::leaving(word.first() == Some(&PICTURES)));
-    let _ = std::io::stdout().flush();
     if let Some(modes) = modes {
         let _ = tcsetattr(std::io::stdout(), SetArg::TCSANOW, &modes);
     }
+    let _ = std::io::stdout().write_all(&super::leaving(word.first() == Some(&PICTURES)));
+    let _ = std::io::stdout().flush();
 }
 
 /// Does nothing: there is no guard on this platform.
