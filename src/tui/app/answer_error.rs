@@ -11,7 +11,7 @@ pub enum AnswerError {
     #[error("the file exists: Enter again replaces it")]
     Exists,
     /// A format without something that the map has: confirming writes the rest.
-    #[error("{lost}: NAME.txt keeps them{also}; Enter again writes it without them")]
+    #[error("{lost}{also}; Enter again writes it without them")]
     Loses {
         /// The format and what it lacks.
         lost: String,

@@ -155,8 +155,14 @@ pub fn save_map(name: &str, scene: &mut Scene, screen: &mut Screen) -> Result<()
 /// Returns what a file for the map called `name` would lack, if anything.
 pub fn loss(name: &str, scene: &Scene) -> Option<String> {
     let format = format_for(Path::new(name));
-    let lost = format.lost(&scene.maze()?.map, Path::new(name));
-    let loss = || format!("the format {} has no {}", format.name, lost.join(", "));
+    let map = &scene.maze()?.map;
+    let lost = format.lost(map, Path::new(name));
+    // Plain text, which anybody can edit, has no place for a scale.
+    let text = Path::new("NAME.txt");
+    let is_kept = MapFormat::by_name(text).is_some_and(|plain| plain.lost(map, text).is_empty());
+    let keeps = if is_kept { "NAME.txt" } else { "NAME.png" };
+    let loss =
+        || format!("the format {} has no {}: {keeps} keeps them", format.name, lost.join(", "));
     (!lost.is_empty()).then(loss)
 }
 

@@ -9,6 +9,7 @@ use crate::tui::lists;
 use crate::tui::panes::Pane;
 use crate::tui::reading::Read;
 use gdg::learn::LearnerKind;
+use gdg::map::MapScale;
 use gdg::pulse::Progress;
 use gdg::viewer::maze::CellInfo;
 
@@ -522,7 +523,7 @@ fn saving_a_map_warns_before_a_format_drops_starts_and_goals() {
         let map = gdg::map::load_map(&folder.path().join(name)).expect("a map");
         map.starts().len() + map.goals().len()
     };
-    let warning = "the format movingai has no starts and goals";
+    let warning = "the format movingai has no goals";
     enter(&mut app, "rooms.map");
     let shown = text(&draw(&mut app, 120, 40));
     assert!(shown.contains(warning) && shown.contains("NAME.txt keeps them"), "{shown}");
@@ -530,7 +531,8 @@ fn saving_a_map_warns_before_a_format_drops_starts_and_goals() {
     press(&mut app, KeyCode::Enter);
     assert_eq!((app.screen.dialogs.len(), marks("rooms.map")), (0, 0));
     enter(&mut app, "rooms.map");
-    assert!(text(&draw(&mut app, 120, 40)).contains("the file exists"));
+    let shown = text(&draw(&mut app, 120, 40));
+    assert!(shown.contains("keeps them, and the file"), "{shown}");
     press(&mut app, KeyCode::Esc);
     enter(&mut app, "rooms.txt");
     assert_eq!((app.screen.dialogs.len(), marks("rooms.txt")), (0, 1));
@@ -541,4 +543,14 @@ fn saving_a_map_warns_before_a_format_drops_starts_and_goals() {
     assert!(shown.contains("Enter again replaces it") && !shown.contains(warning), "{shown}");
     press(&mut app, KeyCode::Enter);
     assert_eq!((app.screen.dialogs.len(), marks("own.map")), (0, 1));
+    // A maze of blocks keeps its scale in an image, not in plain text.
+    let scale = MapScale { cell: 2, ..MapScale::default() };
+    let mut app = app_on(scale.of("rooms", &rooms()).expect("a map"), gdg());
+    enter(&mut app, "blocks.txt");
+    let shown = text(&draw(&mut app, 120, 40));
+    assert!(shown.contains("has no cells per block 2: NAME.png keeps them"), "{shown}");
+    press(&mut app, KeyCode::Esc);
+    enter(&mut app, "blocks.png");
+    let kept = gdg::map::load_map(&folder.path().join("blocks.png")).expect("a map");
+    assert_eq!((app.screen.dialogs.len(), kept.scale()), (0, scale));
 }
