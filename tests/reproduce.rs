@@ -89,6 +89,7 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
     has_parts(
         &report,
         &[
+            "ours: success rate | anywhere | as in training | environment steps |",
             "| GDG, bridges | about 0.8 | 0.",
             "| GDG | reaches the goal |",
             " | reached at the end | least steps left | environment steps | run |",
@@ -129,6 +130,10 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
     // Four distances, for each of three methods.
     let paths: Value = serde_json::from_slice(&data["fig5.json"]).unwrap();
     for method in paths["data"]["methods"].as_array().unwrap() {
+        for drawn in ["anywhere", "as_in_training"] {
+            let success = method["measured"]["random"][drawn].as_f64().unwrap();
+            assert!([0.0, 0.5, 1.0].contains(&success), "of two tasks: {success}");
+        }
         let walks = method["measured"]["walks"].as_array().unwrap();
         let distances: Vec<u64> =
             walks.iter().map(|walk| walk["distance"].as_u64().unwrap()).collect();

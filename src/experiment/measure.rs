@@ -4,13 +4,13 @@
 use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
 use gdg::bridge::{self, BridgePoint, Candidates, SearchSpace};
-use gdg::env::{EnvError, PointMaze, Task};
+use gdg::env::{EnvError, EnvSettings, PointMaze, Restart, Task, TaskSet};
 use gdg::learn::{Policy, Scratch};
 use gdg::map::{Cell, Grid};
 use gdg::train::{EvaluationJob, Trainer};
@@ -41,6 +41,19 @@ pub struct Measured {
     /// The walk of a long task.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub long_walk: Option<GoalWalk>,
+    /// Success on tasks drawn at random.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub random: Option<RandomTasks>,
+}
+
+/// Success rate on tasks drawn at random, with planning if the method plans.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RandomTasks {
+    /// From anywhere to anywhere.
+    pub anywhere: f64,
+    /// From anywhere to goals as training draws them, which are near ones with the probability
+    /// `near_goals`.
+    pub as_in_training: f64,
 }
 
 /// A walk in any world. Positions are goals (`goal_dim`), in the world's unit of length.
@@ -125,6 +138,10 @@ pub fn measure(
     let walks: Vec<Walked> = walks.into_diagnostic()?;
     let bridge = map.filter(|_| plan.bridge).map(|map| search(trainer, &job, map)).transpose()?;
     let long_walk = if plan.long_walk { long_walk(trainer, &job).into_diagnostic()? } else { None };
+    let random = match plan.random_tasks {
+        0 => None,
+        count => Some(random_tasks(trainer, &job, count).into_diagnostic()?),
+    };
     let counters = trainer.counters();
     Ok(Some(Measured {
         env_steps: counters.env_steps,
@@ -132,7 +149,31 @@ pub fn measure(
         walks,
         bridge,
         long_walk,
+        random,
     }))
+}
+
+/// Evaluates on `count` tasks drawn in either way.
+fn random_tasks(
+    trainer: &Trainer,
+    job: &EvaluationJob,
+    count: u32,
+) -> Result<RandomTasks, EnvError> {
+    let settings = &trainer.run().settings.train;
+    let mut world = trainer.world().fork(1)?;
+    world.configure(&EnvSettings { restart: Restart::Anywhere, ..EnvSettings::default() });
+    let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
+    let anywhere = TaskSet::random(&*world, count as usize, &mut rng)?;
+    let mut training = anywhere.clone();
+    for task in &mut training.tasks {
+        if rng.random::<f32>() < settings.near_goals
+            && let Some(near) = world.near_goal(&task.start, settings.near_goal_steps, &mut rng)?
+        {
+            task.goal = near;
+        }
+    }
+    let success = |tasks| Ok::<_, EnvError>(job.run(tasks)?.success_rate().unwrap_or(0.0));
+    Ok(RandomTasks { anywhere: success(&anywhere)?, as_in_training: success(&training)? })
 }
 
 /// Walks a task of this length, in steps; `None` if the map has none.

@@ -18,6 +18,7 @@ mod walls;
 use std::any::Any;
 use std::sync::Arc;
 
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
@@ -290,6 +291,29 @@ pub trait Environment: Any + Send + Sync {
 }
 
 impl dyn Environment {
+    /// Returns the goal that the first agent achieves after a straight walk from the full state
+    /// `from`: a random action, for a random number of at most `longest` steps. `None` if the world
+    /// cannot set full states.
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn near_goal(
+        &mut self,
+        from: &[f64],
+        longest: u32,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Option<Vec<f32>>, EnvError> {
+        let action: Vec<f32> =
+            (0..self.spec().action_dim).map(|_| rng.random_range(-1.0..=1.0)).collect();
+        if !self.set_full_state(0, from)? {
+            return Ok(None);
+        }
+        for _ in 0..rng.random_range(1..=longest) {
+            self.step(&action, rng)?;
+        }
+        Ok(Some(self.spec().achieved(self.states()).collect()))
+    }
+
     /// Returns the number of agents.
     pub fn agents(&self) -> usize {
         self.states().len() / self.spec().state_dim()

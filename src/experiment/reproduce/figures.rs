@@ -10,6 +10,9 @@ use crate::experiment::plan::{Length, Plan};
 /// Steps within which a goal has to be reached, as in the paper.
 const MAX_STEPS: u32 = 500;
 
+/// Tasks drawn at random at a time, as in the paper's Figure 3.
+const RANDOM_TASKS: u32 = 200;
+
 /// Distances of the paths in Figure 5, in steps.
 pub const PATH_DISTANCES: [u32; 4] = [90, 120, 150, 180];
 
@@ -238,7 +241,12 @@ impl Figure {
             if let Length::Episodes(episodes) = length { episodes / 20_000 } else { 10 };
         let plan = Plan { max_steps: Some(MAX_STEPS), ..Plan::new(length, evaluations, 10) };
         match self.world {
-            "city" => Plan { last_tasks: 100, walks: PATH_DISTANCES.to_vec(), ..plan },
+            "city" => Plan {
+                last_tasks: 100,
+                random_tasks: RANDOM_TASKS,
+                walks: PATH_DISTANCES.to_vec(),
+                ..plan
+            },
             "trap" => Plan { evaluations: 2 * plan.evaluations, eval_tasks: 1, ..plan },
             _ => Plan { bridge: true, ..plan },
         }

@@ -5,6 +5,7 @@ use super::curves::{Curve, Panel, Point, least, stays_at};
 use super::datasets::{PUBLISHED_METHODS, published_on};
 use super::figures::{Figure, Shows};
 use super::output::{Drawn, paths_file};
+use crate::experiment::measure::{Measured, RandomTasks};
 use crate::experiment::plan::Length;
 use gdg::text::counted;
 
@@ -27,6 +28,10 @@ const GRIP: &str = "The arm starts on one side of the wall, the goal is on the o
                     from the start (light blue) to within 5 cm of the goal (orange circle), after \
                     training with the first seed: from behind the robot with the table below, and \
                     from above. Red: the plan, with its waypoints.";
+
+/// What the columns of Figure 3 are.
+const RANDOM: &str = " Anywhere: from anywhere to anywhere; as in training: to goals drawn as in \
+                      training (`near_goals`), like the 200 tasks of the paper's figure.";
 
 /// How datasets are learned from, and where the numbers of others come from.
 const DATASETS: &str = "in the built-in maze, after learning from a million recorded transitions \
@@ -127,10 +132,23 @@ fn run(method: &MethodResults) -> String {
     format!("{name}, preset {preset}{settings}; {length}, {}", counted(seeds as u64, "seed"))
 }
 
-/// A column that sums up the whole curve of a method's first measure.
+/// A column besides the last values.
 struct Column {
     head: String,
-    of: fn(&Curve) -> String,
+    of: ColumnOf,
+}
+
+/// What a column shows of a method.
+enum ColumnOf {
+    /// A summary of the whole curve of its first measure.
+    Curve(fn(&Curve) -> String),
+    /// Success on tasks drawn at random at the end.
+    Random(fn(&RandomTasks) -> f64),
+}
+
+/// Returns the seeds of a method's jobs, and what was measured at their ends.
+fn measured(method: &MethodResults) -> impl Iterator<Item = (u64, &Measured)> {
+    method.results.iter().filter_map(|result| Some((result.seed, result.measured.as_ref()?)))
 }
 
 /// Returns the columns that a figure has besides the last values, and what they need to be said.
@@ -138,15 +156,31 @@ fn columns(figure: &Figure, panels: &[Panel]) -> (Vec<Column>, &'static str) {
     let axis = panels.first().map_or("", |panel| panel.labels[0]);
     match figure.shows {
         Shows::CompleteSuccess | Shows::CompleteSuccessAndGripPath => (
-            vec![Column { head: format!("1.00 from ({axis})"), of: complete_from }],
+            vec![Column {
+                head: format!("1.00 from ({axis})"),
+                of: ColumnOf::Curve(complete_from),
+            }],
             " 1.00 from: the first evaluation from which on all are 1.00.",
         ),
         Shows::DistanceLeft => (
             vec![
-                Column { head: "reached at the end".to_owned(), of: reached_at_the_end },
-                Column { head: "least steps left".to_owned(), of: least_left },
+                Column {
+                    head: "reached at the end".to_owned(),
+                    of: ColumnOf::Curve(reached_at_the_end),
+                },
+                Column { head: "least steps left".to_owned(), of: ColumnOf::Curve(least_left) },
             ],
             " Least: of all evaluations, a walk each; 0 if one reaches the goal.",
+        ),
+        Shows::Success => (
+            vec![
+                Column { head: "anywhere".to_owned(), of: ColumnOf::Random(|r| r.anywhere) },
+                Column {
+                    head: "as in training".to_owned(),
+                    of: ColumnOf::Random(|r| r.as_in_training),
+                },
+            ],
+            RANDOM,
         ),
         _ => (Vec::new(), ""),
     }
@@ -177,14 +211,18 @@ fn training_table(
         let last =
             |panel| numbers(curve_of(method, panel).and_then(|c| c.points.last()), digits(panel));
         let values: Vec<String> = panels.iter().map(last).collect();
-        let measured = method.results.iter().filter_map(|result| result.measured.as_ref());
-        let steps = measured.map(|measured| measured.env_steps).max().unwrap_or(0);
+        let steps = measured(method).map(|(_, measured)| measured.env_steps).max().unwrap_or(0);
         let (title, run) = (method.entry.title, run(method));
         let curve = panels.first().and_then(|panel| curve_of(method, panel));
-        let sums: String = columns
-            .iter()
-            .map(|column| format!("{} | ", curve.map_or("-".to_owned(), column.of)))
-            .collect();
+        let of = |column: &Column| match column.of {
+            ColumnOf::Curve(of) => curve.map_or("-".to_owned(), of),
+            ColumnOf::Random(of) => {
+                let value = |(seed, m): (u64, &Measured)| Some((seed, of(&m.random?)));
+                let values: Vec<_> = measured(method).filter_map(value).collect();
+                numbers(Some(&Point { x: 0, values }).filter(|point| !point.values.is_empty()), 3)
+            }
+        };
+        let sums: String = columns.iter().map(|column| format!("{} | ", of(column))).collect();
         out += &format!("| {title} | {paper} | {} | {sums}{steps} | {run} |\n", values.join(" | "));
     }
     format!("Ours: {what}.{note}\n\n{out}")
