@@ -1,16 +1,18 @@
 //! Bridge candidates, and the step counts that trajectories show between them.
 
 mod edit;
+mod paths;
 mod spacing;
 mod state;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::hops::HopOutcomes;
 use super::settings::BridgeSettings;
 use crate::env::Spec;
 use crate::learn::GoalIndex;
+use paths::{AT_SHARE, KnownPaths, Path};
 pub(crate) use spacing::MAX_SPACING_SHARE;
 pub use state::CandidatesState;
 
@@ -80,32 +82,12 @@ pub struct Candidates {
     /// Observed paths from each candidate. Frozen copies share the rows that have not changed
     /// since.
     paths: Vec<Arc<KnownPaths>>,
-    /// Each agent's recent visits: step within the episode, candidate.
-    visits: Vec<VecDeque<(u32, u32)>>,
+    /// Each agent's recent visits.
+    visits: Vec<VecDeque<Visit>>,
     /// Steps in each agent's episode so far.
     clocks: Vec<u32>,
     /// Outcomes of walks between candidates, by D.
     hops: HopOutcomes,
-}
-
-/// Observed paths from one candidate to others. Sparse, as recorded paths are short.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct KnownPaths {
-    /// Index of another candidate and the fewest steps to it, sorted by index.
-    observed: Vec<(u32, u16)>,
-    /// Outcomes of walks to another candidate, by its id.
-    practice: BTreeMap<u32, WalkRecord>,
-}
-
-impl KnownPaths {
-    /// Records that a trajectory reached candidate `to` in `steps`.
-    fn observe(this: &mut Arc<Self>, to: u32, steps: u16) {
-        match this.observed.binary_search_by_key(&to, |(to, _)| *to) {
-            Ok(at) if this.observed[at].1 <= steps => {}
-            Ok(at) => Arc::make_mut(this).observed[at].1 = steps,
-            Err(at) => Arc::make_mut(this).observed.insert(at, (to, steps)),
-        }
-    }
 }
 
 /// Outcomes of walks from one candidate to another.
@@ -115,6 +97,17 @@ pub struct WalkRecord {
     pub arrived: u16,
     /// Number of consecutive failures since the last arrival.
     pub failed: u16,
+}
+
+/// A visit of an agent to a candidate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Visit {
+    /// Step within the episode.
+    step: u32,
+    /// The candidate's index.
+    candidate: u32,
+    /// Whether the agent was at the candidate itself, not only near it.
+    exact: bool,
 }
 
 impl Candidates {
@@ -198,13 +191,13 @@ impl Candidates {
         if from == to {
             return 0;
         }
-        let row = &self.paths[from].observed;
-        row.binary_search_by_key(&(to as u32), |(to, _)| *to).map_or(UNOBSERVED, |at| row[at].1)
+        self.paths[from].to(to as u32).map_or(UNOBSERVED, Path::steps)
     }
 
-    /// Returns the candidates that some trajectory reached from near `from`, in ascending order.
-    pub fn observed_from(&self, from: usize) -> impl Iterator<Item = usize> {
-        self.paths[from].observed.iter().map(|(to, _)| *to as usize)
+    /// Returns the candidates that some trajectory reached from near `from`, in ascending order, and
+    /// the fewest steps to each.
+    pub fn observed_from(&self, from: usize) -> impl Iterator<Item = (usize, u16)> {
+        self.paths[from].certain().map(|(to, steps)| (to as usize, steps))
     }
 
     /// Returns, for each candidate, those from which some trajectory reached it, in ascending
@@ -212,7 +205,7 @@ impl Candidates {
     pub fn observed_into(&self) -> Vec<Vec<u32>> {
         let mut into = vec![Vec::new(); self.len()];
         for (from, paths) in self.paths.iter().enumerate() {
-            paths.observed.iter().for_each(|(to, _)| into[*to as usize].push(from as u32));
+            paths.certain().for_each(|(to, _)| into[to as usize].push(from as u32));
         }
         into
     }
@@ -263,15 +256,16 @@ impl Candidates {
         (self.spacing / 4.0).clamp(0.5 * self.spec.goal_radius, self.spec.goal_radius)
     }
 
-    /// Adds the next state of `agent`'s episode.
-    pub fn visit(&mut self, agent: usize, state: &[f32]) {
+    /// Adds the next state of `agent`'s episode; `beside` is the state one step before or after it,
+    /// or else the state itself.
+    pub fn visit(&mut self, agent: usize, state: &[f32], beside: &[f32]) {
         let clock = self.clocks[agent];
         self.clocks[agent] += 1;
         let visits = &mut self.visits[agent];
-        while visits.front().is_some_and(|(step, _)| clock - step > self.window as u32) {
+        while visits.front().is_some_and(|visit| clock - visit.step > self.window as u32) {
             visits.pop_front();
         }
-        let latest = visits.back().map(|(step, from)| (*from as usize, clock - step));
+        let latest = visits.back().map(|visit| (visit.candidate as usize, clock - visit.step));
         let (nearest, distance) = self.nearest(state);
         let mut near = (distance < self.near_radius()).then_some(nearest);
         let spacing = self.spacing_of_newcomers();
@@ -281,12 +275,27 @@ impl Candidates {
         {
             near = self.add(state, distance <= spacing);
         }
-        let visits = &mut self.visits[agent];
         let Some(to) = near else { return };
-        for (step, from) in visits.iter().filter(|(_, from)| *from as usize != to) {
-            KnownPaths::observe(&mut self.paths[*from as usize], to as u32, (clock - step) as u16);
+        let exact = self.is_at(to, state, beside);
+        let visit = Visit { step: clock, candidate: to as u32, exact };
+        let visits = &mut self.visits[agent];
+        for from in visits.iter().filter(|from| from.candidate != visit.candidate) {
+            let steps = (clock - from.step) as u16;
+            let path = Path::new(visit.candidate, steps, [from.exact, exact]);
+            KnownPaths::observe(&mut self.paths[from.candidate as usize], path);
         }
-        visits.push_back((clock, to as u32));
+        visits.push_back(visit);
+    }
+
+    /// Whether the step between `state` and `beside` passes candidate `i` itself.
+    fn is_at(&self, i: usize, state: &[f32], beside: &[f32]) -> bool {
+        let ends = || self.spec.achieved(state).zip(self.spec.achieved(beside));
+        let goal = self.goal_index.goal(i);
+        let squared: f32 = ends().map(|(a, b)| (b - a).powi(2)).sum();
+        let along: f32 = ends().zip(goal).map(|((a, b), g)| (b - a) * (g - a)).sum();
+        let share = if squared > 0.0 { (along / squared).clamp(0.0, 1.0) } else { 0.0 };
+        let miss: f32 = ends().zip(goal).map(|((a, b), g)| (a + share * (b - a) - g).powi(2)).sum();
+        miss.sqrt() < AT_SHARE * self.near_radius()
     }
 
     /// Skips the next state of `agent`'s episode.
@@ -336,11 +345,12 @@ impl Candidates {
     /// tell.
     fn may_be_joined(&self, i: usize, j: usize, distance: f32) -> bool {
         let well_known = |i: usize| self.paths[i].observed.len() >= WELL_KNOWN_PATHS;
-        let longest = self.longest_way(distance);
-        !well_known(i)
-            || !well_known(j)
-            || f32::from(self.observed(i, j)) <= longest
-            || f32::from(self.observed(j, i)) <= longest
+        // A path in doubt is no evidence of a wall.
+        let is_short = |from: usize, to: usize| {
+            let path = self.paths[from].to(to as u32);
+            path.is_some_and(|path| f32::from(path.fewest) <= self.longest_way(distance))
+        };
+        i == j || !well_known(i) || !well_known(j) || is_short(i, j) || is_short(j, i)
     }
 
     /// Returns the steps that a path may take over this `distance` in a straight line unless it
@@ -391,7 +401,7 @@ pub(super) mod tests {
     fn walk(candidates: &mut Candidates, end: f32) {
         let mut at = 0.0;
         while at <= end {
-            candidates.visit(0, &[at, 0.5]);
+            candidates.visit(0, &[at, 0.5], &[at, 0.5]);
             at += 0.5;
         }
         candidates.end_episode(0);
@@ -402,7 +412,7 @@ pub(super) mod tests {
         for _ in 0..30 {
             xs.clone()
                 .chain(xs.clone().rev().skip(1))
-                .for_each(|x| candidates.visit(0, &[x as f32, y]));
+                .for_each(|x| candidates.visit(0, &[x as f32, y], &[x as f32, y]));
         }
         candidates.end_episode(0);
     }
@@ -442,8 +452,13 @@ pub(super) mod tests {
         assert!(spacing > spec.goal_radius && ids.len() <= settings.max_candidates(), "{spacing}");
         // At other places of the same line, until gaps between candidates are filled.
         for offset in 1..20 {
-            (0..199)
-                .for_each(|i| candidates.visit(0, &[0.5 * (i as f32 + offset as f32 / 20.0), 0.5]));
+            (0..199).for_each(|i| {
+                candidates.visit(
+                    0,
+                    &[0.5 * (i as f32 + offset as f32 / 20.0), 0.5],
+                    &[0.5 * (i as f32 + offset as f32 / 20.0), 0.5],
+                )
+            });
             candidates.end_episode(0);
         }
         assert_eq!(
@@ -452,7 +467,7 @@ pub(super) mod tests {
             "none retired"
         );
         assert_eq!(candidates.len(), settings.max_candidates());
-        candidates.visit(0, &[50.0, 40.0]);
+        candidates.visit(0, &[50.0, 40.0], &[50.0, 40.0]);
         assert!(candidates.nearest(&[50.0, 40.0]).1 == 0.0 && candidates.spacing() > spacing);
         assert!(candidates.len() <= settings.max_candidates());
     }
@@ -467,12 +482,38 @@ pub(super) mod tests {
         for _ in 0..6_000 {
             let direction = [rng.random_range(-1.0..1.0f32), rng.random_range(-1.0..1.0f32)];
             for _ in 0..10 {
+                let before = at;
                 at = [0, 1].map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, 12.0));
-                candidates.visit(0, &at);
+                candidates.visit(0, &at, &before);
             }
         }
         // At the least spacing there would be room for more than a hundred.
         assert!((20..40).contains(&candidates.len()), "{} candidates", candidates.len());
+    }
+
+    #[test]
+    fn a_candidate_across_a_corner_has_no_paths_through_the_wall() {
+        let (spec, settings) = line(20);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        // A dead end at (50.1, 50.1), beyond the corner (50, 50) from an aisle that leads by at
+        // y = 49.8: from the aisle, the dead end is nearer than half a goal radius.
+        let dead_end = [50.1, 50.1];
+        for at in [dead_end, [50.5, 50.5], dead_end] {
+            candidates.visit(0, &at, &at);
+        }
+        candidates.end_episode(0);
+        let aisle = |x: usize| [0.9f32.mul_add(x as f32, 40.0), 49.8];
+        for _ in 0..2 * usize::from(paths::DOUBT_PASSES) {
+            (1..22).for_each(|x| candidates.visit(0, &aisle(x), &aisle(x - 1)));
+            candidates.end_episode(0);
+        }
+        let near = candidates.nearest(&[49.9, 49.8]);
+        assert!(near.0 == 0 && near.1 < candidates.near_radius(), "{near:?}");
+        assert_eq!(candidates.observed_into()[0], [] as [u32; 0], "paths to the dead end");
+        assert_eq!(candidates.observed_from(0).count(), 0, "paths from it");
+        let others: usize =
+            (1..candidates.len()).map(|i| candidates.observed_from(i).count()).sum();
+        assert!(others > 5, "{others} paths along the aisle");
     }
 
     #[test]

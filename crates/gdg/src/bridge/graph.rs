@@ -367,7 +367,7 @@ impl<'a> Rows<'a> {
         let back = self.observed_into.get(from).into_iter().flatten().map(|to| *to as usize);
         let back = back.map(|to| (candidates.observed(to, from), to));
         let back = back.filter(|(_, to)| candidates.observed(from, *to) == UNOBSERVED);
-        let ahead = candidates.observed_from(from).map(|to| (candidates.observed(from, to), to));
+        let ahead = candidates.observed_from(from).map(|(to, steps)| (steps, to));
         let mut near: Vec<(u16, usize)> = ahead.chain(back).collect();
         if near.len() > settings.edges_per_candidate {
             near.select_nth_unstable(settings.edges_per_candidate);
@@ -463,7 +463,9 @@ mod tests {
     fn row_of_cost(cost: f32) -> BridgeGraph {
         let (spec, settings) = line(20);
         let mut candidates = Candidates::new(&spec, 1, &settings);
-        (0..60).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        (0..60).for_each(|step| {
+            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5])
+        });
         let length = 3.0 + settings.hop_steps_in(&spec);
         let edge = |i: usize| Edge {
             from: i,
@@ -481,7 +483,9 @@ mod tests {
     fn one_way() -> (Candidates, BridgeSettings) {
         let (spec, settings) = line(20);
         let mut candidates = Candidates::new(&spec, 1, &settings);
-        (0..8).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        (0..8).for_each(|step| {
+            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5])
+        });
         assert_eq!((candidates.observed(0, 1), candidates.observed(1, 0)), (3, UNOBSERVED));
         (candidates, settings)
     }

@@ -423,9 +423,11 @@ mod tests {
     fn a_plan_leads_close_to_a_goal_whose_nearest_candidate_no_path_leads_to() {
         let (spec, settings) = line(200);
         let mut candidates = Candidates::new(&spec, 1, &settings);
-        (0..160).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        (0..160).for_each(|step| {
+            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5])
+        });
         candidates.end_episode(0);
-        candidates.visit(0, &[84.0, 0.5]);
+        candidates.visit(0, &[84.0, 0.5], &[84.0, 0.5]);
         let mut scratch = Scratch::default();
         let graph =
             BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
@@ -472,7 +474,9 @@ mod tests {
         let (spec, settings) = line(200);
         let settings = BridgeSettings { open_loop: true, progress_check: true, ..settings };
         let mut candidates = Candidates::new(&spec, 1, &settings);
-        (0..160).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        (0..160).for_each(|step| {
+            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5])
+        });
         candidates.end_episode(0);
         let mut scratch = Scratch::default();
         let graph =
@@ -493,7 +497,9 @@ mod tests {
     fn bans_last_longer_the_longer_an_agent_is_stuck() {
         let (spec, settings) = line(200);
         let mut candidates = Candidates::new(&spec, 1, &settings);
-        (0..80).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        (0..80).for_each(|step| {
+            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5])
+        });
         let mut scratch = Scratch::default();
         let graph =
             BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);

@@ -112,14 +112,20 @@ fn plans(trainer: &Trainer) -> Result<(Value, Vec<Array>), TrainError> {
 /// the edges.
 fn graph_arrays(graph: &BridgeGraph, state_dim: usize) -> [Array; 9] {
     let (state, edges) = (graph.state().candidates, graph.edges());
+    let (mut paths, mut ends) = (Vec::new(), Vec::new());
+    for from in 0..graph.candidates().len() {
+        let observed = graph.candidates().observed_from(from);
+        paths.extend(observed.map(|(to, steps)| (to as u32, u32::from(steps))));
+        ends.push(paths.len() as u32);
+    }
     let shape = [graph.candidates().len(), state_dim];
     let lengths = |length: fn(&Edge) -> f32| edges.iter().map(length).collect();
     let (distances, costs): (Vec<f32>, Vec<f32>) = (lengths(|e| e.distance), lengths(|e| e.cost));
     [
         Array::f32("candidates", &shape, &state.states),
-        Array::u32("observed.ends", state.ends.iter().copied()),
-        Array::u32("observed.to", state.to.iter().copied()),
-        Array::u32("observed.steps", state.steps.iter().map(|steps| u32::from(*steps))),
+        Array::u32("observed.ends", ends.into_iter()),
+        Array::u32("observed.to", paths.iter().map(|(to, _)| *to)),
+        Array::u32("observed.steps", paths.iter().map(|(_, steps)| *steps)),
         Array::f32("hops", &[state.hops.len() / 2, 2], &state.hops),
         Array::u32("edges.from", edges.iter().map(|edge| edge.from as u32)),
         Array::u32("edges.to", edges.iter().map(|edge| edge.to as u32)),

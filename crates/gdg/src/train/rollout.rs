@@ -255,7 +255,7 @@ impl Rollout {
             (self.env.spec(), self.before.chunks_exact(s).zip(self.env.states().chunks_exact(s)));
         for (i, (agent, (state, next))) in self.agents.iter().zip(steps).enumerate() {
             let action = &self.actions[i * a..(i + 1) * a];
-            context.candidates.visit(i, state);
+            context.candidates.visit(i, state, next);
             self.leaps.note(spec, state, next);
             if self.leaps.is_sure(spec, state, next) {
                 context.replay.push(i, state, action, &agent.goal);
@@ -274,7 +274,6 @@ impl Rollout {
         Ok(round)
     }
 
-    /// Ends the episode of agent `i` after a step if it is over, or its pursuit of a goal.
     /// Ends the episode of agent `i` after a step if it is over, or its pursuit of a goal.
     fn go_on(
         &mut self,
@@ -305,7 +304,7 @@ impl Rollout {
         context.replay.end_episode(i, state);
         // An agent that stays continues its trajectory.
         if !self.stays(i, context) {
-            context.candidates.visit(i, state);
+            context.candidates.visit(i, state, state);
             context.candidates.end_episode(i);
         }
         round.episodes += 1;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::Candidates;
+use super::{Candidates, UNOBSERVED};
 use crate::env::Region;
 
 /// Slack on the steps of a path, for both ends together: trajectories pass near candidates, not
@@ -48,7 +48,10 @@ impl Candidates {
                 |to: u32, steps: f32| from + distances[to as usize] > (steps + NEAR_STEPS) * radius;
             let paths = Arc::make_mut(paths);
             if blocks {
-                paths.observed.retain(|(to, steps)| is_out_of_reach(*to, f32::from(*steps)));
+                paths.observed.retain(|path| {
+                    let steps = if path.steps() == UNOBSERVED { path.fewest } else { path.steps() };
+                    is_out_of_reach(path.to, f32::from(steps))
+                });
             }
             let ids = &self.ids;
             paths.practice.retain(|id, _| {
@@ -63,7 +66,6 @@ impl Candidates {
 mod tests {
     use super::super::tests::{line, walk_corridor};
     use super::*;
-    use crate::bridge::candidates::UNOBSERVED;
 
     /// Returns the edit of the places between `low` and `high`.
     fn edit(low: f32, high: f32) -> Region {
@@ -87,7 +89,7 @@ mod tests {
         assert!(candidates.len() < before.len(), "no candidate is left in the wall");
         let mut kept = 0;
         for from in 0..candidates.len() {
-            for to in candidates.observed_from(from) {
+            for (to, _) in candidates.observed_from(from) {
                 let ends = [from, to].map(|i| place(&candidates, i));
                 assert!((ends[0] < 50.0) == (ends[1] < 50.0), "{ends:?}");
                 kept += 1;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use pathfinding::directed::dijkstra::dijkstra_reach;
 
-use super::{Candidates, KnownPaths};
+use super::{Candidates, KnownPaths, Path, Visit};
 use crate::learn::GoalIndex;
 
 /// The spacing grows to at most this share of the edge cut-off: edges could hardly connect
@@ -81,7 +81,8 @@ impl Candidates {
     fn is_space_open(&self) -> bool {
         let reach = self.edge_cutoff_steps * self.spec.goal_radius;
         let ahead = |from: &u32| {
-            self.paths[*from as usize].observed.iter().map(|(to, steps)| (*to, u32::from(*steps)))
+            let paths = &self.paths[*from as usize].observed;
+            paths.iter().map(|path| (path.to, u32::from(path.fewest)))
         };
         let [mut close, mut joined] = [0u32; 2];
         for i in (0..self.len()).step_by(self.len().div_ceil(JUDGED_CANDIDATES).max(1)) {
@@ -127,8 +128,9 @@ impl Candidates {
         let ids: Vec<u32> = kept.iter().map(|i| self.ids[*i]).collect();
         let paths = kept.iter().map(|i| {
             let KnownPaths { observed, practice } = &*self.paths[*i];
-            let observed =
-                observed.iter().filter_map(|(to, steps)| Some((new_index[*to as usize]?, *steps)));
+            let observed = observed
+                .iter()
+                .filter_map(|path| Some(Path { to: new_index[path.to as usize]?, ..*path }));
             let alive = |id: &u32| ids.binary_search(id).is_ok();
             let practice =
                 practice.iter().filter(|(id, _)| alive(id)).map(|(id, practice)| (*id, *practice));
@@ -139,8 +141,9 @@ impl Candidates {
         self.goal_index = Arc::new(places);
         self.ids = ids;
         for visits in &mut self.visits {
-            let moved =
-                visits.iter().filter_map(|(step, i)| new_index[*i as usize].map(|i| (*step, i)));
+            let moved = visits.iter().filter_map(|visit| {
+                Some(Visit { candidate: new_index[visit.candidate as usize]?, ..*visit })
+            });
             *visits = moved.collect();
         }
     }
@@ -166,9 +169,10 @@ mod tests {
         for _ in 0..steps / 4 {
             let direction = [rng.random_range(-0.5..0.5f32), rng.random_range(-0.5..0.5f32)];
             for _ in 0..4 {
+                let before = at;
                 at = [0, 1]
                     .map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, f32::from(SIDE)));
-                candidates.visit(0, &at);
+                candidates.visit(0, &at, &before);
             }
         }
     }
@@ -196,7 +200,8 @@ mod tests {
         for _ in 0..30 {
             let way = places.iter().chain(places.iter().rev());
             way.for_each(|at| {
-                candidates.visit(0, &at.map(|coordinate| f32::from(coordinate) + 0.5));
+                let at = at.map(|coordinate| f32::from(coordinate) + 0.5);
+                candidates.visit(0, &at, &at);
             });
         }
     }

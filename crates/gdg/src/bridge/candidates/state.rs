@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::{Candidates, KnownPaths, UNOBSERVED, WalkRecord};
+use super::paths::DOUBT_PASSES;
+use super::{Candidates, KnownPaths, Path, UNOBSERVED, Visit, WalkRecord};
 use crate::bridge::hops::HopOutcomes;
 use crate::bridge::settings::MAX_FACTOR;
 use crate::learn::GoalIndex;
@@ -10,6 +11,10 @@ use crate::store::{Store, StoreError};
 
 /// Upper bound on the candidate ids that a run may assign.
 const MAX_ID: u32 = 1 << 31;
+
+/// Added to the candidate of a visit whose agent was at the candidate itself. Indices are smaller
+/// than ids.
+const EXACT: u32 = MAX_ID;
 
 /// Full state of [`Candidates`], as plain numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,6 +31,12 @@ pub struct CandidatesState {
     pub to: Vec<u32>,
     /// Fewest steps of each observed path.
     pub steps: Vec<u16>,
+    /// The same of trajectories that began at its start itself; empty in older formats.
+    pub from_start: Vec<u16>,
+    /// The same of trajectories that ended at its end itself; empty in older formats.
+    pub to_end: Vec<u16>,
+    /// Number of trajectories that have shown it, as far as it is counted; empty in older formats.
+    pub passes: Vec<u16>,
     /// Four numbers per pair: from and to (ids), arrived, failed.
     pub practice: Vec<u32>,
     /// Each agent's clock, number of visits, and visits.
@@ -45,6 +56,9 @@ impl CandidatesState {
         store.put(format!("{prefix}.observed.ends"), self.ends);
         store.put(format!("{prefix}.observed.to"), self.to);
         store.put(format!("{prefix}.observed.steps"), self.steps);
+        store.put(format!("{prefix}.observed.from_start"), self.from_start);
+        store.put(format!("{prefix}.observed.to_end"), self.to_end);
+        store.put(format!("{prefix}.observed.passes"), self.passes);
         store.put(format!("{prefix}.practice"), self.practice);
         store.put(format!("{prefix}.visits"), self.visits);
         store.put(format!("{prefix}.hops"), self.hops);
@@ -69,7 +83,14 @@ impl CandidatesState {
                 store.u16(&format!("{prefix}.observed.steps"))?.to_vec(),
             )
         };
+        let newer = |part: &str| {
+            let name = format!("{prefix}.observed.{part}");
+            if store.has(&name) { store.u16(&name).map(<[u16]>::to_vec) } else { Ok(Vec::new()) }
+        };
         Ok(Self {
+            from_start: newer("from_start")?,
+            to_end: newer("to_end")?,
+            passes: newer("passes")?,
             spacing: store.f32(&format!("{prefix}.spacing"))?.to_vec(),
             states: store.f32(&format!("{prefix}.states"))?.to_vec(),
             ids,
@@ -112,8 +133,14 @@ impl Candidates {
         state.ids.clone_from(&self.ids);
         state.ids.push(self.next_id);
         for (id, paths) in self.ids.iter().zip(&self.paths) {
-            state.to.extend(paths.observed.iter().map(|(to, _)| *to));
-            state.steps.extend(paths.observed.iter().map(|(_, steps)| *steps));
+            for path in &paths.observed {
+                let [from_start, to_end] = path.exact;
+                state.to.push(path.to);
+                state.steps.push(path.fewest);
+                state.from_start.push(from_start);
+                state.to_end.push(to_end);
+                state.passes.push(path.passes.into());
+            }
             state.ends.push(state.to.len() as u32);
             let numbers = |(to, p): (&u32, &WalkRecord)| {
                 [*id, *to, u32::from(p.arrived), u32::from(p.failed)]
@@ -122,7 +149,11 @@ impl Candidates {
         }
         for (clock, own) in self.clocks.iter().zip(&self.visits) {
             state.visits.extend([*clock, own.len() as u32]);
-            state.visits.extend(own.iter().flat_map(|(step, i)| [*step, *i]));
+            let numbers = |visit: &Visit| {
+                let exact = if visit.exact { EXACT } else { 0 };
+                [visit.step, visit.candidate | exact]
+            };
+            state.visits.extend(own.iter().flat_map(numbers));
         }
         state
     }
@@ -191,12 +222,13 @@ impl Candidates {
             visits.clear();
             let mut before = 0;
             for _ in 0..count {
-                let (step, candidate) = (next()?, next()?);
+                let (step, number) = (next()?, next()?);
+                let (candidate, exact) = (number & !EXACT, number & EXACT != 0);
                 if candidate as usize >= n || step < before || step >= *clock {
                     return None;
                 }
                 before = step;
-                visits.push_back((step, candidate));
+                visits.push_back(Visit { step, candidate, exact });
             }
         }
         Some(())
@@ -211,12 +243,27 @@ fn parse_paths(state: &CandidatesState, n: usize) -> Option<Vec<KnownPaths>> {
     if !whole || state.ends.last().map_or(0, |end| *end as usize) != state.to.len() {
         return None;
     }
+    // In older formats, no path is in doubt.
+    let column = |numbers: &[u16], all: u16| {
+        if numbers.is_empty() { vec![all; state.to.len()] } else { numbers.to_vec() }
+    };
+    let (from_start, to_end) = (column(&state.from_start, 0), column(&state.to_end, 0));
+    let passes = column(&state.passes, DOUBT_PASSES.into());
+    if [&from_start, &to_end, &passes].iter().any(|numbers| numbers.len() != state.to.len()) {
+        return None;
+    }
+    let path = |i: usize| Path {
+        to: state.to[i],
+        fewest: state.steps[i],
+        exact: [from_start[i], to_end[i]],
+        passes: passes[i].min(DOUBT_PASSES.into()) as u8,
+    };
     let mut first = 0;
     let row = |(from, end): (usize, &u32)| {
         let own = std::mem::replace(&mut first, *end as usize)..*end as usize;
-        let observed: Vec<(u32, u16)> = own.map(|i| (state.to[i], state.steps[i])).collect();
-        let others = observed.iter().all(|(to, _)| (*to as usize) < n && *to as usize != from);
-        let sound = others && observed.is_sorted_by(|a, b| a.0 < b.0);
+        let observed: Vec<Path> = own.map(path).collect();
+        let others = observed.iter().all(|path| (path.to as usize) < n && path.to as usize != from);
+        let sound = others && observed.is_sorted_by(|a, b| a.to < b.to);
         sound.then(|| KnownPaths { observed, ..KnownPaths::default() })
     };
     state.ends.iter().enumerate().map(row).collect()

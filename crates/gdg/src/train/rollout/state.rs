@@ -150,7 +150,7 @@ impl Rollout {
                 if self.agents[i].steps > 0 {
                     replay.end_episode(i, &state);
                 }
-                candidates.visit(i, &state);
+                candidates.visit(i, &state, &state);
                 candidates.end_episode(i);
                 self.env.restart(i, &mut self.rng)?;
                 self.begin_episode(i);

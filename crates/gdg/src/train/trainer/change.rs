@@ -222,7 +222,8 @@ fn revisit(
                     candidates.end_episode(agent);
                 }
                 if region.distance(spec.achieved(state)) <= reach {
-                    candidates.visit(agent, state);
+                    let before = &last[agent];
+                    candidates.visit(agent, state, if before.is_empty() { state } else { before });
                 } else {
                     candidates.pass(agent);
                 }

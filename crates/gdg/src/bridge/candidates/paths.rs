@@ -1,0 +1,138 @@
+//! Paths that trajectories have shown between candidates.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::{UNOBSERVED, WalkRecord};
+
+/// A path that this many trajectories have shown is in doubt unless some began at its start itself,
+/// and some ended at its end itself. Agents are near a candidate in a straight line, also across a
+/// corner at which two free cells touch: from there, paths lead through the wall.
+pub(crate) const DOUBT_PASSES: u8 = 6;
+
+/// An agent is at a candidate itself if it steps past it within this share of the distance at which
+/// it is near.
+pub(super) const AT_SHARE: f32 = 0.3;
+
+/// A path confirms a shorter one if it takes at most this many more steps: trajectories begin and
+/// end up to a goal radius off.
+const CONFIRMED_SLACK_STEPS: u16 = 3;
+
+/// The path from one candidate to another, as trajectories have shown it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Path {
+    /// Index of the other candidate.
+    pub to: u32,
+    /// Fewest steps from near one to near the other.
+    pub fewest: u16,
+    /// Fewest steps from the one itself to near the other, and from near it to the other itself;
+    /// [`UNOBSERVED`] if there was none.
+    pub exact: [u16; 2],
+    /// Number of trajectories that have shown it, up to [`DOUBT_PASSES`].
+    pub passes: u8,
+}
+
+impl Path {
+    /// Returns the path that one trajectory has shown; `exact` is whether it began and ended at the
+    /// candidates themselves.
+    pub fn new(to: u32, steps: u16, exact: [bool; 2]) -> Self {
+        let exact = exact.map(|exact| if exact { steps } else { UNOBSERVED });
+        Self { to, fewest: steps, exact, passes: 1 }
+    }
+
+    /// Returns the fewest steps, or [`UNOBSERVED`] if the path is in doubt.
+    pub fn steps(&self) -> u16 {
+        let exact = self.exact[0].max(self.exact[1]);
+        let confirmed = exact <= self.fewest.saturating_add(CONFIRMED_SLACK_STEPS);
+        if confirmed || self.passes < DOUBT_PASSES { self.fewest } else { exact }
+    }
+
+    /// Returns the path that this and one more trajectory to the same candidate have shown.
+    fn and(&self, other: &Self) -> Self {
+        Self {
+            to: self.to,
+            fewest: self.fewest.min(other.fewest),
+            exact: [0, 1].map(|end: usize| self.exact[end].min(other.exact[end])),
+            passes: self.passes.saturating_add(other.passes).min(DOUBT_PASSES),
+        }
+    }
+}
+
+/// What is known of the paths from one candidate to others. Sparse, as recorded paths are short.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct KnownPaths {
+    /// The paths, sorted by the other candidate.
+    pub observed: Vec<Path>,
+    /// Outcomes of walks to another candidate, by its id.
+    pub practice: BTreeMap<u32, WalkRecord>,
+}
+
+impl KnownPaths {
+    /// Records a path that one trajectory has shown.
+    pub fn observe(this: &mut Arc<Self>, path: Path) {
+        match this.observed.binary_search_by_key(&path.to, |path| path.to) {
+            Ok(at) => {
+                let known = this.observed[at].and(&path);
+                // Frozen copies share what does not change.
+                if known != this.observed[at] {
+                    Arc::make_mut(this).observed[at] = known;
+                }
+            }
+            Err(at) => Arc::make_mut(this).observed.insert(at, path),
+        }
+    }
+
+    /// Returns the path to candidate `to`, if any trajectory has shown one.
+    pub fn to(&self, to: u32) -> Option<&Path> {
+        let at = self.observed.binary_search_by_key(&to, |path| path.to).ok()?;
+        Some(&self.observed[at])
+    }
+
+    /// Returns the other candidates and the fewest steps to each, without paths in doubt, in
+    /// ascending order.
+    pub fn certain(&self) -> impl Iterator<Item = (u32, u16)> {
+        let all = self.observed.iter().map(|path| (path.to, path.steps()));
+        all.filter(|(_, steps)| *steps != UNOBSERVED)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the steps of a path after these trajectories, each with its steps and whether it was
+    /// at the ends themselves.
+    fn after(trajectories: &[(u16, [bool; 2])]) -> u16 {
+        let mut paths = Arc::new(KnownPaths::default());
+        for (steps, exact) in trajectories {
+            KnownPaths::observe(&mut paths, Path::new(3, *steps, *exact));
+        }
+        paths.to(3).map_or(0, Path::steps)
+    }
+
+    #[test]
+    fn a_path_that_often_ends_beside_a_candidate_but_never_there_is_in_doubt() {
+        let beside = (1, [true, false]);
+        let few = vec![beside; usize::from(DOUBT_PASSES) - 1];
+        assert_eq!(after(&few), 1);
+        let many = vec![beside; usize::from(DOUBT_PASSES)];
+        assert_eq!(after(&many), UNOBSERVED);
+        let way_round = [&many[..], &[(9, [false, true])]].concat();
+        assert_eq!(after(&way_round), 9, "the way round the wall is known");
+        let reached = [&many[..], &[(1 + CONFIRMED_SLACK_STEPS, [false, true])]].concat();
+        assert_eq!(after(&reached), 1, "about as short: it does lead there");
+    }
+
+    #[test]
+    fn what_adds_nothing_is_shared_with_frozen_copies() {
+        let mut paths = Arc::new(KnownPaths::default());
+        for _ in 0..DOUBT_PASSES {
+            KnownPaths::observe(&mut paths, Path::new(3, 2, [true, true]));
+        }
+        let frozen = paths.clone();
+        KnownPaths::observe(&mut paths, Path::new(3, 4, [true, true]));
+        assert!(Arc::ptr_eq(&paths, &frozen));
+        KnownPaths::observe(&mut paths, Path::new(3, 1, [false, false]));
+        assert!(!Arc::ptr_eq(&paths, &frozen) && frozen.to(3).map(Path::steps) == Some(2));
+    }
+}
