@@ -588,7 +588,7 @@ fn a_panic_in_the_graph_builder_is_shown_and_the_run_is_saved() {
 
 #[test]
 fn a_panic_in_the_viewer_is_shown_and_the_run_is_saved() {
-    fails_in_the_interface("viewer=panic@20", "internal error");
+    fails_in_the_interface("viewer=panic@60", "internal error");
 }
 
 #[test]

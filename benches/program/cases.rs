@@ -290,7 +290,7 @@ fn explored_candidates(map: &Arc<Grid>, candidates: usize) -> (Candidates, Bridg
             .states()
             .chunks_exact(2)
             .enumerate()
-            .for_each(|(i, state)| candidates.visit(i, state));
+            .for_each(|(i, state)| candidates.visit(i, state, state));
         world.step(&actions, &mut rng);
     }
     (candidates, settings)

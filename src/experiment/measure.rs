@@ -138,10 +138,8 @@ pub fn measure(
     let walks: Vec<Walked> = walks.into_diagnostic()?;
     let bridge = map.filter(|_| plan.bridge).map(|map| search(trainer, &job, map)).transpose()?;
     let long_walk = if plan.long_walk { long_walk(trainer, &job).into_diagnostic()? } else { None };
-    let random = match plan.random_tasks {
-        0 => None,
-        count => Some(random_tasks(trainer, &job, count).into_diagnostic()?),
-    };
+    let random = plan.random_tasks.map(|count| random_tasks(trainer, &job, count)).transpose();
+    let random = random.into_diagnostic()?;
     let counters = trainer.counters();
     Ok(Some(Measured {
         env_steps: counters.env_steps,

@@ -81,8 +81,8 @@ pub struct Plan {
     /// Tasks at each distance in the last one.
     pub last_tasks: u32,
     /// Tasks drawn at random at the end, as Figure 3 of the paper has them, on a map.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub random_tasks: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub random_tasks: Option<u32>,
     /// Steps within which every goal has to be reached, instead of the task's own budget.
     pub max_steps: Option<u32>,
     /// Distances, in steps, of one walk each at the end, on a map.
@@ -107,7 +107,7 @@ impl Plan {
             evaluations,
             eval_tasks,
             last_tasks: eval_tasks,
-            random_tasks: 0,
+            random_tasks: None,
             max_steps: None,
             walks: Vec::new(),
             bridge: false,
@@ -150,11 +150,6 @@ impl Plan {
     pub fn measures(&self) -> bool {
         *self != Self::suite(self.length.amount(), self.eval_tasks)
     }
-}
-
-/// Whether a number is left out of a plan's fingerprint.
-fn is_zero(number: &u32) -> bool {
-    *number == 0
 }
 
 #[cfg(test)]

@@ -185,7 +185,7 @@ fn jobs(
     plan.length = lengths.into_iter().flatten().next().unwrap_or(plan.length);
     if let Some(tasks) = options.eval_tasks {
         (plan.eval_tasks, plan.last_tasks) = (plan.eval_tasks.min(tasks), tasks);
-        plan.random_tasks = plan.random_tasks.min(2 * tasks);
+        plan.random_tasks = plan.random_tasks.map(|random| random.min(2 * tasks));
     }
     let seeds = if figure.several_seeds {
         options.seeds.unwrap_or(figure.seeds(options.budget))

@@ -886,7 +886,7 @@ const CLUTTER: &str = "
 ..#.................
 .###.##.....#..#.#..
 ..#....#.#.......#.#
-...#.........#...#.#
+.............#...#.#
 #......#............
 ";
 
@@ -901,9 +901,9 @@ fn an_actor_that_clutter_blocks_is_shown_the_way_out() {
         });
         [evaluation.planned.unwrap(), evaluation.greedy].map(|own| own.success.unwrap())
     };
-    let ([planned, with], [stuck, without]) = (success(true), success(false));
-    assert!(stuck < planned - 0.05, "on plans, with ways out {planned}, without {stuck}");
-    assert!(without < with, "alone, with ways out {with}, without {without}");
+    let ([planned, with], [_, without]) = (success(true), success(false));
+    assert!(planned > 0.9, "on plans {planned}");
+    assert!(without < with - 0.05, "alone, with ways out {with}, without {without}");
 }
 
 #[test]

@@ -243,7 +243,7 @@ impl Figure {
         match self.world {
             "city" => Plan {
                 last_tasks: 100,
-                random_tasks: RANDOM_TASKS,
+                random_tasks: Some(RANDOM_TASKS),
                 walks: PATH_DISTANCES.to_vec(),
                 ..plan
             },

@@ -72,7 +72,7 @@ fn learn_everywhere(app: &mut App, distance: fn(&[f32], &[f32]) -> f32) {
     let cells: Vec<Cell> = map.free_cells().collect();
     let world = PointMaze::new(Arc::new(map), 0);
     let mut candidates = Candidates::new(world.spec(), 1, &app.screen.run().settings.bridge);
-    cells.iter().step_by(3).for_each(|cell| candidates.visit(0, &cell.centre()));
+    cells.iter().step_by(3).for_each(|cell| candidates.visit(0, &cell.centre(), &cell.centre()));
     assert!(candidates.len() > 100, "{}", candidates.len());
     learn(app, distance);
     let policy = app.screen.snapshot.networks.policy.clone();

@@ -452,13 +452,10 @@ pub(super) mod tests {
         assert!(spacing > spec.goal_radius && ids.len() <= settings.max_candidates(), "{spacing}");
         // At other places of the same line, until gaps between candidates are filled.
         for offset in 1..20 {
-            (0..199).for_each(|i| {
-                candidates.visit(
-                    0,
-                    &[0.5 * (i as f32 + offset as f32 / 20.0), 0.5],
-                    &[0.5 * (i as f32 + offset as f32 / 20.0), 0.5],
-                )
-            });
+            for i in 0..199 {
+                let at = [0.5 * (i as f32 + offset as f32 / 20.0), 0.5];
+                candidates.visit(0, &at, &at);
+            }
             candidates.end_episode(0);
         }
         assert_eq!(

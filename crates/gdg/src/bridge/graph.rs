@@ -464,7 +464,7 @@ mod tests {
         let (spec, settings) = line(20);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..60).for_each(|step| {
-            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5])
+            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5]);
         });
         let length = 3.0 + settings.hop_steps_in(&spec);
         let edge = |i: usize| Edge {
@@ -484,7 +484,7 @@ mod tests {
         let (spec, settings) = line(20);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..8).for_each(|step| {
-            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5])
+            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5]);
         });
         assert_eq!((candidates.observed(0, 1), candidates.observed(1, 0)), (3, UNOBSERVED));
         (candidates, settings)

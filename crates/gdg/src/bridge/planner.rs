@@ -424,7 +424,7 @@ mod tests {
         let (spec, settings) = line(200);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..160).for_each(|step| {
-            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5])
+            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5]);
         });
         candidates.end_episode(0);
         candidates.visit(0, &[84.0, 0.5], &[84.0, 0.5]);
@@ -475,7 +475,7 @@ mod tests {
         let settings = BridgeSettings { open_loop: true, progress_check: true, ..settings };
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..160).for_each(|step| {
-            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5])
+            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5]);
         });
         candidates.end_episode(0);
         let mut scratch = Scratch::default();
@@ -498,7 +498,7 @@ mod tests {
         let (spec, settings) = line(200);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..80).for_each(|step| {
-            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5])
+            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5]);
         });
         let mut scratch = Scratch::default();
         let graph =

@@ -34,7 +34,7 @@ fn parse(source: &Source) -> MapResult<Grid> {
 const MAP: Wanted = Wanted {
     name: "a map",
     help: "a map is plain text: one character per cell ('#' is a wall, '.' is free), or in one of the formats of \
-           'gdg-tui maps --help'",
+           'gdg-tui maps --help'; images are PNG or PGM",
     // A scenario gets an error of its own, with its location.
     own: &[Format::Map, Format::Scenario, Format::Text],
 };

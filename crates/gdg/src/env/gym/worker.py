@@ -451,8 +451,10 @@ def picture(body):
         pixels = squares.mean(axis=(1, 3)).astype(np.uint8).tobytes()
         return struct.pack("<II", columns, rows) + pixels
     except Exception as error:  # Nothing else depends on a picture.
-        text = "".join(traceback.format_exception_only(type(error), error)).strip()
-        return struct.pack("<II", 0, 0) + safe(text[-1000:]).encode()
+        text = "".join(traceback.format_exception_only(type(error), error)).strip()[-1000:]
+        if "GL" in text and "MUJOCO_GL" not in os.environ:
+            text = f"MUJOCO_GL=egl or osmesa may help without a display; {text}"
+        return struct.pack("<II", 0, 0) + safe(text).encode()
 
 
 def safe(text):

@@ -23,7 +23,8 @@ pub const FORMAT: MapFormat = MapFormat {
 
 const CELLS: &str = "a cell is 0 (free), 1 (wall), 'r' (start), 'g' (goal) or 'c' (both)";
 
-const ROWS: &str = "a map is one list of rows, each a list of cells: [[1, 1, 1], [1, 'r', 'g']]";
+const ROWS: &str = "a map is one list of rows, each a list of cells: [[1, 1, 1], [1, 'r', 'g']]; before it may only be \
+                    comments and NAME =";
 
 /// Returns the byte at which the list begins: after comments of Python and a name.
 fn start(source: &str) -> usize {

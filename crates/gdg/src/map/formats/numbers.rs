@@ -17,7 +17,7 @@ pub const FORMAT: MapFormat = MapFormat {
     image: None,
 };
 
-const CELLS: &str = "cells are integers: 0 is free, or -1 where there is one; others are walls";
+const CELLS: &str = "cells are numbers: 0 is free, or -1 where there is one; others are walls";
 
 /// A map of plain text has no digits.
 fn is_numbers(text: &Text) -> bool {
@@ -43,7 +43,8 @@ fn read(source: &Source) -> MapResult<Grid> {
     let lines = || text.lines.iter().enumerate().map(|(line, row)| numbers(line, row));
     let is_binary = |(number, _): Number| number.bytes().all(|b| b == b'0' || b == b'1');
     let is_dense = lines().flatten().all(is_binary) && lines().flatten().any(|n| n.0.len() > 1);
-    let empty = if lines().flatten().any(|(number, _)| number == "-1") { -1 } else { 0 };
+    let is_tiled = |(number, _): Number| number.parse::<f64>().is_ok_and(|value| value == -1.0);
+    let empty = if lines().flatten().any(is_tiled) { -1.0 } else { 0.0 };
     let mut rows = Rows::new(text);
     for mut row in lines().map(Iterator::peekable) {
         let Some((_, first)) = row.peek().copied() else { continue };
@@ -54,7 +55,9 @@ fn read(source: &Source) -> MapResult<Grid> {
                 }
                 rows.end_row(place)?;
             } else {
-                let value: i64 = number.parse().map_err(|_| {
+                // NumPy writes integers as 1.000000000000000000e+00 unless told otherwise.
+                let value = number.parse().ok().filter(|value: &f64| value.is_finite());
+                let value = value.ok_or_else(|| {
                     let problem = format!("{number:?} is not a number");
                     text.error_at(place, problem, CELLS)
                 })?;
