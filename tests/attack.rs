@@ -322,7 +322,9 @@ fn random_keys_and_clicks_break_nothing_and_touch_no_other_files() {
         }
     }
     session.signal("TERM");
-    assert_eq!(session.end(), 143);
+    // The last keys may have quit it before.
+    let status = session.end();
+    assert!([0, 143].contains(&status), "{status}");
     let after = files_and_contents(outside.path());
     let strangers: Vec<_> = after.keys().filter(|path| !path.starts_with(&inside)).collect();
     assert_eq!(strangers.len(), 2, "nothing new outside its folder: {strangers:?}");
