@@ -98,7 +98,7 @@ fn write_contents(path: &Path, contents: Result<Vec<u8>, ExportError>) -> Result
     }
 }
 
-/// Draws what is exported as it is now.
+/// Captures the present screen as this kind of export; what takes long is left to the encoder.
 fn drawn(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Encode, ExportError> {
     let curves = |format: Format, screen: &Screen| -> Encode {
         let run = screen.run();

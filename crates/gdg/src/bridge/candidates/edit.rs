@@ -49,8 +49,8 @@ impl Candidates {
             let paths = Arc::make_mut(paths);
             if blocks {
                 paths.observed.retain(|path| {
-                    let steps = if path.steps() == UNOBSERVED { path.fewest } else { path.steps() };
-                    is_out_of_reach(path.to, f32::from(steps))
+                    let known = Some(path.steps()).filter(|steps| *steps != UNOBSERVED);
+                    is_out_of_reach(path.to, f32::from(known.unwrap_or(path.fewest)))
                 });
             }
             let ids = &self.ids;

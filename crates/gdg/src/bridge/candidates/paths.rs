@@ -8,7 +8,7 @@ use super::{UNOBSERVED, WalkRecord};
 /// A path that this many trajectories have shown is in doubt unless some began at its start itself,
 /// and some ended at its end itself. Agents are near a candidate in a straight line, also across a
 /// corner at which two free cells touch: from there, paths lead through the wall.
-pub(crate) const DOUBT_PASSES: u8 = 6;
+pub(super) const DOUBT_PASSES: u8 = 6;
 
 /// An agent is at a candidate itself if it steps past it within this share of the distance at which
 /// it is near.
