@@ -10,18 +10,18 @@ use crate::env::Spec;
 use crate::store::{Store, StoreError};
 use places::{NO_FRONTIER, Places};
 
-/// An excursion ends after this many steps without a new place. The way to the frontier has an
-/// additional allowance of three steps per action.
-pub(crate) const EXCURSION_STEPS: u32 = 30;
+/// An excursion ends after this many actions without a new place, each held as long as it takes.
+/// The way to the frontier has an additional allowance.
+pub(crate) const EXCURSION_ACTIONS: u32 = 10;
 
 /// Share of random actions on an excursion, which free agents that the table leads in circles.
 pub(crate) const RANDOM_SHARE: f32 = 0.1;
 
-/// Steps for which an action is held to leave a place.
-pub(crate) const HELD_STEPS: u32 = 3;
+/// Steps for which an action is held to leave a place, at least and at most: as many as cross it
+/// by the smallest stride. If fewer, an action that leads on would soon count as blocked.
+pub(crate) const HELD_STEPS: [u32; 2] = [3, 20];
 
-/// Smallest share of an action that an agent takes per step. Half a step, held for [`HELD_STEPS`],
-/// still crosses a place.
+/// Smallest share of an action that an agent takes per step.
 pub(crate) const MIN_STRIDE: f32 = 0.5;
 
 /// Averaging window for the share of steps on excursions, in rounds of steps: longer than any
@@ -59,6 +59,8 @@ struct Held {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Excursions {
     places: Places,
+    /// Steps for which an action is held.
+    held_steps: u32,
     /// Each agent's place, once known.
     at: Vec<Option<usize>>,
     /// Each agent's excursion, if it is on one.
@@ -89,6 +91,7 @@ impl Excursions {
     pub fn new(spec: &Spec, agents: usize) -> Self {
         Self {
             places: Places::new(spec),
+            held_steps: held_steps(spec),
             at: vec![None; agents],
             under_way: vec![None; agents],
             spent: Spent::default(),
@@ -145,15 +148,16 @@ impl Excursions {
             None => true,
             Some((place, is_new)) => {
                 if let Some(Held { from, action, steps }) = excursion.held
-                    && (from != place || steps >= HELD_STEPS)
+                    && (from != place || steps >= self.held_steps)
                 {
                     self.places.record(from, action, place);
                     excursion.held = None;
                 }
                 let ahead = self.places.ahead(place);
+                let steps = |actions: u32| actions.saturating_mul(self.held_steps);
                 let left = match excursion.left {
-                    _ if is_new => EXCURSION_STEPS,
-                    None => ahead.saturating_mul(3).saturating_add(EXCURSION_STEPS),
+                    _ if is_new => steps(EXCURSION_ACTIONS),
+                    None => steps(ahead.saturating_add(EXCURSION_ACTIONS)),
                     Some(left) => left - 1,
                 };
                 excursion.left = Some(left);
@@ -227,7 +231,9 @@ impl Excursions {
         let known = |place: &usize| *place < places.len();
         let fits = |excursion: &Excursion| {
             let held = excursion.held.is_none_or(|held| {
-                known(&held.from) && held.action < 2 * spec.action_dim && held.steps <= HELD_STEPS
+                known(&held.from)
+                    && held.action < 2 * spec.action_dim
+                    && held.steps <= self.held_steps
             });
             held && excursion.left != Some(0)
         };
@@ -240,9 +246,16 @@ impl Excursions {
         {
             return Err(StoreError::inconsistent("the stored excursions do not fit the agents"));
         }
-        *self = Self { places, at, under_way, spent };
+        *self = Self { places, at, under_way, spent, ..*self };
         Ok(())
     }
+}
+
+/// Returns the number of steps that cross a place by the smallest stride.
+fn held_steps(spec: &Spec) -> u32 {
+    let [least, most] = HELD_STEPS;
+    let steps = spec.goal_radius / (MIN_STRIDE * spec.largest_change());
+    (steps.round() as u32).clamp(least, most)
 }
 
 #[cfg(test)]
@@ -274,6 +287,17 @@ mod tests {
         steps: usize,
         rng: &mut ChaCha8Rng,
     ) -> usize {
+        explore_at(1.0, excursions, at, steps, rng)
+    }
+
+    /// The same where an action moves an agent by `speed`.
+    fn explore_at(
+        speed: f32,
+        excursions: &mut Excursions,
+        at: &mut [[f32; 2]; 4],
+        steps: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> usize {
         let mut visited = BTreeSet::new();
         for _ in 0..steps {
             for (agent, at) in at.iter_mut().enumerate() {
@@ -284,7 +308,7 @@ mod tests {
                 }
                 let mut action = [0.0; 2];
                 assert!(excursions.act(agent, &mut action, rng), "it is on an excursion");
-                *at = step(*at, action, 6);
+                *at = step(*at, action.map(|along| speed * along), 6);
             }
         }
         visited.len()
@@ -298,6 +322,19 @@ mod tests {
         // 65 cells in a row; random steps would take thousands to get to the end.
         let visited = explore(&mut excursions, &mut at, 400, &mut rng);
         assert_eq!(visited, 65);
+    }
+
+    #[test]
+    fn slow_agents_hold_an_action_until_they_have_crossed_a_place() {
+        let slow = Spec { change_scale: vec![0.2; 2], ..plane() };
+        let visited = |held_steps| {
+            let mut excursions = Excursions::new(&slow, 4);
+            excursions.held_steps = held_steps;
+            let mut rng = ChaCha8Rng::seed_from_u64(1);
+            explore_at(0.2, &mut excursions, &mut [[0.5, 0.5]; 4], 1_500, &mut rng)
+        };
+        assert_eq!(held_steps(&slow), 10);
+        assert_eq!((visited(3), visited(10)), (3, 65));
     }
 
     #[test]
