@@ -19,9 +19,7 @@ class Interface:
         self.desired = known.get("desired_goal", goal_dim)
         self.state_columns = known.get("state_columns", list(range(state_dim)))
         self.goal_columns = known.get("goal_columns", list(range(goal_dim)))
-        # Actions without bounds stay within [-1, 1].
-        pairs = zip(known.get("low", [-1]), known.get("high", [1]))
-        bounds = [(-1, 1) if None in pair else pair for pair in pairs]
+        bounds = [_bounds(*pair) for pair in zip(known.get("low", [-1]), known.get("high", [1]))]
         self.low, self.high = np.array(bounds, dtype=float).T
 
     def state(self, observation: Any) -> np.ndarray:
@@ -44,6 +42,13 @@ class Interface:
     def actions(self, actions: np.ndarray) -> np.ndarray:
         """Scales actions (rows, action_dim) from [-1, 1] to their bounds."""
         return self.low + (np.clip(actions, -1, 1) + 1) / 2 * (self.high - self.low)
+
+
+def _bounds(low: float | None, high: float | None) -> tuple[float, float]:
+    """Returns the range of an action. Without a bound, it is as long as [-1, 1]; without both, that."""
+    if low is None:
+        return (-1, 1) if high is None else (high - 2, high)
+    return low, low + 2 if high is None else high
 
 
 def rows(values: ArrayLike, width: int, what: str) -> np.ndarray:

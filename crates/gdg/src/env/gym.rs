@@ -5,6 +5,7 @@
 //! seeds from the run's random numbers, so that the same seed gives the same run wherever the
 //! environment itself is deterministic.
 
+mod abilities;
 mod description;
 mod facts;
 mod frames;
@@ -22,17 +23,12 @@ use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value, json};
 
-use super::walls::WallsTruth;
-use super::{
-    Abilities, Drawn, EnvError, EnvSettings, Environment, Episodes, Evaluated, Explored, GoalSpace,
-    GroundTruth, Recorded, Rendered, Rendering, Scene, Spec, Task, TaskSet, Walls, WorldKind,
-};
+use super::{Abilities, EnvError, EnvSettings, Environment, Spec, Walls, WorldKind};
 use crate::store::{Store, StoreError};
 use description::Description;
 use facts::Found;
-use frames::{Expected, MAX_TEXT_BYTES, Request, f32_bytes, f64_bytes, f64_numbers, rendering};
+use frames::{Expected, Request, f64_bytes, f64_numbers};
 pub use options::{Address, GymOptions};
 use pool::Pool;
 use process::{Worker, failed};
@@ -404,148 +400,5 @@ impl Drop for Gym {
         for (worker, _) in self.workers.get_mut().drain(..) {
             self.pool.give_back(worker);
         }
-    }
-}
-
-impl Recorded for Gym {
-    fn title(&self) -> &str {
-        &self.pool.address.id
-    }
-
-    fn facts(&self) -> Map<String, Value> {
-        let (Address { package, id }, about) = (&self.pool.address, &self.pool.about);
-        let spec = self.spec();
-        let facts = json!({
-            "id": id,
-            "package": package,
-            "versions": about.versions,
-            "state": spec.state_dim(),
-            "actions": spec.action_dim,
-            "achieved": spec.achieved,
-            "goal_radius": spec.goal_radius,
-            "episode_steps": about.time_limit,
-            "tasks": about.tasks,
-            "centre": spec.state_centre,
-            "half_range": spec.state_half_range,
-            "change_per_step": spec.change_scale,
-            "position_scale": spec.position_scale,
-            "workers": self.pool.options.workers,
-            "resumes": if about.restorable { "exactly" } else { "with new episodes" },
-        });
-        Map::from_iter([("gym".to_owned(), facts)])
-    }
-
-    fn interface(&self) -> Option<Value> {
-        let (Address { package, id }, about) = (&self.pool.address, &self.pool.about);
-        let found = &self.pool.found;
-        let [observed, achieved, goal] = found.sizes;
-        Some(json!({
-            "id": id,
-            "package": package,
-            "observation": observed,
-            "achieved_goal": achieved,
-            "desired_goal": goal,
-            "state_columns": found.columns,
-            "goal_columns": found.goal_columns,
-            "low": about.low,
-            "high": about.high,
-        }))
-    }
-
-    fn save(&self, store: &mut Store) {
-        let Pool { address, found, about, .. } = &*self.pool;
-        let full_state = if self.states.is_empty() { 0 } else { self.full_state(0).len() };
-        let about = Some((about.clone(), full_state));
-        let (address, found) = (address.clone(), found.clone());
-        // All its numbers are finite, so this cannot fail.
-        let _ = store.put_json(STORED, &Stored { address, found, about });
-    }
-}
-
-impl Episodes for Gym {
-    fn episode_steps(&self) -> Option<u32> {
-        self.pool.about.time_limit
-    }
-}
-
-impl Explored for Gym {
-    fn places(&self) -> usize {
-        self.maze().map_or(0, |maze| maze.cells() + 1)
-    }
-
-    /// Returns the cell of the maze; the last place is outside.
-    fn place(&self, state: &[f32]) -> usize {
-        let mut position = self.spec().achieved(state);
-        let at = [(); 2].map(|()| position.next().unwrap_or(f32::NAN));
-        self.maze().map_or(0, |maze| maze.cell_at(at).unwrap_or(maze.cells()))
-    }
-
-    fn coverage(&self, visits: &[u32]) -> f64 {
-        let Some(maze) = self.maze() else { return 0.0 };
-        let free: Vec<usize> = (0..maze.cells()).filter(|cell| !maze.is_wall(*cell)).collect();
-        let visited = free.iter().filter(|cell| visits[**cell] > 0).count();
-        visited as f64 / free.len().max(1) as f64
-    }
-}
-
-impl Drawn for Gym {
-    fn scene(&self, _: &Arc<Vec<u32>>) -> Scene {
-        Scene::Goals(GoalSpace::of(self).with_walls(self.maze().cloned()))
-    }
-}
-
-impl Rendered for Gym {
-    fn picture(
-        &self,
-        agent: usize,
-        goal: &[f32],
-        (width, height): (usize, usize),
-    ) -> Result<Rendering, String> {
-        let mut workers = self.workers.lock();
-        let found = workers.iter_mut().find(|(_, agents)| agents.contains(&agent));
-        let Some((worker, agents)) = found else { unreachable!("every agent has a worker") };
-        let head = [agent - agents.start, width.max(1), height.max(1)];
-        let head = head.map(|number| (number as u32).to_le_bytes()).concat();
-        let most = Expected::AtMost(8 + (3 * width * height).max(MAX_TEXT_BYTES));
-        let reply = worker
-            .ask(Request::Picture, &[head, f32_bytes(goal)].concat(), most)
-            .map_err(|error| error.to_string())?;
-        rendering(&reply)
-    }
-}
-
-impl Evaluated for Gym {
-    /// Takes the starts and goals of the environment's own resets: all in one group, or `per_group`
-    /// of each of its tasks.
-    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError> {
-        let groups = self.pool.about.tasks.unwrap_or(1);
-        let mut world = Self::without_agents(self.pool.clone());
-        let s = self.spec().state_dim();
-        (world.states, world.ended, world.retired) = (vec![0.0; s], vec![false], vec![false]);
-        // As many environments as its tasks need later.
-        let together = TASKS_AT_ONCE.min(per_group * groups as usize).max(1);
-        world.workers.get_mut().push((self.pool.take(together)?, 0..1));
-        let mut set = TaskSet { distances: vec![None; groups as usize], ..TaskSet::default() };
-        for group in 0..groups {
-            let task = self.pool.about.tasks.map(|_| 1 + group);
-            for _ in 0..per_group {
-                let seed = rng.next_u32();
-                let goal = world.begin(0, seed, task)?;
-                let mut start = world.state_of(0);
-                start.extend([SEEDED, f64::from(seed), task.map_or(NO_TASK, f64::from)]);
-                set.tasks.push(Task { start, goal, shortest: None, group: group as usize });
-            }
-        }
-        Ok(set)
-    }
-
-    fn tasks_at_once(&self) -> usize {
-        TASKS_AT_ONCE
-    }
-
-    /// Returns distances along the walls of its maze, if it has one.
-    fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
-        let truth = WallsTruth::new(self.maze()?, self.spec())?;
-        Some(Box::new(truth) as _)
     }
 }

@@ -329,8 +329,10 @@ impl BridgeGraph {
             goals: GoalIndex::new(&self.spec),
             steps: Vec::new(),
             waypoints: Vec::new(),
+            nearest: vec![0; self.candidates.len()],
         };
-        for _ in 0..goals.min(self.candidates.len()) {
+        let mut nearest = vec![f32::INFINITY; self.candidates.len()];
+        for number in 0..goals.min(self.candidates.len()) {
             let goal = rng.random_range(0..self.candidates.len());
             let route = self.route_to_candidate(goal);
             let lengths = self.lengths(&route, |_| 0.0);
@@ -342,6 +344,11 @@ impl BridgeGraph {
                 let pairs = if steps < NEAR_STEPS { &mut near } else { &mut far };
                 let (from, to) = (i as u32, goal as u32);
                 pairs.push(KnownPair { from, to, steps, waypoint: waypoints[i] });
+            }
+            for ((least, to), steps) in nearest.iter_mut().zip(&mut by_goal.nearest).zip(&lengths) {
+                if steps < least {
+                    (*least, *to) = (*steps, number as u32);
+                }
             }
             by_goal.places.push(goal as u32);
             by_goal.goals.push(self.point(goal));

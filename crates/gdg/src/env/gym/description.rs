@@ -50,6 +50,26 @@ impl Description {
         [self.observed, self.achieved, self.goal]
     }
 
+    /// Returns the lowest and the highest action of each component. Where a bound is missing, the
+    /// range is as long as [-1, 1]; without both, it is that.
+    pub fn action_bounds(&self) -> impl Iterator<Item = [f32; 2]> + Clone {
+        self.low.iter().zip(&self.high).map(|bounds| match bounds {
+            (Some(low), Some(high)) => [*low, high.max(*low)],
+            (Some(low), None) => [*low, low + 2.0],
+            (None, Some(high)) => [high - 2.0, *high],
+            (None, None) => [-1.0, 1.0],
+        })
+    }
+
+    /// Returns a warning if some component of actions lacks a bound.
+    pub fn unbounded_actions(&self) -> Option<String> {
+        let mut bounds = self.low.iter().zip(&self.high);
+        let at = bounds.position(|(low, high)| low.is_none() || high.is_none())?;
+        let [low, high] = self.action_bounds().nth(at)?;
+        let component = format!("component {at} of its actions has no bounds, or only one");
+        Some(format!("{component}: actions stay from {low} to {high} there"))
+    }
+
     /// Returns whether the numbers make sense.
     pub fn is_sound(&self) -> bool {
         const MOST: usize = 4096;

@@ -385,6 +385,18 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_missing_bound_of_actions_is_filled_in_and_told() {
+        let mut about = description(1, 0, 1);
+        assert_eq!(about.unbounded_actions(), None);
+        about.low = vec![Some(-1.0), Some(3.0), None, None];
+        about.high = vec![Some(1.0), None, Some(3.0), None];
+        let bounds = [[-1.0, 1.0], [3.0, 5.0], [1.0, 3.0], [-1.0, 1.0]];
+        assert_eq!(about.action_bounds().collect::<Vec<_>>(), bounds);
+        let told = about.unbounded_actions().unwrap_or_default();
+        assert!(told.contains("component 1 ") && told.contains("from 3 to 5"), "{told}");
+    }
+
     /// Rows of which the last two numbers are achieved: the third observed, and one apart.
     fn seen() -> Seen {
         let row = |i: u16| {

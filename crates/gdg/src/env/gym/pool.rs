@@ -30,6 +30,9 @@ impl Pool {
     /// It cannot be opened, is not supported, or fails.
     pub fn open(address: &Address, options: &GymOptions) -> Result<Self, EnvError> {
         let (mut worker, about) = start(address, options)?;
+        if let Some(unbounded) = about.unbounded_actions() {
+            log::warn!("{}: {unbounded}", address.id);
+        }
         let found = facts::find(&mut worker, &about, options)?;
         Ok(Self::new(address, options, about, found, Some(worker)))
     }

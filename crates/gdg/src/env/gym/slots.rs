@@ -80,20 +80,19 @@ pub fn begin_step(
     about: &Description,
     actions: &[f32],
 ) -> Result<(), EnvError> {
-    let bounds = about.low.iter().zip(&about.high).cycle();
-    let actions: Vec<f32> =
-        actions.iter().zip(bounds).map(|(a, (low, high))| scaled(*a, *low, *high)).collect();
+    let bounds = about.action_bounds().cycle();
+    let actions: Vec<f32> = actions.iter().zip(bounds).map(|(a, to)| scaled(*a, to)).collect();
     worker.send(Request::Step, &f32_bytes(&actions))
 }
 
-/// Scales an action in [-1, 1] to its bounds, if it has any.
-fn scaled(action: f32, low: Option<f32>, high: Option<f32>) -> f32 {
+/// Scales an action in [-1, 1] to its bounds.
+fn scaled(action: f32, [low, high]: [f32; 2]) -> f32 {
     let action = action.clamp(-1.0, 1.0);
-    match (low, high) {
-        (Some(low), Some(high)) if (low, high) != (-1.0, 1.0) => {
-            (low + 0.5 * (action + 1.0) * (high - low)).clamp(low, high.max(low))
-        }
-        _ => action,
+    // Exactly the same numbers where nothing is to be scaled.
+    if [low, high] == [-1.0, 1.0] {
+        action
+    } else {
+        (low + 0.5 * (action + 1.0) * (high - low)).clamp(low, high)
     }
 }
 
@@ -140,12 +139,9 @@ mod tests {
     use super::scaled;
 
     #[test]
-    fn actions_are_scaled_to_their_bounds_and_kept_without() {
-        assert_eq!(scaled(0.3, Some(-1.0), Some(1.0)), 0.3);
-        assert_eq!(
-            [-1.0, 0.0, 1.0, 7.0].map(|a| scaled(a, Some(0.0), Some(3.0))),
-            [0.0, 1.5, 3.0, 3.0]
-        );
-        assert_eq!(scaled(0.3, None, Some(5.0)), 0.3);
+    fn actions_are_scaled_to_their_bounds() {
+        assert_eq!(scaled(0.3, [-1.0, 1.0]), 0.3);
+        let actions = [-1.0, 0.0, 1.0, 7.0].map(|a| scaled(a, [0.0, 3.0]));
+        assert_eq!(actions, [0.0, 1.5, 3.0, 3.0]);
     }
 }

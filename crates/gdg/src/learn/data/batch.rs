@@ -4,7 +4,6 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
-use crate::learn::data::goal_index::GoalIndex;
 use crate::learn::data::known::{KnownDistances, KnownPair, Relearning};
 use crate::learn::data::replay::{Moment, Replay};
 use crate::learn::settings::LearnSettings;
@@ -208,20 +207,18 @@ impl BatchSampler {
                 *limit = limit.min(self.max_distance());
             }
         }
-        let Some(changed) = known.changed else { return count };
-        let mut changed_goals = GoalIndex::new(&self.spec);
-        changed
-            .goals
-            .iter()
-            .for_each(|place| changed_goals.push(known.goals.goal(*place as usize)));
+        let Some((changed, by_goal)) = known.changed.zip(known.by_goal) else { return count };
         for i in 0..batch.len() {
             let state: Vec<f32> = self.spec.achieved(&batch.states[i * s..(i + 1) * s]).collect();
             let goal = &batch.goals[i * g..(i + 1) * g];
-            let (from, to) = (known.goals.nearest(&state), changed_goals.nearest(goal));
-            if let (Some((from, off_start)), Some((to, off_goal))) = (from, to) {
+            let (from, at) = (known.goals.nearest(&state), known.goals.nearest(goal));
+            if let (Some((from, off_start)), Some((at, off_goal))) = (from, at) {
                 // The triangle inequality, with straight lines for the short distances to the
-                // nearest places.
-                let (pair, off) = (to * known.goals.len() + from, off_start + off_goal);
+                // nearest places, and the path from there to a place whose changes are known: the
+                // nearest one in a straight line may lie behind a wall.
+                let to = by_goal.nearest[at] as usize;
+                let on = by_goal.steps[to * known.goals.len() + at];
+                let (pair, off) = (to * known.goals.len() + from, off_start + off_goal + on);
                 batch.bound[i] = batch.bound[i].min(changed.upper[pair] + off);
                 batch.lower[i] = batch.lower[i].max(changed.lower[pair] - off).min(batch.bound[i]);
             }
@@ -296,7 +293,8 @@ mod tests {
     use super::*;
     use crate::env::tests::positions;
     use crate::learn::ReplaySizes;
-    use crate::learn::data::known::ChangedDistances;
+    use crate::learn::data::goal_index::GoalIndex;
+    use crate::learn::data::known::{ChangedDistances, DistancesByGoal};
 
     /// Positions on a line, and a replay of one walk along it.
     fn line() -> (Spec, Replay) {
@@ -341,6 +339,15 @@ mod tests {
         let (states, pairs) = ([10.0, 90.0], [pair(0, 1, 200.0), pair(1, 0, 80.0)]);
         let mut places = GoalIndex::new(&sampler.spec);
         states.iter().for_each(|state| places.push(&[*state]));
+        // Only distances to the second place are known; from the first one it is a long way round.
+        let mut by_goal = DistancesByGoal {
+            places: vec![1],
+            goals: GoalIndex::new(&sampler.spec),
+            steps: vec![120.0, 0.0],
+            waypoints: vec![1, 1],
+            nearest: vec![0, 0],
+        };
+        by_goal.goals.push(&[90.0]);
         let changed = ChangedDistances {
             goals: vec![1],
             lower: vec![150.0, 0.0],
@@ -380,12 +387,12 @@ mod tests {
             "the limit is for all pairs"
         );
         sampler.add_known(&known, &[], rng, batch);
-        let known = KnownDistances { changed: Some(&changed), ..known };
+        let known = KnownDistances { changed: Some(&changed), by_goal: Some(&by_goal), ..known };
         sampler.add_known(&known, &[], rng, batch);
         for i in 16..64 {
             let (state, goal) = (batch.states[i], batch.goals[i]);
             let off = if state < 50.0 { (state - 10.0).abs() } else { (state - 90.0).abs() }
-                + (goal - 90.0).abs();
+                + if goal < 50.0 { (goal - 10.0).abs() + 120.0 } else { (goal - 90.0).abs() };
             let lower = if state < 50.0 { 150.0 - off } else { 0.0 };
             assert!(
                 (batch.lower[i] - lower.max(0.0).min(batch.bound[i])).abs() < 1e-3,

@@ -64,6 +64,8 @@ pub struct DistancesByGoal {
     /// For each of these, the first place on the path that is at least `WAYPOINT_STEPS` from its
     /// start, or its end.
     pub waypoints: Vec<u32>,
+    /// For each place, the goal that is fewest steps away, as its number among the goals.
+    pub nearest: Vec<u32>,
 }
 
 /// Bounds on distances of which D is far too short or too long.

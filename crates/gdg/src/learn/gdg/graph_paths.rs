@@ -79,7 +79,7 @@ impl GraphPaths {
         self.paths.clear();
         let Some(by_goal) = known.by_goal else { return };
         let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
-        let DistancesByGoal { places: ends_at, goals, steps, waypoints } = by_goal;
+        let DistancesByGoal { places: ends_at, goals, steps, waypoints, .. } = by_goal;
         let least = if self.waypoints { LEAST_LED_STEPS } else { LEAST_BOUND_STEPS };
         let mut ends = (Vec::new(), Vec::new());
         for row in (first..batch.len()).filter(|row| batch.bootstrap[*row] > 0.0) {
@@ -164,6 +164,7 @@ mod tests {
             goals: last,
             steps: vec![82.0, 44.0, 0.0],
             waypoints: vec![1, 2, 2],
+            nearest: vec![0; 3],
         };
         let known = KnownDistances {
             states: &states,

@@ -19,9 +19,15 @@ pub const FORMAT: MapFormat = MapFormat {
 
 const CELLS: &str = "cells are numbers: 0 is free, or -1 where there is one; others are walls";
 
-/// A map of plain text has no digits.
+/// A map of plain text has no digits, but its walls look like the comments of `numpy.savetxt`.
 fn is_numbers(text: &Text) -> bool {
-    text.source.trim_start().starts_with(|c: char| c == '-' || c.is_ascii_digit())
+    let first = text.lines.iter().find(|line| !is_no_row(line));
+    first
+        .is_some_and(|line| line.trim_start().starts_with(|c: char| c == '-' || c.is_ascii_digit()))
+}
+
+fn is_no_row(line: &str) -> bool {
+    line.trim_start().is_empty() || line.trim_start().starts_with('#')
 }
 
 /// A number of a map: what is written, and where.
@@ -40,7 +46,8 @@ fn numbers(line: usize, text: &str) -> impl Iterator<Item = Number<'_>> {
 
 fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
-    let lines = || text.lines.iter().enumerate().map(|(line, row)| numbers(line, row));
+    let written = || text.lines.iter().enumerate().filter(|(_, row)| !is_no_row(row));
+    let lines = || written().map(|(line, row)| numbers(line, row));
     let is_binary = |(number, _): Number| number.bytes().all(|b| b == b'0' || b == b'1');
     let is_dense = lines().flatten().all(is_binary) && lines().flatten().any(|n| n.0.len() > 1);
     let is_tiled = |(number, _): Number| number.parse::<f64>().is_ok_and(|value| value == -1.0);
@@ -74,4 +81,19 @@ fn read(source: &Source) -> MapResult<Grid> {
 fn write(grid: &Grid) -> String {
     let cell = |mark| if mark == Mark::Wall { "1" } else { "0" };
     marks(grid).map(|row| row.map(cell).collect::<Vec<_>>().join(",") + "\n").collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::map::parse_map;
+
+    #[test]
+    fn comments_before_numbers_are_no_walls() {
+        let read = |text: &str| parse_map("maze", text.as_bytes()).expect("a map");
+        let maze = read("# 3 x 2 cells\n#\n0 1 0\n0 0 0\n");
+        let walls = (0..6).filter(|index| !maze.is_free(maze.cell(*index))).count();
+        assert_eq!((maze.width(), maze.height(), walls), (3, 2, 1));
+        let plain = read("###\n#.#\n###\n");
+        assert_eq!((plain.width(), plain.height()), (3, 3));
+    }
 }
