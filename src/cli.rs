@@ -55,21 +55,22 @@ Examples:
   gdg-tui tour                               a guided minute and a half
   gdg-tui city --seed 3                      the city with another seed
   gdg-tui --no-ui fourrooms --max-updates 60000 --require-success 0.95
-  gdg-tui --no-ui my.map --scen my.map.scen --max-seconds 120 --save saves/my.safetensors
-  gdg-tui --resume                           resume the run that was saved last; gdg-tui runs shows all
+  gdg-tui --no-ui my.map --scen my.scen --max-seconds 120 --save a.safetensors
+  gdg-tui --resume                           resume the run that was saved last
   gdg-tui --resume saves/my.safetensors      resume where that run stopped
-  gdg-tui film saves/my.safetensors          how that run learned distance, as an animation
-  gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
-  gdg-tui fetch-reach --method gdg           watch a 7-joint arm learn to reach for points in space
-  gdg-tui --no-ui gym:gymnasium_robotics:PointMaze_UMaze-v3    a Gymnasium environment, in Python
-  gdg-tui compare gdg-bridge gdg             two methods side by side: with bridge points and without
-  gdg-tui suite maps/ --seeds 3              train on every map of a folder: a table, and a report with pictures
-  gdg-tui plot saves/suite --out fig.pdf     their learning curves over the seeds, at the size of a paper's column
-  gdg-tui reproduce all                      the paper's figures, with our default beside its methods
+  gdg-tui runs                               all runs: resume, compare, plot
+  gdg-tui film saves/my.safetensors          how it learned distance, animated
+  gdg-tui --record run.cast                  record; gdg-tui frames draws frames
+  gdg-tui fetch-reach --method gdg           a 7-joint arm reaches for points
+  gdg-tui --no-ui gym:gymnasium_robotics:PointMaze_UMaze-v3    in Python
+  gdg-tui compare gdg-bridge gdg             with bridge points and without
+  gdg-tui suite maps/ --seeds 3              every map of a folder: a report
+  gdg-tui plot saves/suite --out fig.pdf     their curves, for a paper's column
+  gdg-tui reproduce all                      the paper's figures
 
-Exit status: 0 success; 1 failure while running; 2 bad usage or input; 3 --require-success not reached;
-128 + its number after a signal, as 130 after Ctrl-C (the run is saved to --save FILE, or by the interface; the same signal
-again exits without saving).";
+Exit status: 0 success; 1 failure while running; 2 bad usage or input; 3 --require-success not \
+reached; 128 + its number after a signal, as 130 after Ctrl-C (the run is saved to --save FILE, \
+or by the interface; the same signal again exits without saving).";
 
 /// Watch agents learn distance and reach goals without any reward.
 #[derive(Debug, Parser)]

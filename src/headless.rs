@@ -14,8 +14,9 @@ use std::path::PathBuf;
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
 
+use crate::host::outputs::save_elsewhere;
 use crate::host::runs::resume_command;
-use crate::host::setup::{Setup, save_elsewhere};
+use crate::host::setup::Setup;
 use crate::host::signals::TerminationSignal;
 use crate::host::status::{EXIT_BAD_INPUT, EXIT_NOT_REACHED};
 use gdg::env::{EnvError, Recorded};

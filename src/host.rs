@@ -2,6 +2,7 @@
 
 pub mod logging;
 pub mod maps;
+pub mod outputs;
 pub mod progress_bar;
 pub mod report;
 pub mod runs;

@@ -80,10 +80,7 @@ use crate::host::report::ExplainedError;
 use crate::host::setup::{self, Setup};
 use crate::host::signals::TerminationSignal;
 use app::{App, Files};
-pub use compare::{
-    ComparisonOptions, Contender, prepare as prepare_comparison,
-    prepare_with as prepare_comparison_with, run as compare,
-};
+pub use compare::{ComparisonOptions, Contender, prepare as prepare_comparison, run as compare};
 pub use config::{
     UiConfig, load as load_config, parse as parse_config, template as config_template,
 };

@@ -13,6 +13,7 @@ use crate::support::{
     Session, checkpoints, headless, isolated_command, non_zero, outcome, size,
     with_updated_checksum,
 };
+use gdg::pulse::Progress;
 use gdg::train::Registry;
 use gdg::{env, map, train};
 use rand::{RngExt, SeedableRng};
@@ -484,10 +485,15 @@ fn fuzzing_seeds_are_read_or_refused() {
             }
             "data" => {
                 let world = env::PointMaze::new(std::sync::Arc::new(trap.clone()), 0);
-                drop(train::Dataset::read(&path, &world));
+                drop(train::Dataset::read(&path, &world, &Progress::default()));
             }
             "cast" => {
-                drop(gdg_tui::commands::frames::play(&path, vec![0.0, f64::MAX], |_, _| Ok(())));
+                drop(gdg_tui::commands::frames::play(
+                    &path,
+                    vec![0.0, f64::MAX],
+                    &Progress::default(),
+                    |_, _| Ok(()),
+                ));
             }
             other => panic!("unknown fuzz target {other}"),
         }

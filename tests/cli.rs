@@ -873,6 +873,26 @@ fn check_of_the_largest_map_takes_seconds() {
     );
 }
 
+/// Checks the text below the options of a command and of its own commands: what is indented is not
+/// wrapped well, and so fits; paragraphs are wrapped, and so have no breaks of their own.
+fn check_width_of_help(command: &clap::Command) {
+    let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+    let lines: Vec<&str> = text.lines().collect();
+    for line in &lines {
+        let fits = !line.starts_with(' ') || line.chars().count() <= 80;
+        assert!(fits, "{}: {line}", command.get_name());
+    }
+    let is_text = |line: &str| !line.is_empty() && !line.starts_with(' ');
+    let broken = lines.windows(2).find(|pair| pair.iter().all(|line| is_text(line)));
+    assert!(broken.is_none(), "{}: {broken:?}", command.get_name());
+    command.get_subcommands().for_each(check_width_of_help);
+}
+
+#[test]
+fn help_fits_80_columns() {
+    check_width_of_help(&<gdg_tui::cli::Cli as clap::CommandFactory>::command());
+}
+
 #[test]
 fn help_shows_how_to_get_started() {
     let help = gdg().arg("--help").output().unwrap();

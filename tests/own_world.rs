@@ -6,7 +6,10 @@ mod example;
 #[path = "../crates/gdg/tests/runs.rs"]
 mod runs;
 
+use std::process::{Command, Output};
+
 use clap::Parser;
+use gdg::pulse::Progress;
 use gdg::train::{self, Preset, Run, SaveTo, Trainer};
 use gdg_tui::cli::Cli;
 use gdg_tui::headless;
@@ -110,22 +113,44 @@ fn a_checkpoint_of_an_unknown_world_or_learner_is_refused_by_name() {
     assert!(error.contains("\"table\"") && error.contains("gdg"), "{error}");
 }
 
+/// The environment variable with the arguments of a run in a process of its own.
+const ARGUMENTS: &str = "OWN_WORLD_ARGUMENTS";
+
+/// Runs this test binary as the program, as records are written to the process's own output.
+fn headless_run(arguments: &[&str]) -> Output {
+    Command::new(std::env::current_exe().unwrap())
+        .args(["own_world::the_program_with_a_custom_world", "--exact", "--ignored", "--nocapture"])
+        .env(ARGUMENTS, arguments.join(" "))
+        .output()
+        .unwrap()
+}
+
+#[test]
+#[ignore = "a run that another test starts in a process of its own"]
+fn the_program_with_a_custom_world() {
+    let Ok(arguments) = std::env::var(ARGUMENTS) else { return };
+    let common = ["own_world", "--no-ui", "--eval-tasks", "5", "--require-success", "0.8"];
+    let args = Cli::try_parse_from(common.into_iter().chain(arguments.split(' '))).unwrap().train;
+    let setup = setup::prepare(&args.request(), &registry(), &Progress::default()).unwrap();
+    let status = headless::run(setup, &args.headless()).unwrap();
+    std::process::exit(status.into());
+}
+
 #[test]
 fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("own.safetensors");
     let path = path.to_str().unwrap();
-    let run = |more: &[&str]| {
-        let common = ["own_world", "--no-ui", "--eval-tasks", "5", "--require-success", "0.8"];
-        let args = Cli::try_parse_from(common.iter().chain(more)).unwrap().train;
-        let setup = setup::prepare(&args.request(), &registry()).unwrap();
-        headless::run(setup, &args.headless()).unwrap()
-    };
-    assert_eq!(
-        run(&["bead", "--method", "table+bridges", "--max-updates", "2000", "--save", path]),
-        0
-    );
-    assert_eq!(run(&["--resume", path, "--max-updates", "2500"]), 0);
+    for (more, updates) in [
+        (&["bead", "--method", "table+bridges", "--max-updates", "2000", "--save", path][..], 2000),
+        (&["--resume", path, "--max-updates", "2500"], 2500),
+    ] {
+        let output = headless_run(more);
+        let records = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let end = records.lines().find(|line| line.contains("\"event\":\"end\"")).unwrap();
+        assert!(end.contains(&format!("\"updates\":{updates},")), "{end}");
+    }
     for (world, method, expected) in [
         (
             "bead",
@@ -137,7 +162,10 @@ fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
     ] {
         let args =
             Cli::try_parse_from(["own_world", world, "--no-ui", "--method", method]).unwrap().train;
-        let error = format!("{:?}", setup::prepare(&args.request(), &registry()).err().unwrap());
+        let error = format!(
+            "{:?}",
+            setup::prepare(&args.request(), &registry(), &Progress::default()).err().unwrap()
+        );
         let error =
             error.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");
         assert!(expected.iter().all(|part| error.contains(part)), "{error}");

@@ -1,6 +1,9 @@
 //! What takes long says what it does, from half a second on.
 
+use std::path::Path;
 use std::process::Stdio;
+
+use tempfile::TempDir;
 
 use crate::ran::{SMALL, has_parts, program_in, ran};
 
@@ -9,13 +12,42 @@ const FAULTS: &str = "GDG_TUI_FAULTS";
 /// A fault that makes the work of a command take as long as a log waits before it says so.
 const SLOW: &str = "work=delay:2400@1";
 
-#[test]
-fn commands_say_what_they_wait_for() {
+/// Returns a folder with a run, its transitions, a recording, and a folder of maps.
+fn files() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let mut train = program_in(folder.path());
     train.args(["--no-ui", "trap", "--max-updates", "20", "--eval-tasks", "1"]).args(SMALL);
     train.args(["--save", "saves/own.safetensors"]);
     assert_eq!(ran(train).status, Some(0));
+    let mut export = program_in(folder.path());
+    export.args(["export-data", "saves/own.safetensors", "--out", "own.npz"]);
+    assert_eq!(ran(export).status, Some(0));
+    let cast = "{\"version\":2,\"width\":4,\"height\":1}\n[0,\"o\",\"a\"]\n[1,\"o\",\"b\"]\n";
+    std::fs::write(folder.path().join("own.cast"), cast).unwrap();
+    std::fs::create_dir(folder.path().join("maps")).unwrap();
+    for name in ["a", "b"] {
+        std::fs::write(folder.path().join(format!("maps/{name}.map")), "S....G\n").unwrap();
+    }
+    folder
+}
+
+/// Runs commands at once, each with a fault; returns what they print on standard error.
+fn said<const N: usize>(folder: &Path, commands: [(&str, &str); N]) -> [String; N] {
+    let started = commands.map(|(line, fault)| {
+        let mut command = program_in(folder);
+        command.args(line.split(' ')).env(FAULTS, fault);
+        command.stdout(Stdio::null()).stderr(Stdio::piped()).stdin(Stdio::null());
+        command.spawn().unwrap()
+    });
+    started.map(|child| {
+        let output = child.wait_with_output().unwrap();
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    })
+}
+
+#[test]
+fn commands_say_what_they_wait_for() {
+    let folder = files();
     let commands = [
         ("check trap", "the map to be measured"),
         ("maps", "the maps to be measured"),
@@ -23,23 +55,50 @@ fn commands_say_what_they_wait_for() {
         ("export-policy saves/own.safetensors", "the checkpoint to be read"),
         ("export-data saves/own.safetensors", "the checkpoint to be read"),
         ("film saves/own.safetensors", "the checkpoint to be read"),
+        ("frames own.cast --at 0", "the frames to be drawn"),
+        ("frames own.cast --animate own.png", "the animation to be drawn"),
+        ("suite maps --list --out own", "the maps to be read"),
         ("plot saves/own.safetensors", "the runs to be read"),
         ("runs", "the checkpoints to be read"),
         ("runs --json", "the runs to be read"),
         ("--no-ui trap --max-updates 1", "the world to open"),
+        ("--no-ui trap --max-updates 1 --data own.npz", "the data to be read"),
         ("--no-ui --resume saves/own.safetensors --max-updates 21", "the run to be opened"),
+        ("--print-config --resume saves/own.safetensors", "the run to be opened"),
     ];
-    let started = commands.map(|(line, what)| {
-        let mut command = program_in(folder.path());
-        command.args(line.split(' ')).env(FAULTS, SLOW);
-        command.stdout(Stdio::null()).stderr(Stdio::piped()).stdin(Stdio::null());
-        (line, what, command.spawn().unwrap())
-    });
-    for (line, what, child) in started {
-        let output = child.wait_with_output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr);
+    let said = said(folder.path(), commands.map(|(line, _)| (line, SLOW)));
+    for ((line, what), said) in commands.iter().zip(said) {
         assert!(said.contains(&format!("waiting for {what} (")), "{line}: {said}");
         has_parts(&said, &[" s so far", "; Ctrl-C cancels"]);
+    }
+}
+
+#[test]
+fn commands_say_how_far_they_are() {
+    let folder = files();
+    // The pass at which the work is slow, and how far it is by then.
+    let commands = [
+        ("maps", 9, "the maps to be measured"),
+        ("maps convert trap trap.png", 4, "the map to be converted"),
+        ("export-policy saves/own.safetensors --plans", 12, "the policy to be written"),
+        ("export-data saves/own.safetensors", 6, "the transitions to be written"),
+        ("film saves/own.safetensors", 2, "the checkpoint to be read"),
+        ("frames own.cast --at 0,1", 3, "the frames to be drawn"),
+        ("frames own.cast --animate own.png", 3, "the animation to be drawn"),
+        ("suite maps --list --out own", 3, "the maps to be read"),
+        ("runs", 2, "the checkpoints to be read"),
+        ("runs --json", 2, "the runs to be read"),
+        ("--no-ui trap --max-updates 1 --data own.npz", 7, "the data to be read"),
+    ];
+    let faults = commands.map(|(_, pass, _)| format!("progress=delay:2400@{pass}"));
+    let lines = std::array::from_fn::<_, 11, _>(|i| (commands[i].0, &*faults[i]));
+    for ((line, _, what), said) in commands.iter().zip(said(folder.path(), lines)) {
+        let share = said
+            .split_once(&format!("waiting for {what} ("))
+            .and_then(|(_, told)| told.split_once(" s so far, "))
+            .and_then(|(_, told)| told.split_once(" %)"))
+            .and_then(|(percent, _)| percent.parse::<u8>().ok());
+        assert!(share.is_some(), "{line}: {said}");
     }
 }
 

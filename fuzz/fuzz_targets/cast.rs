@@ -12,7 +12,7 @@ static FILE: LazyLock<PathBuf> = LazyLock::new(|| memory_file("cast"));
 
 fuzz_target!(|bytes: &[u8]| {
     std::fs::write(&*FILE, bytes).expect("written");
-    let _ = play(&FILE, vec![0.0, f64::MAX], |screen, _| {
+    let _ = play(&FILE, vec![0.0, f64::MAX], &Default::default(), |screen, _| {
         assert!(screen.size().0.get() <= 500 && screen.size().1.get() <= 1000);
         Ok(())
     });

@@ -17,7 +17,7 @@ static FILE: LazyLock<PathBuf> = LazyLock::new(|| memory_file("npz"));
 
 fuzz_target!(|bytes: &[u8]| {
     std::fs::write(&*FILE, bytes).expect("written");
-    match Dataset::read(&FILE, &*TRAP) {
+    match Dataset::read(&FILE, &*TRAP, &Default::default()) {
         Ok(data) => {
             assert!(data.states().iter().all(|number| number.is_finite()));
             let replay = data.replay(2, || vec![0.5; 2]);

@@ -15,19 +15,21 @@ use gdg::learn::Threads;
 
 const EXAMPLES: &str = "\
 Examples:
-  gdg-tui compare gdg-bridge gdg             with bridge points and without, on the four rooms
+  gdg-tui compare gdg-bridge gdg             with bridge points and without
   gdg-tui compare gdg-bridge her city --seed 3
-  gdg-tui compare gdg gdg trap --set B:hidden=64    one method with two sizes of network
-  gdg-tui compare gdg-bridge her --record race.cast    and record the screen
-  gdg-tui compare saves/a.safetensors saves/b.safetensors    what two saved runs have learned
-  gdg-tui compare saves/a.safetensors her    and a method that begins on its map, with its seed
+  gdg-tui compare gdg gdg trap --set B:hidden=64         two sizes of network
+  gdg-tui compare gdg-bridge her --record race.cast      and record the screen
+  gdg-tui compare saves/a.safetensors saves/b.safetensors    two saved runs
+  gdg-tui compare saves/a.safetensors her    a method on its map, with its seed
 
-Click on either map to set the goal of both; e edits the map of both. Each side trains exactly as gdg-tui MAP --method METHOD
-with the same seed and settings does, on its own threads; saved runs begin paused, as they were saved, and Space trains them on.
-Nothing is saved: gdg-tui reproduce and gdg-tui suite compare methods over several seeds, without a terminal, and keep their
-results.
+Click on either map to set the goal of both; e edits the map of both. Each side trains exactly \
+as gdg-tui MAP --method METHOD with the same seed and settings does, on its own threads; saved \
+runs begin paused, as they were saved, and Space trains them on. Nothing is saved: gdg-tui \
+reproduce and gdg-tui suite compare methods over several seeds, without a terminal, and keep \
+their results.
 
-Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its number after a signal.";
+Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its number after a \
+signal.";
 
 /// Options of `gdg-tui compare`.
 #[derive(Debug, Args)]

@@ -157,7 +157,7 @@ fn formats() -> impl TypedValueParser<Value = &'static MapFormat> {
 fn formats_help() -> String {
     let line = |format: &MapFormat| {
         let endings: Vec<String> = format.endings.iter().map(|end| format!(".{end}")).collect();
-        format!("  {:<9} {:<16} {}\n", format.name, endings.join(" "), format.about)
+        format!("  {:<9} {}\n      {}\n", format.name, endings.join(" "), format.about)
     };
     format!(
         "Formats of maps, recognised by what is in the file:\n{}",

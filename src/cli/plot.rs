@@ -10,15 +10,16 @@ use crate::figure::MILLIMETRE;
 
 const EXAMPLES: &str = "\
 Examples:
-  gdg-tui suite my.map --seeds 3 --method gdg-bridge --method her --out saves/mine
-  gdg-tui plot saves/mine --out fig.pdf      both methods, mean and range of the seeds, and fig.csv behind it
-  gdg-tui plot saves/mine --y error --x steps --out error.svg --out error.png
-  gdg-tui plot saves/mine --by map --width page    a chart per method, a curve per map, over both columns
+  gdg-tui suite my.map --seeds 3 --method gdg-bridge --method her --out saves/my
+  gdg-tui plot saves/my --out fig.pdf        both methods, and fig.csv behind it
+  gdg-tui plot saves/my --y error --x steps --out error.svg --out error.png
+  gdg-tui plot saves/my --by map --width page    a chart per method
   gdg-tui plot saves/a.safetensors saves/b.safetensors    two saved runs
-  gdg-tui plot run1.jsonl run2.jsonl         records of gdg-tui --no-ui, also of runs that go on
+  gdg-tui plot run1.jsonl run2.jsonl         records of gdg-tui --no-ui
 
-Every curve is the mean over the seeds, on a band from the lowest to the highest; standard error says what to write into the
-caption. Seeds that were evaluated at different places are interpolated. All curves are drawn over the same range.
+Every curve is the mean over the seeds, on a band from the lowest to the highest; standard \
+error says what to write into the caption. Seeds that were evaluated at different places are \
+interpolated. All curves are drawn over the same range.
 
 Exit status: 0 success; 2 bad usage or input.";
 

@@ -10,15 +10,16 @@ use crate::experiment::reproduce::{self, Budget, DataFolder, FIGURES};
 
 const EXAMPLES: &str = "\
 Examples:
-  gdg-tui reproduce all                      all figures; the same command resumes after an interruption
+  gdg-tui reproduce all                      all figures; run again to resume
   gdg-tui reproduce fig3 fig4 --budget paper --out /shared/paper
-  gdg-tui reproduce fig6 --set gdg:hidden=256    another network for one method: runs only its jobs again
-  gdg-tui reproduce ogbench                  learning from OGBench's datasets, beside published results
-  gdg-tui reproduce all --list-jobs          a complete command per line, for the nodes of a cluster
-  gdg-tui reproduce all --collect            figures and report from the jobs that are done
+  gdg-tui reproduce fig6 --set gdg:hidden=256    runs only that method's jobs
+  gdg-tui reproduce ogbench                  beside published results
+  gdg-tui reproduce all --list-jobs          a command per line, for a cluster
+  gdg-tui reproduce all --collect            report from the jobs that are done
 
-Exit status: 0 success; 1 a job failed, or --collect found jobs missing; 2 bad usage or input;
-128 + its number after a signal, as 130 after Ctrl-C (all jobs are saved; the same signal again exits without saving).";
+Exit status: 0 success; 1 a job failed, or --collect found jobs missing; 2 bad usage or input; \
+128 + its number after a signal, as 130 after Ctrl-C (all jobs are saved; the same signal again \
+exits without saving).";
 
 /// Options of `gdg-tui reproduce`.
 #[derive(Debug, Args)]

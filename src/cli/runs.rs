@@ -10,13 +10,14 @@ use crate::host::runs::SAVES;
 
 const EXAMPLES: &str = "\
 Examples:
-  gdg-tui runs                               the runs of saves/, and of the experiments in it
-  gdg-tui runs saves/suite records/          of an experiment, and records of gdg-tui --no-ui
+  gdg-tui runs                               all in saves/, experiments too
+  gdg-tui runs saves/suite records/          of an experiment, and records
   gdg-tui runs --json | jq -r 'select(.success >= 0.9) | .file'
 
-On a terminal, a screen: / filters by words, s sorts, Space marks runs, whose curves and settings are then shown together, also
-while they grow; Enter resumes, c compares (q leads back to the list), p plots, Delete deletes; ? lists all keys. Elsewhere, a table of the checkpoints. --json writes
-one JSON object per run and line, of checkpoints, results and records alike.
+On a terminal, a screen: / filters by words, s sorts, Space marks runs, whose curves and \
+settings are then shown together, also while they grow; Enter resumes, c compares (q leads back \
+to the list), p plots, Delete deletes; ? lists all keys. Elsewhere, a table of the checkpoints. \
+--json writes one JSON object per run and line, of checkpoints, results and records alike.
 
 Exit status: 0 success; 2 bad usage or input; 128 + its number after a signal.";
 

@@ -12,15 +12,18 @@ use gdg::train::{METHODS, Method};
 
 const EXAMPLES: &str = "\
 Examples:
-  gdg-tui suite maps/ --seeds 3              every map of a folder; the same command resumes after an interruption
+  gdg-tui suite maps/ --seeds 3              every map; run again to resume
   gdg-tui suite fourrooms city my.map --budget 20000 --set hidden=128
-  gdg-tui suite my.map --seeds 3 --method gdg-bridge --method her    two methods; gdg-tui plot draws their curves
-  gdg-tui suite my.map --set small:hidden=32 --set small:grid_cells=0    a variant called small, beside the default
+  gdg-tui suite my.map --seeds 3 --method gdg-bridge --method her
+  gdg-tui suite my.map --set small:hidden=32    a variant called small as well
   gdg-tui suite maps/ --list                 one line per job
-  gdg-tui suite maps/ --job den312d-1-3f2a9c --out /shared/suite    a single job, for a node of a cluster
+  gdg-tui suite maps/ --job den312d-1-3f2a9c --out /shared/suite    on a cluster
 
-Exit status: 0 success; 1 a job failed (the others run); 2 bad usage or input; 3 --require-success not reached;
-128 + its number after a signal, as 130 after Ctrl-C (all jobs are saved; the same signal again exits without saving).";
+gdg-tui plot draws the curves of the methods and variants.
+
+Exit status: 0 success; 1 a job failed (the others run); 2 bad usage or input; 3 \
+--require-success not reached; 128 + its number after a signal, as 130 after Ctrl-C (all jobs \
+are saved; the same signal again exits without saving).";
 
 /// Options of `gdg-tui suite`.
 #[derive(Debug, Args)]

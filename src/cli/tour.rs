@@ -8,13 +8,14 @@ use gdg::learn::Threads;
 
 const EXAMPLES: &str = "\
 Examples:
-  gdg-tui tour                               a minute and a half on the four rooms, with captions
-  gdg-tui tour --record tour.cast            record it; gdg-tui frames renders frames of it
+  gdg-tui tour                               a minute and a half, with captions
+  gdg-tui tour --record tour.cast            record; gdg-tui frames draws frames
 
-Enter, the right arrow or a click goes to the next step, p pauses, Esc ends the tour. Then training goes on as usual: it is
-the run of gdg-tui fourrooms --seed 0.
+Enter, the right arrow or a click goes to the next step, p pauses, Esc ends the tour. Then \
+training goes on as usual: it is the run of gdg-tui fourrooms --seed 0.
 
-Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its number after a signal.";
+Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its number after a \
+signal.";
 
 /// Options of `gdg-tui tour`.
 #[derive(Debug, Args)]

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::output::Outcome;
 use super::screen::{Refusal, watch};
 use crate::cli::CompareArgs;
+use crate::host::waiting::Working;
 use crate::tui;
 use gdg::train::Registry;
 
@@ -18,5 +19,9 @@ pub fn run(args: &CompareArgs, registry: &Arc<Registry>) -> Outcome {
         help: "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one",
     };
     let options = args.options();
-    watch(&args.screen, &refusal, || tui::prepare_comparison(&options, registry), tui::compare)
+    let prepare = || {
+        let opening = Working::begin("both runs to be opened");
+        tui::prepare_comparison(&options, registry, opening.progress())
+    };
+    watch(&args.screen, &refusal, prepare, tui::compare)
 }

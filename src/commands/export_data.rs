@@ -6,7 +6,7 @@ use miette::{IntoDiagnostic, Report};
 
 use super::output::{beside, look_into, write_file};
 use crate::cli::ExportDataArgs;
-use crate::host::setup::refuse_existing;
+use crate::host::outputs::refuse_existing;
 use crate::host::waiting::Working;
 use gdg::train::{Registry, data_file};
 
@@ -20,7 +20,10 @@ pub fn run(args: &ExportDataArgs, registry: &Arc<Registry>) -> Result<String, Re
     refuse_existing(&path, args.overwrite)?;
     let loaded = look_into(&args.checkpoint, registry)?;
     loaded.trainer.check_data().into_diagnostic()?;
-    let _writing = Working::begin("the transitions to be written");
-    let bytes = data_file(loaded.trainer.replay(), loaded.trainer.world()).into_diagnostic()?;
+    let writing = Working::begin("the transitions to be written");
+    let (trainer, progress) = (&loaded.trainer, writing.progress());
+    progress.begin(0, 2);
+    let bytes = data_file(trainer.replay(), trainer.world(), progress).into_diagnostic()?;
+    progress.begin(1, 2);
     write_file(&path, &bytes)
 }

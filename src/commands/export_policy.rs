@@ -6,7 +6,7 @@ use miette::{IntoDiagnostic, Report};
 
 use super::output::{beside, look_into, write_file};
 use crate::cli::ExportPolicyArgs;
-use crate::host::setup::refuse_existing;
+use crate::host::outputs::refuse_existing;
 use crate::host::waiting::Working;
 use gdg::train::{Registry, policy_file};
 
@@ -19,7 +19,8 @@ pub fn run(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<String, 
     let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, ".policy.safetensors"));
     refuse_existing(&path, args.overwrite)?;
     let loaded = look_into(&args.checkpoint, registry)?;
-    let _writing = Working::begin("the policy to be written");
-    let bytes = policy_file(&loaded.trainer, args.plans).into_diagnostic()?;
+    let writing = Working::begin("the policy to be written");
+    writing.progress().begin(0, 1);
+    let bytes = policy_file(&loaded.trainer, args.plans, writing.progress()).into_diagnostic()?;
     write_file(&path, &bytes)
 }

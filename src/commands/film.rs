@@ -6,7 +6,7 @@ use miette::{IntoDiagnostic, Report, miette};
 
 use super::output::{beside, look_into, write_file};
 use crate::cli::FilmArgs;
-use crate::host::setup::refuse_existing;
+use crate::host::outputs::refuse_existing;
 use crate::host::waiting::Working;
 use gdg::engine::Snapshot;
 use gdg::env::Scene;

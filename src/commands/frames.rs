@@ -14,9 +14,11 @@ use ratatui::style::{Color, Modifier, Style};
 use serde::Deserialize;
 
 use crate::cli::FramesArgs;
-use crate::host::setup::refuse_existing;
+use crate::host::outputs::refuse_existing;
+use crate::host::waiting::Working;
 use crate::tui::{LARGEST_SCREEN, PageColours, png_of};
 use gdg::files::{self, Format, Mismatch, Wanted, write_atomically};
+use gdg::pulse::Progress;
 
 /// Maximum length of a line in a recording, in bytes: a frame on the largest screen with two
 /// distinct colours in every cell takes half of that.
@@ -55,6 +57,10 @@ struct Cast {
     /// The current line, and its number from 1.
     line: Vec<u8>,
     number: usize,
+    /// How many of the file's bytes have been read.
+    read: u64,
+    bytes: u64,
+    progress: Progress,
 }
 
 /// Renders the moments that `args` ask for; returns the paths written, one per line.
@@ -70,13 +76,17 @@ pub fn run(args: &FramesArgs) -> Result<String, Report> {
     moments.sort_by(f64::total_cmp);
     moments.dedup();
     let name = args.cast.to_string_lossy();
-    let seconds = duration(&args.cast)?;
+    let drawing = Working::begin("the frames to be drawn");
+    let progress = drawing.progress();
+    progress.begin(0, 2);
+    let seconds = duration(&args.cast, progress)?;
     check_within(&name, moments.iter(), seconds)?;
     for at in &moments {
         refuse_existing(&picture_path(args, *at), args.overwrite)?;
     }
     let mut written = Vec::new();
-    play(&args.cast, moments, |screen, at| {
+    progress.begin(1, 2);
+    play(&args.cast, moments, progress, |screen, at| {
         written.push(write(screen, args, at)?);
         Ok(())
     })?;
@@ -84,17 +94,18 @@ pub fn run(args: &FramesArgs) -> Result<String, Report> {
 }
 
 /// Plays a recording and calls `show` with the contents of its screen at each of `moments`, which
-/// must be sorted.
+/// must be sorted. Says how far it is, as one stage of `progress`.
 ///
 /// # Errors
 /// Fails if the file cannot be read or is not a recording (naming the line), or if `show` fails.
 pub fn play(
     cast: &Path,
     moments: Vec<f64>,
+    progress: &Progress,
     mut show: impl FnMut(&vt100::Screen, f64) -> Result<(), Report>,
 ) -> Result<(), Report> {
     let mut moments = moments.into_iter().peekable();
-    let (mut cast, mut screen) = Cast::open(cast)?;
+    let (mut cast, mut screen) = Cast::open(cast, progress)?;
     while moments.peek().is_some() {
         let event = cast.event()?;
         // A moment includes everything written up to and at that time.
@@ -131,9 +142,10 @@ fn check_within<'a>(
     }
 }
 
-/// Returns the time of a recording's last event, in seconds from its start; reads all of its lines.
-fn duration(path: &Path) -> Result<f64, Report> {
-    let (mut cast, _) = Cast::open(path)?;
+/// Returns the time of a recording's last event, in seconds from its start; reads all of its lines
+/// and says how far it is.
+fn duration(path: &Path, progress: &Progress) -> Result<f64, Report> {
+    let (mut cast, _) = Cast::open(path, progress)?;
     let mut last = 0f64;
     while let Some((seconds, _)) = cast.event()? {
         last = last.max(seconds);
@@ -143,20 +155,22 @@ fn duration(path: &Path) -> Result<f64, Report> {
 
 impl Cast {
     /// Opens a recording, and creates a screen of its size.
-    fn open(path: &Path) -> Result<(Self, vt100::Parser), Report> {
+    fn open(path: &Path, progress: &Progress) -> Result<(Self, vt100::Parser), Report> {
         let instead = |found: Mismatch| {
             miette!(help = found.help, "{}: {}", path.to_string_lossy(), found.problem)
         };
-        Self::begin(path).map_err(|error| RECORDING.mismatch(path).map_or(error, instead))
+        Self::begin(path, progress).map_err(|error| RECORDING.mismatch(path).map_or(error, instead))
     }
 
-    fn begin(path: &Path) -> Result<(Self, vt100::Parser), Report> {
+    fn begin(path: &Path, progress: &Progress) -> Result<(Self, vt100::Parser), Report> {
         let name = path.to_string_lossy().into_owned();
         // The recording is read twice, which is impossible with a pipe.
         let file = files::open(path).map_err(|error| {
             miette!(help = "give a recording file", "{name}: cannot be read: {error}")
         })?;
-        let mut cast = Self { name, file: BufReader::new(file), line: Vec::new(), number: 0 };
+        let bytes = file.metadata().map_or(0, |file| file.len());
+        let (file, progress) = (BufReader::new(file), progress.clone());
+        let mut cast = Self { name, file, line: Vec::new(), number: 0, read: 0, bytes, progress };
         if !cast.next_line()? {
             return Err(miette!(help = "--record makes recordings", "{}: is empty", cast.name));
         }
@@ -204,6 +218,8 @@ impl Cast {
         if read as u64 > MAX_LINE_BYTES {
             return Err(miette!("{}: is longer than {MAX_LINE_BYTES} bytes", self.location()));
         }
+        self.read += read as u64;
+        self.progress.set(self.read as usize, self.bytes as usize);
         Ok(read > 0)
     }
 

@@ -8,9 +8,9 @@ use super::check::describe_diameter;
 use super::output::{OrFail, write_file};
 use super::output::{Outcome, print, print_safely};
 use crate::cli::{ConvertArgs, MapsArgs, MapsCommand};
-use crate::host::maps::{find_map, warn};
+use crate::host::maps::{find_map, warnings};
+use crate::host::outputs::{refuse_existing, refuse_input};
 use crate::host::report::from_map_error;
-use crate::host::setup::{refuse_existing, refuse_input};
 use crate::host::waiting::Working;
 use gdg::map::{
     self, BUILTIN, Diameter, Grid, MapFormat, Reading, Scenario, ScenarioTask, print_ascii,
@@ -18,6 +18,10 @@ use gdg::map::{
 use gdg::printing::eprint_line;
 use gdg::text::sanitized;
 use gdg::train::Registry;
+
+/// Steps of a conversion: a map is read, printed in the other format, its scenario is made, and
+/// doubts about it are found.
+const CONVERT_STEPS: usize = 4;
 
 /// Returns the table of built-in maps.
 fn list() -> String {
@@ -60,17 +64,24 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
         miette!(help = help, "{}: this ending says no format", output.display())
     })?;
     let converting = Working::begin("the map to be converted");
+    let told = |done| converting.progress().set(done, CONVERT_STEPS);
+    converting.progress().begin(0, 1);
+    told(0);
     let mut grid = find_map(input, &Reading::from(&args.map), registry)?;
     if let Some(scenario) = &args.scen {
         grid = with_tasks(&grid, map::load_scenario(scenario, &grid).map_err(from_map_error)?);
     }
+    told(1);
     let mut files = format.write(&grid, output);
+    told(2);
     let scenario = Scenario::beside(&grid, output, format);
     if let Some((path, scenario)) = &scenario {
         files.push((path.clone(), scenario.print().into_bytes()));
     }
+    told(3);
+    let warnings = warnings(&grid);
     drop(converting);
-    warn(&grid);
+    warnings.iter().for_each(|warning| eprint_line(warning));
     for (path, _) in &files {
         let read = std::iter::once(input).chain(args.scen.as_deref());
         refuse_input("OUT", path, read)?;

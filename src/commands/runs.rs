@@ -119,7 +119,7 @@ fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> 
     Ok(Arc::new(move |wish, progress| match wish {
         Wish::Resume(file) => {
             let request = setup::Request { resume: Some(Some(file)), ..request.clone() };
-            let setup = setup::prepare_with(&request, &registry, progress)?;
+            let setup = setup::prepare(&request, &registry, progress)?;
             Ok(Opened::Run(Box::new(setup)))
         }
         Wish::Compare(files) => {
@@ -132,7 +132,7 @@ fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> 
                 threads: Threads::auto(),
                 recording: None,
             };
-            let both = tui::prepare_comparison_with(&options, &registry, progress)?;
+            let both = tui::prepare_comparison(&options, &registry, progress)?;
             Ok(Opened::Comparison(Box::new(both)))
         }
     }))

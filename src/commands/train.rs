@@ -17,6 +17,7 @@ use crate::cli::{Cli, TrainArgs};
 use crate::headless;
 #[cfg(feature = "tui")]
 use crate::host::setup::Setup;
+use crate::host::waiting::Working;
 use crate::host::{logging, maps, setup};
 #[cfg(feature = "tui")]
 use crate::tui;
@@ -29,7 +30,10 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
     let registry = &registry_for(args, registry);
     let request = args.request();
     if args.print_config {
-        let settings = setup::settings_to_print(&request, registry).or_bad_input()?;
+        let opening = Working::begin(setup::opening(&request));
+        let settings = setup::settings_to_print(&request, registry, opening.progress());
+        drop(opening);
+        let settings = settings.or_bad_input()?;
         return print(&print_settings(&settings));
     }
     #[cfg(feature = "tui")]
@@ -42,7 +46,10 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
     if args.resume.is_none() {
         check_for_command(args.map(), registry)?;
     }
-    let setup = setup::prepare(&request, registry).or_bad_input()?;
+    let opening = Working::begin(setup::opening(&request));
+    let setup = setup::prepare(&request, registry, opening.progress());
+    drop(opening);
+    let setup = setup.or_bad_input()?;
     #[cfg(feature = "tui")]
     if with_ui {
         return show(setup, args);

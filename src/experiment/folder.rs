@@ -14,7 +14,7 @@ use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 
 use super::job::{Job, JobResult};
-use crate::host::setup::elsewhere;
+use crate::host::outputs::elsewhere;
 use gdg::files::{self, LockFile, backup_path, has_extension, is_hidden};
 use gdg::text::sanitized;
 use gdg::train::{describe, is_checkpoint, remove_own};

@@ -9,7 +9,7 @@ use miette::{IntoDiagnostic, Report, miette};
 use super::job::EvaluationAt;
 use super::runs::{self, SavedRun};
 use crate::figure::{Format, MILLIMETRE, Page, Sheet};
-use crate::host::setup::refuse_existing;
+use crate::host::outputs::refuse_existing;
 use crate::host::waiting::Working;
 use gdg::files::{named, write_atomically};
 use gdg::printing::eprint_line;

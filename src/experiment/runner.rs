@@ -12,11 +12,12 @@ use super::folder::Folder;
 use super::job::Job;
 use super::measure::measure;
 use super::picture;
-use super::plan::Length;
+use super::plan::{JobData, Length};
 use super::progress::Progress;
 use crate::headless::{Saver, evaluate, save_interval};
+use crate::host::outputs::{elsewhere, save_elsewhere};
 use crate::host::report::print_error;
-use crate::host::setup::{begin, elsewhere, learn_from, save_elsewhere};
+use crate::host::setup::{begin, learn_from};
 use crate::host::signals::TerminationSignal;
 use gdg::files::{LockFile, check_writable};
 use gdg::printing::eprint_line;
@@ -216,7 +217,9 @@ impl Runner {
         let world = job.world.create(&self.registry)?;
         let mut trainer = begin(job.run.clone(), &*world, &self.registry, 1)?;
         let data = job.plan.data.as_ref();
-        if let Some(warning) = data.map_or(Ok(None), |data| learn_from(&mut trainer, &data.file))? {
+        let untold = gdg::pulse::Progress::default();
+        let learn = |data: &JobData| learn_from(&mut trainer, &data.file, &untold);
+        if let Some(warning) = data.map_or(Ok(None), learn)? {
             at.progress.line(&warning);
         }
         Ok(trainer)

@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::updates_per_second;
-use crate::host::setup::{Setup, create, refuse_existing};
+use crate::host::outputs::{create, refuse_existing};
+use crate::host::setup::Setup;
 use gdg::files;
 use gdg::learn::Losses;
 use gdg::printing::eprint_line;

@@ -1,17 +1,14 @@
 //! Prepares a run from the command line, for all front ends.
 
-use std::fs::File;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use directories::ProjectDirs;
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::host::maps::{self, find_map, known_name};
+use crate::host::outputs::{refuse_existing, refuse_input, save_to};
 use crate::host::report::{from_checkpoint_error, from_config_error, from_map_error};
 use crate::host::runs::{self, SAVES};
-use crate::host::waiting::Working;
 use gdg::env::{Environment, Goals, PointMaze, Restart};
 use gdg::files;
 use gdg::learn::Threads;
@@ -25,6 +22,10 @@ use gdg::train::{
 
 /// The option for maps that are images.
 pub const THRESHOLD: &str = "--threshold";
+
+/// Stages of beginning a run with data: the file is checked, the world opened, the data read and
+/// learned from.
+const BEGIN_STAGES: usize = 4;
 
 /// Which method to train, and with which settings.
 #[derive(Clone, Debug)]
@@ -133,15 +134,19 @@ pub fn settings(choice: &RunChoice, world: &Path, registry: &Registry) -> Result
 }
 
 /// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or
-/// those of `request`.
+/// those of `request`. Says how far it is to `progress`.
 ///
 /// # Errors
 /// See [`settings`] and [`train::load`].
-pub fn settings_to_print(request: &Request, registry: &Arc<Registry>) -> Result<Settings, Report> {
+pub fn settings_to_print(
+    request: &Request,
+    registry: &Arc<Registry>,
+    progress: &Progress,
+) -> Result<Settings, Report> {
     let resumed = resumed_file(request, registry)?;
     check_options(request, resumed.as_deref(), registry)?;
     match resumed {
-        Some(path) => Ok(train::load(&path, registry, 1)
+        Some(path) => Ok(train::load_with(&path, registry, 1, progress)
             .map_err(from_checkpoint_error)?
             .trainer
             .run()
@@ -183,22 +188,21 @@ pub fn run(
     Ok(Run { method: choice.method.clone(), preset: choice.preset(registry), seed, settings })
 }
 
+/// Returns what takes time in [`prepare`], as in "waiting for ACTIVITY".
+pub fn opening(request: &Request) -> &'static str {
+    match (&request.resume, &request.data) {
+        (Some(_), _) => "the run to be opened",
+        (None, Some(_)) => "the data to be read",
+        (None, None) => "the world to open",
+    }
+}
+
 /// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from
-/// `registry`.
+/// `registry`; says how far it is to `progress`.
 ///
 /// # Errors
 /// A file or setting is invalid; the report is meant for the user.
-pub fn prepare(request: &Request, registry: &Arc<Registry>) -> Result<Setup, Report> {
-    let what = if request.resume.is_some() { "the run to be opened" } else { "the world to open" };
-    let opening = Working::begin(what);
-    prepare_with(request, registry, opening.progress())
-}
-
-/// Like [`prepare`], and says how far it is only to `progress`.
-///
-/// # Errors
-/// See [`prepare`].
-pub fn prepare_with(
+pub fn prepare(
     request: &Request,
     registry: &Arc<Registry>,
     progress: &Progress,
@@ -229,7 +233,7 @@ pub fn prepare_with(
             let loaded = train::load_with(path, registry, threads, progress);
             loaded.map_err(from_checkpoint_error)?
         }
-        None => begin_run(request, registry)?,
+        None => begin_run(request, registry, progress)?,
     };
     trainer.check_data().map_err(from_data_error)?;
     if resumed.is_some() && request.data.is_some() && !trainer.reads_data() {
@@ -292,11 +296,17 @@ fn check_options(
 }
 
 /// Begins the run of `request` in its world, with its data.
-fn begin_run(request: &Request, registry: &Arc<Registry>) -> Result<Loaded, Report> {
+fn begin_run(
+    request: &Request,
+    registry: &Arc<Registry>,
+    progress: &Progress,
+) -> Result<Loaded, Report> {
     let run = self::run(&request.run, &request.map, registry, request.seed)?;
     if let Some(file) = &request.data {
         // Opening a world may take a minute.
-        Dataset::check_file(file).map_err(from_data_error)?;
+        progress.begin(0, BEGIN_STAGES);
+        Dataset::check_file(file, progress).map_err(from_data_error)?;
+        progress.begin(1, BEGIN_STAGES);
     }
     let world = open_world(&request.map, &request.reading, &run, registry)?;
     if request.data.is_none() && run.settings.train.offline_updates > 0 {
@@ -305,18 +315,24 @@ fn begin_run(request: &Request, registry: &Arc<Registry>) -> Result<Loaded, Repo
     }
     let mut trainer = begin(run, &*world, registry, request.threads)?;
     let data = request.data.as_deref();
-    let warning = data.map_or(Ok(None), |file| learn_from(&mut trainer, file))?;
+    let warning = data.map_or(Ok(None), |file| learn_from(&mut trainer, file, progress))?;
     Ok(Loaded { trainer, warning })
 }
 
 /// Has `trainer` learn from the recorded transitions in `file`; returns a warning if some of them
-/// are left out.
+/// are left out, and says how far it is to `progress`.
 ///
 /// # Errors
 /// The file cannot be read, does not fit, or most of it is impossible.
-pub fn learn_from(trainer: &mut Trainer, file: &Path) -> Result<Option<String>, Report> {
-    let data = Dataset::read(file, trainer.world()).map_err(from_data_error)?;
-    let LeftOut { impossible, by_chance } = trainer.learn_from(&data);
+pub fn learn_from(
+    trainer: &mut Trainer,
+    file: &Path,
+    progress: &Progress,
+) -> Result<Option<String>, Report> {
+    progress.begin(2, BEGIN_STAGES);
+    let data = Dataset::read(file, trainer.world(), progress).map_err(from_data_error)?;
+    progress.begin(3, BEGIN_STAGES);
+    let LeftOut { impossible, by_chance } = trainer.learn_from(&data, progress);
     let (all, file) = (data.source().transitions, sanitized(&file.to_string_lossy()));
     if 2 * impossible > all {
         let help = "give the data of this world: positions in its unit, on this map";
@@ -485,29 +501,6 @@ fn not_a_maze(option: &str) -> Report {
     miette!(help = "give a map", "{option} applies only to maps")
 }
 
-/// Returns how to save to the path of `--save`: neither another run's file nor one that is not a
-/// checkpoint is replaced.
-fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveTo, Report> {
-    files::check_writable(path).map_err(|error| {
-        let help = "give --save a file in a writable folder";
-        miette!(help = help, "{}: a checkpoint cannot be saved here: {error}", path.display())
-    })?;
-    let own = resumed.is_some_and(|resumed| is_same_file(resumed, path));
-    if overwrite && !own && path.exists() && !train::is_checkpoint(path) {
-        let help = "give --save another name: --overwrite replaces only checkpoints of gdg-tui";
-        return Err(miette!(
-            help = help,
-            "{}: is not a checkpoint of gdg-tui and is not replaced",
-            path.display()
-        ));
-    }
-    Ok(if own || overwrite {
-        SaveTo::Replace(path.to_owned())
-    } else {
-        SaveTo::CreateNew(path.to_owned())
-    })
-}
-
 /// Returns the files that a run reads.
 fn inputs<'a>(request: &'a Request, resumed: Option<&'a Path>) -> impl Iterator<Item = &'a Path> {
     let map = request.named_map.then_some(request.map.as_path());
@@ -522,32 +515,6 @@ fn inputs<'a>(request: &'a Request, resumed: Option<&'a Path>) -> impl Iterator<
     .into_iter()
     .flatten()
     .chain(edits)
-}
-
-/// Checks that the output file of an `option` is not one of the command's inputs.
-///
-/// # Errors
-/// It is one of them.
-pub fn refuse_input<'a>(
-    option: &str,
-    path: &Path,
-    mut inputs: impl Iterator<Item = &'a Path>,
-) -> Result<(), Report> {
-    if inputs.any(|input| is_same_file(input, path)) {
-        let help = format!("give {option} another name");
-        return Err(miette!(
-            help = help,
-            "{}: is read by this run and is not replaced",
-            path.display()
-        ));
-    }
-    Ok(())
-}
-
-/// Returns whether two paths lead to the same existing file.
-fn is_same_file(a: &Path, b: &Path) -> bool {
-    // Comparing opens them, which would block on a pipe.
-    a.is_file() && b.is_file() && same_file::is_same_file(a, b).unwrap_or(false)
 }
 
 /// Returns the requested number of parallel jobs, else the number of cores.
@@ -605,81 +572,4 @@ fn load_edits(request: &Request, trainer: &Trainer) -> Result<Vec<Edit>, Report>
         edits.retain(|edit| edit.updates != begun);
     }
     Ok(edits)
-}
-
-/// Rejects the path of an existing file unless it may be replaced: only regular files are, and
-/// checkpoints only by checkpoints.
-///
-/// # Errors
-/// The file exists.
-pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
-    if path.symlink_metadata().is_err() {
-        return Ok(());
-    }
-    if train::is_checkpoint(path) {
-        return Err(miette!(
-            help = "give another name",
-            "{}: is a checkpoint and is not replaced",
-            path.display()
-        ));
-    }
-    if let Ok(found) = path.metadata()
-        && !found.is_file()
-    {
-        let kind = if found.is_dir() { "a folder" } else { "not a regular file" };
-        return Err(miette!(
-            help = "give the name of a file",
-            "{}: cannot be written: it is {kind}",
-            path.display()
-        ));
-    }
-    if overwrite { Ok(()) } else { Err(already_exists(path)) }
-}
-
-/// Creates a file and the folders that it is in, or truncates an existing one if it may be
-/// replaced.
-///
-/// # Errors
-/// The file exists, or cannot be created.
-pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
-    refuse_existing(path, overwrite)?;
-    let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-    let file =
-        folder.and_then(|()| if overwrite { File::create(path) } else { File::create_new(path) });
-    file.map_err(|error| match error.kind() {
-        ErrorKind::AlreadyExists => already_exists(path),
-        _ => miette!("{}: cannot be written: {error}", path.display()),
-    })
-}
-
-fn already_exists(path: &Path) -> Report {
-    miette!(
-        help = "give another name, or --overwrite",
-        "{}: the file already exists",
-        path.display()
-    )
-}
-
-/// Returns where a file that cannot be saved to `path` goes instead: in `saves/`, or in the user's
-/// state folder.
-pub fn elsewhere(path: &Path) -> Vec<PathBuf> {
-    let state = ProjectDirs::from("", "", "gdg-tui");
-    let state =
-        state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));
-    let name = path.file_name().unwrap_or_default();
-    [Some(PathBuf::from(SAVES)), state]
-        .into_iter()
-        .flatten()
-        .map(|folder| folder.join(name))
-        .collect()
-}
-
-/// Saves a run that cannot be saved to `path` [`elsewhere`], if need be under a name that every
-/// file system accepts.
-pub fn save_elsewhere(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
-    let places = elsewhere(path).into_iter().chain(elsewhere(Path::new("recovered.safetensors")));
-    let to = |place: PathBuf| {
-        if train::is_own(&place) { SaveTo::Replace(place) } else { SaveTo::CreateNew(place) }
-    };
-    places.map(to).find_map(|to| train::save(trainer, &to).ok())
 }

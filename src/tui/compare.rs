@@ -47,7 +47,7 @@ use gdg::map::Cell;
 use gdg::train::Limits;
 use gdg::viewer::{OnArrival, View, Viewer};
 use pace::Pace;
-pub use prepare::{ComparisonOptions, Contender, Contestant, Contestants, prepare, prepare_with};
+pub use prepare::{ComparisonOptions, Contender, Contestant, Contestants, prepare};
 use race::Race;
 
 /// The names of the sides.

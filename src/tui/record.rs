@@ -17,7 +17,7 @@ use ratatui::layout::Rect;
 use ratatui::style::Color;
 use serde_json::json;
 
-use crate::host::setup::create;
+use crate::host::outputs::create;
 
 /// Columns and rows of the largest screen that is recorded or drawn, more than any real terminal
 /// has.

@@ -202,25 +202,29 @@ fn suite(folder: &Path, budget: &str) -> Command {
     command
 }
 
-/// Starts a run in the interface that autosaves all the time; returns its folder and its first
-/// autosave.
+/// Starts a run in the interface that autosaves all the time, and pauses it, as it would soon remove
+/// its autosaves; returns its folder and the autosave that it would remove last.
 fn autosaving() -> (tempfile::TempDir, Session, PathBuf) {
     let folder = folder();
     std::fs::create_dir(folder.path().join("gdg-tui")).unwrap();
     std::fs::write(folder.path().join("gdg-tui/config.toml"), "autosave_minutes = 0.01\n").unwrap();
-    let session = Session::start(folder.path(), &["trap"]);
-    session.wait(|_| checkpoints(folder.path()).iter().any(|path| train::describe(path).is_ok()));
-    let autosave = checkpoints(folder.path()).remove(0);
+    let mut session = Session::start(folder.path(), &["trap"]);
+    let updates = |path: &PathBuf| train::describe(path).map_or(0, |found| found.updates);
+    session.wait(|_| checkpoints(folder.path()).iter().any(|path| updates(path) > 0));
+    session.press(" ");
+    session.wait_for("paused");
+    let autosave = checkpoints(folder.path()).into_iter().max_by_key(updates).unwrap();
     assert!(autosave.to_string_lossy().contains("-auto-"), "{}", autosave.display());
     (folder, session, autosave)
 }
 
-/// Checks that a file stays as it is when the run's autosaves beside it are removed: in turn, and
-/// when it is saved.
+/// Checks that a file stays as it is when the paused run goes on and its autosaves beside it are
+/// removed: in turn, and when it is saved.
 fn outlives_the_run_that_made_it(file: &Path, folder: &Path, session: &mut Session) {
     let before = std::fs::read(file).unwrap();
     let updates = |path: &PathBuf| train::describe(path).map_or(0, |found| found.updates);
     let later = || checkpoints(folder).iter().map(updates).max().unwrap_or(0);
+    session.press(" ");
     for _ in 0..5 {
         let latest = later();
         session.wait(|_| later() > latest);

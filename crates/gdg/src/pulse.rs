@@ -7,6 +7,8 @@ use std::time::Instant;
 
 use parking_lot::Mutex;
 
+use crate::faults;
+
 /// What a run does unless it says otherwise.
 const TRAINING: &str = "training";
 
@@ -36,6 +38,7 @@ impl Progress {
     pub fn set(&self, done: usize, all: usize) {
         self.0.done.store(done, Ordering::Relaxed);
         self.0.all.store(all, Ordering::Relaxed);
+        faults::point("progress");
     }
 
     /// Returns the share of the whole work that is done, from 0 to 1; `None` unless it says so.
@@ -53,6 +56,13 @@ impl Progress {
 pub struct Cancelled {
     is_set: Arc<AtomicBool>,
     progress: Progress,
+}
+
+impl From<&Progress> for Cancelled {
+    /// Returns what nobody cancels and says to `progress` how far it is.
+    fn from(progress: &Progress) -> Self {
+        Self { is_set: Arc::default(), progress: progress.clone() }
+    }
 }
 
 impl Cancelled {

@@ -7,6 +7,7 @@ use crate::runs::{state, train_to};
 use candle_core::{DType, Device, Tensor};
 use gdg::env::PointMaze;
 use gdg::map::parse_map;
+use gdg::pulse::Progress;
 use gdg::train::{self, Dataset, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
 use gdg::train::{LeftOut, TrainError, data_file};
 
@@ -42,14 +43,18 @@ fn recorded(folder: &Path) -> PathBuf {
         random.tick().unwrap();
     }
     let file = folder.join("walks.npz");
-    std::fs::write(&file, data_file(random.replay(), random.world()).unwrap()).unwrap();
+    std::fs::write(
+        &file,
+        data_file(random.replay(), random.world(), &Progress::default()).unwrap(),
+    )
+    .unwrap();
     file
 }
 
 fn learner(file: &Path, settings: Settings, seed: u64) -> Trainer {
     let mut trainer = trainer(&Method::default().name(), settings, seed);
-    let data = Dataset::read(file, trainer.world()).unwrap();
-    trainer.learn_from(&data);
+    let data = Dataset::read(file, trainer.world(), &Progress::default()).unwrap();
+    trainer.learn_from(&data, &Progress::default());
     trainer
 }
 
@@ -120,7 +125,8 @@ fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
     for _ in 0..3_000 {
         other.tick().unwrap();
     }
-    std::fs::write(&file, data_file(other.replay(), other.world()).unwrap()).unwrap();
+    std::fs::write(&file, data_file(other.replay(), other.world(), &Progress::default()).unwrap())
+        .unwrap();
     let other = train::load(&checkpoint, &Registry::builtin(), 1).unwrap().trainer;
     let error = other.check_data().unwrap_err().to_string();
     assert!(error.contains("walks.npz: is not what the run has learned from"), "{error}");
@@ -156,8 +162,8 @@ fn any_learner_learns_from_data() {
     let file = recorded(folder.path());
     for method in ["her", "ddpg", "gdg-distance", "her+sorb", "random"] {
         let mut trainer = trainer(method, settings(), 1);
-        let data = Dataset::read(&file, trainer.world()).unwrap();
-        trainer.learn_from(&data);
+        let data = Dataset::read(&file, trainer.world(), &Progress::default()).unwrap();
+        trainer.learn_from(&data, &Progress::default());
         train_to(&mut trainer, 30);
         assert_eq!(trainer.counters().env_steps, 0, "{method}");
     }
@@ -186,7 +192,7 @@ fn problem(change: impl Fn(&mut Vec<(&'static str, Tensor)>)) -> String {
 
 fn problem_of(file: &Path) -> String {
     let trainer = trainer("random", settings(), 0);
-    let error = Dataset::read(file, trainer.world()).unwrap_err().to_string();
+    let error = Dataset::read(file, trainer.world(), &Progress::default()).unwrap_err().to_string();
     error.strip_prefix(&format!("{}: ", file.display())).expect("it names the file").to_owned()
 }
 
@@ -269,7 +275,7 @@ fn files_that_numpy_has_packed_are_read() {
     // np.savez_compressed, with states of float64, ends of bool, and another array.
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/packed.npz");
     let trainer = trainer("random", settings(), 0);
-    let data = Dataset::read(&file, trainer.world()).unwrap();
+    let data = Dataset::read(&file, trainer.world(), &Progress::default()).unwrap();
     assert_eq!((data.source().transitions, data.source().episodes), (2, 2));
     assert_eq!(data.states(), [0.5, 0.5, 1.5, 0.5, 1.5, 0.5, 2.5, 0.5]);
 }
@@ -284,8 +290,11 @@ fn what_a_map_does_not_allow_is_left_out_and_never_a_goal() {
     own[0].1 = Tensor::from_slice(&far, (4, 2), &Device::Cpu).unwrap();
     Tensor::write_npz(&own, &file).unwrap();
     let mut trainer = trainer("gdg-bridge", settings(), 0);
-    let data = Dataset::read(&file, trainer.world()).unwrap();
-    assert_eq!(trainer.learn_from(&data), LeftOut { impossible: 1, by_chance: 0 });
+    let data = Dataset::read(&file, trainer.world(), &Progress::default()).unwrap();
+    assert_eq!(
+        trainer.learn_from(&data, &Progress::default()),
+        LeftOut { impossible: 1, by_chance: 0 }
+    );
     let mut states = Vec::new();
     trainer.replay().visit_rows(|state, _, _| states.extend_from_slice(state));
     assert_eq!(states, [0.5, 0.5, 1.5, 0.5]);
@@ -302,7 +311,7 @@ fn an_episode_needs_no_end_at_the_end_of_the_file() {
     own[2].1 = Tensor::from_slice(&[0.0_f64, 1.0, 0.0, 0.0], 4, &Device::Cpu).unwrap();
     Tensor::write_npz(&own, &file).unwrap();
     let trainer = trainer("random", settings(), 0);
-    let data = Dataset::read(&file, trainer.world()).unwrap();
+    let data = Dataset::read(&file, trainer.world(), &Progress::default()).unwrap();
     assert_eq!((data.source().transitions, data.source().episodes), (2, 2));
     assert_eq!(data.state(3), [2.5, 0.5]);
 }

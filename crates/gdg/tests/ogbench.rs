@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use gdg::env::{Editable, Environment, Episodes, PointMaze};
 use gdg::map::{self, Cell, MapScale, Ogbench};
+use gdg::pulse::Progress;
 use gdg::train::{
     self, Dataset, LeftOut, Preset, Registry, Run, SaveTo, Settings, Trainer, data_file,
 };
@@ -35,7 +36,7 @@ fn recordings() -> impl Iterator<Item = (Ogbench, PathBuf)> {
 /// farther.
 fn errors_of_steps(benchmark: Ogbench, file: &Path) -> Vec<f32> {
     let mut world = maze(benchmark, 1);
-    let data = Dataset::read(file, &world).unwrap();
+    let data = Dataset::read(file, &world, &Progress::default()).unwrap();
     let mut rows: Vec<(Vec<f32>, Vec<f32>, bool)> = Vec::new();
     data.replay(1, || vec![0.0; 2]).visit_rows(|state, action, is_last| {
         rows.push((state.to_vec(), action.to_vec(), is_last));
@@ -133,7 +134,7 @@ fn a_teleport_leads_to_each_exit_as_often() {
 fn recorded_steps_through_teleports_are_possible() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/ogbench/teleport.npz");
     let world = maze(Ogbench::Teleport, 0);
-    let data = Dataset::read(&file, &world).unwrap();
+    let data = Dataset::read(&file, &world, &Progress::default()).unwrap();
     let (mut before, mut jumps, mut possible) = (None::<(Vec<f32>, Vec<f32>)>, 0, 0);
     data.replay(1, || vec![0.0; 2]).visit_rows(|state, action, is_last| {
         if let Some((from, action)) = before.take()
@@ -146,7 +147,7 @@ fn recorded_steps_through_teleports_are_possible() {
     });
     assert_eq!((jumps, possible), (2, 2));
     let mut trainer = trainer(Ogbench::Teleport, 0);
-    let left_out = trainer.learn_from(&data);
+    let left_out = trainer.learn_from(&data, &Progress::default());
     assert_eq!(left_out.by_chance, 2, "{left_out:?}");
     assert_eq!(leaps_in(&trainer), 0);
 }
@@ -183,7 +184,9 @@ fn teleports_are_no_ways_for_agents_that_act() {
     for trainer in [&mut trainer, &mut resumed] {
         trainer.tick().unwrap();
     }
-    let rows = |trainer: &Trainer| data_file(trainer.replay(), trainer.world()).unwrap();
+    let rows = |trainer: &Trainer| {
+        data_file(trainer.replay(), trainer.world(), &Progress::default()).unwrap()
+    };
     assert!(rows(&trainer) == rows(&resumed));
 }
 
@@ -207,17 +210,23 @@ fn recorded_states_are_in_the_benchmarks_unit() {
     }
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("d.npz");
-    std::fs::write(&file, data_file(own.replay(), own.world()).unwrap()).unwrap();
+    std::fs::write(&file, data_file(own.replay(), own.world(), &Progress::default()).unwrap())
+        .unwrap();
     // Read as it is, by a world without a unit of its own.
     let map = map::parse_map("map", b"....\n....\n").unwrap();
-    let plain = Dataset::read(&file, &PointMaze::new(Arc::new(map), 0)).unwrap();
-    let data = Dataset::read(&file, own.world()).unwrap();
+    let plain =
+        Dataset::read(&file, &PointMaze::new(Arc::new(map), 0), &Progress::default()).unwrap();
+    let data = Dataset::read(&file, own.world(), &Progress::default()).unwrap();
     for (cells, lengths) in data.states().iter().zip(plain.states()) {
         assert!((lengths - (0.2 * cells - 6.0)).abs() < 1e-4, "{lengths} {cells}");
     }
     let mut same = trainer(Ogbench::Large, 0);
     let left_out = LeftOut { impossible: 0, by_chance: 0 };
-    assert_eq!(same.learn_from(&data), left_out, "every transition is possible");
+    assert_eq!(
+        same.learn_from(&data, &Progress::default()),
+        left_out,
+        "every transition is possible"
+    );
 }
 
 #[test]

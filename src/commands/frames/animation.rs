@@ -8,13 +8,17 @@ use ratatui::layout::Rect;
 
 use super::{buffer_of, check_within, duration, play};
 use crate::cli::FramesArgs;
-use crate::host::setup::{refuse_existing, refuse_input};
+use crate::host::outputs::{refuse_existing, refuse_input};
+use crate::host::waiting::Working;
 use crate::tui::{PageColours, picture_of};
 use gdg::draw::Animation;
 use gdg::files::write_atomically;
 
 /// How long the last frame is shown, in seconds.
 const LAST_FRAME_SECONDS: f64 = 2.0;
+
+/// Stages of drawing: the recording is read, frames are counted, and drawn.
+const STAGES: usize = 3;
 
 /// The most frames of an animation: half an hour at 10 frames per second.
 const MAX_FRAMES: usize = 18_000;
@@ -25,7 +29,10 @@ const MAX_FRAMES: usize = 18_000;
 /// Fails if a file cannot be read or written, if the recording is invalid (naming the line) or
 /// shorter than the part asked for, or if `out` exists already.
 pub fn write(args: &FramesArgs, out: &Path) -> Result<String, Report> {
-    let seconds = duration(&args.cast)?;
+    let drawing = Working::begin("the animation to be drawn");
+    let progress = drawing.progress();
+    progress.begin(0, STAGES);
+    let seconds = duration(&args.cast, progress)?;
     let to = args.to.unwrap_or(seconds);
     check_within(&args.cast.to_string_lossy(), [args.from, to].iter(), seconds)?;
     if args.from >= to {
@@ -49,13 +56,15 @@ pub fn write(args: &FramesArgs, out: &Path) -> Result<String, Report> {
     moments.push(to);
     // The file begins with the number and size of its frames, which a first pass determines.
     let mut plan = Plan::default();
-    play(&args.cast, moments.clone(), |screen, at| {
+    progress.begin(1, STAGES);
+    play(&args.cast, moments.clone(), progress, |screen, at| {
         plan.add(buffer_of(screen), (at - args.from) / args.speed);
         Ok(())
     })?;
     let bytes = plan.encode(|plan, animation| {
         let mut at = 0;
-        play(&args.cast, moments, |screen, _| {
+        progress.begin(2, STAGES);
+        play(&args.cast, moments, progress, |screen, _| {
             plan.draw(at, &buffer_of(screen), animation)?;
             at += 1;
             Ok(())

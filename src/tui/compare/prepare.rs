@@ -7,9 +7,9 @@ use miette::{Report, miette};
 
 use super::LETTERS;
 use crate::host::maps;
+use crate::host::outputs::refuse_input;
 use crate::host::report::{from_checkpoint_error, from_config_error};
 use crate::host::setup;
-use crate::host::waiting::Working;
 use gdg::env::PointMaze;
 use gdg::learn::Threads;
 use gdg::map::{Grid, Reading};
@@ -76,23 +76,12 @@ enum Side<'a> {
 type Beginning = (Arc<Grid>, u64);
 
 /// Prepares both runs: same map, same seed, each as the trainer would prepare it; or loads them.
+/// Says how far it is to `progress`.
 ///
 /// # Errors
 /// The map or a setting is invalid, a checkpoint cannot be loaded, two are of different maps, or a
 /// run needs more memory than is left.
 pub fn prepare(
-    options: &ComparisonOptions,
-    registry: &Arc<Registry>,
-) -> Result<Contestants, Report> {
-    let opening = Working::begin("both runs to be opened");
-    prepare_with(options, registry, opening.progress())
-}
-
-/// Like [`prepare`], and says how far it is only to `progress`.
-///
-/// # Errors
-/// See [`prepare`].
-pub fn prepare_with(
     options: &ComparisonOptions,
     registry: &Arc<Registry>,
     progress: &Progress,
@@ -145,7 +134,7 @@ fn check(options: &ComparisonOptions) -> Result<(), Report> {
     let saved = options.contenders.iter().filter_map(Contender::checkpoint);
     if let Some(path) = &options.recording {
         let map = options.map.as_deref();
-        setup::refuse_input("--record", path, map.into_iter().chain(saved.clone()))?;
+        refuse_input("--record", path, map.into_iter().chain(saved.clone()))?;
     }
     if let (Some(map), Some(checkpoint)) = (&options.map, saved.clone().next()) {
         let help = "leave the map out: a checkpoint has its own";

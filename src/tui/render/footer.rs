@@ -23,7 +23,7 @@ use gdg::text::display_width;
 const MAX_NOTICE_ROWS: usize = 4;
 
 /// Keys at the end of the line that are the last to be left out.
-const LAST_KEYS: usize = 3;
+const LAST_KEYS: [Action; 3] = [Action::Palette, Action::Help, Action::Quit];
 
 /// Draws the line, and the rest of a long notice above it.
 pub fn draw(
@@ -68,8 +68,8 @@ pub fn draw_notice(frame: &mut Frame, last: Rect, theme: &Theme, notice: Notice)
     frame.render_widget(Paragraph::new(lines), area);
 }
 
-/// Returns the actions of `mode` that have a short name and fit: where room is short, those in the
-/// middle are left out, but not the panes if they are hidden.
+/// Returns the actions of `mode` that have a short name and fit: where room is short, they move
+/// together, then those in the middle are left out, but not the panes if they are hidden.
 pub fn keys(
     screen: &Screen,
     scene: &Scene,
@@ -77,38 +77,45 @@ pub fn keys(
     width: u16,
     lacks_panel: bool,
 ) -> ClickableLine {
-    let mut keys: Vec<(Action, String)> = Vec::new();
+    let mut keys: Vec<(Action, &str)> = Vec::new();
     for binding in
         bindings().filter(|b| !b.short.is_empty() && b.is_active(mode) && scene.offers(b.action))
     {
         let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
-        keys.push((binding.action, format!(" {} ", if idle { "resume" } else { binding.short })));
+        keys.push((binding.action, if idle { "resume" } else { binding.short }));
     }
     fitting(keys, &screen.keymap, width, lacks_panel)
 }
 
 /// Returns actions with their labels, as many as fit, like [`keys`].
 pub fn fitting(
-    mut keys: Vec<(Action, String)>,
+    mut keys: Vec<(Action, &str)>,
     keymap: &Keymap,
     width: u16,
     lacks_panel: bool,
 ) -> ClickableLine {
-    let line = |keys: &[(Action, String)]| {
+    let line = |keys: &[(Action, &str)], space: &str| {
         let mut bar = ClickableLine::default();
-        keys.iter().for_each(|(action, label)| key(&mut bar, keymap, *action, label, Style::new()));
+        for (action, label) in keys {
+            key(&mut bar, keymap, *action, &format!(" {label}{space}"), Style::new());
+        }
         bar
     };
     // The trailing space need not fit.
-    while line(&keys).width() > usize::from(width) + 1 && keys.len() > 1 {
+    let roomy = line(&keys, " ");
+    if roomy.width() <= usize::from(width) + 1 {
+        return roomy;
+    }
+    while line(&keys, "").width() > usize::from(width) && keys.len() > 1 {
         let stays = |action: Action| lacks_panel && action == Action::NextPane;
-        let before = keys.len().saturating_sub(LAST_KEYS);
+        let last = keys.iter().rev().take_while(|(action, _)| LAST_KEYS.contains(action)).count();
+        let before = keys.len() - last;
         let middle = (1..before).rev().find(|i| !stays(keys[*i].0));
         // Then the first of the last keys, for the sake of the panes.
         let next = if before > 1 { before } else { 0 };
         keys.remove(middle.unwrap_or(next));
     }
-    line(&keys)
+    line(&keys, "")
 }
 
 /// Returns the editor's tools, and what the mouse does with the selected one if there is room.

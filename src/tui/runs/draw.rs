@@ -359,7 +359,7 @@ fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut Scree
         let is_shown = move |b: &&Binding| {
             !b.short.is_empty() && b.is_active(Mode::Listing) && (b.when == When::Listing) == is_own
         };
-        bindings().filter(is_shown).map(|b| (b.action, format!(" {} ", b.short)))
+        bindings().filter(is_shown).map(|b| (b.action, b.short))
     };
     let keys = named(true).chain(named(false)).collect();
     footer::fitting(keys, &screen.keymap, area.width, false).draw(frame, area, layout);

@@ -238,6 +238,18 @@ fn long_words_leave_room_for_numbers_and_files() {
 }
 
 #[test]
+fn the_footer_of_a_narrow_list_says_how_to_resume_and_compare() {
+    let mut screen = screen();
+    for (width, left_out) in [(60, Some("plot")), (80, Some("sort")), (120, None)] {
+        let shown = text(&mut screen, width, 24);
+        let footer = shown.lines().last().expect("a footer");
+        let keys = ["Space mark", "/ filter", "Enter resume", "c compare", "? help", "q quit"];
+        assert!(keys.iter().all(|key| footer.contains(key)), "{width} columns: {footer}");
+        assert_eq!(left_out.map(|key| footer.contains(key)), left_out.map(|_| false), "{footer}");
+    }
+}
+
+#[test]
 fn curves_show_the_marked_runs_and_change_their_axes() {
     let mut screen = screen();
     let shown = text(&mut screen, 120, 40);

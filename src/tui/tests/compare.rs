@@ -6,6 +6,7 @@ use super::screens::{check_drawn, evaluation};
 use super::*;
 use crate::tui::compare::{Comparison, ComparisonOptions, Contender, Contestant, prepare};
 use crate::tui::graphics::{Graphics, Protocol, Redraw};
+use gdg::pulse::Progress;
 use gdg::train::{Counters, Evaluation};
 use gdg::viewer::{MazeView, View};
 
@@ -404,7 +405,7 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
     let other = save(&trainer("her", 8), "other.safetensors");
     let method = Contender::Method("her".parse().expect("a method"));
     let registry = Registry::builtin();
-    let prepared = prepare(&options([saved.clone(), method]), &registry);
+    let prepared = prepare(&options([saved.clone(), method]), &registry, &Progress::default());
     let [a, b] = prepared.expect("a run beside a method").both;
     assert_eq!([a.is_paused, b.is_paused], [true, false]);
     assert_eq!(a.title, "A own.safetensors: gdg-bridge default seed 7");
@@ -415,7 +416,7 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
     assert_eq!(map(&a), map(&b));
 
     let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
-    let contestants = prepare(&both, &registry).expect("two saved runs").both;
+    let contestants = prepare(&both, &registry, &Progress::default()).expect("two saved runs").both;
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let config = UiConfig::default();
     let mut comparison =
@@ -457,7 +458,9 @@ fn what_cannot_stand_beside_a_saved_run_is_refused() {
             "none.safetensors",
         ),
     ] {
-        let error = prepare(&options, &Registry::builtin()).err().expect("it is refused");
+        let error = prepare(&options, &Registry::builtin(), &Progress::default())
+            .err()
+            .expect("it is refused");
         assert!(error.to_string().contains(problem), "{error}");
     }
 }

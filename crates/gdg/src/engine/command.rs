@@ -70,8 +70,9 @@ enum CommandError {
     NotLoaded(CheckpointError),
 }
 
-/// Parts of starting a run: its world is made, then its trainer, and its state is captured.
-const START_STAGES: usize = 3;
+/// Parts of starting a run: its world is made, then its trainer, data are learned from, and its
+/// state is captured.
+const START_STAGES: usize = 4;
 
 /// Returns a file's stem without what an autosave added: a run resumed from `rooms-auto-5000`
 /// autosaves to `rooms-auto-9000`.
@@ -334,12 +335,15 @@ impl Worker {
             if let Some(data) = self.trainer.data()
                 && trainer.world().title() == self.trainer.world().title()
             {
-                trainer.learn_from(&Dataset::reread(data, registry.data(), trainer.world())?);
+                let world = trainer.world();
+                let data = Dataset::reread(data, registry.data(), world, &progress)?;
+                progress.begin(2, START_STAGES);
+                trainer.learn_from(&data, &progress);
             }
             Ok::<_, TrainError>(trainer)
         };
         let trainer = begin()?;
-        progress.begin(2, START_STAGES);
+        progress.begin(3, START_STAGES);
         self.switch_to(trainer)?;
         Ok("started a new run".to_owned())
     }

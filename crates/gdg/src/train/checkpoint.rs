@@ -447,5 +447,5 @@ fn parse(
     progress.begin(1, LOAD_STAGES);
     let store = content::from_bytes(bytes, most_bytes())?;
     progress.begin(2, LOAD_STAGES);
-    Ok(Trainer::load(&store, registry, threads)?)
+    Ok(Trainer::load_with(&store, registry, threads, progress)?)
 }

@@ -1,11 +1,12 @@
 //! Recorded transitions, to learn from without acting: files as of OGBench, and the program's own.
 
 use std::fs::File;
-use std::io::{BufReader, ErrorKind};
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use candle_core::npy::NpzTensors;
 use candle_core::{DType, Device, Tensor};
+use flate2::Crc;
 use serde::{Deserialize, Serialize};
 
 use super::error::{DataError, TrainError};
@@ -13,6 +14,7 @@ use super::memory;
 use crate::env::{Environment, MAX_MAGNITUDE};
 use crate::files::{Format, Wanted};
 use crate::learn::{Replay, ReplaySizes};
+use crate::pulse::Progress;
 use crate::store::StoreError;
 
 /// Names of the arrays.
@@ -25,6 +27,9 @@ const MOST_NUMBERS: usize = 1 << 30;
 
 /// No file is packed more tightly than this: the limit of Deflate.
 const MOST_PACKED: u64 = 1_040;
+
+/// Bytes that are read at a time.
+const CHUNK: usize = 1 << 20;
 
 /// How far actions may lie beyond [-1, 1], by rounding.
 const ACTION_TOLERANCE: f32 = 1e-3;
@@ -58,22 +63,31 @@ pub struct Dataset {
 impl Dataset {
     /// Reads an `.npz` file with `observations` (rows, `state_dim`), `actions` (rows, `action_dim`)
     /// in [-1, 1], and `terminals` (rows), which are not 0 in the last row of each episode. The
-    /// action of a row leads to the next one. States are in the unit of the world's records.
+    /// action of a row leads to the next one. States are in the unit of the world's records. Says
+    /// how far it is, as one stage of `progress`.
     ///
     /// # Errors
     /// It cannot be read, is no such file, or does not fit the world.
-    pub fn read(file: &Path, world: &dyn Environment) -> Result<Self, DataError> {
+    pub fn read(
+        file: &Path,
+        world: &dyn Environment,
+        progress: &Progress,
+    ) -> Result<Self, DataError> {
         let name = file.to_string_lossy().into_owned();
         let unread = |error| DataError::Unread { file: name.clone(), error };
-        let (checksum, bytes) = checksum(file).map_err(unread)?;
+        let (checksum, bytes) = checksum(file, progress).map_err(unread)?;
         let unfit = |problem| DataError::Unfit { file: name.clone(), problem };
         let arrays = Arrays::open(file, bytes).map_err(unfit)?;
         let sizes = ReplaySizes::of(world.spec());
         let read = || -> Result<Self, String> {
             let rows = arrays.rows(sizes)?;
+            // The arrays are by far the most of it.
+            progress.set(0, 3);
             let mut states = arrays.table(STATES, sizes.state, "the world's states")?;
+            progress.set(1, 3);
             let mut actions = arrays.table(ACTIONS, sizes.action, "the world's actions")?;
             let last = arrays.column(ENDS)?;
+            progress.set(2, 3);
             check(STATES, &states, sizes.state, MAX_MAGNITUDE, "finite, and at most 1e9 in size")?;
             if let Some(recorded) = world.abilities().recorded {
                 states.chunks_exact_mut(sizes.state).for_each(|s| recorded.own_state(s));
@@ -98,14 +112,14 @@ impl Dataset {
     }
 
     /// Checks that a file can be read and has the arrays, without a world and without its numbers;
-    /// returns its CRC-32.
+    /// returns its CRC-32. Says how far it is, as one stage of `progress`.
     ///
     /// # Errors
     /// See [`Self::read`].
-    pub fn check_file(file: &Path) -> Result<u32, DataError> {
+    pub fn check_file(file: &Path, progress: &Progress) -> Result<u32, DataError> {
         let name = || file.to_string_lossy().into_owned();
         let (checksum, bytes) =
-            checksum(file).map_err(|error| DataError::Unread { file: name(), error })?;
+            checksum(file, progress).map_err(|error| DataError::Unread { file: name(), error })?;
         let arrays = Arrays::open(file, bytes);
         let checked = arrays
             .and_then(|a| [STATES, ACTIONS, ENDS].iter().try_for_each(|n| a.shape(n).map(drop)));
@@ -121,14 +135,16 @@ impl Dataset {
         source: &DataSource,
         moved: Option<&Path>,
         world: &dyn Environment,
+        progress: &Progress,
     ) -> Result<Self, DataError> {
-        let is_own = |file: &&Path| checksum(file).is_ok_and(|(own, _)| own == source.checksum);
+        let is_own =
+            |file: &&Path| checksum(file, progress).is_ok_and(|(own, _)| own == source.checksum);
         let places = [Some(&*source.file), moved].into_iter().flatten();
         if let Some(file) = places.clone().find(is_own) {
-            return Self::read(file, world);
+            return Self::read(file, world, progress);
         }
         let file = moved.unwrap_or(&source.file).to_string_lossy().into_owned();
-        if let Err(error) = checksum(Path::new(&file)) {
+        if let Err(error) = checksum(Path::new(&file), progress) {
             return Err(DataError::Unread { file, error });
         }
         let problem = format!(
@@ -195,12 +211,17 @@ impl Dataset {
 }
 
 /// Returns the contents of an `.npz` file with all complete transitions of a replay buffer in
-/// `world`, as [`Dataset::read`] reads them.
+/// `world`, as [`Dataset::read`] reads them. Says how far it is, as one stage of `progress`.
 ///
 /// # Errors
 /// There are none, or no temporary file can be written.
-pub fn data_file(replay: &Replay, world: &dyn Environment) -> Result<Vec<u8>, TrainError> {
+pub fn data_file(
+    replay: &Replay,
+    world: &dyn Environment,
+    progress: &Progress,
+) -> Result<Vec<u8>, TrainError> {
     let (mut states, mut actions, mut ends) = (Vec::new(), Vec::new(), Vec::new());
+    progress.set(0, 3);
     replay.visit_rows(|state, action, is_last| {
         states.extend(state);
         actions.extend(action);
@@ -220,20 +241,32 @@ pub fn data_file(replay: &Replay, world: &dyn Environment) -> Result<Vec<u8>, Tr
     };
     let last = Tensor::from_vec(ends, rows, &Device::Cpu)?;
     let arrays = [(STATES, table(states)?), (ACTIONS, table(actions)?), (ENDS, last)];
+    progress.set(1, 3);
     let file = tempfile::NamedTempFile::new()?;
     Tensor::write_npz(&arrays, file.path())?;
+    progress.set(2, 3);
     Ok(std::fs::read(file.path())?)
 }
 
-/// Returns the CRC-32 and the length of a file.
-fn checksum(file: &Path) -> std::io::Result<(u32, u64)> {
+/// Returns the CRC-32 and the length of a file; says how far it is.
+fn checksum(file: &Path, progress: &Progress) -> std::io::Result<(u32, u64)> {
     // Pipes and devices may never end.
     if file.exists() && !file.is_file() {
         return Err(std::io::Error::new(ErrorKind::InvalidInput, "it is no regular file"));
     }
-    let mut reader = flate2::CrcReader::new(BufReader::new(File::open(file)?));
-    let bytes = std::io::copy(&mut reader, &mut std::io::sink())?;
-    Ok((reader.crc().sum(), bytes))
+    let mut file = File::open(file)?;
+    let all = file.metadata()?.len();
+    let (mut crc, mut bytes, mut chunk) = (Crc::new(), 0, vec![0; CHUNK]);
+    loop {
+        progress.set(bytes as usize, all as usize);
+        match file.read(&mut chunk)? {
+            0 => return Ok((crc.sum(), bytes)),
+            read => {
+                crc.update(&chunk[..read]);
+                bytes += read as u64;
+            }
+        }
+    }
 }
 
 /// Checks the size of every number; the text says what it must be.

@@ -11,6 +11,7 @@ use super::trainer::Trainer;
 use crate::bridge::{BridgeGraph, Edge};
 use crate::env::Recorded;
 use crate::learn::{LearnError, NamedTensor};
+use crate::pulse::Progress;
 use crate::store::StoreError;
 
 /// Name of the description in the file's metadata.
@@ -50,11 +51,15 @@ impl From<&NamedTensor> for Array {
 ///
 /// If `with_plans`, it also has what planned evaluations use: critics and model (see
 /// [`crate::learn::CriticsExport`]), the bridge candidates with the paths observed between them, and
-/// the edges of their graph.
+/// the edges of their graph; says how far that is, as one stage of `progress`.
 ///
 /// # Errors
 /// The learner has no actor to export, or the method does not plan.
-pub fn policy_file(trainer: &Trainer, with_plans: bool) -> Result<Vec<u8>, TrainError> {
+pub fn policy_file(
+    trainer: &Trainer,
+    with_plans: bool,
+    progress: &Progress,
+) -> Result<Vec<u8>, TrainError> {
     let run = trainer.run();
     let export = trainer.learner().export_actor(run.settings.bridge.averaged_weights)?;
     let export = export.ok_or_else(|| not_exported(trainer, "the actor"))?;
@@ -71,7 +76,7 @@ pub fn policy_file(trainer: &Trainer, with_plans: bool) -> Result<Vec<u8>, Train
         description["interface"] = interface;
     }
     if with_plans {
-        let (plans, more) = plans(trainer)?;
+        let (plans, more) = plans(trainer, progress)?;
         description["plans"] = plans;
         arrays.extend(more);
     }
@@ -94,9 +99,9 @@ fn not_exported(trainer: &Trainer, what: &str) -> LearnError {
 }
 
 /// Returns the description and the arrays of what planned evaluations use besides the actor.
-fn plans(trainer: &Trainer) -> Result<(Value, Vec<Array>), TrainError> {
+fn plans(trainer: &Trainer, progress: &Progress) -> Result<(Value, Vec<Array>), TrainError> {
     let method = &trainer.run().method;
-    let Some(graph) = trainer.evaluation()?.graph() else {
+    let Some(graph) = trainer.evaluation()?.graph(progress) else {
         let problem = format!("the method {method} does not plan: there are no plans to export");
         return Err(LearnError::Other(problem.into()).into());
     };

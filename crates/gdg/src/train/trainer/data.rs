@@ -41,8 +41,8 @@ pub struct LeftOut {
 impl Trainer {
     /// Learns from `data` instead of acting: its transitions fill the replay buffer, and its states
     /// are goals and bridge candidates. Call it before the first update. Returns how many
-    /// transitions are left out.
-    pub fn learn_from(&mut self, data: &Dataset) -> LeftOut {
+    /// transitions are left out, and says how far it is, as one stage of `progress`.
+    pub fn learn_from(&mut self, data: &Dataset, progress: &Progress) -> LeftOut {
         self.replay = self.replay_of(data);
         let editable = self.rollout.env().abilities().editable;
         let possible = |s: &[f32], a: &[f32], next: &[f32]| {
@@ -53,7 +53,7 @@ impl Trainer {
         let removed = impossible + by_chance;
         let Self { visits, replay, rollout, .. } = self;
         replay.visit_rows(|state, _, _| visits.add(rollout.env(), state));
-        self.rebuild_candidates(&Progress::default());
+        self.rebuild_candidates(progress);
         // Paths from where candidates were found later.
         self.revisit_everything(&Progress::default());
         let source = data.source().clone();
@@ -171,12 +171,13 @@ impl Trainer {
 
     /// Restores what [`Self::save_replay`] wrote. Without its file, a run can be loaded, but not go
     /// on.
-    pub(super) fn load_replay(&mut self, store: &Store) -> Result<()> {
+    pub(super) fn load_replay(&mut self, store: &Store, progress: &Progress) -> Result<()> {
         let mut data: Option<Data> =
             store.texts().contains_key(DATA).then(|| store.json(DATA)).transpose()?;
         match &mut data {
             Some(data @ Data { own_replay: None, .. }) => {
-                match Dataset::reread(&data.source, self.registry.data(), self.world()) {
+                let (moved, world) = (self.registry.data(), self.world());
+                match Dataset::reread(&data.source, moved, world, progress) {
                     Ok(read) => {
                         self.replay = self.replay_of(&read);
                         data.source = read.source().clone();

@@ -9,6 +9,7 @@ use super::recovery::LastGood;
 use super::{Result, Trainer};
 use crate::bridge::CandidatesState;
 use crate::learn::Threads;
+use crate::pulse::Progress;
 use crate::settings::Setting;
 use crate::store::{Store, StoreError};
 use crate::train::error::TrainError;
@@ -91,6 +92,19 @@ impl Trainer {
         registry: &Arc<Registry>,
         threads: impl Into<Threads>,
     ) -> Result<Self> {
+        Self::load_with(store, registry, threads, &Progress::default())
+    }
+
+    /// Like [`Self::load`], and says how far it is, as one stage of `progress`.
+    ///
+    /// # Errors
+    /// See [`Self::load`].
+    pub fn load_with(
+        store: &Store,
+        registry: &Arc<Registry>,
+        threads: impl Into<Threads>,
+        progress: &Progress,
+    ) -> Result<Self> {
         let run: Run = store.json("run")?;
         let range = |OutOfRange(Setting { name, values, .. }): OutOfRange| {
             StoreError::inconsistent(format!("its setting {name} must be {values}"))
@@ -101,7 +115,7 @@ impl Trainer {
         memory::check(&run, &*world, registry)?;
         let mut trainer = Self::new(run, &*world, registry, threads)?;
         trainer.learner.load(store)?;
-        trainer.load_replay(store)?;
+        trainer.load_replay(store, progress)?;
         trainer.candidates.restore(&CandidatesState::read(store, CANDIDATES)?)?;
         trainer.visits = Visits::read(store, trainer.world())?;
         trainer.rollout.excursions_mut().restore(world.spec(), store)?;

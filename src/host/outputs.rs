@@ -1,0 +1,141 @@
+//! The files that a run writes: which may be replaced, and where else they can go.
+
+use std::fs::File;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use directories::ProjectDirs;
+use miette::{Report, miette};
+
+use crate::host::runs::SAVES;
+use gdg::files;
+use gdg::train::{self, SaveTo, Trainer};
+
+/// Returns how to save to the path of `--save`: neither another run's file nor one that is not a
+/// checkpoint is replaced.
+///
+/// # Errors
+/// It is one of those, or its folder cannot be written.
+pub fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveTo, Report> {
+    files::check_writable(path).map_err(|error| {
+        let help = "give --save a file in a writable folder";
+        miette!(help = help, "{}: a checkpoint cannot be saved here: {error}", path.display())
+    })?;
+    let own = resumed.is_some_and(|resumed| is_same_file(resumed, path));
+    if overwrite && !own && path.exists() && !train::is_checkpoint(path) {
+        let help = "give --save another name: --overwrite replaces only checkpoints of gdg-tui";
+        return Err(miette!(
+            help = help,
+            "{}: is not a checkpoint of gdg-tui and is not replaced",
+            path.display()
+        ));
+    }
+    Ok(if own || overwrite {
+        SaveTo::Replace(path.to_owned())
+    } else {
+        SaveTo::CreateNew(path.to_owned())
+    })
+}
+
+/// Checks that the output file of an `option` is not one of the command's inputs.
+///
+/// # Errors
+/// It is one of them.
+pub fn refuse_input<'a>(
+    option: &str,
+    path: &Path,
+    mut inputs: impl Iterator<Item = &'a Path>,
+) -> Result<(), Report> {
+    if inputs.any(|input| is_same_file(input, path)) {
+        let help = format!("give {option} another name");
+        return Err(miette!(
+            help = help,
+            "{}: is read by this run and is not replaced",
+            path.display()
+        ));
+    }
+    Ok(())
+}
+
+/// Returns whether two paths lead to the same existing file.
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    // Comparing opens them, which would block on a pipe.
+    a.is_file() && b.is_file() && same_file::is_same_file(a, b).unwrap_or(false)
+}
+
+/// Rejects the path of an existing file unless it may be replaced: only regular files are, and
+/// checkpoints only by checkpoints.
+///
+/// # Errors
+/// The file exists.
+pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
+    if path.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    if train::is_checkpoint(path) {
+        return Err(miette!(
+            help = "give another name",
+            "{}: is a checkpoint and is not replaced",
+            path.display()
+        ));
+    }
+    if let Ok(found) = path.metadata()
+        && !found.is_file()
+    {
+        let kind = if found.is_dir() { "a folder" } else { "not a regular file" };
+        return Err(miette!(
+            help = "give the name of a file",
+            "{}: cannot be written: it is {kind}",
+            path.display()
+        ));
+    }
+    if overwrite { Ok(()) } else { Err(already_exists(path)) }
+}
+
+/// Creates a file and the folders that it is in, or truncates an existing one if it may be
+/// replaced.
+///
+/// # Errors
+/// The file exists, or cannot be created.
+pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
+    refuse_existing(path, overwrite)?;
+    let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+    let file =
+        folder.and_then(|()| if overwrite { File::create(path) } else { File::create_new(path) });
+    file.map_err(|error| match error.kind() {
+        ErrorKind::AlreadyExists => already_exists(path),
+        _ => miette!("{}: cannot be written: {error}", path.display()),
+    })
+}
+
+fn already_exists(path: &Path) -> Report {
+    miette!(
+        help = "give another name, or --overwrite",
+        "{}: the file already exists",
+        path.display()
+    )
+}
+
+/// Returns where a file that cannot be saved to `path` goes instead: in `saves/`, or in the user's
+/// state folder.
+pub fn elsewhere(path: &Path) -> Vec<PathBuf> {
+    let state = ProjectDirs::from("", "", "gdg-tui");
+    let state =
+        state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));
+    let name = path.file_name().unwrap_or_default();
+    [Some(PathBuf::from(SAVES)), state]
+        .into_iter()
+        .flatten()
+        .map(|folder| folder.join(name))
+        .collect()
+}
+
+/// Saves a run that cannot be saved to `path` [`elsewhere`], if need be under a name that every
+/// file system accepts.
+pub fn save_elsewhere(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
+    let places = elsewhere(path).into_iter().chain(elsewhere(Path::new("recovered.safetensors")));
+    let to = |place: PathBuf| {
+        if train::is_own(&place) { SaveTo::Replace(place) } else { SaveTo::CreateNew(place) }
+    };
+    places.map(to).find_map(|to| train::save(trainer, &to).ok())
+}
