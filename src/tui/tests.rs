@@ -6,6 +6,8 @@ mod compare;
 mod contrast;
 mod cut;
 mod dialogs;
+mod drawing;
+mod editing;
 mod found;
 mod frozen;
 mod goals;
@@ -13,6 +15,7 @@ mod mouse;
 mod past;
 mod picture;
 mod pixels;
+mod saving;
 pub(super) mod screens;
 mod tour;
 mod walls;
@@ -343,96 +346,6 @@ fn wait_until(app: &mut App, is: impl Fn(&App) -> bool) {
 }
 
 #[test]
-fn a_screen_is_drawn_from_its_state_alone() {
-    let run = Run {
-        method: Method::default(),
-        preset: Preset::Default,
-        seed: 1,
-        settings: Settings::default(),
-    };
-    let world = PointMaze::new(Arc::new(rooms()), 0);
-    let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
-    let snapshot = Arc::new(Snapshot::capture(&trainer).expect("a snapshot"));
-    let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
-    let scene = Scene::of(&snapshot);
-    let screen = Screen::new(&UiConfig::default(), keymap, snapshot);
-    let drawn = || {
-        let mut terminal = Terminal::new(TestBackend::new(80, 24)).expect("a buffer");
-        let draw = |frame: &mut ratatui::Frame| {
-            drop(render::draw(frame, &screen, &scene, &mut Cache::default()));
-        };
-        terminal.draw(draw).expect("a frame");
-        text(&terminal)
-    };
-    assert!(drawn().contains("gdg-bridge default seed 1") && drawn() == drawn(), "{}", drawn());
-}
-
-#[test]
-fn every_screen_size_can_be_drawn() {
-    let mut app = still();
-    for (width, height) in [
-        (1, 1),
-        (2, 1),
-        (1, 9),
-        (7, 3),
-        (40, 10),
-        (69, 12),
-        (80, 24),
-        (120, 40),
-        (200, 60),
-        (400, 120),
-    ] {
-        for dialog in ["", "?", ":", "R", "o", "T", "e"] {
-            type_text(&mut app, dialog);
-            draw(&mut app, width, height);
-            app.screen.dialogs.clear();
-        }
-    }
-}
-
-#[test]
-fn maps_of_every_shape_can_be_drawn() {
-    for (width, height) in [(1, 1), (300, 1), (1, 300), (256, 256)] {
-        let map = parse_map("shape", format!("{}\n", ".".repeat(width)).repeat(height).as_bytes())
-            .expect("a map");
-        let mut app = still_on(map, gdg());
-        for (columns, rows) in [(80, 24), (30, 5), (200, 60)] {
-            draw(&mut app, columns, rows);
-            app.on_event(&Event::Mouse(MouseEvent {
-                kind: MouseEventKind::Down(MouseButton::Left),
-                column: columns / 2,
-                row: rows / 2,
-                modifiers: KeyModifiers::NONE,
-            }));
-        }
-    }
-}
-
-#[test]
-fn an_80_by_24_screen_shows_everything_important() {
-    let mut app = app();
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
-    let shown = text(&draw(&mut app, 80, 24));
-    for part in [
-        "gdg-tui",
-        "rooms",
-        "gdg-bridge",
-        "training",
-        "elapsed",
-        "updates",
-        "success",
-        "bridges",
-        "acting",
-    ] {
-        assert!(shown.contains(part), "{part} is missing:\n{shown}");
-    }
-    let here = |b: &&Binding| b.is_active(Mode::Watching) && app.scene.offers(b.action);
-    for binding in bindings().filter(|b| !b.short.is_empty()).filter(here) {
-        assert!(shown.contains(binding.short), "{} is missing:\n{shown}", binding.short);
-    }
-}
-
-#[test]
 fn arrow_keys_move_the_goal_and_jump_over_walls() {
     let mut app = still();
     assert_eq!(app.maze().goal, Cell::new(19, 4), "the map's own goal");
@@ -463,89 +376,6 @@ fn left_click_sets_the_goal_and_right_click_the_walking_agent() {
 }
 
 #[test]
-fn the_field_grows_away_from_the_goal_and_is_undefined_on_walls() {
-    let mut app = app();
-    draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| {
-        app.screen.snapshot.counters.updates > 3_000 && !app.maze().view.field.is_empty()
-    });
-    let field = app.maze().view.field.clone();
-    let raster = app.maze().view.raster.expect("a raster");
-    assert_eq!(field.len(), raster.pixels.0 * raster.pixels.1);
-    // The goal is in the lower right corner, the wall in the middle.
-    let at = |position: [f32; 2]| {
-        let (column, row) = raster.pixel_of(position).expect("on the map");
-        field[row * raster.pixels.0 + column]
-    };
-    let (near, far) = (at([18.5, 4.5]), at([1.5, 0.5]));
-    assert!(near.is_finite() && far.is_finite() && near < far, "{near} and {far}");
-    assert!(field.iter().any(|d| d.is_nan()), "walls have no distance");
-}
-
-#[test]
-fn distances_over_each_place_are_the_sums_of_both_parts() {
-    let mut app = app();
-    draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 200);
-    press(&mut app, KeyCode::Char(' '));
-    wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
-    while app.screen.field != Field::OverEach {
-        press(&mut app, KeyCode::Char('v'));
-    }
-    // The view may be of earlier networks at first.
-    wait_until(&mut app, |app| {
-        let (maze, policy) = (app.maze(), &app.screen.snapshot.networks.policy);
-        let (Field::OverEach, Some(raster)) = (maze.view.kind, maze.view.raster) else {
-            return false;
-        };
-        let (start, goal) = (maze.view.walk.start, maze.goal.centre());
-        let (free, places) = raster.free_ground(&maze.map);
-        let sum = |at: &[f32; 2]| {
-            let part = |from: &[f32], to: &[f32]| {
-                policy.distance(from, to, &mut gdg::learn::Scratch::default())
-            };
-            part(&start, at) + part(at, &goal)
-        };
-        let mut all = free.iter().zip(&places);
-        all.all(|(i, at)| (maze.view.field[*i] - sum(at)).abs() < 0.01)
-    });
-}
-
-#[test]
-fn every_field_can_be_shown() {
-    let mut app = app();
-    draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| {
-        app.screen.snapshot.counters.updates > 1_000 && !app.maze().view.edges.is_empty()
-    });
-    let mut seen = Vec::new();
-    for _ in 0..8 {
-        let asked = app.screen.field;
-        wait_until(&mut app, |app| {
-            app.maze().view.kind == asked
-                && (asked == Field::Plain || !app.maze().view.field.is_empty())
-        });
-        assert!(text(&draw(&mut app, 80, 24)).contains(asked.name()), "{asked:?} is named");
-        seen.push(asked);
-        let (field, raster) =
-            (app.maze().view.field.clone(), app.maze().view.raster.expect("a raster"));
-        let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
-        let value = field[row * raster.pixels.0 + column];
-        match asked {
-            Field::True => {
-                assert_eq!(value, 19.0, "from the left to the goal in the lower right corner");
-            }
-            Field::Plain => assert!(value.is_nan()),
-            _ => assert!(value.is_finite()),
-        }
-        press(&mut app, KeyCode::Char('v'));
-    }
-    assert_eq!(app.screen.field, Field::Learned, "and round");
-    seen.dedup();
-    assert_eq!(seen.len(), 8);
-}
-
-#[test]
 fn the_cursor_and_the_mouse_show_facts_about_a_cell() {
     let mut app = app();
     draw(&mut app, 120, 40);
@@ -568,92 +398,6 @@ fn the_cursor_and_the_mouse_show_facts_about_a_cell() {
 }
 
 #[test]
-fn a_door_can_be_closed_and_reopened_during_training() {
-    let mut app = app();
-    let door = Cell::new(10, 2);
-    draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 50);
-    press(&mut app, KeyCode::Char('e'));
-    assert!(text(&draw(&mut app, 80, 24)).contains("EDIT"));
-    let at = character_of(&app, door);
-    let below = Position::new(at.x, at.y + 1);
-    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-    assert_eq!(
-        app.maze().editor.preview().map(|(cells, free)| (cells.contains(&door), free)),
-        Some((true, false))
-    );
-    mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
-    assert!(!app.maze().map.is_free(door), "the door is closed");
-    wait_until(&mut app, |app| !app.drawn_map().is_free(door));
-    // The trainer's answer and its snapshot arrive separately.
-    wait_until(&mut app, |app| {
-        let notice = app.screen.log.notice();
-        notice.is_some_and(|n| {
-            n.text.contains("walled") && n.text.contains("2 disconnected components")
-        })
-    });
-    let updates = app.screen.snapshot.counters.updates;
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
-    press(&mut app, KeyCode::Char('u'));
-    wait_until(&mut app, |app| app.drawn_map().is_free(door));
-    press_with(&mut app, KeyCode::Char('r'), KeyModifiers::CONTROL);
-    wait_until(&mut app, |app| !app.drawn_map().is_free(door));
-    mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
-    mouse(&mut app, MouseEventKind::Drag(MouseButton::Right), below);
-    mouse(&mut app, MouseEventKind::Up(MouseButton::Right), below);
-    wait_until(&mut app, |app| app.drawn_map().is_free(door));
-    // By keyboard alone, from the goal, where the cursor starts.
-    assert_eq!(app.maze().editor.cursor, Some(Cell::new(19, 4)));
-    (0..9).for_each(|_| press(&mut app, KeyCode::Left));
-    let wall = app.maze().map.is_free(Cell::new(10, 4));
-    press(&mut app, KeyCode::Char('x'));
-    wait_until(&mut app, |app| app.drawn_map().is_free(Cell::new(10, 4)) != wall);
-    press(&mut app, KeyCode::Esc);
-    assert!(!app.maze().editor.is_open());
-    assert_eq!(app.maze().goal, Cell::new(19, 4), "the goal stayed where it was");
-}
-
-#[test]
-fn tools_that_change_nothing_say_why() {
-    let map = parse_map("room", b"S...#\n....#\n...G#\n").expect("a map");
-    let mut app = still_on(map, gdg());
-    draw(&mut app, 80, 24);
-    press(&mut app, KeyCode::Char('e'));
-    let (wall, floor) = (Cell::new(4, 1), Cell::new(1, 1));
-    for (tool, cell, reason) in [
-        (Tool::Goal, wall, "a goal needs floor"),
-        (Tool::Start, wall, "a start needs floor"),
-        (Tool::Fill, floor, "not filled"),
-    ] {
-        app.act(Action::Tool(tool));
-        let at = character_of(&app, cell);
-        mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-        mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
-        let notice =
-            app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
-        assert!(notice.contains(reason), "{tool:?}: {notice}");
-    }
-}
-
-#[test]
-fn a_box_drawn_beyond_the_map_ends_at_its_edge() {
-    let mut app = still();
-    draw(&mut app, 80, 24);
-    press(&mut app, KeyCode::Char('e'));
-    app.act(Action::Tool(Tool::Rectangle));
-    let from = character_of(&app, Cell::new(12, 1));
-    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), from);
-    mouse(&mut app, MouseEventKind::Drag(MouseButton::Left), Position::new(79, 23));
-    mouse(&mut app, MouseEventKind::Up(MouseButton::Left), Position::new(79, 23));
-    let map = &app.maze().map;
-    assert!(
-        [(12, 4), (19, 1), (19, 4)].iter().all(|(x, y)| !map.is_free(Cell::new(*x, *y))),
-        "{map:?}"
-    );
-    assert!(map.is_free(Cell::new(15, 3)), "inside the box");
-}
-
-#[test]
 fn space_pauses_and_resumes() {
     let mut app = still();
     press(&mut app, KeyCode::Char(' '));
@@ -663,16 +407,6 @@ fn space_pauses_and_resumes() {
     press(&mut app, KeyCode::Char(' '));
     app.obey();
     assert_eq!(app.screen.snapshot.phase, Phase::Running);
-}
-
-#[test]
-fn without_colours_walls_are_still_distinct_from_floor() {
-    let mut app = still();
-    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::Mono);
-    let terminal = draw(&mut app, 80, 24);
-    let plain = |colour: Color| colour == Color::Reset;
-    assert!(terminal.backend().buffer().content.iter().all(|c| plain(c.fg) && plain(c.bg)));
-    assert!(text(&terminal).contains('#'));
 }
 
 #[test]
@@ -747,79 +481,6 @@ fn the_walking_agent_can_visit_one_goal_after_another() {
 }
 
 #[test]
-fn autosaves_use_their_own_files_and_only_the_newest_are_kept() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("kept.safetensors");
-    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
-    app.on_tick();
-    assert!(app.screen.snapshot.autosaves.is_empty(), "not yet");
-    app.saver.autosave.minutes = 1e-6;
-    let mut all = std::collections::BTreeSet::new();
-    while all.len() < 5 {
-        let updates = app.screen.snapshot.counters.updates;
-        app.on_tick();
-        wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
-        all.extend(app.screen.snapshot.autosaves.iter().cloned());
-    }
-    let there: Vec<_> = all.iter().filter(|path| path.is_file()).collect();
-    assert!((1..=4).contains(&there.len()), "the newest are kept: {there:?}");
-    assert!(
-        !path.exists() && app.screen.snapshot.saved.is_none(),
-        "the user's own file is left alone"
-    );
-}
-
-#[test]
-fn saving_keeps_another_runs_file_and_replaces_the_runs_own() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("mine.safetensors");
-    std::fs::write(&path, b"another run's").expect("written");
-    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
-    let own = folder.path().join("mine-2.safetensors");
-    for _ in 0..2 {
-        let (before, updates) =
-            (app.screen.snapshot.saved.clone(), app.screen.snapshot.counters.updates);
-        wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
-        app.act(Action::Save);
-        wait_until(&mut app, |app| app.screen.snapshot.saved != before);
-        let (_, saved) = app.screen.snapshot.saved.clone().expect("saved");
-        assert_eq!(*saved, own);
-    }
-    assert_eq!(std::fs::read(&path).expect("there"), b"another run's");
-    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 2);
-}
-
-#[test]
-fn a_failed_save_before_quitting_asks_for_another_file() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let blocked = folder.path().join("file");
-    std::fs::write(&blocked, b"").expect("written");
-    let path = blocked.join("below.safetensors");
-    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path));
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
-    app.act(Action::Quit);
-    wait_until(
-        &mut app,
-        |app| matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()),
-    );
-    assert!(!app.is_done(), "it stays");
-    press(&mut app, KeyCode::Esc);
-    wait_until(&mut app, |app| app.screen.snapshot.phase.is_training());
-    app.act(Action::Quit);
-    wait_until(
-        &mut app,
-        |app| matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()),
-    );
-    let elsewhere = folder.path().join("elsewhere");
-    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
-    type_text(&mut app, &elsewhere.to_string_lossy());
-    press(&mut app, KeyCode::Enter);
-    wait_until(&mut app, App::is_done);
-    assert!(elsewhere.with_extension("safetensors").is_file());
-}
-
-#[test]
 fn method_and_preset_can_change_during_training_and_keep_the_data() {
     let mut app = app();
     draw(&mut app, 80, 24);
@@ -852,24 +513,4 @@ fn a_frozen_screen_stays_unchanged_while_training_continues() {
     assert!(text(&draw(&mut app, 80, 24)).contains("frozen"));
     press(&mut app, KeyCode::Char('F'));
     assert!(app.screen.snapshot.counters.updates > updates + 50, "it shows the current state");
-}
-
-#[test]
-fn writing_a_map_asks_before_replacing_a_file() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("kept.txt");
-    std::fs::write(&file, "something else").expect("a file");
-    let mut app = still();
-    draw(&mut app, 80, 24);
-    press_with(&mut app, KeyCode::Char('w'), KeyModifiers::CONTROL);
-    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
-    type_text(&mut app, &file.to_string_lossy());
-    press(&mut app, KeyCode::Enter);
-    let shown = text(&draw(&mut app, 80, 24));
-    assert!(shown.contains("the file exists: Enter again"), "{shown}");
-    assert_eq!(std::fs::read_to_string(&file).expect("the file"), "something else");
-    press(&mut app, KeyCode::Enter);
-    assert!(app.screen.dialogs.is_empty());
-    let written = gdg::map::load_map(&file).expect("a map");
-    assert_eq!((written.free(), written.goals()), (rooms().free(), rooms().goals()));
 }

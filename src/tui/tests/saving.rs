@@ -1,0 +1,96 @@
+//! Checkpoints and maps are written.
+
+use super::*;
+
+#[test]
+fn autosaves_use_their_own_files_and_only_the_newest_are_kept() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("kept.safetensors");
+    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
+    app.on_tick();
+    assert!(app.screen.snapshot.autosaves.is_empty(), "not yet");
+    app.saver.autosave.minutes = 1e-6;
+    let mut all = std::collections::BTreeSet::new();
+    while all.len() < 5 {
+        let updates = app.screen.snapshot.counters.updates;
+        app.on_tick();
+        wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
+        all.extend(app.screen.snapshot.autosaves.iter().cloned());
+    }
+    let there: Vec<_> = all.iter().filter(|path| path.is_file()).collect();
+    assert!((1..=4).contains(&there.len()), "the newest are kept: {there:?}");
+    assert!(
+        !path.exists() && app.screen.snapshot.saved.is_none(),
+        "the user's own file is left alone"
+    );
+}
+
+#[test]
+fn saving_keeps_another_runs_file_and_replaces_the_runs_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("mine.safetensors");
+    std::fs::write(&path, b"another run's").expect("written");
+    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
+    let own = folder.path().join("mine-2.safetensors");
+    for _ in 0..2 {
+        let (before, updates) =
+            (app.screen.snapshot.saved.clone(), app.screen.snapshot.counters.updates);
+        wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
+        app.act(Action::Save);
+        wait_until(&mut app, |app| app.screen.snapshot.saved != before);
+        let (_, saved) = app.screen.snapshot.saved.clone().expect("saved");
+        assert_eq!(*saved, own);
+    }
+    assert_eq!(std::fs::read(&path).expect("there"), b"another run's");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 2);
+}
+
+#[test]
+fn a_failed_save_before_quitting_asks_for_another_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let blocked = folder.path().join("file");
+    std::fs::write(&blocked, b"").expect("written");
+    let path = blocked.join("below.safetensors");
+    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path));
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
+    app.act(Action::Quit);
+    wait_until(
+        &mut app,
+        |app| matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()),
+    );
+    assert!(!app.is_done(), "it stays");
+    press(&mut app, KeyCode::Esc);
+    wait_until(&mut app, |app| app.screen.snapshot.phase.is_training());
+    app.act(Action::Quit);
+    wait_until(
+        &mut app,
+        |app| matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()),
+    );
+    let elsewhere = folder.path().join("elsewhere");
+    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
+    type_text(&mut app, &elsewhere.to_string_lossy());
+    press(&mut app, KeyCode::Enter);
+    wait_until(&mut app, App::is_done);
+    assert!(elsewhere.with_extension("safetensors").is_file());
+}
+
+#[test]
+fn writing_a_map_asks_before_replacing_a_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("kept.txt");
+    std::fs::write(&file, "something else").expect("a file");
+    let mut app = still();
+    draw(&mut app, 80, 24);
+    press_with(&mut app, KeyCode::Char('w'), KeyModifiers::CONTROL);
+    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
+    type_text(&mut app, &file.to_string_lossy());
+    press(&mut app, KeyCode::Enter);
+    let shown = text(&draw(&mut app, 80, 24));
+    assert!(shown.contains("the file exists: Enter again"), "{shown}");
+    assert_eq!(std::fs::read_to_string(&file).expect("the file"), "something else");
+    press(&mut app, KeyCode::Enter);
+    assert!(app.screen.dialogs.is_empty());
+    let written = gdg::map::load_map(&file).expect("a map");
+    assert_eq!((written.free(), written.goals()), (rooms().free(), rooms().goals()));
+}
