@@ -15,7 +15,7 @@ use gdg::engine::{Command, Snapshot};
 use gdg::files::{named, unused_path};
 use gdg::train::{Notes, SaveTo};
 
-/// Unsaved training that may be discarded without asking.
+/// Unsaved training that quitting may discard without asking.
 const MAX_DISCARDED_SECS: f64 = 10.0;
 
 /// Files named on the command line.
@@ -268,10 +268,11 @@ impl Saver {
         }
     }
 
-    /// Handles a signal to end the program: unsaved training worth asking about will be saved on
+    /// Handles a signal to end the program, which cannot ask: whatever is unsaved will be saved on
     /// closing.
     pub fn on_signal(&mut self, scene: &Scene, screen: &Screen) {
-        if is_worth_saving(scene, screen) && self.named.is_none() {
+        let is_unsaved = screen.latest.unsaved_updates() > 0 || scene.has_unsaved_map();
+        if is_unsaved && self.named.is_none() {
             self.named = Some(self.to.path().to_owned());
         }
     }

@@ -53,6 +53,19 @@ fn a_resumed_run_is_asked_about_after_ten_seconds_however_fast_it_was_before() {
 }
 
 #[test]
+fn a_signal_saves_what_quitting_would_discard() {
+    let mut app = saved_app();
+    app.on_signal();
+    assert!(app.saver.named.is_none(), "all is saved");
+    let mut latest = (*app.screen.snapshot).clone();
+    latest.counters.updates += 3;
+    latest.seconds += 0.1;
+    app.on_snapshot(Arc::new(latest));
+    app.on_signal();
+    assert!(app.saver.named.as_ref().is_some_and(|path| path.ends_with("kept.safetensors")));
+}
+
+#[test]
 fn nothing_is_asked_about_where_nothing_is_unsaved() {
     let mut app = staged_app(80, 24);
     train_frozen(&mut app, 0.0, |latest| {
