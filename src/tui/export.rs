@@ -64,11 +64,21 @@ pub fn begin(
     screen: &mut Screen,
     scene: &Scene,
 ) -> Result<Background<Result<String, String>>, ExportError> {
-    let (world, updates) = (scene.title(&screen.snapshot), screen.snapshot.counters.updates);
-    let path = new_path(&format!("{world}-{updates}"), kind, scene.noun());
+    let path = new_path(&name(kind, screen, scene), kind, scene.noun());
     let encode = drawn(kind, screen, scene)?;
     let write = move |progress: &Progress| write_contents(&path, encode(progress));
     Ok(Background::start(format!("writing {}", kind.name(scene.noun())), write)?)
+}
+
+/// Returns what a file's name begins with: the world, and the update that is shown.
+pub fn name(kind: ExportKind, screen: &Screen, scene: &Scene) -> String {
+    // Curves and film are of the present, whatever the map shows.
+    let past = screen.past.as_ref().filter(|_| ExportKind::PICTURES.contains(&kind));
+    let updates = match past {
+        Some(frame) => screen.snapshot.learned(frame.updates),
+        None => screen.snapshot.updates(),
+    };
+    format!("{}-{updates}", scene.title(&screen.snapshot))
 }
 
 /// Writes contents to a new file that begins with `name`; returns the notice for the user.
@@ -124,11 +134,12 @@ fn drawn(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Encode,
             })
         }
         ExportKind::MapPng | ExportKind::MapSvg | ExportKind::ScreenPng | ExportKind::ScreenSvg => {
-            let (drawn, map_pane) = draw(screen, scene)?;
-            let area = match kind {
-                ExportKind::MapPng | ExportKind::MapSvg => map_pane.intersection(drawn.area),
-                _ => drawn.area,
-            };
+            // The whole screen has its keys; the map alone is for readers, who have none.
+            screen.on_paper = matches!(kind, ExportKind::MapPng | ExportKind::MapSvg);
+            let drawn = draw(screen, scene);
+            let only_map = std::mem::take(&mut screen.on_paper);
+            let (drawn, map_pane) = drawn?;
+            let area = if only_map { map_pane.intersection(drawn.area) } else { drawn.area };
             let theme = screen.theme.in_full_colour();
             Box::new(move |_| picture(kind, &drawn, area, &theme))
         }

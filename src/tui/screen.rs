@@ -73,6 +73,8 @@ pub struct Screen {
     pub reading: Option<Background<Read>>,
     /// How long to wait for them before the interface goes on.
     pub reading_patience: Duration,
+    /// Whether the map is drawn for a file, which has no keys.
+    pub on_paper: bool,
     /// Whether the screen is frozen.
     pub frozen: bool,
     /// Minimum upper end of the colour scale, which the screens of a comparison share.
@@ -124,6 +126,7 @@ impl Screen {
             evaluating: None,
             reading: None,
             reading_patience: background::PATIENCE,
+            on_paper: false,
             frozen: false,
             least_farthest: 0.0,
             least_contour_interval: 0.0,

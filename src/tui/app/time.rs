@@ -115,6 +115,9 @@ pub fn look_at(frame: Option<Arc<FilmFrame>>, screen: &mut Screen, link: &Link) 
     if frame.is_none() {
         link.return_to_present(screen);
     } else {
+        if screen.past.is_none() {
+            screen.say("the map shows the past; panes show the present");
+        }
         screen.past.clone_from(&frame);
         link.request(Request::Past(frame));
     }

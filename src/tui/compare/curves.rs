@@ -108,13 +108,29 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
     }
 }
 
+/// Returns where the map was edited, which is the same map for both.
+fn edits(comparison: &Comparison, window: [f64; 2]) -> Vec<f64> {
+    let of = |side: &Side| {
+        let edits = side.app.screen.snapshot.edits.clone();
+        edits.iter().map(|at| comparison.axis.of(side.pace.at(*at as f64))).collect::<Vec<_>>()
+    };
+    let mut edits = comparison.sides.iter().flat_map(of).collect::<Vec<_>>();
+    edits.sort_by(f64::total_cmp);
+    curves::apart(edits.into_iter(), window)
+}
+
 /// Draws the chart; a click on its title changes the axis, one on the lines looks back. Upright
 /// lines mark the moments of the past that are shown.
 pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     let all: Vec<Curve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
+    let now = |side: &Side| comparison.axis.of(side.app.screen.snapshot.as_ref().into());
+    let last = comparison.sides.iter().map(now).fold(1.0, f64::max);
+    let edits = edits(comparison, [0.0, last]);
+    let edited = Span::styled(format!("  {} {}", curves::MARK, curves::EDITED), DIM);
     let names = all.iter().map(|curve| {
         Span::styled(format!("  {} {}", curves::symbol(curve.marker), curve.name), curve.style)
     });
+    let names = names.chain(Some(edited).filter(|_| !edits.is_empty()));
     let title = Span::styled(format!(" success over {}", comparison.axis.name()), BOLD);
     let lines = chart::heading(&title, names, area.width);
     let [head, body] =
@@ -125,8 +141,6 @@ pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut
         frame.render_widget(Paragraph::new(" not evaluated yet").style(DIM), body);
         return;
     }
-    let now = |side: &Side| comparison.axis.of(side.app.screen.snapshot.as_ref().into());
-    let last = comparison.sides.iter().map(now).fold(1.0, f64::max);
     // The faint curves first, so that they do not hide the others.
     let (faint, strong): (Vec<&Curve>, Vec<&Curve>) =
         all.iter().partition(|curve| curve.style.add_modifier.contains(Modifier::DIM));
@@ -137,11 +151,10 @@ pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut
     });
     let past = comparison.sides.each_ref().map(|side| comparison.past_at(side));
     let moments: Vec<_> = past.into_iter().flatten().map(|at| [(at, 0.0), (at, 1.0)]).collect();
-    let uprights = moments.iter().map(|points| chart::Line {
-        style: BOLD,
-        marker: Marker::Braille,
-        points: &points[..],
-    });
+    let edits: Vec<_> = edits.into_iter().map(|at| [(at, 0.0), (at, 1.0)]).collect();
+    let upright = |style, points| chart::Line { style, marker: Marker::Braille, points };
+    let lines = edits.iter().map(|points| upright(DIM, &points[..])).chain(lines);
+    let uprights = moments.iter().map(|points| upright(BOLD, &points[..]));
     let y_labels = ["0.0".to_owned(), "1.0".to_owned()];
     let (x_unit, y) = (comparison.axis.name(), [0.0, 1.0]);
     let axes = chart::Axes { x: [0.0, last], x_unit, y, y_labels };

@@ -197,11 +197,15 @@ fn training_side(comparison: &Comparison) -> &Side {
 }
 
 /// Draws the title of a side: what it is, and whether it has stopped or shows its past.
-fn draw_title(frame: &mut Frame, area: Rect, Side { app, title, .. }: &Side) {
+fn draw_title(frame: &mut Frame, area: Rect, side: &Side) {
+    let Side { app, title, .. } = side;
     let screen = &app.screen;
     let state = match (&screen.snapshot.phase, &screen.past) {
         (Phase::Failed(error), _) => format!("stopped: {error} "),
-        (_, Some(past)) => format!("at update {} ", grouped(past.updates)),
+        (_, Some(past)) if screen.snapshot.is_edited_since(past.updates) => {
+            format!("at update {}, walls of today ", grouped(side.shown_updates()))
+        }
+        (_, Some(_)) => format!("at update {} ", grouped(side.shown_updates())),
         (Phase::Paused, _) => "paused ".to_owned(),
         _ => String::new(),
     };

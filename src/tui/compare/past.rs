@@ -9,6 +9,15 @@ use gdg::train::FilmFrame;
 /// The frames of a side's film, with their places along the axis.
 type Frames = Vec<(f64, Arc<FilmFrame>)>;
 
+impl Side {
+    /// Returns the update that the map shows.
+    pub(super) fn shown_updates(&self) -> u64 {
+        let snapshot = &self.app.screen.snapshot;
+        let past = self.app.screen.past.as_ref();
+        past.map_or(snapshot.updates(), |frame| snapshot.learned(frame.updates))
+    }
+}
+
 impl Comparison {
     /// Returns whether either side shows its past.
     pub(super) fn is_past(&self) -> bool {

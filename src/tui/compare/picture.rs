@@ -11,7 +11,7 @@ impl Comparison {
     pub(super) fn export(&mut self, kind: ExportKind) {
         let [a, b] = self.sides.each_ref().map(|side| side.app.screen.run().method.name());
         let [first, _] = &self.sides;
-        let (map, updates) = (first.maze().map.name(), first.app.screen.snapshot.updates());
+        let (map, updates) = (first.maze().map.name(), first.shown_updates());
         let name = format!("{map}-{a}-{b}-{updates}");
         match write_as(&name, kind, "maps", self.contents(kind)) {
             Ok(notice) => self.log.show(&notice, false),
@@ -25,16 +25,17 @@ impl Comparison {
     /// # Errors
     /// The screen is too small, or the picture cannot be encoded.
     pub fn contents(&mut self, kind: ExportKind) -> Result<Vec<u8>, ExportError> {
-        let (drawn, maps) = in_full_colour(self, Self::themes, |own| {
+        let only_maps = matches!(kind, ExportKind::MapPng | ExportKind::MapSvg);
+        self.sides.iter_mut().for_each(|side| side.app.screen.on_paper = only_maps);
+        let drawn = in_full_colour(self, Self::themes, |own| {
             let mut caches = [Cache::default(), Cache::default()];
             on_paper(own.layout.screen, |frame| {
                 draw::draw_parts(frame, own, caches.each_mut()).maps
             })
-        })?;
-        let area = match kind {
-            ExportKind::MapPng | ExportKind::MapSvg => maps,
-            _ => drawn.area,
-        };
+        });
+        self.sides.iter_mut().for_each(|side| side.app.screen.on_paper = false);
+        let (drawn, maps) = drawn?;
+        let area = if only_maps { maps } else { drawn.area };
         picture(kind, &drawn, area, &self.sides[0].app.screen.theme.in_full_colour())
     }
 

@@ -26,8 +26,13 @@ const MIN_TWO_CHART_WIDTH: u16 = 64;
 /// Columns between two charts, so that a curve does not run into a number.
 const CHART_GAP: u16 = 2;
 
-/// The symbol for the line at a change of the method.
-const MARK: char = '\u{2506}';
+/// The symbol for the line at a change of the method, or at an edit of the map.
+pub const MARK: char = '\u{2506}';
+
+/// What an edit of the map is called, and the share of the window up to which the next one
+/// continues it.
+pub const EDITED: &str = "map edited";
+const EDIT_SHARE: f64 = 0.02;
 
 /// Colours of lines.
 const COLOURS: usize = 6;
@@ -318,11 +323,31 @@ fn has_learned(screen: &Screen) -> bool {
     screen.snapshot.updates() > 0 || screen.snapshot.learns
 }
 
-/// Returns where the method changed within the window, and to which.
+/// Returns where the method changed within the window, and to which, and where the map was edited.
 fn marks(screen: &Screen, window: [f64; 2]) -> Vec<(f64, String)> {
     let changes = screen.snapshot.methods.stretches().iter().skip(1);
-    let marks = changes.map(|stretch| (along(screen, stretch.from), stretch.method.clone()));
-    marks.filter(|(at, _)| is_within(*at, window)).collect()
+    let changes = changes.map(|stretch| (along(screen, stretch.from), stretch.method.clone()));
+    let edits = screen.snapshot.edits.iter().map(|at| along(screen, *at));
+    let edits = apart(edits, window).into_iter().map(|at| (at, EDITED.to_owned()));
+    let mut marks: Vec<(f64, String)> =
+        changes.filter(|(at, _)| is_within(*at, window)).chain(edits).collect();
+    marks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    marks
+}
+
+/// Returns the edits within the window, without those that only continue another one: drawing a
+/// wall is several.
+pub fn apart(edits: impl Iterator<Item = f64>, window: [f64; 2]) -> Vec<f64> {
+    let gap = EDIT_SHARE * (window[1] - window[0]);
+    let mut apart: Vec<f64> = Vec::new();
+    let mut before = f64::NEG_INFINITY;
+    for at in edits.filter(|at| is_within(*at, window)) {
+        if at - before > gap {
+            apart.push(at);
+        }
+        before = at;
+    }
+    apart
 }
 
 /// Names the latest of `marks` that fit into `width` columns, the last one in any case.

@@ -27,7 +27,11 @@ pub fn draw(
         return;
     }
     let width = usize::from(area.width);
-    let line = past(screen, scene, width)
+    let line = past(screen, scene, width);
+    if line.is_none() && screen.on_paper {
+        return;
+    }
+    let line = line
         .or_else(|| how_to_draw(screen, scene, frame.area().width))
         .or_else(|| offer(screen, width))
         .or_else(|| what_to_see(screen, width));
@@ -48,18 +52,23 @@ fn past(screen: &Screen, scene: &Scene, width: usize) -> Option<ClickableLine> {
         .map_or(String::new(), |rate| format!(", success {rate:.2}"));
     let other_goal = scene.shows_other_goal();
     let goal = |text: &str| if other_goal { format!(": {text}") } else { String::new() };
-    let (long, short) = (goal("D to the film's own goal"), goal("D to its own goal"));
+    // The film keeps D and the agents, but not the walls.
+    let walls = if snapshot.is_edited_since(frame.updates) { ", walls of today" } else { "" };
+    let (long, short) = (goal("D to G, the film's goal"), goal("G is the film's"));
     let texts = [
-        (format!("update {then} of {now}{success}{long}"), " back and forth"),
-        (format!("update {then}{success}{long}"), " back and forth"),
-        (format!("update {then}{success}{short}"), " back and forth"),
-        (format!("update {then}{success}{short}"), ""),
-        (format!("update {then}{short}"), ""),
-        (format!("update {then} of {now}{success}"), " back and forth"),
-        (format!("update {then} of {now}"), " back and forth"),
-        (format!("update {then} of {now}"), ""),
+        (format!("update {then} of {now}{success}{walls}{long}"), " back and forth"),
+        (format!("update {then}{success}{walls}{long}"), " back and forth"),
+        (format!("update {then}{success}{walls}{short}"), " back and forth"),
+        (format!("update {then}{success}{walls}{short}"), ""),
+        (format!("update {then}{walls}{short}"), ""),
+        (format!("update {then}{success}{walls}"), " back and forth"),
+        (format!("update {then}{walls}"), " back and forth"),
+        (format!("update {then}{walls}"), ""),
         (format!("update {then}"), ""),
     ];
+    if screen.on_paper {
+        return fitting(texts.map(|(text, _)| plain(&format!(" {text} "))), width);
+    }
     let lines = texts.map(|(text, directions)| {
         let mut line = ClickableLine::default();
         let keys = [(Action::Back, ""), (Action::Forth, directions), (Action::Close, " now ")];
@@ -83,9 +92,14 @@ fn past(screen: &Screen, scene: &Scene, width: usize) -> Option<ClickableLine> {
 fn how_to_draw(screen: &Screen, scene: &Scene, width: u16) -> Option<ClickableLine> {
     let editor = &scene.maze()?.editor;
     let mouse = footer::untold_mouse(screen, editor, width).filter(|_| !editor.has_changed)?;
+    Some(plain(&format!(" {mouse} ")))
+}
+
+/// Returns a line that is only text.
+fn plain(text: &str) -> ClickableLine {
     let mut line = ClickableLine::default();
-    line.push(Span::styled(format!(" {mouse} "), REVERSED), None);
-    Some(line)
+    line.push(Span::styled(text.to_owned(), REVERSED), None);
+    line
 }
 
 /// Offers the saved run, in at most `width` columns if possible.

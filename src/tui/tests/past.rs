@@ -4,7 +4,7 @@ use ratatui::layout::Rect;
 
 use super::screens::{check, staged_app};
 use super::*;
-use crate::tui::export::contents;
+use crate::tui::export::{contents, name};
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use gdg::env::FetchReach;
@@ -111,7 +111,7 @@ fn the_past_shows_its_agents_and_its_goal_and_nothing_of_the_present() {
     stage_past(&mut app);
     let terminal = draw(&mut app, 80, 24);
     let past = text(&terminal);
-    assert!(past.contains("update 5,000: D to its own goal"), "{past}");
+    assert!(past.contains("update 5,000: G is the film's"), "{past}");
     assert!(past.contains("D to G"), "of the past, there is only D: {past}");
     let goal = character_of(&app, Cell::new(19, 4));
     let buffer = terminal.backend().buffer();
@@ -216,6 +216,35 @@ fn the_film_is_exported_from_any_moment() {
     let bytes = contents(ExportKind::Still, &mut app.app.screen, &app.app.scene).expect("a map");
     let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
     assert!(reader.info().animation_control().is_none() && reader.info().width == 1_600);
+}
+
+#[test]
+fn pictures_of_the_past_are_named_and_described_by_what_they_show() {
+    let mut app = filmed_app(&[1, 2_500, 5_000], 120, 40);
+    app.change_snapshot(|snapshot| snapshot.edits = Arc::new(vec![2_500]));
+    let now = app.screen.snapshot.updates();
+    for (updates, is_edited) in [(5_000, false), (2_500, true)] {
+        press(&mut app, KeyCode::Char('['));
+        stage_past(&mut app);
+        let shown = text(&draw(&mut app, 120, 40));
+        assert!(shown.contains("Esc now"), "{shown}");
+        assert_eq!(shown.contains("walls of today"), is_edited, "{shown}");
+        let App { screen, scene, .. } = &mut app.app;
+        for (kind, of) in [(ExportKind::MapSvg, updates), (ExportKind::CurvesSvg, now)] {
+            assert!(name(kind, screen, scene).ends_with(&format!("-{of}")), "{kind:?}");
+        }
+        let bytes = contents(ExportKind::MapSvg, screen, scene).expect("a picture");
+        // Each character is an element of its own, and blanks are none.
+        let picture = String::from_utf8(bytes).expect("text");
+        let picture: String = picture.lines().filter(|line| !line.starts_with('<')).collect();
+        assert!(picture.contains(&format!("update{}", gdg::text::grouped(updates))), "{picture}");
+        assert_eq!(picture.contains("wallsoftoday"), is_edited, "{picture}");
+        for word in ["Escnow", "backandforth", "zoomsin"] {
+            assert!(!picture.contains(word), "{word}");
+        }
+        let again = text(&draw(&mut app, 120, 40));
+        assert!(again.contains("Esc now"), "the screen keeps its keys: {again}");
+    }
 }
 
 #[test]

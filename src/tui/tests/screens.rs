@@ -450,6 +450,17 @@ fn curves_under_those_of_the_run_match_their_snapshot() {
 }
 
 #[test]
+fn curves_say_where_the_map_was_edited() {
+    let mut app = staged_app(120, 40);
+    app.screen.pane = Pane::Curves;
+    assert!(!text(&draw(&mut app, 120, 40)).contains("edited"));
+    // Drawing a wall is several edits.
+    app.change_snapshot(|snapshot| snapshot.edits = Arc::new(vec![4_000, 4_010, 4_020, 8_000]));
+    let shown = text(&draw(&mut app, 120, 40));
+    assert!(shown.contains("\u{2506} 4000 map edited  \u{2506} 8000 map edited"), "{shown}");
+}
+
+#[test]
 fn curves_of_several_methods_match_their_snapshot() {
     let mut app = staged_app(120, 40);
     let mut methods = gdg::train::Methods::default();

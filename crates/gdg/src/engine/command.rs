@@ -121,6 +121,7 @@ impl Worker {
     ) -> Result<String, CommandError> {
         let change = self.trainer.change_world(world)?;
         self.current.title = self.trainer.world().title().into();
+        self.current.edits = Arc::new(self.trainer.history().edits().to_vec());
         // A running evaluation of the old world says nothing about the new one.
         (self.evaluation, self.next_evaluation_at) = (None, None);
         self.refresh_snapshot(true)?;

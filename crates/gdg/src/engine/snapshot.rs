@@ -122,6 +122,8 @@ pub struct Snapshot {
     pub evaluations: Arc<Vec<(u64, Evaluation)>>,
     /// Methods used so far, if there was more than one.
     pub methods: Methods,
+    /// Updates after which the world was edited, in order.
+    pub edits: Arc<Vec<u64>>,
     /// Whether the current method's learner learns.
     pub learns: bool,
     /// What a front end kept in the checkpoint that the run was loaded from.
@@ -237,6 +239,7 @@ impl Snapshot {
             film: trainer.film().frames().clone(),
             evaluations: trainer.history().evaluations().clone(),
             methods: trainer.history().methods().clone(),
+            edits: Arc::new(trainer.history().edits().to_vec()),
             learns: trainer.learns(),
             notes: Arc::new(trainer.history().notes.clone()),
             saved: None,
@@ -281,6 +284,11 @@ impl Snapshot {
         (self.phase, self.limits, self.speed) = (latest.phase.clone(), latest.limits, latest.speed);
         (self.saved, self.saved_seconds) = (latest.saved.clone(), latest.saved_seconds);
         self.autosaves = latest.autosaves.clone();
+    }
+
+    /// Whether the world has been edited since an update.
+    pub fn is_edited_since(&self, updates: u64) -> bool {
+        self.edits.last().is_some_and(|at| *at >= updates)
     }
 
     /// Returns the latest evaluation, if it was of the current method, and the updates counted

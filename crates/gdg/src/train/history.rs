@@ -22,6 +22,9 @@ const MAX_POINTS: usize = 2048;
 /// Maximum number of evaluations, thinned in the same way.
 const MAX_EVALUATIONS: usize = 1000;
 
+/// Maximum number of edits of the world (the oldest are dropped).
+const MAX_EDITS: usize = 1000;
+
 /// Maximum number of log entries (the oldest are dropped), and of characters per entry.
 pub const MAX_LOG_ENTRIES: usize = 1000;
 const MAX_CHARACTERS: usize = 500;
@@ -85,6 +88,9 @@ pub struct History {
     /// The methods used; only in runs whose method has changed.
     #[serde(default, skip_serializing_if = "is_default")]
     pub(super) methods: Methods,
+    /// Updates after which the world was edited, each once; older checkpoints do not have them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    edits: Vec<u64>,
     /// State of the front end.
     #[serde(flatten)]
     pub notes: Notes,
@@ -98,6 +104,7 @@ impl Default for History {
             evaluations: Arc::default(),
             moments: Vec::new(),
             methods: Methods::default(),
+            edits: Vec::new(),
             notes: Notes::default(),
         }
     }
@@ -139,6 +146,20 @@ impl History {
             });
             self.moments.retain(|made| evaluations.iter().any(|(at, _)| *at == made.updates));
         }
+    }
+
+    /// Adds an edit of the world.
+    pub(super) fn add_edit(&mut self, updates: u64) {
+        if self.edits.last() != Some(&updates) {
+            let surplus = (self.edits.len() + 1).saturating_sub(MAX_EDITS);
+            self.edits.drain(..surplus);
+            self.edits.push(updates);
+        }
+    }
+
+    /// Returns the updates after which the world was edited, in order.
+    pub fn edits(&self) -> &[u64] {
+        &self.edits
     }
 
     /// Returns the curves of losses and coverage, oldest point first.
@@ -190,6 +211,8 @@ impl History {
             && self.moments.len() <= MAX_EVALUATIONS
             && self.moments.iter().all(|made| made.seconds.is_finite())
             && self.methods.is_sound()
+            && self.edits.len() <= MAX_EDITS
+            && self.edits.is_sorted()
             && log.len() <= MAX_LOG_ENTRIES
             && log.iter().all(short)
             && (goal.is_empty() || goal.len() == spec.goal_dim())
@@ -264,6 +287,19 @@ mod tests {
         assert_eq!(old, CurvePoint { updates: 50, losses: [1.0, 2.0, 3.0], coverage: None });
         history.add_point(2 * POINT_EVERY_UPDATES, [1.0; 3], || Some(1.5));
         assert!(history.check(&spec()).is_err(), "more than everything");
+    }
+
+    #[test]
+    fn edits_are_kept_once_an_update_and_the_oldest_are_dropped() {
+        let mut history = History::default();
+        let most = MAX_EDITS as u64;
+        (0..most + 3).for_each(|at| (0..3).for_each(|_| history.add_edit(at)));
+        assert_eq!(history.edits(), (3..most + 3).collect::<Vec<_>>());
+        history.check(&spec()).expect("a sound history");
+        let text = serde_json::to_string(&history).expect("JSON");
+        assert_eq!(serde_json::from_str::<History>(&text).expect("a history"), history);
+        history.edits = vec![2, 1];
+        assert!(history.check(&spec()).is_err(), "not in order");
     }
 
     #[test]

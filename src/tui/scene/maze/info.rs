@@ -97,7 +97,11 @@ fn scaled_down_texts(screen: &Screen, layout: &ScreenLayout) -> [String; 2] {
     });
     let short = format!(", 1 dot = {cells:.1} cells");
     let key = screen.keymap.key_of(Action::ZoomIn);
-    if cells > 1.01 { [format!("{short} ({key} zooms in)"), short] } else { Default::default() }
+    match cells > 1.01 {
+        true if screen.on_paper => [short.clone(), short],
+        true => [format!("{short} ({key} zooms in)"), short],
+        false => Default::default(),
+    }
 }
 
 /// Describes the contour interval, if contour lines are shown.

@@ -97,6 +97,7 @@ impl Trainer {
                 self.counters.updates.saturating_add(self.run.settings.learn.relearn_updates);
         }
         self.counters.changed_at_step = self.counters.env_steps;
+        self.history.add_edit(self.counters.updates);
         self.own_replay();
         is_at(4);
         self.edit_graph(&change.region)?;
