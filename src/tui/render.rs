@@ -178,7 +178,7 @@ fn without_slivers(area: Rect, width: u16) -> u16 {
 }
 
 /// Returns the middle of `area`, at most `width` by `height`.
-fn middle(area: Rect, width: u16, height: u16) -> Rect {
+pub fn middle(area: Rect, width: u16, height: u16) -> Rect {
     area.centered(
         Constraint::Length(width.min(area.width)),
         Constraint::Length(height.min(area.height)),

@@ -37,7 +37,7 @@ impl RunsScreen {
                 KeyCode::PageUp => self.list.step(-page),
                 KeyCode::PageDown => self.list.step(page),
                 KeyCode::Home => self.list.select(0),
-                KeyCode::End => self.list.select(usize::MAX),
+                KeyCode::End | KeyCode::Char('G') => self.list.select(usize::MAX),
                 _ => {
                     let help = self.keymap.key_of(Action::Help);
                     let text = format!(
@@ -87,9 +87,7 @@ impl RunsScreen {
     fn act_on_list(&mut self, action: ListAction) {
         match action {
             ListAction::Mark => {
-                if self.list.toggle_mark() {
-                    self.list.step(1);
-                } else {
+                if !self.list.toggle_mark() {
                     self.log.show("each letter marks a run already: unmark one first", true);
                 }
             }
@@ -104,7 +102,10 @@ impl RunsScreen {
                 Err(problem) => self.log.show(&problem, true),
             },
             ListAction::Plot => match files::plot(&self.list.chosen(), self.curves) {
-                Ok(notice) => self.log.show(&notice, false),
+                Ok(notice) => {
+                    self.list.clear_marks();
+                    self.log.show(&notice, false);
+                }
                 Err(problem) => self.log.show(&problem, true),
             },
             ListAction::Delete => match Question::new(&self.list) {
@@ -143,7 +144,10 @@ impl RunsScreen {
 
     fn delete(&mut self, question: &Question) {
         match question.delete() {
-            Ok(notice) => self.log.show(&notice, false),
+            Ok(notice) => {
+                self.list.clear_marks();
+                self.log.show(&notice, false);
+            }
             Err(problem) => self.log.show(&problem, true),
         }
         self.reading.look_again();

@@ -8,7 +8,7 @@
 //! | A ...                                        |
 //! |------------------------------+---------------|
 //! | success over updates         | what differs  |  curves, settings
-//! | keys, a question or a notice                 |  footer
+//! | keys or a notice                             |  footer
 //! +----------------------------------------------+
 //! ```
 
@@ -22,10 +22,10 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph};
 
 use super::list::{Column, Entry, List, name};
-use super::{RunsScreen, curves, settings, sign, style};
+use super::{Question, RunsScreen, curves, settings, sign, style};
 use crate::tui::action::{Action, Binding, Mode, When, bindings};
 use crate::tui::layout::{Click, ScreenLayout};
-use crate::tui::render::{footer, help, paint_page};
+use crate::tui::render::{footer, help, middle, paint_page};
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::{fitted_line, fitted_lines, wrapped};
 use crate::tui::theme::Theme;
@@ -102,6 +102,10 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
         None => draw_settings(frame, inner, &runs, &screen.theme),
     }
     footer(frame, foot, screen, layout);
+    if let Some(question) = &screen.question {
+        layout.forget_clicks();
+        draw_question(frame, area, question);
+    }
     if let Some(shown) = &screen.help {
         layout.forget_clicks();
         help::draw_for_lists(frame, &screen.keymap, shown, layout);
@@ -338,16 +342,37 @@ fn draw_damage(frame: &mut Frame, area: Rect, path: &Path, problem: &str) {
     frame.render_widget(Paragraph::new(fitted_lines(lines, area.width)), area);
 }
 
-/// Draws a question, a notice, or keys.
-fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
-    if let Some(question) = &screen.question {
-        // Names come last, as they may be cut.
-        let text = format!(" delete for good?  y: yes  n: no   {} ", question.text);
-        frame.render_widget(Clear, area);
-        frame
-            .render_widget(fitted_line(Line::styled(text, BOLD.patch(REVERSED)), area.width), area);
-        return;
+/// Draws a question above everything: every file that would be deleted, as far as there is room.
+fn draw_question(frame: &mut Frame, area: Rect, Question { title, files }: &Question) {
+    let columns = usize::from(area.width).saturating_sub(6).max(1);
+    let room = usize::from(area.height).saturating_sub(4);
+    let names = files.iter().map(|file| wrapped(&sanitized(&file.display().to_string()), columns));
+    let names: Vec<Vec<String>> = names.collect();
+    let (mut lines, mut named) = (Vec::new(), 0);
+    for name in &names {
+        // All but the last one leave room for how many there are more.
+        let left = usize::from(named + 1 < names.len());
+        if lines.len() + name.len() + left > room {
+            break;
+        }
+        lines.extend(name.iter().cloned());
+        named += 1;
     }
+    if named < names.len() {
+        lines.push(format!("and {} more", names.len() - named));
+    }
+    let keys = " y: yes  n: no ";
+    let widest = lines.iter().chain([title]).map(|line| display_width(line)).max().unwrap_or(0);
+    let box_area = middle(area, (widest + 4) as u16, lines.len() as u16 + 2);
+    let lines: Vec<Line> = lines.iter().map(|line| Line::raw(format!(" {line}"))).collect();
+    let block = Block::bordered().title(Span::styled(format!(" {title} "), BOLD));
+    let block = block.title_bottom(Span::styled(keys, BOLD.patch(REVERSED)));
+    frame.render_widget(Clear, box_area);
+    frame.render_widget(Paragraph::new(lines).block(block), box_area);
+}
+
+/// Draws a notice, or keys.
+fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
     if let Some(notice) = screen.log.notice() {
         return footer::draw_notice(frame, area, &screen.theme, notice);
     }

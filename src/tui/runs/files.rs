@@ -97,9 +97,10 @@ fn unused_stem(name: &str, extensions: &[&str]) -> PathBuf {
 
 /// Asks whether to delete files.
 pub struct Question {
-    /// What would be deleted.
-    pub text: String,
-    files: Vec<PathBuf>,
+    /// What it asks.
+    pub title: String,
+    /// The files that would be deleted.
+    pub files: Vec<PathBuf>,
 }
 
 impl Question {
@@ -125,15 +126,12 @@ impl Question {
             return Ok(None);
         }
         let in_files: usize = files.iter().map(|file| list.count_in(file)).sum();
-        let what = match (files.len() as u64, (in_files.saturating_sub(runs.len())) as u64) {
-            (1, 0) => String::new(),
-            (files, 0) => format!("{}: ", counted(files, "file")),
-            (files, others) => {
-                format!("{} with {} not chosen: ", counted(files, "file"), counted(others, "run"))
-            }
+        let others = match in_files.saturating_sub(runs.len()) as u64 {
+            0 => String::new(),
+            others => format!(" with {} not chosen", counted(others, "run")),
         };
-        let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
-        Ok(Some(Self { text: sanitized(&(what + &names.join(", "))), files }))
+        let title = format!("delete {}{others} for good?", counted(files.len() as u64, "file"));
+        Ok(Some(Self { title, files }))
     }
 
     /// Deletes the files; returns what was done.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use miette::miette;
 
-use super::{Next, RunsScreen, Wish};
+use super::{Next, Opened, RunsScreen, Wish};
 use crate::tui::background::{Background, PATIENCE};
 use gdg::text::sanitized;
 
@@ -30,7 +30,12 @@ impl RunsScreen {
             return notice.is_some();
         };
         match done.finish().unwrap_or_else(|failure| Err(miette!("{failure}"))) {
-            Ok(opened) => self.next = Some(Next::Show(opened)),
+            Ok(opened) => {
+                if matches!(opened, Opened::Comparison(_)) {
+                    self.list.clear_marks();
+                }
+                self.next = Some(Next::Show(opened));
+            }
             Err(problem) => {
                 self.log.show(&problem.to_string(), true);
                 self.failures.push(problem);

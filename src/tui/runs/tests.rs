@@ -148,11 +148,11 @@ fn lists_match_their_snapshots() {
     for (width, height) in [(80, 24), (120, 40), (200, 60)] {
         let mut screen = screen();
         check_drawn(&format!("runs-{width}x{height}"), &drawn(&mut screen, width, height));
-        type_text(&mut screen, "   ");
+        type_text(&mut screen, " j j ");
         check_drawn(&format!("runs-marked-{width}x{height}"), &drawn(&mut screen, width, height));
     }
     let mut screen = screen();
-    type_text(&mut screen, "  /rooms");
+    type_text(&mut screen, " j j/rooms");
     check_drawn("runs-filtered-80x24", &drawn(&mut screen, 80, 24));
     press(&mut screen, KeyCode::Enter);
     press(&mut screen, KeyCode::Delete);
@@ -229,10 +229,11 @@ fn long_words_leave_room_for_numbers_and_files() {
         }
     }
     press(&mut screen, KeyCode::Char(' '));
+    press(&mut screen, KeyCode::Char(' '));
     press(&mut screen, KeyCode::Home);
     let one = |name: &str| saved(&format!("{name}-{long}"), "own", "gdg", 0, &[0.5]);
     screen.list(&found(&["one", "two"].map(one)));
-    type_text(&mut screen, "  ");
+    type_text(&mut screen, " j ");
     let shown = text(&mut screen, 80, 24);
     assert!(shown.contains("  A two") && shown.contains("  B one"), "both curves: {shown}");
 }
@@ -334,6 +335,7 @@ fn two_runs_on_the_same_map_are_compared() {
     press(&mut screen, KeyCode::Char('c'));
     assert!(text(&mut screen, 120, 40).contains("mark two runs"));
     press(&mut screen, KeyCode::Char(' '));
+    press(&mut screen, KeyCode::Down);
     press(&mut screen, KeyCode::Char('c'));
     assert!(
         text(&mut screen, 120, 40).contains("different maps cannot be compared: own and other")
@@ -341,6 +343,39 @@ fn two_runs_on_the_same_map_are_compared() {
     press(&mut screen, KeyCode::Down);
     press(&mut screen, KeyCode::Char('c'));
     assert_eq!(screen.wish, Some(Wish::Compare([path("a"), path("c")])));
+}
+
+#[test]
+fn space_marks_and_unmarks_where_it_is_and_a_letter_goes_to_the_last_row() {
+    let mut screen = screen();
+    press(&mut screen, KeyCode::Char('G'));
+    assert_eq!(screen.list.position(), screen.list.rows() - 1);
+    press(&mut screen, KeyCode::Home);
+    for marked in [1, 0] {
+        press(&mut screen, KeyCode::Char(' '));
+        assert_eq!((screen.list.position(), screen.list.marked().len()), (0, marked));
+    }
+}
+
+#[test]
+fn the_question_names_all_files_or_says_how_many_more_there_are() {
+    let mut screen = screen();
+    let folder = "saves/a-long-name-of-a-folder/";
+    let own = |i: u64| saved(&format!("{folder}run-{i}.safetensors"), "own", "gdg", i, &[]);
+    for (runs, left_out) in [(4, None), (26, Some("and 7 more"))] {
+        screen.list(&found(&(0..runs).map(own).collect::<Vec<_>>()));
+        press(&mut screen, KeyCode::Home);
+        for _ in 0..runs {
+            type_text(&mut screen, " j");
+        }
+        type_text(&mut screen, "D");
+        let shown = text(&mut screen, 80, 24);
+        let named = |i: &u64| shown.contains(&format!("run-{i}.safetensors"));
+        assert_eq!(left_out.is_none(), (0..runs).all(|i| named(&i)), "{shown}");
+        assert!(left_out.is_none_or(|text| shown.contains(text)), "{shown}");
+        press(&mut screen, KeyCode::Char('n'));
+        press(&mut screen, KeyCode::Esc);
+    }
 }
 
 #[test]
@@ -356,12 +391,15 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.list(&found(&runs));
     press(&mut screen, KeyCode::End);
     press(&mut screen, KeyCode::Char('D'));
-    assert!(text(&mut screen, 200, 40).contains("delete for good?  y: yes  n: no   /"));
+    assert!(text(&mut screen, 200, 40).contains("delete 1 file for good?"));
     press(&mut screen, KeyCode::Enter);
     assert!(path("a.safetensors").exists() && screen.question.is_none(), "only y deletes");
     press(&mut screen, KeyCode::Home);
-    type_text(&mut screen, "  D");
-    assert!(text(&mut screen, 120, 40).contains("n: no   2 files: /"));
+    type_text(&mut screen, " j D");
+    let asked = text(&mut screen, 80, 24);
+    for part in ["delete 2 files for good?", "y: yes  n: no", "c.safetensors", "b.safetensors"] {
+        assert!(asked.contains(part), "{part}: {asked}");
+    }
     press(&mut screen, KeyCode::Char('y'));
     let left = ["a", "b", "c"].map(|name| path(&format!("{name}.safetensors")).exists());
     assert_eq!(left, [true, false, false]);
@@ -384,7 +422,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.list(&found(&[joined.clone(), another]));
     press(&mut screen, KeyCode::End);
     type_text(&mut screen, "D");
-    assert!(text(&mut screen, 120, 40).contains("n: no   2 files with 1 run not chosen: /"));
+    assert!(text(&mut screen, 120, 40).contains("delete 2 files with 1 run not chosen for good?"));
     press(&mut screen, KeyCode::Char('n'));
     screen.list(&found(&[joined]));
     type_text(&mut screen, "Dy");
