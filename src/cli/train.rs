@@ -115,10 +115,6 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE|MAP", num_args = 0..=1, conflicts_with_all = ["method", "preset", "seed", "config", "set"])]
     pub resume: Option<Option<PathBuf>>,
 
-    /// Options of environments in Python.
-    #[command(flatten)]
-    pub gym: GymArgs,
-
     /// Options of the interface.
     #[cfg(feature = "tui")]
     #[command(flatten)]
@@ -134,9 +130,14 @@ pub struct TrainArgs {
     #[arg(long, value_name = "X", value_parser = parse_share)]
     pub require_success: Option<f64>,
 
+    // Last, since their headings hold for all that follows.
     /// How the map is read.
     #[command(flatten)]
     pub reading: MapArgs,
+
+    /// Options of environments in Python.
+    #[command(flatten)]
+    pub gym: GymArgs,
 }
 
 impl TrainArgs {
@@ -195,5 +196,25 @@ impl TrainArgs {
             overwrite: self.overwrite,
             require_success: self.require_success,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use crate::cli::Cli;
+
+    #[test]
+    fn only_options_of_environments_are_below_their_heading() {
+        let help = Cli::command().render_long_help().to_string();
+        let (before, below) = help.split_once("\nGymnasium environments:").expect("the heading");
+        let has =
+            |text: &str, option: &str| text.lines().any(|line| line.trim().starts_with(option));
+        assert!(has(below, "--python") && has(before, "--cell"));
+        for option in ["--record", "--ui-config", "--marker", "--print-config-template"] {
+            assert!(!has(below, option), "{option}");
+        }
+        assert!(has(before, "--require-success"));
     }
 }

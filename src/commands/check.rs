@@ -156,10 +156,7 @@ fn facts(grid: &Grid, other_map: Option<String>, progress: &Progress) -> String 
             counted(largest as u64, "cell"),
             100.0 * largest as f64 / free as f64
         ),
-        format!(
-            "farthest:   {} steps",
-            describe_diameter(Diameter::compute_from(grid, &components, progress))
-        ),
+        format!("farthest:   {}", in_steps(Diameter::compute_from(grid, &components, progress))),
     ];
     if !grid.starts().is_empty() || !grid.goals().is_empty() {
         let (starts, goals) = (grid.starts().len() as u64, grid.goals().len() as u64);
@@ -178,6 +175,12 @@ fn facts(grid: &Grid, other_map: Option<String>, progress: &Progress) -> String 
         doubts(grid).into_iter().chain(unconnected_parts(grid, &components)).chain(other_map);
     lines.extend(warnings.map(|problem| format!("warning:    {problem}")));
     lines.join("\n") + "\n"
+}
+
+/// Returns a diameter with its unit.
+fn in_steps(diameter: Diameter) -> String {
+    let unit = if diameter.steps == 1 { "step" } else { "steps" };
+    format!("{} {unit}", describe_diameter(diameter))
 }
 
 pub fn describe_diameter(diameter: Diameter) -> String {

@@ -66,10 +66,12 @@ pub fn list(folder: &Path, registry: &Arc<Registry>) -> Result<String, Report> {
             "no saved runs yet: train with --save FILE, or press s in the interface\n".to_owned()
         );
     }
-    let files = files_in(folder).map_err(|error| {
+    let mut files = files_in(folder).map_err(|error| {
         let help = "give the folder of the checkpoints, or train with --save FILE first";
         miette!(help = help, "{}: cannot be read: {error}", folder.display())
     })?;
+    // Those of an experiment, such as of one that was interrupted.
+    files.extend(files_in(&folder.join("jobs")).unwrap_or_default());
     if files.is_empty() {
         return Ok(format!("no checkpoints in {}\n", sanitized(&folder.to_string_lossy())));
     }
@@ -84,7 +86,7 @@ pub fn list(folder: &Path, registry: &Arc<Registry>) -> Result<String, Report> {
     found.sort_by_key(|found| {
         std::cmp::Reverse(found.as_ref().ok().and_then(|found| found.written))
     });
-    let head = ["file", "updates", "planned", "greedy", "written", "MB", "map", "method", "seed"];
+    let head = ["file", "updates", "success", "greedy", "written", "MB", "map", "method", "seed"];
     let head = head.map(str::to_owned).to_vec();
     Ok(aligned(&std::iter::once(head).chain(found.iter().map(row)).collect::<Vec<_>>()))
 }
@@ -97,7 +99,7 @@ fn row(found: &Result<Description, CheckpointError>) -> Vec<String> {
         Ok(found) => vec![
             name(&found.file),
             grouped(found.updates),
-            rate(found.success.as_ref().and_then(|success| success.planned)),
+            rate(found.success.as_ref().and_then(|success| success.planned.or(success.greedy))),
             rate(found.success.as_ref().and_then(|success| success.greedy)),
             found
                 .written

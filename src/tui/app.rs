@@ -354,5 +354,5 @@ pub fn unbound(key: KeyEvent, is_editing: bool, keymap: &Keymap) -> String {
     let [help, find] = [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
     let place = if is_editing { "in the editor" } else { "here" };
     let key = keymap::name_of(key);
-    format!("{key} does nothing {place}   {help} help   {find} all commands")
+    format!("{key} does nothing {place} \u{b7} {help} help \u{b7} {find} all commands")
 }

@@ -381,7 +381,7 @@ pub fn checkpoints(found: Vec<Described>, zone: &TimeZone) -> Picker {
 
 /// Lists checkpoints, like [`checkpoints`], to lay the curves of one under those of the run.
 pub fn runs_to_lay_under(found: Vec<Described>, zone: &TimeZone) -> Picker {
-    Picker::new("lay under these curves", described(found, zone, Choice::LayUnder))
+    Picker::new("draw behind these curves", described(found, zone, Choice::LayUnder))
 }
 
 /// A checkpoint's summary, or why it cannot be loaded.

@@ -1,6 +1,7 @@
 //! A run as a line of JSON.
 
 use std::borrow::Cow;
+use std::path::Path;
 use std::time::SystemTime;
 
 use jiff::Timestamp;
@@ -66,7 +67,35 @@ impl SavedRun {
             distance_error: evaluation.and_then(|last| Some(last.distance_error?.mape)),
             coverage: evaluation.and_then(|last| last.coverage),
             written: written.and_then(|at| Some(Timestamp::try_from(at).ok()?.to_string())),
-            checkpoint: self.checkpoint.as_deref().map(std::path::Path::to_string_lossy),
+            // It may have been deleted since.
+            checkpoint: self
+                .checkpoint
+                .as_deref()
+                .filter(|path| path.is_file())
+                .map(Path::to_string_lossy),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::file;
+
+    #[test]
+    fn a_checkpoint_that_is_gone_is_null() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let records = folder.path().join("run.jsonl");
+        let start = r#"{"event":"start","world":"maze","method":"her","preset":"default","settings":{},"seed":1}"#;
+        let saved = r#"{"event":"saved","updates":5,"path":"own.safetensors"}"#;
+        std::fs::write(&records, format!("{start}\n{saved}\n")).expect("records");
+        let line = || {
+            let run = file(&records).expect("records").remove(0);
+            serde_json::to_value(run.line(None)).expect("JSON")
+        };
+        assert!(line()["checkpoint"].is_null());
+        std::fs::write(folder.path().join("own.safetensors"), "a checkpoint").expect("a file");
+        assert!(
+            line()["checkpoint"].as_str().is_some_and(|path| path.ends_with("own.safetensors"))
+        );
     }
 }

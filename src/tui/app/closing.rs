@@ -1,6 +1,6 @@
 //! Closing the interface: the run is saved if that is wanted, and the terminal says what is left.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use miette::Report;
 
@@ -119,9 +119,9 @@ impl Ending {
     /// newer.
     fn tell_files(&mut self, well: bool, snapshot: &Snapshot) {
         if let Some((updates, path)) = &snapshot.saved {
-            let at = grouped(snapshot.learned(*updates));
+            let at = snapshot.learned(*updates);
             // First: what is not saved has come since.
-            self.files.insert_str(0, &format!("\nsaved {} at update {at}", path.display()));
+            self.files.insert_str(0, &was_saved(path, at, snapshot.unsaved_updates()));
         }
         let has_own = snapshot.saved.is_some() && !self.is_worth_saving;
         for path in snapshot.autosaves.iter() {
@@ -132,6 +132,12 @@ impl Ending {
             }
         }
     }
+}
+
+/// Says at which update a file was saved, which lacks those `unsaved`.
+fn was_saved(path: &Path, updates: u64, unsaved: u64) -> String {
+    let last = if unsaved > 0 { "last " } else { "" };
+    format!("\n{last}saved {} at update {}", path.display(), grouped(updates))
 }
 
 /// Saves to the requested file; if that fails, tries another one and returns the error. Returns the
@@ -161,4 +167,16 @@ fn newest_file(to: &SaveTo, snapshot: &Snapshot) -> Option<PathBuf> {
     let written = |path: PathBuf| Some((std::fs::metadata(&path).ok()?.modified().ok()?, path));
     let files = own.into_iter().chain(snapshot.autosaves.iter().cloned()).filter_map(written);
     files.max().map(|(_, path)| path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_lacks_the_latest_updates_was_saved_last() {
+        let said = |unsaved| was_saved(Path::new("own"), 2_178, unsaved);
+        assert_eq!(said(0), "\nsaved own at update 2,178");
+        assert_eq!(said(691), "\nlast saved own at update 2,178");
+    }
 }

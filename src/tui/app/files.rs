@@ -65,9 +65,14 @@ fn show(reading: Background<Read>, scene: &Scene, screen: &mut Screen) {
     match reading.finish() {
         Ok(Read::Checkpoints(found, list)) => screen.open(list(found, &TimeZone::system())),
         Ok(Read::Runs(Ok(found))) => {
-            screen.under = found.into_iter().next().map(Arc::new);
+            let Some(run) = found.into_iter().next() else { return };
+            let name = run.source.display().to_string();
+            if run.evaluations.is_empty() {
+                return screen.report(&format!("{name} has no curves: it was never evaluated"));
+            }
+            screen.under = Some(Arc::new(run));
             let key = screen.keymap.key_of(Action::LayUnder);
-            screen.notify(&format!("its curves are below the others: {key} takes them away"));
+            screen.notify(&format!("the curves of {name} are drawn behind: {key} removes them"));
         }
         Ok(Read::Runs(Err(problem))) => screen.report(&problem.to_string()),
         Ok(Read::Maps(folder, entries, recent)) => {
@@ -93,7 +98,7 @@ pub fn pick_checkpoint(own: &Path, scene: &Scene, screen: &mut Screen) {
 pub fn pick_under(own: &Path, scene: &Scene, screen: &mut Screen) {
     match screen.under.take() {
         Some(run) => {
-            screen.notify(&format!("took away the curves of {}", run.source.display()));
+            screen.notify(&format!("removed the curves of {}", run.source.display()));
         }
         None => list_checkpoints(own, lists::runs_to_lay_under, scene, screen),
     }

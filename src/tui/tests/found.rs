@@ -383,7 +383,7 @@ fn a_key_without_a_meaning_names_help_and_the_list_of_commands() {
     let entries = app.screen.log.entries().len();
     press(&mut app, KeyCode::F(9));
     let said = app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
-    assert!(said.starts_with("F9 does nothing here") && said.contains("? help"), "{said}");
+    assert!(said.starts_with("F9 does nothing here \u{b7} ") && said.contains("? help"), "{said}");
     assert_eq!(app.screen.log.entries().len(), entries, "the log is for what happens to the run");
     // An error stays visible.
     app.report("the disk is full");
@@ -433,7 +433,7 @@ fn edits_that_a_busy_trainer_does_not_take_are_not_in_the_history() {
 }
 
 #[test]
-fn curves_of_a_saved_run_lie_under_those_of_the_run_until_they_are_taken_away() {
+fn curves_of_a_saved_run_are_drawn_behind_if_there_are_any_until_they_are_removed() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut app = app_saving_to(
         rooms(),
@@ -443,9 +443,14 @@ fn curves_of_a_saved_run_lie_under_those_of_the_run_until_they_are_taken_away() 
     );
     let saved = saved_run(folder.path(), &app).file;
     press(&mut app, KeyCode::Char('U'));
-    assert!(text(&draw(&mut app, 120, 40)).contains("lay under these curves"));
+    assert!(text(&draw(&mut app, 120, 40)).contains("draw behind these curves"));
     press(&mut app, KeyCode::Enter);
-    assert_eq!(app.screen.under.as_ref().expect("a run").source, saved);
+    let said = &app.screen.log.notice().expect("a notice").text;
+    assert!(app.screen.under.is_none() && said.contains("never evaluated"), "{said}");
+    let name = saved.to_string_lossy();
+    let evaluated = crate::tui::runs::tests::saved(&name, "rooms", "gdg", 1, &[0.5]);
+    app.screen.under = Some(Arc::new(evaluated));
     press(&mut app, KeyCode::Char('U'));
-    assert!(app.screen.under.is_none());
+    let said = &app.screen.log.notice().expect("a notice").text;
+    assert!(app.screen.under.is_none() && said.contains("removed the curves"), "{said}");
 }

@@ -3,7 +3,7 @@
 /// Minimum similarity of a suggestion; 1 for equal names.
 const LEAST_LIKENESS: f64 = 0.75;
 
-/// A name this many times as long as a known one is no mistyped form of it. Comparing long names
+/// Of two names, one this many times as long as the other is no form of it. Comparing long names
 /// takes time that grows with the product of their lengths.
 const MOST_TIMES_AS_LONG: usize = 4;
 
@@ -14,6 +14,7 @@ pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Opt
     let most = known
         .into_iter()
         .filter(|name| typed.len() <= MOST_TIMES_AS_LONG * name.len())
+        .filter(|name| name.len() <= MOST_TIMES_AS_LONG * typed.len())
         .map(|name| (likeness(name), name))
         .max_by(|a, b| a.0.total_cmp(&b.0));
     most.filter(|(likeness, _)| *likeness > LEAST_LIKENESS).map(|(_, name)| name)
@@ -31,6 +32,7 @@ mod tests {
             [Some("trap"), Some("city"), Some("fourrooms")]
         );
         assert_eq!(nearest("zzz", known), None);
+        assert_eq!(nearest("foo", ["fourier_octaves"]), None, "much longer");
         assert_eq!(nearest(&"trap".repeat(10_000_000), known), None);
     }
 }

@@ -199,6 +199,12 @@ impl Policy for Straight<'_> {
     }
 }
 
+/// Returns the steps left at the end of a walk, given the true ones to the goal itself: a goal counts
+/// as reached within its radius, from where there may still be a step.
+fn left_steps(to_goal: Option<u32>, is_reached: bool) -> Option<u32> {
+    to_goal.map(|steps| if is_reached { 0 } else { steps })
+}
+
 /// Runs the world's default task.
 fn marked_task(
     world: &dyn Environment,
@@ -215,6 +221,7 @@ fn marked_task(
         let end: Vec<f32> = world.spec().achieved(walked.env.states()).collect();
         let left = truth.as_mut().and_then(|truth| truth.steps(&end, &task.goal, u32::MAX)?[0]);
         let taken = walked.taken[0];
+        let left = left_steps(left, taken.is_some());
         Ok::<_, EnvError>(TaskOutcome {
             reached: taken.is_some(),
             steps: taken.unwrap_or_else(|| actor.budget(world, &task)),
@@ -224,4 +231,18 @@ fn marked_task(
     };
     let greedy = journey(greedy)?;
     Ok(Some(MarkedTask { greedy, planned: planned.map(journey).transpose()? }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::left_steps;
+
+    #[test]
+    fn no_steps_are_left_to_a_goal_that_was_reached() {
+        let left = [(Some(1), true), (Some(1), false), (None, true)];
+        assert_eq!(
+            left.map(|(steps, reached)| left_steps(steps, reached)),
+            [Some(0), Some(1), None]
+        );
+    }
 }
