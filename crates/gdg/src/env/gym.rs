@@ -61,7 +61,7 @@ const MAX_STATE_BYTES: usize = 64 << 20;
 const RESTORED: f64 = 1.0;
 const SEEDED: f64 = 2.0;
 
-/// Seeds and tasks lie below this in a stored number.
+/// Tasks count from 1.
 const NO_TASK: f64 = 0.0;
 
 /// What a checkpoint keeps of a world: no path of an interpreter, which belongs to a machine.
@@ -88,8 +88,6 @@ pub struct Gym {
     retired: Vec<bool>,
     /// The numbers that restore each agent's environment, once asked for; none if that cannot be.
     saved: Mutex<Option<Vec<Vec<f64>>>>,
-    /// Whether a worker has failed: the environments may differ from the states.
-    has_failed: bool,
     /// Whether the workers compute a step.
     is_stepping: bool,
 }
@@ -122,7 +120,6 @@ impl Gym {
             ended: Vec::new(),
             retired: Vec::new(),
             saved: Mutex::default(),
-            has_failed: false,
             is_stepping: false,
         }
     }
@@ -174,14 +171,17 @@ impl Gym {
         self.check()?;
         let found = self.workers.get_mut().iter_mut().find(|(_, agents)| agents.contains(&agent));
         let Some((worker, agents)) = found else { unreachable!("every agent has a worker") };
-        let done = act(worker, agent - agents.start);
-        self.has_failed |= done.is_err();
-        done
+        act(worker, agent - agents.start)
+    }
+
+    /// Whether a worker has failed: the environments may differ from the states.
+    fn has_failed(&self) -> bool {
+        self.workers.lock().iter().any(|(worker, _)| worker.is_broken)
     }
 
     /// Checks that there are workers, none of which has failed before.
     fn check(&self) -> Result<(), EnvError> {
-        let problem = match (self.has_failed, self.pool.only_read.is_some()) {
+        let problem = match (self.has_failed(), self.pool.only_read.is_some()) {
             (true, _) => "it has failed before: resume the run from its checkpoint",
             (false, true) => "only what its checkpoint knows of it is read here",
             (false, false) => return Ok(()),
@@ -210,7 +210,7 @@ impl Gym {
 
     /// Returns the numbers that restore each agent's environment; none if that cannot be.
     fn save_all(&self) -> Vec<Vec<f64>> {
-        if self.has_failed || !self.resumes_exactly() {
+        if self.has_failed() || !self.resumes_exactly() {
             return Vec::new();
         }
         let mut all = Vec::new();
@@ -287,9 +287,7 @@ impl Environment for Gym {
                 action.fill(slots::REST);
             }
         }
-        let begun = self.begin_all(&noisy);
-        self.has_failed = begun.is_err();
-        begun?;
+        self.begin_all(&noisy)?;
         self.is_stepping = true;
         Ok(true)
     }
@@ -298,9 +296,7 @@ impl Environment for Gym {
         if !std::mem::take(&mut self.is_stepping) {
             return Ok(());
         }
-        let stepped = self.end_all();
-        self.has_failed = stepped.is_err();
-        let (rows, ended) = stepped?;
+        let (rows, ended) = self.end_all()?;
         self.states = rows.iter().flat_map(|row| self.state(row)).collect();
         self.ended = ended;
         *self.saved.get_mut() = None;
@@ -394,7 +390,7 @@ impl Drop for Gym {
     /// Leaves the workers to the next fork: Python takes seconds to start. After a failure, or during
     /// a step, answers may still be on their way.
     fn drop(&mut self) {
-        if self.has_failed || self.is_stepping {
+        if self.has_failed() || self.is_stepping {
             return;
         }
         for (worker, _) in self.workers.get_mut().drain(..) {

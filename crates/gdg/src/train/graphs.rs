@@ -289,10 +289,14 @@ impl BuiltGraph {
                 "the stored changes of distances do not fit their bridge graph",
             ));
         }
-        Ok(Self {
-            changed: stored.changed.clone().map(Arc::new),
-            ..Self::new(stored.at, graph, &mut rng)
-        })
+        let built = Self::new(stored.at, graph, &mut rng);
+        let known = built.distilled.by_goal.as_ref().map_or(&[][..], |by_goal| &by_goal.places);
+        if stored.changed.as_ref().is_some_and(|changed| changed.goals != known) {
+            return Err(StoreError::inconsistent(
+                "the stored changes of distances are to other places than the bridge graph's",
+            ));
+        }
+        Ok(Self { changed: stored.changed.clone().map(Arc::new), ..built })
     }
 }
 

@@ -34,6 +34,7 @@ impl Pool {
             log::warn!("{}: {unbounded}", address.id);
         }
         let found = facts::find(&mut worker, &about, options)?;
+        found.check(&about)?;
         Ok(Self::new(address, options, about, found, Some(worker)))
     }
 

@@ -32,6 +32,9 @@ MAX_TEXT = 4000
 # Steps taken twice from the same full state, to find out whether it is one.
 TRIAL_STEPS = 12
 
+# Bounds of actions beyond this are none.
+LARGEST_BOUND = 1e9
+
 
 class Unsupported(Exception):
     """The environment is not one that the program can use."""
@@ -289,7 +292,7 @@ def is_restorable(slot):
     used = lambda: (random.getstate(), str(np.random.get_state(legacy=False)))
     try:
         space = slot.env.action_space
-        low, high = np.maximum(space.low, -1.0), np.minimum(space.high, 1.0)
+        low, high = filled_bounds(space)
         draws = np.random.default_rng(0).random((TRIAL_STEPS, len(low)))
         actions = (low + draws * (high - low)).astype(space.dtype)
         reset(slot, 1, None)
@@ -306,6 +309,21 @@ def is_restorable(slot):
     except Exception:  # Whatever it is, states cannot be saved.
         traceback.print_exc()
         return False
+
+
+def bounds(values):
+    """Returns bounds of actions, None where there is none. Some spaces write it as the largest number."""
+    return [float(v) if abs(v) <= LARGEST_BOUND else None for v in values]
+
+
+def filled_bounds(space):
+    """Returns lowest and highest actions. Without a bound, a range is as long as [-1, 1], or that."""
+    pairs = []
+    for low, high in zip(bounds(space.low), bounds(space.high)):
+        if low is None:
+            low = -1.0 if high is None else high - 2.0
+        pairs.append((low, low + 2.0 if high is None else max(low, high)))
+    return np.array(pairs).T
 
 
 def open_environment(config):
@@ -332,7 +350,6 @@ def open_environment(config):
     own = slot.env.unwrapped
     radius = getattr(own, "distance_threshold", getattr(own, "_goal_tol", None))
     tasks = getattr(own, "num_tasks", None) if not goals.in_observation else None
-    bounds = lambda values: [float(v) if np.isfinite(v) else None for v in values]
     return {
         "observed": goals.observed,
         "achieved": goals.achieved,

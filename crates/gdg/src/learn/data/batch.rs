@@ -218,9 +218,13 @@ impl BatchSampler {
                 // nearest one in a straight line may lie behind a wall.
                 let to = by_goal.nearest[at] as usize;
                 let on = by_goal.steps[to * known.goals.len() + at];
-                let (pair, off) = (to * known.goals.len() + from, off_start + off_goal + on);
-                batch.bound[i] = batch.bound[i].min(changed.upper[pair] + off);
-                batch.lower[i] = batch.lower[i].max(changed.lower[pair] - off).min(batch.bound[i]);
+                let (pair, off) = (to * known.goals.len() + from, off_start + off_goal);
+                // How far it is back from there, an upper bound would have to know.
+                if by_goal.places[to] as usize == at {
+                    batch.bound[i] = batch.bound[i].min(changed.upper[pair] + off);
+                }
+                let lower = changed.lower[pair] - off - on;
+                batch.lower[i] = batch.lower[i].max(lower).min(batch.bound[i]);
             }
         }
         count
@@ -388,6 +392,7 @@ mod tests {
         );
         sampler.add_known(&known, &[], rng, batch);
         let known = KnownDistances { changed: Some(&changed), by_goal: Some(&by_goal), ..known };
+        let before = batch.bound.clone();
         sampler.add_known(&known, &[], rng, batch);
         for i in 16..64 {
             let (state, goal) = (batch.states[i], batch.goals[i]);
@@ -398,11 +403,13 @@ mod tests {
                 (batch.lower[i] - lower.max(0.0).min(batch.bound[i])).abs() < 1e-3,
                 "{state} to {goal}"
             );
+            let bounded = batch.bound[i] <= 7.0 + off + 1e-3;
             assert!(
-                state < 50.0 || batch.bound[i] <= 7.0 + off + 1e-3,
+                bounded || state < 50.0 || goal < 50.0,
                 "{state} to {goal}: {}",
                 batch.bound[i]
             );
+            assert!(goal > 50.0 || batch.bound[i] == before[i], "the way back is unknown");
         }
     }
 

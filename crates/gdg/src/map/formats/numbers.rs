@@ -21,13 +21,16 @@ const CELLS: &str = "cells are numbers: 0 is free, or -1 where there is one; oth
 
 /// A map of plain text has no digits, but its walls look like the comments of `numpy.savetxt`.
 fn is_numbers(text: &Text) -> bool {
-    let first = text.lines.iter().find(|line| !is_no_row(line));
-    first
-        .is_some_and(|line| line.trim_start().starts_with(|c: char| c == '-' || c.is_ascii_digit()))
+    let first = rows(text).next();
+    first.is_some_and(|(_, line)| {
+        line.trim_start().starts_with(|c: char| c == '-' || c.is_ascii_digit())
+    })
 }
 
-fn is_no_row(line: &str) -> bool {
-    line.trim_start().is_empty() || line.trim_start().starts_with('#')
+/// Returns the lines after the comments at the beginning, with their numbers.
+fn rows<'a>(text: &Text<'a>) -> impl Iterator<Item = (usize, &'a str)> {
+    let is_before = |line: &str| line.trim().is_empty() || line.trim_start().starts_with('#');
+    text.lines.iter().copied().enumerate().skip_while(move |(_, line)| is_before(line))
 }
 
 /// A number of a map: what is written, and where.
@@ -46,8 +49,7 @@ fn numbers(line: usize, text: &str) -> impl Iterator<Item = Number<'_>> {
 
 fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
-    let written = || text.lines.iter().enumerate().filter(|(_, row)| !is_no_row(row));
-    let lines = || written().map(|(line, row)| numbers(line, row));
+    let lines = || rows(text).map(|(line, row)| numbers(line, row));
     let is_binary = |(number, _): Number| number.bytes().all(|b| b == b'0' || b == b'1');
     let is_dense = lines().flatten().all(is_binary) && lines().flatten().any(|n| n.0.len() > 1);
     let is_tiled = |(number, _): Number| number.parse::<f64>().is_ok_and(|value| value == -1.0);
@@ -93,6 +95,7 @@ mod tests {
         let maze = read("# 3 x 2 cells\n#\n0 1 0\n0 0 0\n");
         let walls = (0..6).filter(|index| !maze.is_free(maze.cell(*index))).count();
         assert_eq!((maze.width(), maze.height(), walls), (3, 2, 1));
+        assert!(parse_map("maze", b"####\n0000\n####\n").is_err(), "neither walls nor comments");
         let plain = read("###\n#.#\n###\n");
         assert_eq!((plain.width(), plain.height()), (3, 3));
     }
