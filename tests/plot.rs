@@ -60,7 +60,11 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     assert_eq!(done.out, "fig.pdf\nfig.svg\nfig.png\nfig.csv\n");
     has_parts(
         &done.err,
-        &["drawn up to 200 updates, where her ends, of 400", "mean of 1 to 2 seeds"],
+        &[
+            "drawn up to 200 updates, where her ends, of 400",
+            "mean of 1 to 2 seeds",
+            "gdg-bridge with plans, her the actor alone",
+        ],
     );
     let table = rows(&folder.path().join("fig.csv"));
     assert_eq!(table[0], ["chart", "curve", "seed", "updates", "success", "low", "high"]);

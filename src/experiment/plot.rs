@@ -2,6 +2,7 @@
 
 mod lines;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Report, miette};
@@ -209,7 +210,28 @@ pub fn draw(runs: &[SavedRun], options: &Options) -> Result<Drawn, Report> {
             format!("mean of {seeds} seeds, with a band from the lowest to the highest")
         }
     };
-    Ok(Drawn { sheet: page.draw(), table, caption: format!("{title}: {band}"), notes })
+    let caption = format!("{title}: {band}{}", of_plans(runs, options.y));
+    Ok(Drawn { sheet: page.draw(), table, caption, notes })
+}
+
+/// Returns what a caption must say of success: which methods have plans.
+fn of_plans(runs: &[SavedRun], y: Measure) -> String {
+    if y != Measure::Success {
+        return String::new();
+    }
+    let (mut with, mut alone) = (BTreeSet::new(), BTreeSet::new());
+    for run in runs {
+        let plans = run.evaluations.iter().any(|at| at.evaluation.planned.is_some());
+        (if plans { &mut with } else { &mut alone }).insert(&*run.method);
+    }
+    let list = |methods: BTreeSet<&str>| methods.into_iter().collect::<Vec<_>>().join(", ");
+    match (with.is_empty(), alone.is_empty()) {
+        (false, false) => {
+            format!("; {} with plans, {} the actor alone", list(with), list(alone))
+        }
+        (false, true) => "; with plans".to_owned(),
+        _ => "; the actor alone".to_owned(),
+    }
 }
 
 /// Reads runs, draws them and writes the files; returns a line for each.

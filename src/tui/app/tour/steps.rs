@@ -326,7 +326,8 @@ fn over_bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
         format!("{} steps so far.", walk.steps)
     };
     let text = format!(
-        "Now @ walks from S to G, from bridge to bridge. {state} D(S,G) was {direct:.0}, over B {:.0}.",
+        "Now @ walks from S to G, from bridge to bridge. {state} D(S,G) was {direct:.0}, over B {:.0}: this early, D is \
+         still too long.",
         first + second
     );
     let subject = [vec![stops[2]], points_along(&stops)].concat();
