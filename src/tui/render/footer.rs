@@ -112,7 +112,7 @@ pub fn fitting(
         let before = keys.len() - last;
         let middle = (1..before).rev().find(|i| !stays(keys[*i].0));
         // Then the first of the last keys, for the sake of the panes.
-        let next = if before > 1 { before } else { 0 };
+        let next = if before > 1 && last > 0 { before } else { 0 };
         keys.remove(middle.unwrap_or(next));
     }
     line(&keys, "")

@@ -30,6 +30,12 @@ fn a_screen_is_drawn_from_its_state_alone() {
 #[test]
 fn every_screen_size_can_be_drawn() {
     let mut app = still();
+    // Without a notice, there are keys below the screen.
+    app.screen.log.take();
+    for width in 1..=80 {
+        draw(&mut app, width, 24);
+    }
+    assert!(text(&draw(&mut app, 20, 24)).contains("panes"), "those hidden are the last to go");
     for (width, height) in [
         (1, 1),
         (2, 1),
