@@ -5,7 +5,8 @@ mod join;
 mod line;
 mod reader;
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::fmt;
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
@@ -69,6 +70,9 @@ pub struct SavedRun {
     /// What of its records cannot be read.
     pub skipped: Skipped,
 }
+
+/// What distinguishes a run from others: its map, method, settings and seed.
+pub type Identity = (String, String, Vec<String>, u64);
 
 /// Lines of records that cannot be read and are left out.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -494,28 +498,38 @@ fn not_a_record(line: &[u8], error: &serde_json::Error) -> String {
     }
 }
 
-/// Joins the parts of a run that was resumed.
-fn merged(runs: Vec<SavedRun>) -> Vec<SavedRun> {
-    let mut parts: BTreeMap<_, SavedRun> = BTreeMap::new();
-    for run in runs {
-        let key = (run.map.clone(), run.method.clone(), run.settings.clone(), run.seed);
-        match parts.get_mut(&key) {
-            Some(earlier) => {
-                let evaluations = std::mem::take(&mut earlier.evaluations);
-                let checkpoint = run.checkpoint.or(earlier.checkpoint.take());
-                let mut skipped = std::mem::take(&mut earlier.skipped);
-                skipped.add(run.skipped);
-                *earlier = SavedRun {
-                    evaluations: evaluations.into_iter().chain(run.evaluations).collect(),
-                    checkpoint,
-                    skipped,
-                    ..run
-                };
-            }
-            None => {
-                parts.insert(key, run);
+/// Joins the parts of a run that was resumed; the runs are in the order in which they began.
+fn merged(parts: Vec<SavedRun>) -> Vec<SavedRun> {
+    let mut runs: Vec<SavedRun> = Vec::new();
+    let mut places: HashMap<Identity, usize> = HashMap::new();
+    for part in parts {
+        match places.entry(part.identity()) {
+            Entry::Occupied(place) => runs[*place.get()].go_on(part),
+            Entry::Vacant(place) => {
+                place.insert(runs.len());
+                runs.push(part);
             }
         }
     }
-    parts.into_values().collect()
+    runs
+}
+
+impl SavedRun {
+    /// Returns what distinguishes it from the other runs of its file.
+    pub fn identity(&self) -> Identity {
+        (self.map.clone(), self.method.clone(), self.settings.clone(), self.seed)
+    }
+
+    /// Adds the part that began when it was resumed.
+    fn go_on(&mut self, mut next: Self) {
+        // It may have been resumed from before its end.
+        if let Some(first) = next.evaluations.first() {
+            self.evaluations.retain(|at| at.updates < first.updates);
+        }
+        next.evaluations.splice(0..0, self.evaluations.drain(..));
+        next.checkpoint = next.checkpoint.or(self.checkpoint.take());
+        let later = std::mem::replace(&mut next.skipped, std::mem::take(&mut self.skipped));
+        next.skipped.add(later);
+        *self = next;
+    }
 }

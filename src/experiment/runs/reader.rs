@@ -176,6 +176,41 @@ mod tests {
     }
 
     #[test]
+    fn runs_of_a_file_are_in_the_order_in_which_they_began() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let of_map = |name: &str| start().replace("room", name) + &progress(1_000);
+        let text = of_map("b") + &of_map("c") + &of_map("a") + &of_map("c");
+        write(folder.path().join("one.jsonl"), text).expect("a file");
+        let found = Reader::new(&[folder.path().to_owned()]).read(|_, _| ControlFlow::Continue(()));
+        let maps: Vec<&str> = found.runs.iter().map(|(run, _)| &*run.map).collect();
+        assert_eq!(maps, ["b", "c", "a"]);
+    }
+
+    #[test]
+    fn what_is_trained_again_after_a_resume_replaces_what_was_lost() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let evaluated = |updates: u64, success: f64| {
+            format!(
+                "{{\"event\":\"evaluation\",\"updates\":{updates},\"greedy\":{{\"success\":{success},\
+                 \"spl\":null,\"steps_ratio\":null,\"by_distance\":[]}},\"planned\":null}}\n"
+            )
+        };
+        let first: String = [(3_000, 0.1), (6_000, 0.2), (9_000, 0.3)]
+            .map(|(updates, success)| evaluated(updates, success))
+            .concat();
+        // Saved at 5,000 updates and killed after 9,000.
+        let again = evaluated(6_000, 0.4) + &evaluated(7_000, 0.5);
+        let text =
+            start() + &first + &start().replace("\"updates\":0", "\"updates\":5000") + &again;
+        write(folder.path().join("one.jsonl"), text).expect("a file");
+        let found = Reader::new(&[folder.path().to_owned()]).read(|_, _| ControlFlow::Continue(()));
+        let [(run, _)] = &found.runs[..] else { panic!("{:?}", found.runs) };
+        let curve: Vec<_> =
+            run.evaluations.iter().map(|at| (at.updates, at.evaluation.greedy.success)).collect();
+        assert_eq!(curve, [(3_000, Some(0.1)), (6_000, Some(0.4)), (7_000, Some(0.5))]);
+    }
+
+    #[test]
     fn a_run_in_an_environment_in_python_is_named_after_it() {
         let folder = tempfile::tempdir().expect("a folder");
         let facts = r#""world":"gym","gym":{"id":"FetchReach-v4"}"#;

@@ -62,7 +62,7 @@ pub fn pair(list: &List) -> Result<[PathBuf; 2], String> {
     Ok([checkpoint(a)?.to_owned(), checkpoint(b)?.to_owned()])
 }
 
-/// Draws runs as `gdg-tui plot` does; returns which files were written.
+/// Draws runs as `gdg-tui plot` does; returns which files were written, and what is left out.
 ///
 /// # Errors
 /// What cannot be drawn or written.
@@ -80,7 +80,8 @@ pub fn plot(runs: &[&Entry], Curves { measure, axis }: Curves) -> Result<String,
         write_atomically(&path, bytes)
             .map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
     }
-    Ok(format!("wrote {}.svg, .pdf and .csv: {}", stem.display(), drawn.caption))
+    let notes: String = drawn.notes.iter().map(|note| format!("; {}", sanitized(note))).collect();
+    Ok(format!("wrote {}.svg, .pdf and .csv: {}{notes}", stem.display(), drawn.caption))
 }
 
 /// Returns the first name at which there is no file with any of these extensions.
@@ -108,13 +109,9 @@ impl Question {
     /// there are none.
     ///
     /// # Errors
-    /// A run still goes on.
+    /// A run in one of the files still goes on.
     pub fn new(list: &List) -> Result<Option<Self>, String> {
         let runs = list.chosen();
-        let running = runs.iter().find(|entry| entry.run.state(entry.written) == State::Running);
-        if let Some(entry) = running {
-            return Err(format!("{} still grows: end its run first", name(&entry.run.source)));
-        }
         let sources = runs.iter().map(|entry| &entry.run.source);
         let damaged = list.selected_damage().map(|(path, _)| path).filter(|path| path.is_file());
         let files: BTreeSet<&PathBuf> = sources
@@ -125,8 +122,13 @@ impl Question {
         if files.is_empty() {
             return Ok(None);
         }
-        let in_files: usize = files.iter().map(|file| list.count_in(file)).sum();
-        let others = match in_files.saturating_sub(runs.len()) as u64 {
+        // A file may have other runs than those chosen.
+        let in_files: Vec<&Entry> = files.iter().flat_map(|file| list.of_file(file)).collect();
+        let grows = |entry: &&&Entry| entry.run.state(entry.written) == State::Running;
+        if let Some(entry) = in_files.iter().find(grows) {
+            return Err(format!("{} still grows: end its run first", name(&entry.run.source)));
+        }
+        let others = match in_files.len().saturating_sub(runs.len()) as u64 {
             0 => String::new(),
             others => format!(" with {} not chosen", counted(others, "run")),
         };

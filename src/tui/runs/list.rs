@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-use crate::experiment::runs::{Found, SavedRun};
+use crate::experiment::runs::{Found, Identity, Kind, SavedRun};
 use crate::host::runs::{ago, rate};
 use gdg::text::{grouped, sanitized};
 use gdg::train::Evaluation;
@@ -14,11 +14,22 @@ use gdg::train::Evaluation;
 /// Runs that can be marked at once: one for each letter.
 pub const MOST_MARKS: usize = 26;
 
-/// What identifies a run while its file grows: the file, and its place in it.
-pub type Key = (PathBuf, usize);
+/// What identifies a row while its file grows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Key {
+    /// A run, by its file and, as records may have several, by what it is.
+    Run(PathBuf, Option<Identity>),
+    /// A file that cannot be read.
+    Damaged(PathBuf),
+}
 
-/// The place in a file that cannot be read.
-const DAMAGED: usize = usize::MAX;
+impl Key {
+    fn of(run: &SavedRun) -> Self {
+        // The settings of a checkpoint may change with it.
+        let is_records = matches!(run.kind, Kind::Records(_));
+        Self::Run(run.source.clone(), is_records.then(|| run.identity()))
+    }
+}
 
 /// A run in the list.
 #[derive(Clone, Debug)]
@@ -150,7 +161,7 @@ pub fn stem(file: &Path) -> String {
 }
 
 impl Entry {
-    fn new(key: Key, run: Arc<SavedRun>, written: Option<SystemTime>) -> Self {
+    fn new(run: Arc<SavedRun>, written: Option<SystemTime>) -> Self {
         let facts = [
             format!("map={}", run.map),
             format!("method={}", run.method),
@@ -161,7 +172,7 @@ impl Entry {
         let others = run.others.iter().map(|path| path.to_string_lossy().into_owned());
         let facts = facts.into_iter().chain(others).collect::<Vec<_>>();
         let words = facts.iter().chain(&run.settings).map(|word| word.to_lowercase()).collect();
-        Self { key, run, written, words }
+        Self { key: Key::of(&run), run, written, words }
     }
 
     /// Whether it has a word: one with an equals sign as a whole, others as a part.
@@ -208,13 +219,8 @@ impl Default for List {
 impl List {
     /// Shows what has been found; marks and selection stay with their runs.
     pub fn update(&mut self, found: &Found) {
-        let mut of_file: BTreeMap<&Path, usize> = BTreeMap::new();
-        self.all.clear();
-        for (run, written) in &found.runs {
-            let number = of_file.entry(&run.source).or_default();
-            self.all.push(Entry::new((run.source.clone(), *number), run.clone(), *written));
-            *number += 1;
-        }
+        let entries = found.runs.iter().map(|(run, written)| Entry::new(run.clone(), *written));
+        self.all = entries.collect();
         self.problems.clone_from(&found.problems);
         let all = &self.all;
         self.marks.retain(|_, key| all.iter().any(|entry| entry.key == *key));
@@ -246,9 +252,9 @@ impl List {
         self.shown.iter().map(|i| &self.all[*i])
     }
 
-    /// Returns how many runs of a file there are.
-    pub fn count_in(&self, file: &Path) -> usize {
-        self.all.iter().filter(|entry| entry.run.source == file).count()
+    /// Returns the runs of a file.
+    pub fn of_file<'a>(&'a self, file: &'a Path) -> impl Iterator<Item = &'a Entry> {
+        self.all.iter().filter(move |entry| entry.run.source == file)
     }
 
     /// Returns how many runs there are.
@@ -269,8 +275,8 @@ impl List {
     /// Returns the selected row: the first one, if the selected run is not among those shown.
     pub fn position(&self) -> usize {
         let Some(key) = &self.selected else { return 0 };
-        let place = if key.1 == DAMAGED {
-            let place = self.damaged().position(|(path, _)| *path == key.0);
+        let place = if let Key::Damaged(file) = key {
+            let place = self.damaged().position(|(path, _)| path == file);
             place.map(|place| self.shown.len() + place)
         } else {
             self.shown().position(|entry| entry.key == *key)
@@ -295,7 +301,7 @@ impl List {
         let damaged = || self.damaged.get(row.checked_sub(self.shown.len())?);
         self.selected = match self.shown.get(row) {
             Some(i) => Some(self.all[*i].key.clone()),
-            None => damaged().map(|i| (self.problems[*i].0.clone(), DAMAGED)),
+            None => damaged().map(|i| Key::Damaged(self.problems[*i].0.clone())),
         };
     }
 
@@ -375,6 +381,7 @@ impl List {
 mod tests {
     use super::super::tests::{found, saved};
     use super::*;
+    use crate::experiment::runs::Ending;
 
     fn list() -> List {
         let mut list = List::default();
@@ -452,6 +459,19 @@ mod tests {
         list.filter("");
         assert!(list.marked().is_empty(), "its run is gone");
         assert_eq!(list.chosen()[0].run.map, "own", "the selected one");
+        let of_file = |seed| SavedRun {
+            kind: Kind::Records(Ending::Open),
+            ..saved("own.jsonl", "own", "gdg", seed, &[0.5])
+        };
+        list.update(&found(&[5, 7].map(of_file)));
+        list.sort_by(Column::Seed);
+        let row = list.shown().position(|entry| entry.run.seed == 7);
+        list.select(row.expect("its row"));
+        assert!(list.toggle_mark());
+        list.update(&found(&[4, 5, 6, 7].map(of_file)));
+        let seed = |entry: Option<&Entry>| entry.map(|entry| entry.run.seed);
+        assert_eq!(seed(list.selected()), Some(7), "its file has grown");
+        assert_eq!(seed(list.chosen().first().copied()), Some(7));
         list.update(&found(&[]));
         list.step(-1);
         assert!(list.selected().is_none() && list.chosen().is_empty() && list.toggle_mark());

@@ -179,7 +179,9 @@ fn every_size_can_be_drawn() {
 #[test]
 fn the_end_of_a_long_list_says_what_cannot_be_read() {
     let mut screen = screen();
-    let runs: Vec<SavedRun> = (0..50).map(|seed| saved("many", "own", "gdg", seed, &[])).collect();
+    let file = |seed: u64| format!("many-{seed}");
+    let runs: Vec<SavedRun> =
+        (0..50).map(|seed| saved(&file(seed), "own", "gdg", seed, &[])).collect();
     let problems = vec![("damaged.safetensors".into(), "is empty".to_owned())];
     screen.list(&Found { problems, ..found(&runs) });
     let hidden = text(&mut screen, 80, 24);
@@ -414,6 +416,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     let records = path("a.jsonl");
     std::fs::write(&records, "records").expect("a file");
     let joined = SavedRun {
+        kind: Kind::Records(Ending::Finished),
         source: records.clone(),
         others: vec![path("a.safetensors")],
         ..runs[0].clone()
@@ -432,4 +435,27 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.list(&Found { runs: vec![(Arc::new(grows), now)], ..Found::default() });
     press(&mut screen, KeyCode::Delete);
     assert!(text(&mut screen, 120, 40).contains("still grows"));
+}
+
+#[test]
+fn a_file_is_kept_while_any_of_its_runs_grows() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("both.jsonl");
+    std::fs::write(&file, "records").expect("a file");
+    let run = |seed, ending| SavedRun {
+        kind: Kind::Records(ending),
+        checkpoint: None,
+        ..saved(&file.to_string_lossy(), "own", "gdg", seed, &[])
+    };
+    let runs = [run(1, Ending::Finished), run(2, Ending::Open)];
+    let now = Some(SystemTime::now());
+    let runs = runs.into_iter().map(|run| (Arc::new(run), now)).collect();
+    let mut screen = screen();
+    screen.list(&Found { runs, ..Found::default() });
+    press(&mut screen, KeyCode::Home);
+    assert_eq!(screen.list.selected().map(|entry| entry.run.seed), Some(1), "the finished one");
+    type_text(&mut screen, "D");
+    assert!(text(&mut screen, 120, 40).contains("both.jsonl still grows"));
+    type_text(&mut screen, "y");
+    assert!(file.exists());
 }
