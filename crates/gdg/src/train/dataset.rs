@@ -73,21 +73,32 @@ impl Dataset {
         world: &dyn Environment,
         progress: &Progress,
     ) -> Result<Self, DataError> {
-        let name = file.to_string_lossy().into_owned();
-        let unread = |error| DataError::Unread { file: name.clone(), error };
-        let (checksum, bytes) = checksum(file, progress).map_err(unread)?;
-        let unfit = |problem| DataError::Unfit { file: name.clone(), problem };
+        let unread = |error| DataError::Unread { file: file.to_string_lossy().into(), error };
+        let checked = checksum(file, [0, 2], progress).map_err(unread)?;
+        Self::read_checked(file, checked, world, 2, progress)
+    }
+
+    /// Reads a file whose CRC-32 and length are known, as the last one of so many parts of a stage.
+    fn read_checked(
+        file: &Path,
+        (checksum, bytes): (u32, u64),
+        world: &dyn Environment,
+        parts: usize,
+        progress: &Progress,
+    ) -> Result<Self, DataError> {
+        let unfit = |problem| DataError::Unfit { file: file.to_string_lossy().into(), problem };
         let arrays = Arrays::open(file, bytes).map_err(unfit)?;
         let sizes = ReplaySizes::of(world.spec());
         let read = || -> Result<Self, String> {
             let rows = arrays.rows(sizes)?;
             // The arrays are by far the most of it.
-            progress.set(0, 3);
+            let tell = |thirds| progress.set(3 * (parts - 1) + thirds, 3 * parts);
+            tell(0);
             let mut states = arrays.table(STATES, sizes.state, "the world's states")?;
-            progress.set(1, 3);
+            tell(1);
             let mut actions = arrays.table(ACTIONS, sizes.action, "the world's actions")?;
             let last = arrays.column(ENDS)?;
-            progress.set(2, 3);
+            tell(2);
             check(STATES, &states, sizes.state, MAX_MAGNITUDE, "finite, and at most 1e9 in size")?;
             if let Some(recorded) = world.abilities().recorded {
                 states.chunks_exact_mut(sizes.state).for_each(|s| recorded.own_state(s));
@@ -118,8 +129,8 @@ impl Dataset {
     /// See [`Self::read`].
     pub fn check_file(file: &Path, progress: &Progress) -> Result<u32, DataError> {
         let name = || file.to_string_lossy().into_owned();
-        let (checksum, bytes) =
-            checksum(file, progress).map_err(|error| DataError::Unread { file: name(), error })?;
+        let (checksum, bytes) = checksum(file, [0, 1], progress)
+            .map_err(|error| DataError::Unread { file: name(), error })?;
         let arrays = Arrays::open(file, bytes);
         let checked = arrays
             .and_then(|a| [STATES, ACTIONS, ENDS].iter().try_for_each(|n| a.shape(n).map(drop)));
@@ -137,14 +148,19 @@ impl Dataset {
         world: &dyn Environment,
         progress: &Progress,
     ) -> Result<Self, DataError> {
-        let is_own =
-            |file: &&Path| checksum(file, progress).is_ok_and(|(own, _)| own == source.checksum);
         let places = [Some(&*source.file), moved].into_iter().flatten();
-        if let Some(file) = places.clone().find(is_own) {
-            return Self::read(file, world, progress);
+        let parts = places.clone().count() + 1;
+        let mut last = Ok((0, 0));
+        for (part, file) in places.enumerate() {
+            last = checksum(file, [part, parts], progress);
+            if let Ok(checked) = last
+                && checked.0 == source.checksum
+            {
+                return Self::read_checked(file, checked, world, parts, progress);
+            }
         }
         let file = moved.unwrap_or(&source.file).to_string_lossy().into_owned();
-        if let Err(error) = checksum(Path::new(&file), progress) {
+        if let Err(error) = last {
             return Err(DataError::Unread { file, error });
         }
         let problem = format!(
@@ -248,23 +264,38 @@ pub fn data_file(
     Ok(std::fs::read(file.path())?)
 }
 
-/// Returns the CRC-32 and the length of a file; says how far it is.
-fn checksum(file: &Path, progress: &Progress) -> std::io::Result<(u32, u64)> {
+/// Returns the CRC-32 and the length of a file; says how far it is, as this part of so many.
+fn checksum(
+    file: &Path,
+    [part, parts]: [usize; 2],
+    progress: &Progress,
+) -> std::io::Result<(u32, u64)> {
     // Pipes and devices may never end.
     if file.exists() && !file.is_file() {
         return Err(std::io::Error::new(ErrorKind::InvalidInput, "it is no regular file"));
     }
-    let mut file = File::open(file)?;
-    let all = file.metadata()?.len();
-    let (mut crc, mut bytes, mut chunk) = (Crc::new(), 0, vec![0; CHUNK]);
+    let file = File::open(file)?;
+    let all = file.metadata()?.len() as usize;
+    checksum_of(file, |bytes| {
+        progress.set(part * all + bytes as usize, parts * all);
+    })
+}
+
+/// Returns the CRC-32 and the number of all bytes; calls `tell` with how many have been read.
+fn checksum_of(mut bytes: impl Read, tell: impl Fn(u64)) -> std::io::Result<(u32, u64)> {
+    let (mut crc, mut done, mut chunk) = (Crc::new(), 0, vec![0; CHUNK]);
+    tell(done);
     loop {
-        progress.set(bytes as usize, all as usize);
-        match file.read(&mut chunk)? {
-            0 => return Ok((crc.sum(), bytes)),
-            read => {
+        match bytes.read(&mut chunk) {
+            Ok(0) => return Ok((crc.sum(), done)),
+            Ok(read) => {
                 crc.update(&chunk[..read]);
-                bytes += read as u64;
+                done += read as u64;
+                tell(done);
             }
+            // By a signal that is handled.
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
         }
     }
 }
@@ -406,5 +437,30 @@ impl Arrays {
             [_] | [_, 1] => self.numbers(name),
             ref shape => Err(format!("{name} have shape {shape:?}: it must be (rows,)")),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use super::*;
+
+    /// Bytes whose every other read is interrupted by a signal.
+    struct Interrupted(&'static [u8], bool);
+
+    impl Read for Interrupted {
+        fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+            self.1 = !self.1;
+            if self.1 { Err(ErrorKind::Interrupted.into()) } else { self.0.read(&mut into[..2]) }
+        }
+    }
+
+    #[test]
+    fn a_checksum_goes_on_where_a_signal_interrupts_it() {
+        let told = RefCell::new(Vec::new());
+        let found = checksum_of(Interrupted(b"12345", false), |done| told.borrow_mut().push(done));
+        assert_eq!(found.expect("a checksum"), (crc32fast::hash(b"12345"), 5));
+        assert_eq!(told.into_inner(), [0, 2, 4, 5]);
     }
 }
