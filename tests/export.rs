@@ -12,7 +12,7 @@ use gdg::bridge::Guide;
 use gdg::env::{Environment, FetchReach, PointMaze};
 use gdg::learn::Scratch;
 use gdg::map::RandomMapKind;
-use gdg::pulse::Progress;
+use gdg::pulse::{Cancelled, Progress};
 use gdg::train::{Preset, Registry, Run, SaveTo, Settings, Trainer, policy_file, save};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -125,7 +125,7 @@ fn the_python_module_reads_files_and_observations_and_says_what_is_wrong() {
 /// did. Agents that do not move stay where they are, whatever they do.
 fn walks(run: &Trainer, count: usize, steps: usize, move_on: bool) -> Vec<Value> {
     let (job, mut scratch) = (run.evaluation().unwrap(), Scratch::default());
-    let graph = job.graph(&Progress::default()).unwrap();
+    let graph = job.graph(&Cancelled::default()).unwrap();
     let guide = Guide { policy: job.policy(), graph: Some(&graph) };
     let (mut world, mut rng) = (run.world().fork(1).unwrap(), ChaCha8Rng::seed_from_u64(4));
     let tasks = job.tasks(count).unwrap().tasks;

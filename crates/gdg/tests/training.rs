@@ -8,6 +8,7 @@ use gdg::bridge::{BridgeSettings, Planner};
 use gdg::env::{Goals, PointMaze, Restart};
 use gdg::learn::{LearnSettings, Scratch, Threads};
 use gdg::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
+use gdg::pulse::{Cancelled, Wanted};
 use gdg::settings::{Auto, Effect};
 use gdg::store::{Array, Store};
 use gdg::train::{
@@ -446,6 +447,18 @@ fn files_that_are_not_checkpoints_are_refused() {
     let at = bytes.windows(12).position(|w| w == b"\\\"hidden\\\":6").unwrap();
     changed[at + 11] = b'3';
     assert!(text(&write("changed", &changed)).contains("checksum"));
+}
+
+#[test]
+fn an_evaluation_that_nobody_wants_builds_no_graph() {
+    let mut run = trainer(settings(), 11, 2);
+    train_to(&mut run, 50);
+    let (job, tasks) = (run.evaluation().unwrap(), run.tasks(1).unwrap());
+    let cancelled = Cancelled::default();
+    assert!(job.graph(&cancelled).is_some());
+    drop(Wanted::from(&cancelled));
+    assert!(job.run_unless(&cancelled, &tasks).unwrap().is_none());
+    assert_eq!(cancelled.progress().share(), Some(0.0), "not even its first row");
 }
 
 /// Trains for `updates` and returns planned and greedy success.

@@ -14,7 +14,7 @@ use super::score::Score;
 use crate::bridge::{BridgeGraph, Candidates, Guide};
 use crate::env::{EnvError, Environment, Episodes, Evaluated, GroundTruth, Spec, TaskSet};
 use crate::learn::{Acting, Policy, Scratch};
-use crate::pulse::{Cancelled, Progress};
+use crate::pulse::Cancelled;
 pub use results::{BridgeFacts, ComposedError, DistanceError, Evaluation, MarkedTask, TaskOutcome};
 use tasks::{Actor, run_tasks, run_tasks_watched};
 use truth::{bridge_facts, distance_error};
@@ -95,7 +95,7 @@ impl EvaluationJob {
             (cancelled.progress(), 1 + 2 * usize::from(self.candidates.is_some()));
         let mut stage = 0;
         progress.begin(stage, stages);
-        let graph = self.graph(progress);
+        let graph = self.graph(cancelled);
         stage += usize::from(graph.is_some());
         let greedy = self.actor(None);
         let planned = graph.as_ref().map(|graph| self.actor(Some(graph)));
@@ -156,14 +156,14 @@ impl EvaluationJob {
         Ok(Some(Score::new(tasks, &run_tasks(world, &tasks.tasks, &actor, &mut rng)?.taken)))
     }
 
-    /// Builds the graph to plan on, for methods that plan. Says how far it is, as one stage of
-    /// `progress`.
-    pub fn graph(&self, progress: &Progress) -> Option<BridgeGraph> {
+    /// Builds the graph to plan on, for methods that plan; returns `None` once `cancelled` is set.
+    /// Says how far it is, as one stage of its progress.
+    pub fn graph(&self, cancelled: &Cancelled) -> Option<BridgeGraph> {
         let (spec, settings, policy) = (self.world.spec(), self.run.bridge(), &*self.policy);
         let candidates = self.candidates.as_ref()?;
-        let (now, told) = (|_| true, Cancelled::from(progress));
+        let now = |_| true;
         let empty = BridgeGraph::empty(spec, &settings);
-        empty.renewed(&told, candidates, now, policy, &mut Scratch::default())
+        empty.renewed(cancelled, candidates, now, policy, &mut Scratch::default())
     }
 
     /// Returns how agents act, with planning over `graph` if there is one.

@@ -11,7 +11,7 @@ use super::trainer::Trainer;
 use crate::bridge::{BridgeGraph, Edge};
 use crate::env::Recorded;
 use crate::learn::{LearnError, NamedTensor};
-use crate::pulse::Progress;
+use crate::pulse::{Cancelled, Progress};
 use crate::store::StoreError;
 
 /// Name of the description in the file's metadata.
@@ -101,7 +101,7 @@ fn not_exported(trainer: &Trainer, what: &str) -> LearnError {
 /// Returns the description and the arrays of what planned evaluations use besides the actor.
 fn plans(trainer: &Trainer, progress: &Progress) -> Result<(Value, Vec<Array>), TrainError> {
     let method = &trainer.run().method;
-    let Some(graph) = trainer.evaluation()?.graph(progress) else {
+    let Some(graph) = trainer.evaluation()?.graph(&Cancelled::from(progress)) else {
         let problem = format!("the method {method} does not plan: there are no plans to export");
         return Err(LearnError::Other(problem.into()).into());
     };
