@@ -76,30 +76,34 @@ fn commands_say_what_they_wait_for() {
 #[test]
 fn commands_say_how_far_they_are() {
     let folder = files();
-    // The pass at which the work is slow, and how far it is by then.
+    let path = |name: &str| folder.path().join("saves").join(name);
+    std::fs::copy(path("own.safetensors"), path("second.safetensors")).unwrap();
+    // The pass at which the work is slow, and how far it is by then, in per cent.
     let commands = [
-        ("maps", 9, "the maps to be measured"),
-        ("maps convert trap trap.png", 4, "the map to be converted"),
-        ("export-policy saves/own.safetensors --plans", 12, "the policy to be written"),
-        ("export-data saves/own.safetensors", 6, "the transitions to be written"),
-        ("film saves/own.safetensors", 2, "the checkpoint to be read"),
-        ("frames own.cast --at 0,1", 3, "the frames to be drawn"),
-        ("frames own.cast --animate own.png", 3, "the animation to be drawn"),
-        ("suite maps --list --out own", 3, "the maps to be read"),
-        ("runs", 2, "the checkpoints to be read"),
-        ("runs --json", 2, "the runs to be read"),
-        ("--no-ui trap --max-updates 1 --data own.npz", 7, "the data to be read"),
+        ("maps", 9, "the maps to be measured", 0),
+        ("maps convert trap trap.png", 4, "the map to be converted", 50),
+        ("export-policy saves/own.safetensors --plans", 18, "the policy to be written", 14),
+        ("export-data saves/own.safetensors", 6, "the transitions to be written", 17),
+        ("film saves/own.safetensors", 3, "the checkpoint to be read", 33),
+        ("frames own.cast --at 0,1", 3, "the frames to be drawn", 40),
+        ("frames own.cast --animate own.png", 3, "the animation to be drawn", 27),
+        ("suite maps --list --out own", 3, "the maps to be read", 50),
+        ("runs", 3, "the checkpoints to be read", 50),
+        ("runs --json", 3, "the runs to be read", 50),
+        ("--no-ui trap --max-updates 1 --data own.npz", 7, "the data to be read", 62),
     ];
-    let faults = commands.map(|(_, pass, _)| format!("progress=delay:2400@{pass}"));
+    let faults = commands.map(|(_, pass, ..)| format!("progress=delay:2400@{pass}"));
     let lines = std::array::from_fn::<_, 11, _>(|i| (commands[i].0, &*faults[i]));
-    for ((line, _, what), said) in commands.iter().zip(said(folder.path(), lines)) {
+    let mut shares = Vec::new();
+    for ((line, _, what, _), said) in commands.iter().zip(said(folder.path(), lines)) {
         let share = said
             .split_once(&format!("waiting for {what} ("))
             .and_then(|(_, told)| told.split_once(" s so far, "))
             .and_then(|(_, told)| told.split_once(" %)"))
             .and_then(|(percent, _)| percent.parse::<u8>().ok());
-        assert!(share.is_some(), "{line}: {said}");
+        shares.push((*line, share));
     }
+    assert_eq!(shares, commands.map(|(line, _, _, share)| (line, Some(share))));
 }
 
 #[cfg(unix)]
