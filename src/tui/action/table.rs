@@ -278,7 +278,7 @@ const PANES: &[Binding] = &[
         Action::LayUnder,
         "lay-under",
         &["shift-u"],
-        "draw a saved run's curves behind these, or remove them",
+        "show a saved run's curves behind these, or remove them",
     )
     .watching()
     .also("compare yesterday earlier saved reference baseline overlay behind checkpoint"),
