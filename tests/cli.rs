@@ -420,7 +420,7 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     let columns: Vec<&str> = lines[0].split_whitespace().collect();
     assert_eq!(
         columns,
-        ["file", "updates", "planned", "greedy", "written", "MB", "map", "method", "seed"]
+        ["file", "updates", "success", "greedy", "written", "MB", "map", "method", "seed"]
     );
     assert!(lines[1].starts_with("fourrooms.safetensors"), "newest first: {table}");
     assert!(lines[2].ends_with(" 4"), "the seed: {table}");
