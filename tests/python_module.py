@@ -70,7 +70,7 @@ class Module(unittest.TestCase):
 
     def test_actions_lie_within_their_bounds_where_there_are_some(self):
         policy = self.load(policy_file(actor([0.5, -0.5]), interface=GYM))
-        np.testing.assert_allclose(policy([0, 1, 2], [3, 4]), [2.25, -0.5], atol=1e-6)
+        np.testing.assert_allclose(policy([0, 1, 2], [3, 4]), [2.25, 3.5], atol=1e-6)
 
     def test_observations_become_states_and_goals(self):
         plain = self.load(policy_file(actor([0, 0])))

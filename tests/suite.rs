@@ -405,7 +405,7 @@ fn damaged_results_and_checkpoints_are_made_again() {
 #[test]
 fn what_another_process_runs_has_not_reached_the_required_success() {
     let place = Place::new();
-    let args = ["maps/open.map", "--seeds", "1", "--out", "out"];
+    let args = ["maps/open.map", "--seeds", "1", "--budget", "50", "--out", "out"];
     let listed = place.run(&[&args[..], &["--list"]].concat());
     let name = listed.out.split_whitespace().next().unwrap().to_owned();
     std::fs::create_dir_all(place.path("out/jobs")).unwrap();
