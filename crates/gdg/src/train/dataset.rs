@@ -78,7 +78,7 @@ impl Dataset {
         Self::read_checked(file, checked, world, 2, progress)
     }
 
-    /// Reads a file whose CRC-32 and length are known, as the last one of so many parts of a stage.
+    /// Reads a file of known CRC-32 and length, and reports progress as the last of `parts`.
     fn read_checked(
         file: &Path,
         (checksum, bytes): (u32, u64),
@@ -264,7 +264,7 @@ pub fn data_file(
     Ok(std::fs::read(file.path())?)
 }
 
-/// Returns the CRC-32 and the length of a file; says how far it is, as this part of so many.
+/// Returns a file's CRC-32 and length, and reports progress as one of several parts.
 fn checksum(
     file: &Path,
     [part, parts]: [usize; 2],
