@@ -116,15 +116,17 @@ fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> 
     let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().or_failure()?.train;
     train.log_level = args.screen.log_level;
     let (request, registry) = (train.request(), super::train::registry_for(&train, registry));
-    Ok(Arc::new(move |wish, progress| match wish {
-        Wish::Resume(file) => {
-            let request = setup::Request { resume: Some(Some(file)), ..request.clone() };
-            let setup = setup::prepare(&request, &registry, progress)?;
+    Ok(Arc::new(move |wish, progress| match &wish {
+        Wish::Resume(run) => {
+            let resume = Some(Some(run.file.clone()));
+            let request = setup::Request { resume, ..request.clone() };
+            let mut setup = setup::prepare(&request, &registry, progress)?;
+            setup.warnings.extend(wish.warning());
             Ok(Opened::Run(Box::new(setup)))
         }
-        Wish::Compare(files) => {
+        Wish::Compare(both) => {
             let options = ComparisonOptions {
-                contenders: files.map(Contender::Checkpoint),
+                contenders: both.each_ref().map(|run| Contender::Checkpoint(run.file.clone())),
                 map: None,
                 reading: Reading::default(),
                 seed: None,
@@ -132,7 +134,8 @@ fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> 
                 threads: Threads::auto(),
                 recording: None,
             };
-            let both = tui::prepare_comparison(&options, &registry, progress)?;
+            let mut both = tui::prepare_comparison(&options, &registry, progress)?;
+            both.warnings.extend(wish.warning());
             Ok(Opened::Comparison(Box::new(both)))
         }
     }))

@@ -244,6 +244,13 @@ pub fn prepare(
         ));
     }
     let mut warnings = Vec::from_iter(warning);
+    if let Some(path) = resumed.as_deref().filter(|path| files::is_in_use(path)) {
+        let file = sanitized(&path.to_string_lossy());
+        warnings.push(format!(
+            "{file}: another program still trains this run: this is a copy, as last saved, and is \
+             saved to another name"
+        ));
+    }
     if trainer.rollout().has_restarted() {
         let title = sanitized(trainer.world().title());
         warnings.push(format!(

@@ -101,8 +101,11 @@ pub fn run(
 ) -> Result<(u8, String), Report> {
     let PreparedInterface { config, keymap, notice, stage, .. } = interface;
     let mut comparison = Comparison::start(both, config, keymap, Limits::default())?;
-    let notices = notice.iter().copied().chain(warnings.iter().map(String::as_str));
-    notices.for_each(|notice| comparison.log.show(notice, false));
+    let notices: Vec<&str> =
+        notice.iter().copied().chain(warnings.iter().map(String::as_str)).collect();
+    if !notices.is_empty() {
+        comparison.notify(&notices.join("; "));
+    }
     stage.show(comparison, Comparison::close)
 }
 

@@ -2,7 +2,7 @@
 //!
 //! * `reading`: reads the folders on a thread of its own.
 //! * `list`: filter, order, marks and selection; `settings`: what runs differ in.
-//! * `act`: user input; `files`: what it does with files; `opening`: what is opened from it.
+//! * `act`: user input; `files`: what it does with files; `working`: the thread that does it.
 //! * `draw`, `curves`: the screen.
 
 mod act;
@@ -10,11 +10,11 @@ mod curves;
 mod draw;
 mod files;
 mod list;
-mod opening;
 mod reading;
 mod settings;
 #[cfg(test)]
 pub(super) mod tests;
+mod working;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,8 +26,7 @@ use ratatui::style::Style;
 use tui_input::Input;
 
 use super::PreparedInterface;
-use super::background::Background;
-use super::compare::Contestants;
+use super::compare::{Contestants, LETTERS};
 use super::config::UiConfig;
 use super::dialog::Help;
 use super::graphics::{Graphics, Picture, Redraw};
@@ -45,6 +44,7 @@ use files::Question;
 use gdg::pulse::Progress;
 use list::List;
 use reading::Reading;
+use working::Work;
 
 /// What curves show.
 #[derive(Clone, Copy, Debug)]
@@ -55,13 +55,43 @@ pub struct Curves {
     pub axis: Axis,
 }
 
+/// A saved run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Saved {
+    /// Its checkpoint.
+    pub file: PathBuf,
+    /// Whether another program still trains it.
+    pub goes_on: bool,
+}
+
 /// What the user wishes to see instead of the list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Wish {
-    /// The run of a checkpoint, resumed.
-    Resume(PathBuf),
-    /// The runs of two checkpoints side by side.
-    Compare([PathBuf; 2]),
+    /// A run, resumed.
+    Resume(Saved),
+    /// Two runs side by side.
+    Compare([Saved; 2]),
+}
+
+impl Wish {
+    /// Returns what is to be said of runs that other programs still train.
+    pub fn warning(&self) -> Option<String> {
+        match self {
+            Self::Resume(saved) => saved.goes_on.then(|| {
+                "another program still trains this run: this is a copy, as last saved; of the two, \
+                 the one that saves second does so to another name"
+                    .to_owned()
+            }),
+            Self::Compare(both) => {
+                let going_on = LETTERS.iter().zip(both).filter(|(_, saved)| saved.goes_on);
+                let sides: Vec<String> = going_on.map(|(side, _)| side.to_string()).collect();
+                (!sides.is_empty()).then(|| {
+                    let sides = sides.join(" and ");
+                    format!("other programs still train {sides}: shown as last saved")
+                })
+            }
+        }
+    }
 }
 
 /// What has been opened.
@@ -105,7 +135,7 @@ pub struct RunsScreen {
     places: Places,
     opener: Opener,
     wish: Option<Wish>,
-    opening: Option<Background<Result<Opened, Report>>>,
+    work: Option<Work>,
     /// What could not be opened.
     pub failures: Vec<Report>,
     next: Option<Next>,
@@ -146,6 +176,7 @@ impl RunsScreen {
         }
         let mut left = None;
         let (status, _) = interface.stage.show(self, |mut screen| {
+            screen.finish_work();
             let next = screen.next.take().unwrap_or(Next::Quit);
             left = Some((screen, next));
             ClosedRun::default()
@@ -180,7 +211,7 @@ impl RunsScreen {
             places: Places::default(),
             opener,
             wish: None,
-            opening: None,
+            work: None,
             failures: Vec::new(),
             next: None,
             terminal_request: None,
@@ -230,7 +261,7 @@ impl Interface for RunsScreen {
 
     fn on_tick(&mut self) -> bool {
         self.begin_to_open();
-        self.show_opened() | self.log.on_tick()
+        self.follow_work() | self.log.on_tick()
     }
 
     fn take_terminal_request(&mut self) -> Option<TerminalRequest> {

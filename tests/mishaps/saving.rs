@@ -251,6 +251,7 @@ fn an_autosave_of_a_living_run_is_resumed_under_another_name() {
     let args = ["--resume", name, "--save", name, "--eval-tasks", "1", "--max-updates", &updates];
     let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
     assert_eq!(status, 0, "{errors}");
+    assert!(errors.contains("another program still trains this run"), "{errors}");
     let saved = events(&output).into_iter().find(|event| event["event"] == "saved").unwrap();
     let other = folder.path().join(saved["path"].as_str().unwrap());
     assert_ne!(other, autosave);

@@ -25,7 +25,7 @@ impl RunsScreen {
             }
         } else if let Some(question) = self.question.take() {
             if matches!(key.code, KeyCode::Char('y' | 'Y')) {
-                self.delete(&question);
+                self.begin_to_delete(question);
             }
         } else if self.is_typing {
             self.on_key_in_words(key);
@@ -101,13 +101,7 @@ impl RunsScreen {
                 Ok(pair) => self.wish = Some(Wish::Compare(pair)),
                 Err(problem) => self.log.show(&problem, true),
             },
-            ListAction::Plot => match files::plot(&self.list.chosen(), self.curves) {
-                Ok(notice) => {
-                    self.list.clear_marks();
-                    self.log.show(&notice, false);
-                }
-                Err(problem) => self.log.show(&problem, true),
-            },
+            ListAction::Plot => self.begin_to_plot(self.curves),
             ListAction::Delete => match Question::new(&self.list) {
                 Ok(question) => self.question = question,
                 Err(problem) => self.log.show(&problem, true),
@@ -136,21 +130,10 @@ impl RunsScreen {
             }
             return;
         };
-        match files::checkpoint(entry) {
-            Ok(file) => self.wish = Some(Wish::Resume(file.to_owned())),
+        match files::saved(entry) {
+            Ok(saved) => self.wish = Some(Wish::Resume(saved)),
             Err(problem) => self.log.show(&problem, true),
         }
-    }
-
-    fn delete(&mut self, question: &Question) {
-        match question.delete() {
-            Ok(notice) => {
-                self.list.clear_marks();
-                self.log.show(&notice, false);
-            }
-            Err(problem) => self.log.show(&problem, true),
-        }
-        self.reading.look_again();
     }
 
     /// Handles the mouse: a click selects a run, one on the selected run marks it, and one on a

@@ -5,20 +5,21 @@ use std::io::{Error, ErrorKind, Result as IoResult};
 use std::iter;
 use std::path::{Path, PathBuf};
 
-use super::Curves;
 use super::list::{Entry, List, name};
+use super::{Curves, Saved};
 use crate::experiment::plot::{self, COLUMN, Options};
 use crate::experiment::runs::{Kind, SavedRun, State, file as read};
 use crate::figure::Format;
 use crate::tui::export::EXPORT_FOLDER;
 use gdg::files::{self, backup_path, unused_path, write_atomically};
+use gdg::pulse::Progress;
 use gdg::text::{counted, sanitized};
 
 /// Returns the file that a run can be resumed from.
 ///
 /// # Errors
 /// Why it cannot be resumed.
-pub fn checkpoint(entry: &Entry) -> Result<&Path, String> {
+fn checkpoint(entry: &Entry) -> Result<&Path, String> {
     let (run, file) = (&entry.run, name(&entry.run.source));
     match &run.checkpoint {
         Some(path) if path.is_file() => {
@@ -42,11 +43,20 @@ pub fn checkpoint(entry: &Entry) -> Result<&Path, String> {
     }
 }
 
-/// Returns the checkpoints of the two marked runs, or of the marked and the selected one.
+/// Returns a run as it was saved.
+///
+/// # Errors
+/// Why it cannot be resumed.
+pub fn saved(entry: &Entry) -> Result<Saved, String> {
+    let goes_on = entry.run.state(entry.written) == State::Running;
+    checkpoint(entry).map(|file| Saved { file: file.to_owned(), goes_on })
+}
+
+/// Returns the two marked runs as they were saved, or of the marked and the selected one.
 ///
 /// # Errors
 /// Why there are not two to compare.
-pub fn pair(list: &List) -> Result<[PathBuf; 2], String> {
+pub fn pair(list: &List) -> Result<[Saved; 2], String> {
     let mut runs = list.chosen();
     let selected = list.selected().filter(|entry| list.mark(entry).is_none());
     if let ([_], true) = (&runs[..], list.has_marks()) {
@@ -59,23 +69,30 @@ pub fn pair(list: &List) -> Result<[PathBuf; 2], String> {
         let [a, b] = [a, b].map(|entry| sanitized(&entry.run.map));
         return Err(format!("runs on different maps cannot be compared: {a} and {b}"));
     }
-    Ok([checkpoint(a)?.to_owned(), checkpoint(b)?.to_owned()])
+    Ok([saved(a)?, saved(b)?])
 }
 
-/// Draws runs as `gdg-tui plot` does; returns which files were written, and what is left out.
+/// Draws runs as `gdg-tui plot` does; returns which files were written, and what is left out. Says
+/// how far it is to `progress`.
 ///
 /// # Errors
 /// What cannot be drawn or written.
-pub fn plot(runs: &[&Entry], Curves { measure, axis }: Curves) -> Result<String, String> {
-    let runs: Vec<SavedRun> = runs.iter().map(|entry| (*entry.run).clone()).collect();
+pub fn plot(
+    runs: &[SavedRun],
+    Curves { measure, axis }: Curves,
+    progress: &Progress,
+) -> Result<String, String> {
+    progress.begin(0, 2);
     let options = Options { y: measure, x: axis, width: COLUMN, ..Options::default() };
-    let drawn = plot::draw(&runs, &options).map_err(|problem| problem.to_string())?;
+    let drawn = plot::draw(runs, &options).map_err(|problem| problem.to_string())?;
     let figure = |format: Format| format.encode(&drawn.sheet).map_err(|error| error.to_string());
     let files =
         [("svg", figure(Format::Svg)?), ("pdf", figure(Format::Pdf)?), ("csv", drawn.table)];
     let stem =
         unused_stem(&format!("runs-{}", measure.name()), &files.each_ref().map(|file| file.0));
-    for (extension, bytes) in &files {
+    progress.begin(1, 2);
+    for (i, (extension, bytes)) in files.iter().enumerate() {
+        progress.set(i, files.len());
         let path = stem.with_extension(extension);
         write_atomically(&path, bytes)
             .map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
@@ -136,12 +153,14 @@ impl Question {
         Ok(Some(Self { title, files }))
     }
 
-    /// Deletes the files; returns what was done.
+    /// Deletes the files; returns what was done. Says how far it is to `progress`.
     ///
     /// # Errors
     /// What could not be deleted, and why.
-    pub fn delete(&self) -> Result<String, String> {
-        for file in &self.files {
+    pub fn delete(&self, progress: &Progress) -> Result<String, String> {
+        progress.begin(0, 1);
+        for (i, file) in self.files.iter().enumerate() {
+            progress.set(i, self.files.len());
             remove(file).map_err(|error| format!("{} is kept: {error}", file.display()))?;
         }
         Ok(format!("deleted {}", counted(self.files.len() as u64, "file")))

@@ -49,6 +49,7 @@ pub fn saved(file: &str, map: &str, method: &str, seed: u64, success: &[f64]) ->
         variant: None,
         settings: ["preset=default", "hidden=16"].map(str::to_owned).to_vec(),
         seed,
+        begun: 0,
         updates: 1_000 * success.len() as u64,
         evaluations: success.iter().enumerate().map(evaluation).collect(),
         checkpoint: Some(file.into()),
@@ -117,6 +118,13 @@ pub fn text(screen: &mut RunsScreen, width: u16, height: u16) -> String {
 
 pub fn press(screen: &mut RunsScreen, code: KeyCode) {
     screen.on_event(&Event::Key(KeyEvent::new(code, KeyModifiers::NONE)));
+}
+
+/// Waits for what is being done.
+pub fn settle(screen: &mut RunsScreen) {
+    while screen.work.is_some() {
+        screen.on_tick();
+    }
 }
 
 fn type_text(screen: &mut RunsScreen, text: &str) {
@@ -321,7 +329,39 @@ fn only_runs_with_a_checkpoint_can_be_resumed() {
     assert!(screen.wish.is_none() && shown.contains("is gone"), "{shown}");
     press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Enter);
-    assert_eq!(screen.wish, Some(Wish::Resume(file)));
+    assert_eq!(screen.wish, Some(Wish::Resume(Saved { file, goes_on: false })));
+}
+
+#[test]
+fn a_run_that_another_program_still_trains_is_opened_as_such() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("own.safetensors");
+    std::fs::write(&file, "a checkpoint").expect("a file");
+    let run = |name: &str, ending| SavedRun {
+        kind: Kind::Records(ending),
+        source: name.into(),
+        ..saved(&file.to_string_lossy(), "own", "gdg", 7, &[])
+    };
+    // Its checkpoint is of the same run, as it is the one that its records name.
+    let is_own = |run: SavedRun| SavedRun { source: file.clone(), ..run };
+    let runs = [run("done.jsonl", Ending::Finished), is_own(run("grows", Ending::Open))];
+    let now = Some(SystemTime::now());
+    let runs = runs.into_iter().map(|run| (Arc::new(run), now)).collect();
+    let mut screen = screen();
+    screen.list(&Found { runs, ..Found::default() });
+    press(&mut screen, KeyCode::Char('c'));
+    let row = screen.list.shown().position(|entry| entry.run.source == file);
+    screen.list.select(row.expect("its row"));
+    press(&mut screen, KeyCode::Enter);
+    let resumed = screen.wish.take().expect("a wish");
+    assert_eq!(resumed, Wish::Resume(Saved { file: file.clone(), goes_on: true }));
+    let told = resumed.warning().expect("a warning");
+    assert!(told.contains("as last saved") && told.contains("to another name"), "{told}");
+    let [ended, grows] = [false, true].map(|goes_on| Saved { file: file.clone(), goes_on });
+    let told = |both| Wish::Compare(both).warning().unwrap_or_default();
+    assert!(told([ended.clone(), grows.clone()]).contains("still train B:"));
+    assert!(told([grows.clone(), grows]).contains("still train A and B:"));
+    assert_eq!(told([ended.clone(), ended]), "");
 }
 
 #[test]
@@ -344,7 +384,8 @@ fn two_runs_on_the_same_map_are_compared() {
     );
     press(&mut screen, KeyCode::Down);
     press(&mut screen, KeyCode::Char('c'));
-    assert_eq!(screen.wish, Some(Wish::Compare([path("a"), path("c")])));
+    let both = ["a", "c"].map(|name| Saved { file: path(name), goes_on: false });
+    assert_eq!(screen.wish, Some(Wish::Compare(both)));
 }
 
 #[test]
@@ -403,6 +444,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
         assert!(asked.contains(part), "{part}: {asked}");
     }
     press(&mut screen, KeyCode::Char('y'));
+    settle(&mut screen);
     let left = ["a", "b", "c"].map(|name| path(&format!("{name}.safetensors")).exists());
     assert_eq!(left, [true, false, false]);
     assert!(text(&mut screen, 120, 40).contains("deleted 2 files"));
@@ -412,6 +454,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.list(&Found { problems, ..found(&runs[..1]) });
     press(&mut screen, KeyCode::End);
     type_text(&mut screen, "Dy");
+    settle(&mut screen);
     assert!(!damaged.exists() && path("a.safetensors").exists(), "a file that is no run");
     let records = path("a.jsonl");
     std::fs::write(&records, "records").expect("a file");
@@ -429,6 +472,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     press(&mut screen, KeyCode::Char('n'));
     screen.list(&found(&[joined]));
     type_text(&mut screen, "Dy");
+    settle(&mut screen);
     assert!(!records.exists() && !path("a.safetensors").exists(), "all files of the run");
     let grows = SavedRun { kind: Kind::Records(Ending::Open), ..runs[0].clone() };
     let now = Some(SystemTime::now());
