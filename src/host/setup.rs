@@ -9,7 +9,7 @@ use crate::host::maps::{self, find_map, known_name};
 use crate::host::outputs::{refuse_existing, refuse_input, save_to};
 use crate::host::report::{from_checkpoint_error, from_config_error, from_map_error};
 use crate::host::runs::{self, SAVES};
-use gdg::env::{Environment, Goals, PointMaze, Restart};
+use gdg::env::{Environment, Goals, PointMaze, Restart, maze};
 use gdg::files;
 use gdg::learn::Threads;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
@@ -26,6 +26,10 @@ pub const THRESHOLD: &str = "--threshold";
 /// Stages of beginning a run with data: the file is checked, the world opened, the data read and
 /// learned from.
 const BEGIN_STAGES: usize = 4;
+
+/// Share of recorded transitions that are impossible on the map from which on they may be of
+/// another one.
+const OF_ANOTHER_MAP: f64 = 0.05;
 
 /// Which method to train, and with which settings.
 #[derive(Clone, Debug)]
@@ -290,6 +294,13 @@ fn check_options(
         let help = format!("leave {option} out, or give gym:ID or gym:PACKAGE:ID");
         return Err(miette!(help = help, "{option} applies only to environments in Python"));
     }
+    let scenario = request.scenario.as_ref().map(|_| "--scen");
+    let edit = request.edits.first().map(|_| "--edit-at");
+    if let (Some(option), Ok(Some(kind))) = (scenario.or(edit), &kind)
+        && kind.name != maze::KIND.name
+    {
+        return Err(not_a_maze(option));
+    }
     // Maps that replace the checkpoint's may be images.
     let applies = |option: &&&str| **option == THRESHOLD && !request.edits.is_empty();
     match (request.map_options.iter().find(|option| !applies(option)), resumed, kind) {
@@ -348,8 +359,14 @@ pub fn learn_from(
             "{file}: {impossible} of {all} transitions are impossible on this map"
         ));
     }
+    let of_another = OF_ANOTHER_MAP * all as f64;
+    let impossible_as = if impossible as f64 > of_another {
+        "impossible on this map: the data may be of another map, or of another version of it"
+    } else {
+        "impossible on this map"
+    };
     let reasons = [
-        (impossible, "impossible on this map"),
+        (impossible, impossible_as),
         (by_chance, "they lead far, and not always to the same place"),
     ];
     let left_out: Vec<String> = reasons

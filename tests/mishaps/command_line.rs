@@ -251,6 +251,26 @@ fn a_resumed_run_goes_on_in_its_own_table() {
 }
 
 #[test]
+fn options_for_maps_are_refused_before_a_run_of_another_world_is_loaded() {
+    let folder = folder();
+    let file = folder.path().join("arm.safetensors");
+    let args = ["fetch-reach", "--method", "gdg", "--max-updates", "0", "--eval-tasks", "1"];
+    let args = [&args[..], &["--set", "hidden=16", "--save", "arm.safetensors"]].concat();
+    let (status, _, errors) = outcome(&mut headless(folder.path(), &args));
+    assert_eq!(status, 0, "{errors}");
+    // Loading it would say that it is damaged.
+    let mut bytes = std::fs::read(&file).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    std::fs::write(&file, bytes).unwrap();
+    for (option, value) in [("--edit-at", "5:other.map"), ("--scen", "own.scen")] {
+        let args = ["--resume", "arm.safetensors", option, value];
+        let (status, _, errors) = outcome(&mut headless(folder.path(), &args));
+        let wanted = format!("{option} applies only to maps");
+        assert!(status == 2 && one_line(&errors).contains(&wanted), "{errors}");
+    }
+}
+
+#[test]
 fn a_resumed_run_trains_for_max_seconds_more() {
     let folder = folder();
     checkpoint(folder.path());

@@ -10,7 +10,7 @@ use crate::host::maps;
 use crate::host::outputs::refuse_input;
 use crate::host::report::{from_checkpoint_error, from_config_error};
 use crate::host::setup;
-use gdg::env::PointMaze;
+use gdg::env::{PointMaze, maze};
 use gdg::learn::Threads;
 use gdg::map::{Grid, Reading};
 use gdg::pulse::Progress;
@@ -147,6 +147,12 @@ fn check(options: &ComparisonOptions) -> Result<(), Report> {
     Ok(())
 }
 
+/// Reports a saved run of a world without a map.
+fn without_map(path: &Path) -> Report {
+    let help = "gdg-tui plot draws curves of runs in every world";
+    miette!(help = help, "{}: is of a world without a map", path.display())
+}
+
 /// Checks that two saved runs are on the same map.
 fn check_same(a: &Grid, b: &Grid) -> Result<(), Report> {
     if (a.width(), a.free()) == (b.width(), b.free()) {
@@ -168,7 +174,7 @@ impl Contender {
 }
 
 impl<'a> Side<'a> {
-    /// Loads a saved run.
+    /// Loads a saved run, unless its world has no map, which may take long to open.
     fn load(
         contender: &'a Contender,
         options: &ComparisonOptions,
@@ -179,6 +185,10 @@ impl<'a> Side<'a> {
             Contender::Method(method) => return Ok(Self::Method(method)),
             Contender::Checkpoint(path) => path,
         };
+        // A file that cannot be read gets an error of its own.
+        if train::describe(path).is_ok_and(|found| found.world != maze::KIND.name) {
+            return Err(without_map(path));
+        }
         let threads = options.threads.share(LETTERS.len());
         let Loaded { trainer, warning } =
             train::load(path, registry, threads).map_err(from_checkpoint_error)?;
@@ -189,10 +199,7 @@ impl<'a> Side<'a> {
     /// Returns the map and the seed of a saved run.
     fn beginning(&self) -> Result<Option<Beginning>, Report> {
         let Self::Saved(path, trainer) = self else { return Ok(None) };
-        let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| {
-            let help = "gdg-tui plot draws curves of runs in every world";
-            miette!(help = help, "{}: is of a world without a map", path.display())
-        })?;
+        let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| without_map(path))?;
         Ok(Some((maze.map().clone(), trainer.run().seed)))
     }
 

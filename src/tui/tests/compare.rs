@@ -6,6 +6,7 @@ use super::screens::{check_drawn, evaluation};
 use super::*;
 use crate::tui::compare::{Comparison, ComparisonOptions, Contender, Contestant, prepare};
 use crate::tui::graphics::{Graphics, Protocol, Redraw};
+use gdg::env::FetchReach;
 use gdg::pulse::Progress;
 use gdg::train::{Counters, Evaluation};
 use gdg::viewer::{MazeView, View};
@@ -463,4 +464,22 @@ fn what_cannot_stand_beside_a_saved_run_is_refused() {
             .expect("it is refused");
         assert!(error.to_string().contains(problem), "{error}");
     }
+}
+
+#[test]
+fn a_saved_run_of_a_world_without_a_map_is_refused_before_it_is_loaded() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let trainer = trainer_in(&FetchReach::new(None, 0), gdg(), &Registry::builtin());
+    let to = SaveTo::CreateNew(folder.path().join("arm.safetensors"));
+    let path = train::save(&trainer, &to).expect("a file");
+    // Loading it would say that it is damaged.
+    let mut bytes = std::fs::read(&path).expect("a file");
+    let last = bytes.last_mut().expect("a tensor");
+    *last ^= 1;
+    std::fs::write(&path, bytes).expect("a file");
+    assert!(train::load(&path, &Registry::builtin(), 1).is_err());
+    let methods = options([Contender::Checkpoint(path), Contender::Method(gdg())]);
+    let refused = prepare(&methods, &Registry::builtin(), &Progress::default());
+    let error = refused.err().expect("it is refused").to_string();
+    assert!(error.contains("is of a world without a map"), "{error}");
 }
