@@ -59,6 +59,8 @@ pub struct SavedRun {
     pub settings: Vec<String>,
     /// Its seed.
     pub seed: u64,
+    /// Updates from which these records go on; 0 for a run from its beginning.
+    pub begun: u64,
     /// Updates done.
     pub updates: u64,
     /// Its evaluations, oldest first.
@@ -183,6 +185,7 @@ impl SavedRun {
             variant: result.variant,
             settings: with_preset(result.preset.name(), result.settings),
             seed: result.seed,
+            begun: 0,
             updates: result.updates,
             evaluations: result.evaluations,
             checkpoint,
@@ -331,6 +334,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
         variant: None,
         settings: with_preset(found.run.preset.name(), settings),
         seed: found.run.seed,
+        begun: 0,
         updates: found.updates,
         evaluations,
         checkpoint: Some(path.to_owned()),
@@ -389,6 +393,7 @@ impl SavedRun {
             variant: None,
             settings: with_preset(&preset, settings),
             seed,
+            begun: updates,
             updates,
             evaluations: Vec::new(),
             checkpoint: None,
@@ -504,7 +509,10 @@ fn merged(parts: Vec<SavedRun>) -> Vec<SavedRun> {
     let mut places: HashMap<Identity, usize> = HashMap::new();
     for part in parts {
         match places.entry(part.identity()) {
-            Entry::Occupied(place) => runs[*place.get()].go_on(part),
+            Entry::Occupied(place) => {
+                let before = std::mem::replace(&mut runs[*place.get()], part);
+                runs[*place.get()].continue_from(before);
+            }
             Entry::Vacant(place) => {
                 place.insert(runs.len());
                 runs.push(part);
@@ -520,16 +528,16 @@ impl SavedRun {
         (self.map.clone(), self.method.clone(), self.settings.clone(), self.seed)
     }
 
-    /// Adds the part that began when it was resumed.
-    fn go_on(&mut self, mut next: Self) {
-        // It may have been resumed from before its end.
-        if let Some(first) = next.evaluations.first() {
-            self.evaluations.retain(|at| at.updates < first.updates);
-        }
-        next.evaluations.splice(0..0, self.evaluations.drain(..));
-        next.checkpoint = next.checkpoint.or(self.checkpoint.take());
-        let later = std::mem::replace(&mut next.skipped, std::mem::take(&mut self.skipped));
-        next.skipped.add(later);
-        *self = next;
+    /// Adds the part that it was resumed from.
+    fn continue_from(&mut self, mut before: Self) {
+        // It may have been resumed from before that one's end.
+        let from = self.evaluations.first().map(|at| at.updates);
+        let from = from.or((self.begun > 0).then_some(self.begun + 1));
+        before.evaluations.retain(|at| from.is_none_or(|from| at.updates < from));
+        self.evaluations.splice(0..0, before.evaluations);
+        self.begun = before.begun;
+        self.checkpoint = self.checkpoint.take().or(before.checkpoint);
+        before.skipped.add(std::mem::take(&mut self.skipped));
+        self.skipped = before.skipped;
     }
 }

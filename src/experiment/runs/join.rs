@@ -1,5 +1,6 @@
 //! Joins what was read from several files of one run.
 
+use std::cmp::Reverse;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
@@ -16,8 +17,11 @@ pub type Dated = (Arc<SavedRun>, Option<SystemTime>);
 /// earlier records that name it.
 pub fn join(mut runs: Vec<Dated>) -> Vec<Dated> {
     let into = hosts(&runs);
-    for (i, host) in into.iter().enumerate() {
-        let Some(host) = *host else { continue };
+    let mut parts: Vec<(usize, usize)> =
+        into.iter().enumerate().filter_map(|(i, host)| Some((i, (*host)?))).collect();
+    // Each part of the records goes before those that it was resumed in.
+    parts.sort_by_key(|(i, _)| (runs[*i].0.kind == Kind::Checkpoint, Reverse(runs[*i].0.place())));
+    for (i, host) in parts {
         let (part, written) = runs[i].clone();
         let (run, newest) = &mut runs[host];
         Arc::make_mut(run).absorb(&part);
@@ -51,7 +55,7 @@ fn hosts(runs: &[Dated]) -> Vec<Option<usize>> {
     for (i, run) in indices(|kind| kind == Kind::Checkpoint) {
         let Some(named) = naming.get(&whole(&run.source)) else { continue };
         let parts = || named.iter().copied().filter(|part| runs[*part].0.is_same(run));
-        if let (Some(host), None) = (parts().max_by_key(|part| runs[*part].0.updates), into[i]) {
+        if let (Some(host), None) = (parts().max_by_key(|part| runs[*part].0.place()), into[i]) {
             parts()
                 .filter(|part| *part != host)
                 .chain([i])
@@ -69,6 +73,11 @@ impl SavedRun {
         facts(self) == facts(other)
     }
 
+    /// Returns its place among the parts of a run that was resumed: the last one began last.
+    fn place(&self) -> (u64, u64) {
+        (self.begun, self.updates)
+    }
+
     /// Takes in what was read from another file of this run, and is left out besides.
     fn absorb(&mut self, part: &Self) {
         self.others.push(part.source.clone());
@@ -76,9 +85,8 @@ impl SavedRun {
         if self.kind == Kind::Result {
             return;
         }
-        self.skipped.add(part.skipped.clone());
-        if self.checkpoint.is_none() {
-            self.checkpoint.clone_from(&part.checkpoint);
+        if part.kind != Kind::Checkpoint {
+            return self.continue_from(part.clone());
         }
         let at = |last: bool| {
             let own = if last { self.evaluations.last() } else { self.evaluations.first() };
@@ -103,6 +111,7 @@ impl SavedRun {
 mod tests {
     use super::super::records;
     use super::*;
+    use crate::experiment::job::EvaluationAt;
 
     const SEED: u64 = 3;
 
@@ -174,6 +183,41 @@ mod tests {
         let now = Some(SystemTime::now());
         let still = join(vec![later, (second.0, now)]).remove(0).0;
         assert_eq!((still.state(now).name(), still.updates), ("running", 5_000));
+    }
+
+    #[test]
+    fn what_a_part_lacks_comes_from_those_that_it_was_resumed_from() {
+        let part = |source, begun: u64, evaluated: &[u64]| {
+            let kind = Kind::Records(Ending::Interrupted);
+            let mut part = run(kind, source, Some("saves/a.safetensors"), evaluated);
+            let run = Arc::make_mut(&mut part.0);
+            run.begun = 1_000 * begun;
+            run.updates = run.updates.max(run.begun);
+            // Tells the parts apart.
+            run.evaluations.iter_mut().for_each(|at| at.seconds = Some(begun as f64));
+            part
+        };
+        let checkpoint = run(Kind::Checkpoint, "saves/a.safetensors", None, &[1, 2]);
+        let first = part("1.jsonl", 0, &[1, 2, 3, 4]);
+        let shorter = part("2.jsonl", 2, &[3]);
+        let both = join(vec![first.clone(), shorter, checkpoint.clone()]).remove(0).0;
+        assert_eq!((both.source.to_str(), both.updates), (Some("2.jsonl"), 3_000));
+        let found = |run: &SavedRun| {
+            let at = |at: &EvaluationAt| (at.updates / 1_000, at.seconds.unwrap_or(f64::NAN));
+            run.evaluations.iter().map(at).collect::<Vec<_>>()
+        };
+        assert_eq!(found(&both), [(1, 0.0), (2, 0.0), (3, 2.0)]);
+        let unevaluated = part("2.jsonl", 2, &[]);
+        let both = join(vec![unevaluated, checkpoint.clone(), first.clone()]).remove(0).0;
+        assert_eq!(found(&both), [(1, 0.0), (2, 0.0)]);
+        let (second, third) = (part("2.jsonl", 2, &[3, 4, 5]), part("3.jsonl", 4, &[5, 6]));
+        let all = join(vec![third, first, checkpoint, second]).remove(0).0;
+        assert_eq!(
+            found(&all),
+            [(1, 0.0), (2, 0.0), (3, 2.0), (4, 2.0), (5, 4.0), (6, 4.0)],
+            "the later part where they overlap"
+        );
+        assert_eq!(all.source.to_str(), Some("3.jsonl"));
     }
 
     #[test]
