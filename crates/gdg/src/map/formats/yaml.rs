@@ -33,17 +33,25 @@ pub fn events<'a>(
         let column = if line == 0 { at.col() + first_column - 1 } else { at.col() };
         Place { line: line + first_line - 1, column }
     };
-    let fault = move |error: &ScanError| {
-        let problem = format!("this is not {}: {}", language(text), error.info());
+    let source = &text.source[from..];
+    let fault = move |error: &ScanError, open: &[Place]| {
+        let is_at_end = error.marker().index() >= source.trim_end().chars().count();
+        let bracket = |at: &Place| Some((bracket_at(text, *at)?, *at));
+        let unclosed = open.last().and_then(bracket).filter(|_| is_at_end);
+        let (problem, place) = match unclosed {
+            Some((bracket, at)) => (format!("this {bracket} is not closed"), at),
+            None => (error.info().to_owned(), place(error.marker())),
+        };
+        let problem = format!("this is not {}: {problem}", language(text));
         let help = "brackets, quotes and indentation must be those of YAML, JSON or a list of Python, and a file \
                     has one map";
-        text.error_at(place(error.marker()), problem, help)
+        text.error_at(place, problem, help)
     };
-    let mut ended = false;
-    Parser::new_from_str(&text.source[from..]).filter_map(move |parsed| {
+    let (mut ended, mut open) = (false, Vec::new());
+    Parser::new_from_str(source).filter_map(move |parsed| {
         let (event, span) = match parsed {
             Ok(parsed) => parsed,
-            Err(error) => return Some(Err(fault(&error))),
+            Err(error) => return Some(Err(fault(&error, &open))),
         };
         let place = place(&span.start);
         let event = match event {
@@ -71,8 +79,18 @@ pub fn events<'a>(
                 return None;
             }
         };
+        match event {
+            Event::ListStart | Event::MapStart => open.push(place),
+            Event::ListEnd | Event::MapEnd => drop(open.pop()),
+            Event::Scalar(_) => {}
+        }
         Some(Ok((event, place)))
     })
+}
+
+/// Returns the bracket with which a list or a map begins, if it does with one.
+fn bracket_at(text: &Text, at: Place) -> Option<char> {
+    text.lines.get(at.line)?.chars().nth(at.column).filter(|c| "[{".contains(*c))
 }
 
 /// Returns what a file is written in, by the ending of its name.
