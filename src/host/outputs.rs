@@ -58,7 +58,7 @@ pub fn refuse_input<'a>(
 }
 
 /// Returns whether two paths lead to the same existing file.
-fn is_same_file(a: &Path, b: &Path) -> bool {
+pub fn is_same_file(a: &Path, b: &Path) -> bool {
     // Comparing opens them, which would block on a pipe.
     a.is_file() && b.is_file() && same_file::is_same_file(a, b).unwrap_or(false)
 }

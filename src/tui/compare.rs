@@ -41,7 +41,7 @@ use super::layout::ScreenLayout;
 use super::log::{Log, Notice};
 use super::scene::maze::place_walker;
 use super::scene::{Cache, MazeState};
-use curves::Axis;
+use crate::experiment::plot::Axis;
 use gdg::engine::{Command, Engine, Snapshot};
 use gdg::map::Cell;
 use gdg::train::Limits;
@@ -168,7 +168,8 @@ impl Comparison {
         let (goal, race) = (first.goal, Race::new(first.map.clone(), seed));
         let mut comparison = Self {
             race,
-            axis: Axis::default(),
+            // What a method is allowed to experience.
+            axis: Axis::Steps,
             larger: None,
             mouse_on: 0,
             editor_at: 0,

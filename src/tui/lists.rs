@@ -408,7 +408,7 @@ fn described(
 /// Describes a checkpoint.
 fn about(d: &Description, zone: &TimeZone) -> String {
     let success = d.success.map_or("not evaluated".to_owned(), |s| match (s.planned, s.greedy) {
-        (Some(planned), Some(greedy)) => format!("success {planned:.2}/{greedy:.2}"),
+        (Some(planned), Some(greedy)) => format!("success {planned:.2}, greedy {greedy:.2}"),
         (_, Some(greedy)) => format!("success {greedy:.2}"),
         (_, None) => "no tasks".to_owned(),
     });
@@ -416,5 +416,6 @@ fn about(d: &Description, zone: &TimeZone) -> String {
     let date =
         written.map_or(String::new(), |at| at.to_zoned(zone.clone()).strftime("%F %R").to_string());
     let (method, megabytes) = (d.run.method.name(), d.bytes as f64 / 1e6);
-    format!("{date}, {success}, {} updates, {} {method}, {megabytes:.1} MB", d.updates, d.title)
+    let updates = grouped(d.updates);
+    format!("{date}, {success}, {updates} updates, {} {method}, {megabytes:.1} MB", d.title)
 }

@@ -268,10 +268,10 @@ impl Scene {
         }
     }
 
-    /// Returns the lines about the followed agent.
-    pub fn walk_lines(&self, screen: &Screen) -> Vec<Line<'static>> {
+    /// Returns the lines about the followed agent, with sentences within `width` columns.
+    pub fn walk_lines(&self, screen: &Screen, width: usize) -> Vec<Line<'static>> {
         match self {
-            Self::Maze(maze) => maze::walk_lines(maze, screen),
+            Self::Maze(maze) => maze::walk_lines(maze, screen, width),
             Self::Arm(arm) => arm::walk_lines(arm, screen),
             Self::Goals(goals) => goals::walk_lines(goals, screen),
         }

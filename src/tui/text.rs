@@ -4,7 +4,7 @@ use ratatui::text::{Line, Span};
 use unicode_truncate::UnicodeTruncateStr;
 
 use super::style::{BOLD, DIM};
-use gdg::text::{display_width, fitted};
+use gdg::text::{display_width, fitted, grouped};
 
 /// Formats a name and a value.
 pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {
@@ -33,10 +33,10 @@ pub fn heading(text: &str) -> Line<'static> {
     Line::styled(format!(" {text}"), BOLD)
 }
 
-/// Formats a number in at most five characters: 950, 12.3k, 4.56M.
+/// Formats a number that is not negative in at most five characters: 950, 1,234, 12.3k, 4.56M.
 pub fn short(value: f64) -> String {
     match value {
-        v if v < 1e4 => format!("{v:.0}"),
+        v if v < 9_999.5 => grouped(v.round() as u64),
         v if v < 1e6 => format!("{:.1}k", v / 1e3),
         v => format!("{:.2}M", v / 1e6),
     }
@@ -108,6 +108,19 @@ pub fn wrapped(text: &str, columns: usize) -> Vec<String> {
     lines
 }
 
+/// Wraps text like [`wrapped`], a bit narrower where a single word would be in the last line.
+pub fn wrapped_evenly(text: &str, columns: usize) -> Vec<String> {
+    let lines = wrapped(text, columns);
+    let ends_well = |tried: &Vec<String>| tried.last().is_none_or(|last| last.contains(' '));
+    if lines.len() < 2 || ends_well(&lines) {
+        return lines;
+    }
+    let longest = text.split_whitespace().map(display_width).max().unwrap_or(0);
+    let narrower = (longest..columns).rev().map(|columns| wrapped(text, columns));
+    let mut as_many = narrower.take_while(|tried| tried.len() == lines.len());
+    as_many.find(ends_well).unwrap_or(lines)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -123,6 +136,15 @@ mod tests {
         assert_eq!(first_lines(lines(), 2, 10), lines());
         assert_eq!(first_lines(lines(), 1, 10), ["one ..."]);
         assert_eq!(first_lines(lines(), 1, 5), ["on..."]);
+    }
+
+    #[test]
+    fn the_last_line_has_several_words_if_that_takes_no_other_line() {
+        assert_eq!(wrapped("one two six ten", 11), ["one two six", "ten"]);
+        assert_eq!(wrapped_evenly("one two six ten", 11), ["one two", "six ten"]);
+        assert_eq!(wrapped_evenly("one two sixteen ten", 15), ["one two", "sixteen ten"]);
+        assert_eq!(wrapped_evenly("seventeen one", 9), ["seventeen", "one"]);
+        assert_eq!(wrapped_evenly("one two", 9), ["one two"]);
     }
 
     #[test]

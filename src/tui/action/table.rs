@@ -380,7 +380,7 @@ const PROGRAM: &[Binding] = &[
 ];
 
 const COMPARISON: &[Binding] = &[
-    bind(Action::Axis, "axis", &["g"], "curves over environment steps, updates or seconds")
+    bind(Action::Axis, "axis", &["g"], "curves over environment steps, seconds or updates")
         .short("axis")
         .within(When::Comparing),
     bind(Action::NextLarger, "next-larger", &["tab"], "left or right side larger, or both equal")
@@ -443,7 +443,7 @@ const RUNS: &[Binding] = &[
     on_runs(
         ListAction::Axis,
         "runs-axis",
-        &["g"],
+        &["x"],
         "curves over updates, environment steps or seconds",
     )
     .short("axis"),

@@ -9,6 +9,7 @@ use super::answer_error::AnswerError;
 use super::saving::is_worth_saving;
 use crate::experiment::runs as saved_runs;
 use crate::host::maps::warnings;
+use crate::host::outputs::is_same_file;
 use crate::host::runs::{self, SAVES};
 use crate::tui::action::Action;
 use crate::tui::background::Background;
@@ -91,16 +92,21 @@ fn show(reading: Background<Read>, scene: &Scene, screen: &mut Screen) {
 /// Lists the checkpoints beside `own`, the file of the run, and those in the usual folder, to load
 /// one.
 pub fn pick_checkpoint(own: &Path, scene: &Scene, screen: &mut Screen) {
-    list_checkpoints(own, lists::checkpoints, scene, screen);
+    list_checkpoints(own, |_| true, lists::checkpoints, scene, screen);
 }
 
-/// Lists them to lay the curves of one under those of the run, or takes away those that are there.
+/// Lists those of other runs to lay the curves of one under those of the run, or takes away those that are there.
 pub fn pick_under(own: &Path, scene: &Scene, screen: &mut Screen) {
     match screen.under.take() {
         Some(run) => {
             screen.notify(&format!("removed the curves of {}", run.source.display()));
         }
-        None => list_checkpoints(own, lists::runs_to_lay_under, scene, screen),
+        None => {
+            let saved = screen.latest.saved.as_ref().map(|(_, path)| path.clone());
+            let is_other =
+                |file: &Path| saved.as_ref().is_none_or(|saved| !is_same_file(saved, file));
+            list_checkpoints(own, is_other, lists::runs_to_lay_under, scene, screen);
+        }
     }
 }
 
@@ -110,16 +116,27 @@ pub fn lay_under(path: PathBuf, scene: &Scene, screen: &mut Screen) {
     read(&what, move |_| Read::Runs(saved_runs::file(&path)), scene, screen);
 }
 
-fn list_checkpoints(own: &Path, list: ListCheckpoints, scene: &Scene, screen: &mut Screen) {
+fn list_checkpoints(
+    own: &Path,
+    is_listed: impl Fn(&Path) -> bool,
+    list: ListCheckpoints,
+    scene: &Scene,
+    screen: &mut Screen,
+) {
     let own = own.parent().map_or(PathBuf::from(SAVES), Path::to_owned);
     let mut files = runs::files_in(&own).unwrap_or_default();
     if own != Path::new(SAVES) {
         files.extend(runs::files_in(Path::new(SAVES)).unwrap_or_default());
     }
+    let all = files.len();
+    files.retain(|file| is_listed(file));
     if files.is_empty() {
-        let key = screen.keymap.key_of(Action::Save);
-        screen.notify(&format!("no checkpoints in {}: {key} saves one", own.display()));
-        return;
+        let (key, folder) = (screen.keymap.key_of(Action::Save), own.display());
+        return screen.notify(&if all > 0 {
+            format!("{folder} has no checkpoints of other runs")
+        } else {
+            format!("no checkpoints in {folder}: {key} saves one")
+        });
     }
     let what = counted(files.len() as u64, "checkpoint");
     let describe_all = move |progress: &Progress| {

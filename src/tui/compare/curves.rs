@@ -11,64 +11,14 @@ use super::pace::Moment;
 use super::{Comparison, LETTERS, Side};
 use crate::tui::action::Action;
 use crate::tui::layout::{ChartArea, Click, ScreenLayout};
-use crate::tui::render::{chart, curves};
+use crate::tui::render::chart::{self, Curve};
+use crate::tui::render::curves;
 use crate::tui::style::{BOLD, DIM};
 use crate::tui::theme::{ColourDepth, blend};
 use gdg::train::Evaluation;
 
 /// How far the colour of the actor alone is from its method's to the page's.
 const FAINT: f32 = 0.5;
-
-/// The horizontal axis of the curves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Axis {
-    /// Steps of the agents in the world: what a method is allowed to experience.
-    #[default]
-    EnvSteps,
-    /// Updates of the networks.
-    Updates,
-    /// Training time on this machine.
-    Seconds,
-}
-
-impl Axis {
-    /// Returns the next choice.
-    #[must_use]
-    pub fn next(self) -> Self {
-        match self {
-            Self::EnvSteps => Self::Updates,
-            Self::Updates => Self::Seconds,
-            Self::Seconds => Self::EnvSteps,
-        }
-    }
-
-    /// Returns its name on the screen.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::EnvSteps => "environment steps",
-            Self::Updates => "updates",
-            Self::Seconds => "seconds",
-        }
-    }
-
-    /// Returns where a moment is along the axis.
-    pub fn of(self, moment: Moment) -> f64 {
-        match self {
-            Self::EnvSteps => moment.env_steps,
-            Self::Updates => moment.updates,
-            Self::Seconds => moment.seconds,
-        }
-    }
-}
-
-/// A curve of a side.
-struct Curve {
-    name: String,
-    /// The side's style; faint for the actor alone.
-    style: Style,
-    marker: Marker,
-    points: Vec<(f64, f64)>,
-}
 
 /// Returns the curves of a side: its success, and that of the actor alone if the method plans.
 fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
@@ -77,7 +27,7 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
     let points = |value: &dyn Fn(&Evaluation) -> Option<f64>| {
         let evaluations = app.screen.snapshot.evaluations.iter();
         let point = |(updates, e): &(u64, Evaluation)| {
-            Some((comparison.axis.of(pace.at(*updates as f64)), value(e)?))
+            Some((pace.at(*updates as f64).along(comparison.axis), value(e)?))
         };
         evaluations.filter_map(point).collect()
     };
@@ -112,7 +62,7 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
 fn edits(comparison: &Comparison, window: [f64; 2]) -> Vec<f64> {
     let of = |side: &Side| {
         let edits = side.app.screen.snapshot.edits.clone();
-        edits.iter().map(|at| comparison.axis.of(side.pace.at(*at as f64))).collect::<Vec<_>>()
+        edits.iter().map(|at| side.pace.at(*at as f64).along(comparison.axis)).collect::<Vec<_>>()
     };
     let mut edits = comparison.sides.iter().flat_map(of).collect::<Vec<_>>();
     edits.sort_by(f64::total_cmp);
@@ -123,7 +73,7 @@ fn edits(comparison: &Comparison, window: [f64; 2]) -> Vec<f64> {
 /// lines mark the moments of the past that are shown.
 pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     let all: Vec<Curve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
-    let now = |side: &Side| comparison.axis.of(side.app.screen.snapshot.as_ref().into());
+    let now = |side: &Side| Moment::from(&*side.app.screen.snapshot).along(comparison.axis);
     let last = comparison.sides.iter().map(now).fold(1.0, f64::max);
     let edits = edits(comparison, [0.0, last]);
     let edited = Span::styled(format!("  {} {}", curves::MARK, curves::EDITED), DIM);
@@ -131,7 +81,7 @@ pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut
         Span::styled(format!("  {} {}", curves::symbol(curve.marker), curve.name), curve.style)
     });
     let names = names.chain(Some(edited).filter(|_| !edits.is_empty()));
-    let title = Span::styled(format!(" success over {}", comparison.axis.name()), BOLD);
+    let title = Span::styled(format!(" success over {}", comparison.axis.label()), BOLD);
     let lines = chart::heading(&title, names, area.width);
     let [head, body] =
         Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
@@ -144,11 +94,7 @@ pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut
     // The faint curves first, so that they do not hide the others.
     let (faint, strong): (Vec<&Curve>, Vec<&Curve>) =
         all.iter().partition(|curve| curve.style.add_modifier.contains(Modifier::DIM));
-    let lines = faint.into_iter().chain(strong).map(|curve| chart::Line {
-        style: curve.style,
-        marker: curve.marker,
-        points: &curve.points,
-    });
+    let lines = faint.into_iter().chain(strong).map(Curve::line);
     let past = comparison.sides.each_ref().map(|side| comparison.past_at(side));
     let moments: Vec<_> = past.into_iter().flatten().map(|at| [(at, 0.0), (at, 1.0)]).collect();
     let edits: Vec<_> = edits.into_iter().map(|at| [(at, 0.0), (at, 1.0)]).collect();
@@ -156,8 +102,7 @@ pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut
     let lines = edits.iter().map(|points| upright(DIM, &points[..])).chain(lines);
     let uprights = moments.iter().map(|points| upright(BOLD, &points[..]));
     let y_labels = ["0.0".to_owned(), "1.0".to_owned()];
-    let (x_unit, y) = (comparison.axis.name(), [0.0, 1.0]);
-    let axes = chart::Axes { x: [0.0, last], x_unit, y, y_labels };
+    let axes = chart::Axes { x: [0.0, last], over: comparison.axis, y: [0.0, 1.0], y_labels };
     let area = chart::draw(frame, body, axes, lines.chain(uprights));
     layout.charts.push(ChartArea { area, bounds: [0.0, last] });
 }

@@ -182,11 +182,17 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
     let more = if comparison.is_past() {
         let [back, forth, close] =
             [Action::Back, Action::Forth, Action::Close].map(|action| screen.keymap.key_of(action));
-        format!(" looking back: {back} earlier, {forth} later, {close} the present")
+        [
+            format!(" looking back: {back} earlier, {forth} later, {close} the present"),
+            format!(" looking back: {back} {forth} {close}"),
+        ]
     } else {
-        " nothing is saved".to_owned()
+        [" nothing is saved", ""].map(str::to_owned)
     };
-    bar.push(Span::styled(more, DIM), None);
+    let room = usize::from(area.width).saturating_sub(bar.width());
+    let [long, short] = more;
+    let text = if display_width(&long) <= room { long } else { short };
+    bar.push(Span::styled(text, DIM), None);
     bar.draw(frame, area, layout);
 }
 
@@ -257,13 +263,13 @@ fn draw_side(
 }
 
 /// Draws a notice, or the available actions and their keys. The tools of the editor stay visible,
-/// so notices go above them.
+/// so notices are in the first row then.
 fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     let App { screen, scene, .. } = &training_side(comparison).app;
     let (notice, is_editing) = (comparison.notice(), comparison.is_editing());
     if let Some((text, notice)) = &notice {
-        let last = Rect { y: area.y - u16::from(is_editing), ..area };
-        footer::draw_notice(frame, last, &screen.theme, Notice { text, ..*notice });
+        let at = if is_editing { Rect { y: 0, ..area } } else { area };
+        footer::draw_notice(frame, at, &screen.theme, Notice { text, ..*notice });
     }
     if is_editing {
         let editor = &comparison.sides[comparison.editor_at].maze().editor;

@@ -1,5 +1,6 @@
 //! How far training had come at each update, in environment steps and seconds.
 
+use crate::experiment::plot::Axis;
 use gdg::engine::Snapshot;
 use gdg::train::History;
 
@@ -15,6 +16,17 @@ pub struct Moment {
     pub env_steps: f64,
     /// Training time, in seconds.
     pub seconds: f64,
+}
+
+impl Moment {
+    /// Returns where it is along an axis.
+    pub fn along(self, axis: Axis) -> f64 {
+        match axis {
+            Axis::Updates => self.updates,
+            Axis::Steps => self.env_steps,
+            Axis::Seconds => self.seconds,
+        }
+    }
 }
 
 impl From<&Snapshot> for Moment {

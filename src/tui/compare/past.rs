@@ -27,12 +27,12 @@ impl Comparison {
     /// Returns where a side's frame is along the axis, if it shows its past.
     pub(super) fn past_at(&self, side: &Side) -> Option<f64> {
         let frame = side.app.screen.past.as_ref()?;
-        Some(self.axis.of(side.pace.at(frame.updates as f64)))
+        Some(side.pace.at(frame.updates as f64).along(self.axis))
     }
 
     fn frames(&self, side: &Side) -> Frames {
         let film = side.app.screen.snapshot.film.iter();
-        film.map(|frame| (self.axis.of(side.pace.at(frame.updates as f64)), frame.clone()))
+        film.map(|frame| (side.pace.at(frame.updates as f64).along(self.axis), frame.clone()))
             .collect()
     }
 

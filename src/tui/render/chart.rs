@@ -5,20 +5,38 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::symbols::Marker;
 use ratatui::text::{Line as TextLine, Span};
-use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition};
+use ratatui::widgets::{self, Chart, Dataset, GraphType, LegendPosition};
 
+use crate::experiment::plot::Axis;
 use crate::tui::style::DIM;
 use crate::tui::text::{fitted_lines, short};
 use gdg::text::fitted;
-
-/// Minimum columns for a name on the x axis.
-const MIN_NAMED_WIDTH: u16 = 20;
 
 /// Maximum lines for a chart's title and the names of its curves.
 const MAX_NAME_LINES: usize = 2;
 
 /// Columns that names of curves keep where there is no room.
 const MIN_NAME_COLUMNS: usize = 10;
+
+/// A curve, with its name.
+pub struct Curve {
+    /// Its name.
+    pub name: String,
+    /// Its colour.
+    pub style: Style,
+    /// The characters it is drawn with.
+    pub marker: Marker,
+    /// Its points, from left to right.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl Curve {
+    /// Returns its line.
+    pub fn line(&self) -> Line<'_> {
+        let Self { style, marker, points, .. } = self;
+        Line { style: *style, marker: *marker, points }
+    }
+}
 
 /// A line of a chart.
 pub struct Line<'a> {
@@ -73,10 +91,10 @@ fn name_lines(
 }
 
 /// The axes of a chart.
-pub struct Axes<'a> {
-    /// The bounds across, and their unit.
+pub struct Axes {
+    /// The bounds across, and what they count.
     pub x: [f64; 2],
-    pub x_unit: &'a str,
+    pub over: Axis,
     /// The bounds upwards, and their labels.
     pub y: [f64; 2],
     pub y_labels: [String; 2],
@@ -86,7 +104,7 @@ pub struct Axes<'a> {
 pub fn draw<'a>(
     frame: &mut Frame,
     area: Rect,
-    Axes { x, x_unit, y, y_labels }: Axes,
+    Axes { x, over, y, y_labels }: Axes,
     lines: impl Iterator<Item = Line<'a>>,
 ) -> Rect {
     let inner = lines_area(area, &x.map(short), &y_labels);
@@ -97,10 +115,17 @@ pub fn draw<'a>(
         set.style(line.style).data(line.points)
     };
     let [from, to] = x.map(short);
-    let named = inner.width >= MIN_NAMED_WIDTH;
-    let x_labels = if named { vec![from, x_unit.to_owned(), to] } else { vec![from, to] };
-    let x_axis = Axis::default().bounds(x).labels(x_labels).style(DIM);
-    let y_axis = Axis::default().bounds(y).labels(y_labels).style(DIM);
+    // Ratatui gives each of the labels the same width, after a blank, and cuts what is longer.
+    let room = |labels: u16| usize::from(inner.width / labels);
+    let fits = |unit: &&str| unit.len().max(to.len()) < room(3);
+    let x_labels = match [over.label(), over.name()].into_iter().find(fits) {
+        Some(unit) => vec![from, unit.to_owned(), to],
+        None if to.len() <= room(2) => vec![from, to],
+        None => vec![String::new(); 2],
+    };
+    let axis = widgets::Axis::default().style(DIM);
+    let x_axis = axis.clone().bounds(x).labels(x_labels);
+    let y_axis = axis.bounds(y).labels(y_labels);
     let chart = Chart::new(lines.map(set).collect()).x_axis(x_axis).y_axis(y_axis);
     frame.render_widget(chart.legend_position(None::<LegendPosition>), area);
     inner
@@ -123,5 +148,35 @@ fn lines_area(area: Rect, x_labels: &[String; 2], y_labels: &[String; 2]) -> Rec
         width: area.width.saturating_sub(left),
         height: area.height.saturating_sub(2),
         ..area
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ratatui::Terminal;
+    use ratatui::backend::TestBackend;
+
+    use super::*;
+
+    #[test]
+    fn the_name_of_an_axis_is_whole_or_left_out() {
+        let mut named = Vec::new();
+        for width in 8..70 {
+            let mut terminal = Terminal::new(TestBackend::new(width, 8)).expect("a buffer");
+            let axes = || Axes {
+                x: [0.0, 4_000.0],
+                over: Axis::Steps,
+                y: [0.0, 1.0],
+                y_labels: ["0.0", "1.0"].map(str::to_owned),
+            };
+            let draw = |frame: &mut Frame| drop(draw(frame, frame.area(), axes(), [].into_iter()));
+            terminal.draw(draw).expect("a frame");
+            let buffer = terminal.backend().buffer();
+            let last: String = (0..width).map(|x| buffer[(x, 7)].symbol()).collect();
+            let words = last.split_whitespace().filter(|word| !word.starts_with(char::is_numeric));
+            named.push(words.collect::<Vec<_>>().join(" "));
+        }
+        named.dedup();
+        assert_eq!(named, ["", "steps", "environment steps"], "the wider, the longer");
     }
 }

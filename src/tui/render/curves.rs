@@ -292,7 +292,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
     let lines = changes.chain(curves).chain(past.iter().map(|points| line(cursor, &points[..])));
     let axes = chart::Axes {
         x: window.x,
-        x_unit: unit(screen),
+        over: axis(screen),
         y: [low, high],
         y_labels: [low, high].map(|y| window.label(y)),
     };
@@ -307,11 +307,6 @@ pub fn along(screen: &Screen, updates: u64) -> f64 {
         return screen.snapshot.learned(updates) as f64;
     }
     (updates * screen.run().settings.train.env_steps_per_update) as f64
-}
-
-/// Returns the unit of [`along`].
-fn unit(screen: &Screen) -> &'static str {
-    axis(screen).name()
 }
 
 /// Returns what [`along`] counts.
@@ -354,11 +349,12 @@ pub fn apart(edits: impl Iterator<Item = f64>, window: [f64; 2]) -> Vec<f64> {
 fn mark_names(marks: &[(f64, String)], width: usize) -> String {
     let mut names = String::new();
     for (at, method) in marks.iter().rev() {
-        let name = format!("  {MARK} {} {method}", short(*at));
-        if !names.is_empty() && display_width(&names) + display_width(&name) > width {
+        let name = format!(" {MARK} {} {method}", short(*at));
+        let gap = if names.is_empty() { "" } else { " " };
+        if !names.is_empty() && display_width(&names) + gap.len() + display_width(&name) > width {
             break;
         }
-        names.insert_str(0, &name);
+        names = name + gap + &names;
     }
     names
 }

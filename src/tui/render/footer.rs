@@ -34,11 +34,11 @@ pub fn draw(
     layout: &mut ScreenLayout,
 ) {
     let notice = screen.log.notice();
-    // The tools of the editor stay visible, so notices go above them.
+    // The tools of the editor stay visible, as does the line above them that explains colours.
     let tools = scene.maze().map(|maze| &maze.editor).filter(|editor| editor.is_open());
     if let Some(notice) = notice {
-        let last = area.y.saturating_sub(u16::from(tools.is_some()));
-        draw_notice(frame, Rect { y: last, ..area }, &screen.theme, notice);
+        let at = if tools.is_some() { Rect { y: 0, ..area } } else { area };
+        draw_notice(frame, at, &screen.theme, notice);
     }
     match tools {
         Some(editor) => editing(screen, editor, area.width).draw(frame, area, layout),
@@ -50,18 +50,20 @@ pub fn draw(
     }
 }
 
-/// Draws a notice whose last row is `last`, wrapped.
-pub fn draw_notice(frame: &mut Frame, last: Rect, theme: &Theme, notice: Notice) {
+/// Draws a notice, wrapped: upwards from the row `at`, but downwards from the first one.
+pub fn draw_notice(frame: &mut Frame, at: Rect, theme: &Theme, notice: Notice) {
     let style = match notice {
         Notice { is_error: true, .. } => theme.failure(),
         Notice { fades: true, .. } => DIM,
         _ => BOLD,
     };
-    let columns = usize::from(last.width).saturating_sub(2).max(8);
-    let most = MAX_NOTICE_ROWS.min(usize::from(last.y) + 1);
+    let columns = usize::from(at.width).saturating_sub(2).max(8);
+    let room = if at.y == 0 { frame.area().height } else { at.y + 1 };
+    let most = MAX_NOTICE_ROWS.min(usize::from(room));
     let rows = first_lines(wrapped(notice.text, columns), most, columns);
     let height = rows.len() as u16;
-    let area = Rect { y: (last.y + 1).saturating_sub(height), height, ..last };
+    let y = if at.y == 0 { 0 } else { (at.y + 1).saturating_sub(height) };
+    let area = Rect { y, height, ..at };
     let lines: Vec<Line> =
         rows.into_iter().map(|row| Line::styled(format!(" {row}"), style)).collect();
     frame.render_widget(Clear, area);

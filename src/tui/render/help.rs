@@ -15,7 +15,7 @@ use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::scene::{Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::wrapped;
+use crate::tui::text::wrapped_evenly;
 use gdg::text::display_width;
 
 /// Columns of the help, if there is room.
@@ -82,8 +82,8 @@ pub fn draw_for_lists(frame: &mut Frame, keymap: &Keymap, help: &Help, layout: &
     let width = usize::from(without_slivers(frame.area(), HELP_WIDTH).saturating_sub(2));
     let entry = |binding: &Binding| {
         let wording = match binding.action {
-            Action::Move(_, 1) => "select the next run",
-            Action::Move(..) => "select the run before",
+            Action::Move(_, 1) => "select the next run; G selects the last one",
+            Action::Move(..) => "select the run before; g selects the first one",
             Action::Close => "close the help, show all runs again, or unmark them",
             _ => binding.long,
         };
@@ -173,7 +173,7 @@ fn entries(
         " Where the help shows \"{key} ...\" instead of a key, type {key} and some letters."
     );
     let introduction = subject.introduction.to_owned() + if finds { &how } else { "" };
-    let introduction = wrapped(&introduction, width.saturating_sub(2).max(8));
+    let introduction = wrapped_evenly(&introduction, width.saturating_sub(2).max(8));
     let mut entries = vec![
         introduction.into_iter().map(|line| Line::raw(format!(" {line}"))).collect::<Vec<_>>(),
     ];
@@ -209,14 +209,14 @@ fn entries(
 fn entry(name: &str, meaning: &str, place: &str, width: usize) -> Vec<Line<'static>> {
     let names = if width >= WIDE { NAME_WIDTH } else { NARROW_NAME_WIDTH };
     let room = width.saturating_sub(names + 4).max(8);
-    let mut rows = wrapped(meaning, room);
+    let mut rows = wrapped_evenly(meaning, room);
     let tail = if rows.last().is_some_and(|row| display_width(row) + place.len() <= room) {
         place
     } else {
         ""
     };
     if tail.is_empty() && !place.is_empty() {
-        rows = wrapped(&format!("{meaning}{place}"), room);
+        rows = wrapped_evenly(&format!("{meaning}{place}"), room);
     }
     let last = rows.len() - 1;
     let line = |(n, row): (usize, String)| {

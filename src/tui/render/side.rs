@@ -76,8 +76,9 @@ pub fn lines(pane: Pane, screen: &Screen, scene: &Scene, width: u16) -> Option<V
     match pane {
         Pane::Training => Some(training::lines(screen, scene, usize::from(width))),
         Pane::Walk => {
-            let mut lines = scene.walk_lines(screen);
-            if usize::from(width) >= EXPLAINED_WIDTH {
+            let width = usize::from(width);
+            let mut lines = scene.walk_lines(screen, width);
+            if width >= EXPLAINED_WIDTH {
                 lines.iter_mut().for_each(|line| explain(line, WALK_MEANINGS));
             }
             Some(lines)

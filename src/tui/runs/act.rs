@@ -36,7 +36,7 @@ impl RunsScreen {
             match key.code {
                 KeyCode::PageUp => self.list.step(-page),
                 KeyCode::PageDown => self.list.step(page),
-                KeyCode::Home => self.list.select(0),
+                KeyCode::Home | KeyCode::Char('g') => self.list.select(0),
                 KeyCode::End | KeyCode::Char('G') => self.list.select(usize::MAX),
                 _ => {
                     let help = self.keymap.key_of(Action::Help);

@@ -2,7 +2,6 @@
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::Style;
 use ratatui::symbols::Marker;
 use ratatui::text::Span;
 use ratatui::widgets::Paragraph;
@@ -12,32 +11,24 @@ use super::{Curves, sign, style};
 use crate::experiment::plot::Measure;
 use crate::tui::action::{Action, ListAction};
 use crate::tui::layout::{Click, ScreenLayout};
-use crate::tui::render::{chart, curves};
+use crate::tui::render::chart::{self, Curve};
+use crate::tui::render::curves;
 use crate::tui::style::{BOLD, DIM};
 use crate::tui::theme::Theme;
 
-/// A run's curve.
-struct Curve {
-    name: String,
-    style: Style,
-    marker: Marker,
-    points: Vec<(f64, f64)>,
-}
-
-impl Curve {
-    fn new(
-        mark: Option<usize>,
-        entry: &Entry,
-        Curves { measure, axis }: Curves,
-        theme: &Theme,
-    ) -> Self {
-        let at = |at| Some((axis.of(at)?, measure.of(&at.evaluation)?));
-        Self {
-            name: format!("{} {}", sign(mark), stem(&entry.run.source)),
-            style: style(mark, theme),
-            marker: mark.map_or(Marker::Braille, |mark| curves::marker(theme, mark)),
-            points: entry.run.evaluations.iter().filter_map(at).collect(),
-        }
+/// Returns the curve of a run.
+fn curve(
+    mark: Option<usize>,
+    entry: &Entry,
+    Curves { measure, axis }: Curves,
+    theme: &Theme,
+) -> Curve {
+    let at = |at| Some((axis.of(at)?, measure.of(&at.evaluation)?));
+    Curve {
+        name: format!("{} {}", sign(mark), stem(&entry.run.source)),
+        style: style(mark, theme),
+        marker: mark.map_or(Marker::Braille, |mark| curves::marker(theme, mark)),
+        points: entry.run.evaluations.iter().filter_map(at).collect(),
     }
 }
 
@@ -52,7 +43,7 @@ pub fn draw(
     layout: &mut ScreenLayout,
 ) {
     let all: Vec<Curve> =
-        runs.iter().map(|(mark, entry)| Curve::new(*mark, entry, shown, theme)).collect();
+        runs.iter().map(|(mark, entry)| curve(*mark, entry, shown, theme)).collect();
     let names = all.iter().map(|curve| Span::styled(format!("  {}", curve.name), curve.style));
     let title = format!(" {} over {}", shown.measure.label(), shown.axis.label());
     let heading = chart::heading(&Span::styled(title, BOLD), names, area.width);
@@ -76,12 +67,7 @@ pub fn draw(
     let high = if is_share { 1.0 } else { points().map(|point| point.1).fold(0.01, f64::max) };
     let y_labels = [0.0, high]
         .map(|y| if is_share { format!("{y:.1}") } else { format!("{:.0} %", 100.0 * y) });
-    let axes = chart::Axes { x: [0.0, last], x_unit: shown.axis.label(), y: [0.0, high], y_labels };
+    let axes = chart::Axes { x: [0.0, last], over: shown.axis, y: [0.0, high], y_labels };
     // The first ones last, on top.
-    let lines = all.iter().rev().map(|Curve { style, marker, points, .. }| chart::Line {
-        style: *style,
-        marker: *marker,
-        points,
-    });
-    chart::draw(frame, body, axes, lines);
+    chart::draw(frame, body, axes, all.iter().rev().map(Curve::line));
 }

@@ -269,11 +269,11 @@ fn curves_show_the_marked_runs_and_change_their_axes() {
     press(&mut screen, KeyCode::Up);
     press(&mut screen, KeyCode::Char(' '));
     let shown = text(&mut screen, 120, 40);
-    assert!(shown.contains("  A fourrooms ") && shown.contains("4000"), "{shown}");
-    press(&mut screen, KeyCode::Char('g'));
+    assert!(shown.contains("  A fourrooms ") && shown.contains(" 4,000 "), "{shown}");
+    press(&mut screen, KeyCode::Char('x'));
     let shown = text(&mut screen, 120, 40);
     assert!(shown.contains("over environment steps") && shown.contains("not known"), "{shown}");
-    press(&mut screen, KeyCode::Char('g'));
+    press(&mut screen, KeyCode::Char('x'));
     press(&mut screen, KeyCode::Char('v'));
     let shown = text(&mut screen, 120, 40);
     assert!(shown.contains("success rate without plans over seconds"), "{shown}");
@@ -389,11 +389,11 @@ fn two_runs_on_the_same_map_are_compared() {
 }
 
 #[test]
-fn space_marks_and_unmarks_where_it_is_and_a_letter_goes_to_the_last_row() {
+fn space_marks_and_unmarks_where_it_is_and_letters_go_to_the_first_and_the_last_row() {
     let mut screen = screen();
     press(&mut screen, KeyCode::Char('G'));
     assert_eq!(screen.list.position(), screen.list.rows() - 1);
-    press(&mut screen, KeyCode::Home);
+    press(&mut screen, KeyCode::Char('g'));
     for marked in [1, 0] {
         press(&mut screen, KeyCode::Char(' '));
         assert_eq!((screen.list.position(), screen.list.marked().len()), (0, marked));

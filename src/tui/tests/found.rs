@@ -454,3 +454,23 @@ fn curves_of_a_saved_run_are_drawn_behind_if_there_are_any_until_they_are_remove
     let said = &app.screen.log.notice().expect("a notice").text;
     assert!(app.screen.under.is_none() && said.contains("removed the curves"), "{said}");
 }
+
+#[test]
+fn curves_of_the_run_itself_are_not_offered_to_lie_behind_its_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let own = folder.path().join("own.safetensors");
+    let limits = Limits { updates: Some(0), ..Limits::default() };
+    let mut app = app_saving_to(rooms(), gdg(), limits, Some(own.clone()));
+    let other = saved_run(folder.path(), &app).file;
+    app.act(Action::Save);
+    wait_until(&mut app, |app| app.screen.latest.saved.is_some());
+    assert!(own.is_file());
+    press(&mut app, KeyCode::Char('U'));
+    let Some(Dialog::Pick(list)) = app.screen.dialogs.pop() else { panic!("a list") };
+    let listed: Vec<&str> = list.items().map(|item| &*item.label).collect();
+    assert_eq!(listed, ["saved"]);
+    std::fs::remove_file(other).expect("a file");
+    press(&mut app, KeyCode::Char('U'));
+    let said = &app.screen.log.notice().expect("a notice").text;
+    assert!(said.contains("has no checkpoints of other runs"), "{said}");
+}

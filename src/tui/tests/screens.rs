@@ -420,6 +420,18 @@ fn the_editor_matches_its_snapshot() {
 }
 
 #[test]
+fn sentences_of_a_pane_are_as_wide_as_it_is() {
+    let mut app = staged_app(120, 40);
+    app.screen.pane = Pane::Walk;
+    app.screen.maximised = true;
+    let shown = text(&draw(&mut app, 120, 40));
+    assert!(
+        shown.contains(" 3 waypoints; direct D says 15, along bridges 12: 3 steps shorter"),
+        "{shown}"
+    );
+}
+
+#[test]
 fn lines_over_the_map_match_their_snapshots() {
     let mut app = staged_app(80, 24);
     app.screen.first_run = true;
@@ -457,7 +469,7 @@ fn curves_say_where_the_map_was_edited() {
     // Drawing a wall is several edits.
     app.change_snapshot(|snapshot| snapshot.edits = Arc::new(vec![4_000, 4_010, 4_020, 8_000]));
     let shown = text(&draw(&mut app, 120, 40));
-    assert!(shown.contains("\u{2506} 4000 map edited  \u{2506} 8000 map edited"), "{shown}");
+    assert!(shown.contains("\u{2506} 4,000 map edited  \u{2506} 8,000 map edited"), "{shown}");
 }
 
 #[test]

@@ -8,14 +8,14 @@ use crate::tui::screen::Screen;
 use crate::tui::text::{fact, heading, wrapped};
 use gdg::text::counted;
 
-/// Columns of sentences in the pane.
-const TEXT_WIDTH: usize = 26;
+/// Columns that sentences have at least.
+const MIN_TEXT_WIDTH: usize = 20;
 
-/// Returns the pane's lines.
-pub fn lines(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
+/// Returns the pane's lines, with sentences within `width` columns.
+pub fn lines(maze: &MazeState, screen: &Screen, width: usize) -> Vec<Line<'static>> {
     match screen.following {
         Some(_) => explorer(maze, screen),
-        None => walker(maze, screen),
+        None => walker(maze, screen, width),
     }
 }
 
@@ -27,7 +27,7 @@ fn format_steps(distance: f32) -> String {
     if distance.is_nan() { "-".to_owned() } else { format!("{distance:.1}") }
 }
 
-fn walker(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
+fn walker(maze: &MazeState, screen: &Screen, width: usize) -> Vec<Line<'static>> {
     let shown = &maze.view.walk;
     let has_path = shown.shortest.is_some();
     let shortest = shown.shortest.map_or("no path".to_owned(), |s| s.to_string());
@@ -50,7 +50,7 @@ fn walker(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
         ),
         planned("D to it", format_steps(shown.distances.1)),
     ];
-    let plan = bridges(maze);
+    let plan = bridges(maze, width);
     if plan.is_empty() {
         lines.push(planned("ahead", ahead(maze.view.path.len())));
     }
@@ -73,8 +73,9 @@ fn ahead(stops: usize) -> String {
     }
 }
 
-/// Says what bridges do for the plan of the walking agent, if there are any ahead.
-fn bridges(maze: &MazeState) -> Vec<Line<'static>> {
+/// Says what bridges do for the plan of the walking agent, if there are any ahead, within `width`
+/// columns.
+fn bridges(maze: &MazeState, width: usize) -> Vec<Line<'static>> {
     let (bridges, walk) = (maze.view.path.len().saturating_sub(1), &maze.view.walk);
     if bridges == 0 || walk.arrived || walk.along.is_nan() {
         return Vec::new();
@@ -89,7 +90,9 @@ fn bridges(maze: &MazeState) -> Vec<Line<'static>> {
         "{}; direct D says {direct:.0}, along bridges {along:.0}: {effect}",
         counted(bridges as u64, "waypoint")
     );
-    wrapped(&text, TEXT_WIDTH).into_iter().map(|row| Line::raw(format!(" {row}"))).collect()
+    // A blank on either side.
+    let columns = width.saturating_sub(2).max(MIN_TEXT_WIDTH);
+    wrapped(&text, columns).into_iter().map(|row| Line::raw(format!(" {row}"))).collect()
 }
 
 fn explorer(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {

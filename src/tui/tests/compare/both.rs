@@ -133,7 +133,9 @@ fn both_look_back_at_the_same_place_along_the_axis() {
     for updates in [5_000, 7_500].map(|updates| format!("at update {}", grouped(updates))) {
         assert!(shown.contains(&updates), "{updates}: {shown}");
     }
-    assert!(shown.contains("looking back"), "{shown}");
+    assert!(shown.contains(" looking back: [ earlier, ] later, Esc the present"), "{shown}");
+    let narrow = text(&draw(&mut comparison, (80, 24)));
+    assert!(narrow.contains(" looking back: [ ] Esc"), "{narrow}");
     assert_eq!(after(&mut comparison, '['), [Some(2_500); 2]);
     assert_eq!(after(&mut comparison, '['), [Some(1); 2]);
     assert_eq!(after(&mut comparison, '['), [Some(1); 2], "there is nothing before");
