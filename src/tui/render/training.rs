@@ -238,7 +238,8 @@ fn bridges(screen: &Screen, scene: &Scene) -> Vec<Line<'static>> {
             None => format!("none of {} helps", s.tried()),
         });
     let edges: usize = EdgeStatus::ALL.into_iter().map(|status| scene.edge_count(status)).sum();
-    let bridges = format!("{}, {} edges", scene.candidate_count(), short(edges as f64));
+    let candidates = grouped(scene.candidate_count() as u64);
+    let bridges = format!("{candidates}, {} edges", short(edges as f64));
     vec![fact("bridges", bridges), fact("search", search)]
 }
 
