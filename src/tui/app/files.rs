@@ -97,17 +97,12 @@ pub fn pick_checkpoint(own: &Path, scene: &Scene, screen: &mut Screen) {
 
 /// Lists those of other runs to lay the curves of one under those of the run, or takes away those that are there.
 pub fn pick_under(own: &Path, scene: &Scene, screen: &mut Screen) {
-    match screen.under.take() {
-        Some(run) => {
-            screen.notify(&format!("removed the curves of {}", run.source.display()));
-        }
-        None => {
-            let saved = screen.latest.saved.as_ref().map(|(_, path)| path.clone());
-            let is_other =
-                |file: &Path| saved.as_ref().is_none_or(|saved| !is_same_file(saved, file));
-            list_checkpoints(own, is_other, lists::runs_to_lay_under, scene, screen);
-        }
+    if let Some(run) = screen.under.take() {
+        return screen.notify(&format!("removed the curves of {}", run.source.display()));
     }
+    let saved = screen.latest.saved.as_ref().map(|(_, path)| path.clone());
+    let is_other = |file: &Path| saved.as_ref().is_none_or(|saved| !is_same_file(saved, file));
+    list_checkpoints(own, is_other, lists::runs_to_lay_under, scene, screen);
 }
 
 /// Lays the curves of a checkpoint's run under those of the run.

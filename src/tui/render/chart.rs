@@ -169,8 +169,10 @@ mod tests {
                 y: [0.0, 1.0],
                 y_labels: ["0.0", "1.0"].map(str::to_owned),
             };
-            let draw = |frame: &mut Frame| drop(draw(frame, frame.area(), axes(), [].into_iter()));
-            terminal.draw(draw).expect("a frame");
+            let draw_axes = |frame: &mut Frame| {
+                draw(frame, frame.area(), axes(), [].into_iter());
+            };
+            terminal.draw(draw_axes).expect("a frame");
             let buffer = terminal.backend().buffer();
             let last: String = (0..width).map(|x| buffer[(x, 7)].symbol()).collect();
             let words = last.split_whitespace().filter(|word| !word.starts_with(char::is_numeric));
