@@ -18,7 +18,7 @@ fn two_methods_train_side_by_side_and_the_terminal_is_restored() {
     session.press(" ");
     session.wait_for("paused");
     session.press("g");
-    session.wait_for("success over updates");
+    session.wait_for("success over seconds of training");
     for (cols, rows) in [(1, 1), (200, 60), (40, 10)] {
         session.master.resize(size(cols, rows)).unwrap();
         session.screen.lock().unwrap().screen_mut().set_size(non_zero(rows), non_zero(cols));
