@@ -122,7 +122,7 @@ fn built_in_maps_have_the_expected_diameters() {
         diameter.steps
     };
     assert_eq!((farthest("fourrooms"), farthest("city")), (119, 226));
-    assert_eq!(BUILTIN.len(), 7);
+    assert_eq!(BUILTIN.len(), 8);
 }
 
 #[test]
@@ -226,27 +226,30 @@ fn no_task_of_the_city_has_more_than_nine_obstacles() {
 /// Within ten steps of the start, a cell of a dead end is nearer to the goal than the start and
 /// everything around it; the detour takes more than 80 steps.
 #[test]
-fn the_trap_is_a_local_optimum() {
-    let grid = built_in("trap");
-    let (start, goal) = (grid.starts()[0], grid.goals()[0]);
-    let mut search = StepSearch::new(&grid);
-    let to_goal = search.steps_from(goal)[grid.index(start)];
-    assert!(to_goal > 80 && to_goal != UNREACHABLE, "{to_goal}");
-    let straight = |c: Cell| (c.x as f64 - goal.x as f64).hypot(c.y as f64 - goal.y as f64);
-    let near: Vec<Cell> = {
-        let steps = search.steps_from(start).to_vec();
-        grid.free_cells().filter(|c| steps[grid.index(*c)] <= 10).collect()
-    };
-    let end = *near.iter().min_by(|a, b| straight(**a).total_cmp(&straight(**b))).unwrap();
-    assert!(straight(end) < straight(start));
-    // Nothing within ten steps of that cell is nearer either: it is a local optimum, and the start
-    // lies in its basin.
-    let around = search.steps_from(end).to_vec();
-    assert!(
-        grid.free_cells()
-            .filter(|c| around[grid.index(*c)] <= 10)
-            .all(|c| straight(c) >= straight(end))
-    );
+fn the_trap_and_the_dead_end_are_local_optima() {
+    for name in ["trap", "dead-end"] {
+        let grid = built_in(name);
+        let (start, goal) = (grid.starts()[0], grid.goals()[0]);
+        let mut search = StepSearch::new(&grid);
+        let to_goal = search.steps_from(goal)[grid.index(start)];
+        assert!(to_goal > 80 && to_goal != UNREACHABLE, "{name}: {to_goal}");
+        let straight = |c: Cell| (c.x as f64 - goal.x as f64).hypot(c.y as f64 - goal.y as f64);
+        let near: Vec<Cell> = {
+            let steps = search.steps_from(start).to_vec();
+            grid.free_cells().filter(|c| steps[grid.index(*c)] <= 10).collect()
+        };
+        let end = *near.iter().min_by(|a, b| straight(**a).total_cmp(&straight(**b))).unwrap();
+        assert!(straight(end) < straight(start), "{name}");
+        // Nothing within ten steps of that cell is nearer either: it is a local optimum, and the
+        // start lies in its basin.
+        let around = search.steps_from(end).to_vec();
+        assert!(
+            grid.free_cells()
+                .filter(|c| around[grid.index(*c)] <= 10)
+                .all(|c| straight(c) >= straight(end)),
+            "{name}"
+        );
+    }
 }
 
 /// Generates maps of up to `most` by `most` cells with at least one free cell.

@@ -117,6 +117,7 @@ const ONE_GOAL: &[&str] = &[
     "actor_bound=1",
     "learning_rate=3e-4",
     "buffer_size=10000",
+    "tau=0.1",
 ];
 
 /// Our default with one goal.

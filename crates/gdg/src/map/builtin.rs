@@ -6,10 +6,11 @@ use super::ogbench::Ogbench;
 use super::scale::MapScale;
 
 /// Name and text of every built-in map; those of OGBench are layouts of blocks.
-pub const BUILTIN: [(&str, &str); 7] = [
+pub const BUILTIN: [(&str, &str); 8] = [
     ("fourrooms", include_str!("../../maps/fourrooms.txt")),
     ("city", include_str!("../../maps/city.txt")),
     ("trap", include_str!("../../maps/trap.txt")),
+    ("dead-end", include_str!("../../maps/dead-end.txt")),
     ("ogbench-pointmaze-medium", include_str!("../../maps/ogbench-pointmaze-medium.txt")),
     ("ogbench-pointmaze-large", include_str!("../../maps/ogbench-pointmaze-large.txt")),
     ("ogbench-pointmaze-giant", include_str!("../../maps/ogbench-pointmaze-giant.txt")),
