@@ -14,7 +14,7 @@ use crate::tui::dialog::{Choice, Dialog, Question};
 use crate::tui::lists;
 use crate::tui::scene::Scene;
 use gdg::files::check_name;
-use gdg::map::{Grid, is_size};
+use gdg::map::{Grid, format_for, is_size};
 use gdg::text::{NumberError, parse_count, parse_real};
 use gdg::train::{is_checkpoint, with_setting};
 
@@ -165,17 +165,20 @@ fn check_new_file(question: &Question, typed: &str, scene: &Scene) -> Result<(),
         Question::SaveAs => checkpoint_file(typed),
         _ => return Ok(()),
     };
-    let exists = file.is_file();
+    let mut existing = file.is_file().then(|| "the file".to_owned());
     if *question == Question::SaveMap {
-        if is_checkpoint(&file) {
+        let image = format_for(&file).image_of(&file);
+        if std::iter::once(&file).chain(&image).any(|file| is_checkpoint(file)) {
             return Err(AnswerError::IsCheckpoint);
         }
+        let image = image.filter(|image| image.is_file());
+        existing = existing.or(image.map(|image| format!("its image {}", image.display())));
         if let Some(lost) = files::loss(typed, scene) {
-            let also = if exists { ", and the file exists" } else { "" };
+            let also = existing.map(|what| format!(", and {what} exists")).unwrap_or_default();
             return Err(AnswerError::Loses { lost, also });
         }
     }
-    if exists { Err(AnswerError::Exists) } else { Ok(()) }
+    existing.map_or(Ok(()), |what| Err(AnswerError::Exists(what)))
 }
 
 /// Parses the columns and rows of a map.

@@ -8,15 +8,15 @@ use gdg::train::ConfigError;
 #[derive(Debug, thiserror::Error)]
 pub enum AnswerError {
     /// An existing file: confirming replaces it.
-    #[error("the file exists: Enter again replaces it")]
-    Exists,
+    #[error("{0} exists: Enter again replaces it")]
+    Exists(String),
     /// A format without something that the map has: confirming writes the rest.
     #[error("{lost}{also}; Enter again writes it without them")]
     Loses {
         /// The format and what it lacks.
         lost: String,
         /// What else to consider.
-        also: &'static str,
+        also: String,
     },
     /// A checkpoint, which no map replaces.
     #[error("this file is a checkpoint: enter another name")]
@@ -53,6 +53,6 @@ pub enum AnswerError {
 impl AnswerError {
     /// Returns whether confirming accepts the answer all the same.
     pub fn is_warning(&self) -> bool {
-        matches!(self, Self::Exists | Self::Loses { .. })
+        matches!(self, Self::Exists(_) | Self::Loses { .. })
     }
 }

@@ -93,4 +93,16 @@ fn writing_a_map_asks_before_replacing_a_file() {
     assert!(app.screen.dialogs.is_empty());
     let written = gdg::map::load_map(&file).expect("a map");
     assert_eq!((written.free(), written.goals()), (rooms().free(), rooms().goals()));
+    // So does the image beside a map.
+    let image = folder.path().join("scan.pgm");
+    std::fs::write(&image, "something else").expect("a file");
+    app.act(Action::SaveMap);
+    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
+    type_text(&mut app, &folder.path().join("scan.yaml").to_string_lossy());
+    press(&mut app, KeyCode::Enter);
+    let shown = text(&draw(&mut app, 200, 24));
+    assert!(shown.contains("scan.pgm exists: Enter again"), "{shown}");
+    assert_eq!(std::fs::read_to_string(&image).expect("the file"), "something else");
+    press(&mut app, KeyCode::Enter);
+    assert!(app.screen.dialogs.is_empty() && gdg::map::load_map(&image).is_ok());
 }

@@ -175,8 +175,14 @@ impl MapFormat {
     /// image beside it.
     pub fn write(&self, grid: &Grid, file: &Path) -> Vec<(PathBuf, Vec<u8>)> {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
-        let image = self.image.map(|(ending, write)| (file.with_extension(ending), write(grid)));
-        image.into_iter().chain([(file.to_owned(), (self.write)(grid, &name))]).collect()
+        let image = self.image.map(|(_, write)| write(grid));
+        let contents = image.into_iter().chain([(self.write)(grid, &name)]);
+        self.image_of(file).into_iter().chain([file.to_owned()]).zip(contents).collect()
+    }
+
+    /// Returns the name of the image that a map called `file` has beside it in this format, if any.
+    pub fn image_of(&self, file: &Path) -> Option<PathBuf> {
+        self.image.map(|(ending, _)| file.with_extension(ending))
     }
 }
 
