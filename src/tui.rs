@@ -186,8 +186,8 @@ pub fn run(
     let search =
         resumed.is_none().then(|| offer::search(trainer.world().title().to_owned()).ok()).flatten();
     // What is to be saved elsewhere is not saved yet.
-    let engine =
-        Engine::resume(trainer, limits, resumed.filter(|_| save.is_none())).into_diagnostic()?;
+    let engine = Engine::resume(trainer, limits, resumed.filter(|_| save.is_none()), [])
+        .into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let mut app = App::new(engine.link(), viewer, config, keymap.clone(), Files { save });
     app.search = search;

@@ -118,12 +118,11 @@ impl Side {
     ) -> Result<Self, Report> {
         let about = meaning::texts(trainer.run(), trainer.registry());
         let pace = Pace::of(trainer.history());
-        let engine = Engine::start(trainer, limits).into_diagnostic()?;
         // A method with slow evaluations must not be judged by its first steps.
-        engine.send(Command::PauseEvaluations(EVALUATION_PAUSE_FACTOR));
-        if is_paused {
-            engine.send(Command::Pause);
-        }
+        let evaluations = Command::PauseEvaluations(EVALUATION_PAUSE_FACTOR);
+        // A saved run is shown as it was saved, without another update.
+        let at_first = is_paused.then_some(Command::Pause).into_iter().chain([evaluations]);
+        let engine = Engine::resume(trainer, limits, None, at_first).into_diagnostic()?;
         let viewer = Viewer::start(&engine).into_diagnostic()?;
         let mut app = App::new(engine.link(), viewer, config, keymap.clone(), Files::default());
         // The race decides where both go next.

@@ -96,10 +96,11 @@ impl Engine {
     /// # Errors
     /// The learner fails, or the thread cannot be started.
     pub fn start(trainer: Trainer, limits: Limits) -> Result<Self, TrainError> {
-        Self::resume(trainer, limits, None)
+        Self::resume(trainer, limits, None, [])
     }
 
-    /// Like [`Self::start`], for a run loaded from `file`.
+    /// Like [`Self::start`], for a run loaded from `file`; runs the commands `at_first` before the
+    /// first update.
     ///
     /// # Errors
     /// See [`Self::start`].
@@ -107,8 +108,10 @@ impl Engine {
         mut trainer: Trainer,
         limits: Limits,
         file: Option<PathBuf>,
+        at_first: impl IntoIterator<Item = Command>,
     ) -> Result<Self, TrainError> {
         let (commands, inbox) = sync_channel(64);
+        at_first.into_iter().for_each(|command| drop(commands.try_send(command)));
         let saved = file.map(|file| (trainer.counters().updates, Arc::new(file)));
         let pulse = Pulse::default();
         trainer.set_pulse(pulse.clone());
@@ -416,6 +419,11 @@ mod tests {
 
     /// Starts a run in the trap.
     fn engine() -> Engine {
+        started([])
+    }
+
+    /// Starts a run in the trap with these commands before the first update.
+    fn started(at_first: impl IntoIterator<Item = Command>) -> Engine {
         let run = Run {
             method: Method::default(),
             preset: Preset::Default,
@@ -425,7 +433,17 @@ mod tests {
         let world =
             PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
         let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
-        Engine::start(trainer, Limits::default()).expect("a thread")
+        Engine::resume(trainer, Limits::default(), None, at_first).expect("a thread")
+    }
+
+    #[test]
+    fn a_run_that_begins_paused_takes_no_step() {
+        let engine = started([Command::Pause]);
+        let mut snapshots = engine.snapshots();
+        while snapshots.borrow_and_update().phase != Phase::Paused {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert_eq!(engine.stop().expect("the trainer").counters().env_steps, 0);
     }
 
     #[test]

@@ -422,7 +422,10 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
     let config = UiConfig::default();
     let mut comparison =
         Comparison::start(contestants, &config, &keymap, Limits::default()).expect("a comparison");
-    let paused = |app: &App| app.screen.snapshot.phase == Phase::Paused;
+    let paused = |app: &App| {
+        assert_eq!(app.screen.snapshot.counters.env_steps, 0, "shown as it was saved");
+        app.screen.snapshot.phase == Phase::Paused
+    };
     wait_until(&mut comparison, |apps| apps.into_iter().all(|app| paused(app)));
     assert!(!text(&draw(&mut comparison, (120, 40))).contains("rooms seed"), "seeds differ");
     press(&mut comparison, KeyCode::Char(' '));
