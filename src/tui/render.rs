@@ -28,11 +28,13 @@ mod training;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Color;
+use ratatui::widgets::Paragraph;
 
 use super::dialog::Dialog;
 use super::layout::ScreenLayout;
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
+use super::text::{first_lines, wrapped};
 use super::theme::Theme;
 #[cfg(test)]
 pub use side::lines as pane_lines;
@@ -175,6 +177,18 @@ impl Panel {
 /// view.
 fn without_slivers(area: Rect, width: u16) -> u16 {
     if width.saturating_add(2) >= area.width { area.width } else { width }
+}
+
+/// Says that the screen is too small for `what`, which needs this many columns and rows.
+pub fn too_small(frame: &mut Frame, what: &str, (columns, rows): (u16, u16)) {
+    let area = frame.area();
+    let (width, height) = (area.width, area.height);
+    let text =
+        format!("{what} needs {columns} x {rows} characters: this terminal has {width} x {height}");
+    let lines = wrapped(&text, width.into());
+    let lines = first_lines(lines, height.into(), width.into());
+    let middle = area.centered_vertically(Constraint::Length(lines.len() as u16));
+    frame.render_widget(Paragraph::new(lines.join("\n")).centered(), middle);
 }
 
 /// Returns the middle of `area`, at most `width` by `height`.

@@ -13,9 +13,9 @@
 //! ```
 
 use ratatui::Frame;
-use ratatui::layout::{Alignment, Constraint, Layout, Rect};
+use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::Span;
-use ratatui::widgets::{Block, Borders, Paragraph, Wrap};
+use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::facts::{Fact, column, facts, text};
 use super::{Comparison, Side, curves, meaning};
@@ -26,7 +26,7 @@ use crate::tui::interface::Interface;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::raster::{MapFrame, Viewport};
-use crate::tui::render::{dialog, footer, help, paint_page};
+use crate::tui::render::{dialog, footer, help, paint_page, too_small};
 use crate::tui::scene::Cache;
 use crate::tui::scene::maze::{info, map, minimap};
 use crate::tui::style::{BOLD, DIM, REVERSED};
@@ -96,7 +96,7 @@ pub fn draw_parts(frame: &mut Frame, comparison: &Comparison, caches: [&mut Cach
     let area = frame.area();
     let mut layout = ScreenLayout::new(area);
     if area.width < MIN_SIZE.0 || area.height < MIN_SIZE.1 {
-        too_small(frame, area);
+        too_small(frame, "a comparison", MIN_SIZE);
         return Parts { layout, maps: Rect::default(), sides: None };
     }
     let rows = (area.height / CURVES_DIVISOR).clamp(CURVES_ROWS.0, CURVES_ROWS.1);
@@ -144,21 +144,6 @@ pub fn draw_parts(frame: &mut Frame, comparison: &Comparison, caches: [&mut Cach
     curves::draw(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
     Parts { layout, maps: body, sides: Some(drawn) }
-}
-
-/// Draws a message that the screen is too small.
-fn too_small(frame: &mut Frame, area: Rect) {
-    let (width, height) = MIN_SIZE;
-    let text = format!(
-        "a comparison needs {width} x {height} characters: this terminal has {} x {}",
-        area.width, area.height
-    );
-    let rows = (text.len() as u16).div_ceil(area.width.max(1)).min(area.height);
-    let middle = area.centered_vertically(Constraint::Length(rows));
-    frame.render_widget(
-        Paragraph::new(text).wrap(Wrap { trim: true }).alignment(Alignment::Center),
-        middle,
-    );
 }
 
 fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {

@@ -25,7 +25,7 @@ use super::list::{Column, Entry, List, name};
 use super::{Question, RunsScreen, curves, settings, sign, style};
 use crate::tui::action::{Action, Binding, Mode, When, bindings};
 use crate::tui::layout::{Click, ScreenLayout};
-use crate::tui::render::{footer, help, middle, paint_page};
+use crate::tui::render::{footer, help, middle, paint_page, too_small};
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::{fitted_line, fitted_lines, wrapped};
 use crate::tui::theme::Theme;
@@ -73,8 +73,7 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
     let area = frame.area();
     let mut places = Places { layout: ScreenLayout::new(area), ..Places::default() };
     if area.width < MIN_SIZE.0 || area.height < MIN_SIZE.1 {
-        let text = format!("needs {} x {} characters", MIN_SIZE.0, MIN_SIZE.1);
-        frame.render_widget(Paragraph::new(text), area);
+        too_small(frame, "the list", MIN_SIZE);
         return places;
     }
     let [head, body, foot] =

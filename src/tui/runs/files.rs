@@ -174,11 +174,13 @@ fn remove(file: &Path) -> IoResult<()> {
         return Err(in_use());
     }
     let removed = files::while_locked(file, || {
-        // A backup would come back in place of its checkpoint.
-        match std::fs::remove_file(backup_path(file)) {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
-            _ => std::fs::remove_file(file),
-        }
+        // A backup would come back in place of its checkpoint. What is gone needs no removal.
+        [&backup_path(file), file].into_iter().try_for_each(|path| {
+            match std::fs::remove_file(path) {
+                Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+                _ => Ok(()),
+            }
+        })
     });
     removed.unwrap_or_else(|| Err(in_use()))
 }

@@ -39,6 +39,9 @@ impl RunsScreen {
     pub(super) fn begin_to_plot(&mut self, curves: Curves) {
         let runs = self.list.chosen().into_iter();
         let runs: Vec<SavedRun> = runs.map(|entry| (*entry.run).clone()).collect();
+        if runs.is_empty() {
+            return self.log.show("no run is selected: nothing to plot", true);
+        }
         let what = format!("plotting {}", counted(runs.len() as u64, "run"));
         self.begin(what, true, move |progress| Done::Changed(files::plot(&runs, curves, progress)));
     }
