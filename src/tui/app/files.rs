@@ -111,6 +111,15 @@ pub fn lay_under(path: PathBuf, scene: &Scene, screen: &mut Screen) {
     read(&what, move |_| Read::Runs(saved_runs::file(&path)), scene, screen);
 }
 
+/// Returns the folders whose checkpoints are listed: that of the run's own file, and the usual one.
+fn folders(own: &Path) -> Vec<PathBuf> {
+    let usual = PathBuf::from(SAVES);
+    let mut folders = vec![own.parent().map_or(usual.clone(), Path::to_owned), usual];
+    // It may be the same by another name, such as ./saves.
+    folders.dedup_by_key(|folder| folder.canonicalize().ok());
+    folders
+}
+
 fn list_checkpoints(
     own: &Path,
     is_listed: impl Fn(&Path) -> bool,
@@ -118,15 +127,13 @@ fn list_checkpoints(
     scene: &Scene,
     screen: &mut Screen,
 ) {
-    let own = own.parent().map_or(PathBuf::from(SAVES), Path::to_owned);
-    let mut files = runs::files_in(&own).unwrap_or_default();
-    if own != Path::new(SAVES) {
-        files.extend(runs::files_in(Path::new(SAVES)).unwrap_or_default());
-    }
+    let folders = folders(own);
+    let mut files: Vec<PathBuf> =
+        folders.iter().flat_map(|folder| runs::files_in(folder).unwrap_or_default()).collect();
     let all = files.len();
     files.retain(|file| is_listed(file));
     if files.is_empty() {
-        let (key, folder) = (screen.keymap.key_of(Action::Save), own.display());
+        let (key, folder) = (screen.keymap.key_of(Action::Save), folders[0].display());
         return screen.notify(&if all > 0 {
             format!("{folder} has no checkpoints of other runs")
         } else {
@@ -276,5 +283,19 @@ pub fn remember_map(path: &Path) {
     recent.truncate(MAX_RECENT_MAPS);
     if let Ok(text) = serde_json::to_string(&recent) {
         let _ = write_atomically(&file, text.as_bytes());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_by_another_name_is_listed_once() {
+        let listed = |own: &str| folders(Path::new(own));
+        for own in ["saves/x.safetensors", "./saves/x.safetensors", "src/../saves/x.safetensors"] {
+            assert_eq!(listed(own).len(), 1, "{own}");
+        }
+        assert_eq!(listed("src/x.safetensors"), ["src", SAVES].map(PathBuf::from));
     }
 }
