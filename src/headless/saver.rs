@@ -54,14 +54,12 @@ impl Saver {
         let path: PathBuf = train::save(trainer, &self.to).map_err(from_checkpoint_error)?;
         let requested = self.to.path();
         if path != requested {
-            let why = if train::is_checkpoint(requested) {
-                "belongs to another run (--overwrite replaces it)"
-            } else {
-                "is not a checkpoint of gdg-tui"
-            };
+            let may_replace =
+                train::is_checkpoint(requested) && matches!(self.to, SaveTo::CreateNew(_));
+            let help = if may_replace { " (--overwrite replaces it)" } else { "" };
             let (requested, path) =
                 (sanitized(&requested.to_string_lossy()), sanitized(&path.to_string_lossy()));
-            eprint_line(&format!("{requested} {why}: saving to {path}"));
+            eprint_line(&format!("{requested} {}{help}: saving to {path}", self.to.obstacle()));
         }
         self.to = SaveTo::Replace(path.clone());
         self.last_saved_state = Some(state(trainer));

@@ -268,6 +268,9 @@ fn a_file_that_another_program_is_replacing_is_left_to_it() {
     let (status, output, errors) = files::while_locked(&path, || outcome(&mut command)).unwrap();
     assert_eq!(status, 0, "{errors}");
     assert!(output.contains("small-2.safetensors"), "{output}");
+    let why =
+        "small.safetensors is saved by another program as well: saving to small-2.safetensors";
+    assert!(flat(&errors).contains(why), "{errors}");
     assert_eq!(assert_loads(&path), 350);
     assert_eq!(names(folder.path()), ["small-2.safetensors", "small.safetensors"]);
 }

@@ -197,7 +197,7 @@ impl Worker {
             grouped(self.trainer.learned_updates())
         );
         if to.path() != path {
-            text += &format!(" ({} belongs to another run)", to.path().display());
+            text += &format!(" ({} {})", to.path().display(), to.obstacle());
         }
         if let SaveTo::CreateNew(requested) = to {
             self.new_file = Some((requested, path.clone()));

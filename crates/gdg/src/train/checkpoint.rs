@@ -221,6 +221,15 @@ impl SaveTo {
             Self::Replace(path) | Self::CreateNew(path) => path,
         }
     }
+
+    /// Says why a checkpoint was saved under another name than the requested one.
+    pub fn obstacle(&self) -> &'static str {
+        match self {
+            _ if !is_checkpoint(self.path()) => "is not a checkpoint of gdg-tui",
+            Self::Replace(_) => "is saved by another program as well",
+            Self::CreateNew(_) => "belongs to another run",
+        }
+    }
 }
 
 /// Checkpoints that this program has read or written, as they were then: any change since was made
