@@ -87,7 +87,8 @@ pub fn check_writable(path: &Path) -> Result<()> {
     let scratch = tempfile::Builder::new()
         .prefix(TEMP_AFFIXES.0)
         .suffix(TEMP_AFFIXES.1)
-        .tempdir_in(existing)?;
+        .tempdir_in(existing)
+        .map_err(unnamed)?;
     let inside = missing.components().filter(|part| matches!(part, Component::Normal(_)));
     target.folder = scratch.path().join(inside.collect::<PathBuf>());
     target.rehearse()
@@ -217,7 +218,7 @@ impl Target {
         persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>,
     ) -> Result<()> {
         let mut file = self.create_temporary(TEMP_AFFIXES.0.as_ref())?;
-        file.write_all(bytes)?;
+        file.write_all(bytes).map_err(unnamed)?;
         sync(file.as_file())?;
         persist(file, &self.path)?;
         sync_folder(&self.folder)
@@ -247,7 +248,7 @@ impl Target {
             let mode = self.existing.as_ref().map_or(0o666, |existing| existing.mode() & 0o777);
             builder.permissions(PermissionsExt::from_mode(mode));
         }
-        let file = builder.tempfile_in(&self.folder)?;
+        let file = builder.tempfile_in(&self.folder).map_err(unnamed)?;
         // The lock marks the file as being written; without lock support, other processes judge by
         // its age.
         let _ = file.as_file().try_lock();
@@ -256,6 +257,13 @@ impl Target {
         }
         Ok(file)
     }
+}
+
+/// Returns a system's error without the name of the temporary file, which tells users nothing.
+fn unnamed(error: Error) -> Error {
+    let text = error.to_string();
+    let system = text.split_once(" at path \"").map(|(system, _)| Error::new(error.kind(), system));
+    system.unwrap_or(error)
 }
 
 /// Gives a new file the permissions and the owner of the one that it replaces, as far as the file
@@ -392,6 +400,17 @@ mod tests {
         }
         assert_eq!(std::fs::read(&protected).expect("there"), b"mine");
         assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 3);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn errors_do_not_name_temporary_files() {
+        // No file can be created there, even by root.
+        for error in [write_atomically, |path: &Path, _: &[u8]| check_writable(path)]
+            .map(|write| write(Path::new("/proc/self/x"), b"x").expect_err("no place for files"))
+        {
+            assert!(!error.to_string().contains(TEMP_AFFIXES.0), "{error}");
+        }
     }
 
     #[test]
