@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::Comparison;
 use crate::tui::action::{Action, Mode};
+use crate::tui::app::time;
 
 impl Comparison {
     /// Returns the mode that decides what keys do.
@@ -45,7 +46,7 @@ impl Comparison {
         let lags = self.lags;
         self.lags = self.sides[1 - own].app.in_maze(|maze, screen, link| {
             maze.editor = editor;
-            link.return_to_present(screen);
+            time::leave_past(screen, link);
             if lags {
                 maze.change_map(Some(map.clone()), screen, link);
             }

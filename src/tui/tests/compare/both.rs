@@ -145,6 +145,13 @@ fn both_look_back_at_the_same_place_along_the_axis() {
     after(&mut comparison, '[');
     press(&mut comparison, KeyCode::Esc);
     assert_eq!(shown_updates(&mut comparison), [None; 2]);
+    // The editor leads both back, which one notice says.
+    press(&mut comparison, KeyCode::Char('['));
+    assert!(shown_updates(&mut comparison).iter().all(Option::is_some));
+    press(&mut comparison, KeyCode::Char('e'));
+    assert_eq!(shown_updates(&mut comparison), [None; 2]);
+    let shown = text(&draw(&mut comparison, (80, 24)));
+    assert!(shown.contains("back in the present") && !shown.contains("A: back"), "{shown}");
 }
 
 #[test]
