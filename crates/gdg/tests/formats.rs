@@ -115,7 +115,7 @@ fn what_a_comment_or_a_map_of_ros_says_is_that_of_the_map_and_faults_are_named()
         ("gdg-tui: {goals: [[2, 0]]}", 21),
         ("gdg-tui: {goals: 3}", 20),
         ("gdg-tui: {goals: [[0]]}", 21),
-        ("gdg-tui: {", 11),
+        ("gdg-tui: {", 12),
     ] {
         let error = list(wrong).unwrap_err();
         assert_eq!(error.at, Some((1, column)), "{wrong}: {error}");
