@@ -95,7 +95,8 @@ pub fn pick_checkpoint(own: &Path, scene: &Scene, screen: &mut Screen) {
     list_checkpoints(own, |_| true, lists::checkpoints, scene, screen);
 }
 
-/// Lists those of other runs to lay the curves of one under those of the run, or takes away those that are there.
+/// Lists those of other runs to lay the curves of one under those of the run, or takes away those
+/// that are there.
 pub fn pick_under(own: &Path, scene: &Scene, screen: &mut Screen) {
     if let Some(run) = screen.under.take() {
         return screen.notify(&format!("removed the curves of {}", run.source.display()));

@@ -1,6 +1,7 @@
 //! What the user sees at the start: a saved run, or hints.
 
 use super::*;
+use crate::host::runs::{self, SAVES};
 use gdg::engine::Command;
 use gdg::pulse::Progress;
 
@@ -461,13 +462,23 @@ fn curves_of_the_run_itself_are_not_offered_to_lie_behind_its_own() {
     let own = folder.path().join("own.safetensors");
     let limits = Limits { updates: Some(0), ..Limits::default() };
     let mut app = app_saving_to(rooms(), gdg(), limits, Some(own.clone()));
-    saved_run(folder.path(), &app);
+    let other = saved_run(folder.path(), &app).file;
     app.act(Action::Save);
     wait_until(&mut app, |app| app.screen.latest.saved.is_some());
     assert!(own.is_file());
-    press(&mut app, KeyCode::Char('U'));
-    let Some(Dialog::Pick(list)) = app.screen.dialogs.pop() else { panic!("a list") };
-    // Those in saves/ are listed as well.
-    let listed: Vec<&str> = list.items().map(|item| &*item.label).collect();
-    assert!(listed.contains(&"saved") && !listed.contains(&"own"), "{listed:?}");
+    // Those in the usual folder are listed as well.
+    let usual = runs::files_in(Path::new(SAVES)).unwrap_or_default().len();
+    let mut listed = || -> Vec<String> {
+        press(&mut app, KeyCode::Char('U'));
+        match app.screen.dialogs.pop() {
+            Some(Dialog::Pick(list)) => list.items().map(|item| item.label.clone()).collect(),
+            _ => vec![app.screen.log.notice().expect("a notice").text.to_owned()],
+        }
+    };
+    let first = listed();
+    assert!(first.len() == 1 + usual && first[0] == "saved", "{first:?}");
+    std::fs::remove_file(other).expect("a file");
+    let left = listed();
+    let is_empty = left[0].contains("has no checkpoints of other runs");
+    assert!(if usual == 0 { is_empty } else { left == first[1..] }, "{left:?}");
 }

@@ -259,7 +259,7 @@ impl Target {
     }
 }
 
-/// Returns a system's error without the name of the temporary file, which tells users nothing.
+/// Strips the name of the temporary file, which means nothing to users, from a system error.
 fn unnamed(error: Error) -> Error {
     let text = error.to_string();
     let system = text.split_once(" at path \"").map(|(system, _)| Error::new(error.kind(), system));
