@@ -48,6 +48,7 @@ fn batch(rows: usize, side: f32) -> Batch {
     Batch {
         states: numbers(1.0, last),
         actor_goals: goals.clone(),
+        actor_weights: vec![1.0; rows],
         goals,
         bootstrap_states: numbers(1.0, last),
         steps: vec![1.0; rows],

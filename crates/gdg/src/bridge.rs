@@ -18,9 +18,7 @@ mod settings;
 
 pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 pub use excursion::Excursions;
-pub use graph::{
-    BridgeGraph, DistilledDistances, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route,
-};
+pub use graph::{BridgeGraph, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route};
 pub use guide::Guide;
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, SearchSpace, search};

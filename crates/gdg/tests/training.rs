@@ -227,6 +227,34 @@ fn a_run_saved_after_an_edit_continues_as_if_it_had_not_been_interrupted() {
 }
 
 #[test]
+fn a_run_saved_by_a_version_that_checked_fewer_distances_after_an_edit_resumes() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 333);
+    let map = with_door(map_of(&run), false);
+    change_map(&mut run, &map).unwrap();
+    train_to(&mut run, 450);
+    let saved = run.save().unwrap();
+    let goals = saved.u32("graph.changed.goals").unwrap();
+    let places = saved.f32("graph.changed.lower").unwrap().len() / goals.len();
+    let with = |goals: &[u32]| {
+        let mut store = run.save().unwrap();
+        for name in ["graph.changed.lower", "graph.changed.upper"] {
+            let numbers = store.f32(name).unwrap()[..goals.len() * places].to_vec();
+            store.put(name, numbers);
+        }
+        store.put("graph.changed.goals", goals.to_vec());
+        Trainer::load(&store, &Registry::builtin(), 2)
+    };
+    for fewer in [&goals[..20], &[]] {
+        let mut resumed = with(fewer).unwrap();
+        train_to(&mut resumed, 460);
+    }
+    let others: Vec<u32> = goals.iter().rev().copied().collect();
+    let error = with(&others).err().expect("these are not the graph's").to_string();
+    assert!(error.contains("to other places"), "{error}");
+}
+
+#[test]
 fn the_film_shows_distances_growing_with_what_is_learned() {
     let mut run = trainer(settings(), 5, 1);
     train_to(&mut run, 700);
@@ -857,11 +885,12 @@ fn a_maze_with_corridors_one_cell_wide_is_learned_from_one_cell() {
 fn evaluated_after(
     updates: u64,
     map: &Arc<Grid>,
+    seed: u64,
     change: impl Fn(&mut LearnSettings),
 ) -> Evaluation {
     let mut settings = Settings::default();
     change(&mut settings.learn);
-    let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings };
+    let run = Run { method: Method::default(), preset: Preset::Default, seed, settings };
     let mut run =
         Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
     train_to(&mut run, updates);
@@ -872,7 +901,7 @@ fn evaluated_after(
 fn waypoints_on_the_way_through_the_graph_lead_the_actor() {
     let map = Arc::new(builtin("fourrooms").unwrap());
     let greedy = |led| {
-        let evaluation = evaluated_after(4_000, &map, |learn| learn.actor_waypoints = led);
+        let evaluation = evaluated_after(4_000, &map, 1, |learn| learn.actor_waypoints = led);
         evaluation.greedy.success.unwrap()
     };
     let (with, without) = (greedy(true), greedy(false));
@@ -906,17 +935,21 @@ const CLUTTER: &str = "
 #[test]
 fn an_actor_that_clutter_blocks_is_shown_the_way_out() {
     let map = Arc::new(parse_map("clutter", CLUTTER.trim().as_bytes()).unwrap());
-    let success = |helped| {
-        let evaluation = evaluated_after(6_000, &map, |learn| {
+    let success = |seed, helped| {
+        let evaluation = evaluated_after(4_000, &map, seed, |learn| {
             (learn.unblock_actor, learn.model_check) = (helped, helped);
             // These pairs help in clutter as well.
             learn.short_pairs = 0.0;
         });
         [evaluation.planned.unwrap(), evaluation.greedy].map(|own| own.success.unwrap())
     };
-    let ([planned, with], [_, without]) = (success(true), success(false));
-    assert!(planned > 0.9, "on plans {planned}");
-    assert!(without < with - 0.05, "alone, with ways out {with}, without {without}");
+    let (mut with, mut without) = (0.0, 0.0);
+    for seed in [1, 2, 3] {
+        let [planned, alone] = success(seed, true);
+        assert!(planned > 0.9, "on plans {planned}, seed {seed}");
+        (with, without) = (with + alone / 3.0, without + success(seed, false)[1] / 3.0);
+    }
+    assert!(without < with - 0.03, "alone, with ways out {with}, without {without}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ mod routes;
 
 pub(crate) use routes::UNVERIFIED_FACTOR;
 pub(super) use routes::{COST_UNITS_PER_STEP, FirstHop, HopOptions};
-pub use routes::{DistilledDistances, LINK_CANDIDATES, Route};
+pub use routes::{LINK_CANDIDATES, Route};
 
 use std::sync::Arc;
 

@@ -197,8 +197,7 @@ impl PhasedLearner for Gdg {
             nets.critics.truncate(1);
             let first = sampler.add_known(known, short_pairs.choose(&nets), data.rng, batch);
             let Some(paths) = graph_paths else { return };
-            paths.collect(spec, known, batch, first);
-            paths.apply(&nets, known, batch);
+            paths.apply(spec, &nets, known, batch, first);
         })
     }
 

@@ -448,13 +448,13 @@ impl Trainer {
         let (relearns, graph_finds_changed) = (self.relearns(), self.needs_graph());
         let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
         let known =
-            graphs.current().map(|BuiltGraph { graph, distilled, changed, .. }| KnownDistances {
-                states: graph.candidates().states(),
-                goals: graph.candidates().goal_index(),
-                pairs: &distilled.pairs,
-                near: &distilled.pairs[..distilled.near],
-                by_goal: distilled.by_goal.as_ref(),
-                changed: changed.as_deref().filter(|_| relearns),
+            graphs.current().and_then(|BuiltGraph { graph, distilled, changed, .. }| {
+                Some(KnownDistances {
+                    states: graph.candidates().states(),
+                    goals: graph.candidates().goal_index(),
+                    by_goal: distilled.as_deref()?,
+                    changed: changed.as_deref().filter(|_| relearns),
+                })
             });
         let agents = self.run.settings.train.agents as u64;
         let recent_slots =

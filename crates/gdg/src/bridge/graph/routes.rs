@@ -8,8 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use super::radix_heap::RadixHeap;
 use super::{BridgeGraph, Incoming, Link};
 use crate::learn::{
-    ChangedDistances, DistancesByGoal, GoalIndex, KnownPair, NEAR_STEPS, Policy, Scratch,
-    WAYPOINT_STEPS,
+    ChangedDistances, DistancesByGoal, GoalIndex, NEAR_STEPS, Policy, Scratch, WAYPOINT_STEPS,
 };
 use crate::pulse::Cancelled;
 
@@ -38,24 +37,6 @@ pub(crate) const GROWN_SLACK_STEPS: f32 = 2.0;
 
 /// A distance has shrunk only if D exceeds the graph's, by that factor and by this many steps.
 pub(crate) const SHRUNK_SLACK_STEPS: f32 = 1.0;
-
-/// Graph distances as training targets.
-#[derive(Clone, Debug, Default)]
-pub struct DistilledDistances {
-    /// Pairs of candidates and their graph distance, the near ones first.
-    pub pairs: Vec<KnownPair>,
-    /// Number of near pairs, less than `NEAR_STEPS` apart.
-    pub near: usize,
-    /// The same by goal, if there are any.
-    pub by_goal: Option<DistancesByGoal>,
-}
-
-impl DistilledDistances {
-    /// Returns the longest of the distances, in steps; 0 if there are none.
-    pub fn longest_steps(&self) -> f32 {
-        self.pairs.iter().map(|pair| pair.steps).fold(0.0, f32::max)
-    }
-}
 
 /// Shortest paths to one goal through the graph.
 #[derive(Clone, Debug)]
@@ -319,66 +300,79 @@ impl BridgeGraph {
         options.collect()
     }
 
-    /// Draws `goals` candidates and collects the graph distances to each from all candidates that
-    /// reach it.
-    pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> DistilledDistances {
-        let hop = self.hop_steps();
-        let (mut near, mut far) = (Vec::new(), Vec::new());
+    /// Draws `goals` candidates and finds the graph distances to each from all candidates that
+    /// reach it; changed distances are to be found to the first `checked` of them. Returns `None` if
+    /// no other candidate reaches any.
+    pub fn distil(
+        &self,
+        goals: usize,
+        checked: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> Option<DistancesByGoal> {
+        let (count, hop_steps) = (self.candidates.len(), self.hop_steps());
+        let goals = goals.min(count);
+        let checked = checked.min(goals);
+        let (mut pairs, mut far) = (Vec::new(), Vec::new());
         let mut by_goal = DistancesByGoal {
             places: Vec::new(),
             goals: GoalIndex::new(&self.spec),
             steps: Vec::new(),
             waypoints: Vec::new(),
-            nearest: vec![0; self.candidates.len()],
+            checked,
+            nearest_checked: vec![0; count],
+            pairs: Vec::new(),
+            near: 0,
+            hop_steps,
         };
-        let mut nearest = vec![f32::INFINITY; self.candidates.len()];
-        for number in 0..goals.min(self.candidates.len()) {
-            let goal = rng.random_range(0..self.candidates.len());
+        let mut nearest = vec![f32::INFINITY; count];
+        for number in 0..goals {
+            let goal = rng.random_range(0..count);
             let route = self.route_to_candidate(goal);
             let lengths = self.lengths(&route, |_| 0.0);
-            let waypoints = route.waypoints(&lengths);
             let reachable = lengths.iter().enumerate().filter(|(i, s)| *i != goal && s.is_finite());
-            // These paths start exactly at a candidate, so their first hop has no overhead.
-            for (i, s) in reachable {
-                let steps = s - hop;
-                let pairs = if steps < NEAR_STEPS { &mut near } else { &mut far };
-                let (from, to) = (i as u32, goal as u32);
-                pairs.push(KnownPair { from, to, steps, waypoint: waypoints[i] });
+            for (i, steps) in reachable {
+                let is_near = steps - hop_steps < NEAR_STEPS;
+                let pairs = if is_near { &mut pairs } else { &mut far };
+                pairs.push((number * count + i) as u32);
             }
-            for ((least, to), steps) in nearest.iter_mut().zip(&mut by_goal.nearest).zip(&lengths) {
-                if steps < least {
-                    (*least, *to) = (*steps, number as u32);
+            if number < checked {
+                let goals = nearest.iter_mut().zip(&mut by_goal.nearest_checked);
+                for ((least, to), steps) in goals.zip(&lengths) {
+                    if steps < least {
+                        (*least, *to) = (*steps, number as u32);
+                    }
                 }
             }
             by_goal.places.push(goal as u32);
             by_goal.goals.push(self.point(goal));
+            by_goal.waypoints.extend(route.waypoints(&lengths));
             by_goal.steps.extend(lengths);
-            by_goal.waypoints.extend(waypoints);
         }
-        let (number, mut pairs) = (near.len(), near);
+        by_goal.near = pairs.len();
         pairs.append(&mut far);
-        DistilledDistances { by_goal: (!pairs.is_empty()).then_some(by_goal), pairs, near: number }
+        by_goal.pairs = pairs;
+        (!by_goal.pairs.is_empty()).then_some(by_goal)
     }
 
-    /// Finds the distances that have changed since the networks learned them: those of `distilled`
+    /// Finds the distances that have changed since the networks learned them: those of `by_goal`
     /// that are far longer or shorter along the graph than D says. Returns `None` once `cancelled`
     /// is true.
     pub fn changed_distances(
         &self,
-        distilled: &DistilledDistances,
+        by_goal: &DistancesByGoal,
         policy: &dyn Policy,
         scratch: &mut Scratch,
         cancelled: &Cancelled,
     ) -> Option<ChangedDistances> {
         let (count, hop) = (self.candidates.len(), self.hop_steps());
         let mut changed = ChangedDistances::default();
-        let Some(by_goal) = &distilled.by_goal else { return Some(changed) };
         let mut distances = vec![0.0; count];
-        for (goal, lengths) in by_goal.places.iter().zip(by_goal.steps.chunks_exact(count)) {
+        let places = by_goal.checked_places();
+        for (goal, lengths) in places.iter().zip(by_goal.steps.chunks_exact(count)) {
             if cancelled.is_set() {
                 return None;
             }
-            cancelled.progress().set(changed.goals.len(), by_goal.places.len());
+            cancelled.progress().set(changed.goals.len(), places.len());
             changed.goals.push(*goal);
             let goals = self.point(*goal as usize).repeat(count);
             policy.distances(self.candidates.states(), &goals, &mut distances, scratch);

@@ -41,6 +41,9 @@ pub struct Batch {
     /// What the actor is to approach on its way to g, `(batch, goal_dim)`: a waypoint if one is
     /// known, otherwise g.
     pub actor_goals: Vec<f32>,
+    /// 1 where the actor learns from the pair; 0 where g is far and the path through the graph
+    /// begins or ends too far away to lead it, `(batch)`.
+    pub actor_weights: Vec<f32>,
     /// The states from which targets bootstrap, `(batch, state_dim)`.
     pub bootstrap_states: Vec<f32>,
     /// Steps from s to the state ahead, or to the goal, `(batch)`.
@@ -104,6 +107,7 @@ impl Batch {
             &mut self.states,
             &mut self.goals,
             &mut self.actor_goals,
+            &mut self.actor_weights,
             &mut self.bootstrap_states,
             &mut self.from,
             &mut self.actions,
@@ -169,6 +173,7 @@ impl BatchSampler {
             batch.next.extend(replay.state(later(moment, 1)));
         }
         batch.actor_goals.extend(&batch.goals);
+        batch.actor_weights.resize(batch.len(), 1.0);
     }
 
     /// Returns the number of pairs of places whose distance is known in a batch (distillation), and
@@ -188,9 +193,6 @@ impl BatchSampler {
         rng: &mut ChaCha8Rng,
         batch: &mut Batch,
     ) -> usize {
-        if known.pairs.is_empty() {
-            return 0;
-        }
         let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
         let state_of = |place: usize| &known.states[place * s..(place + 1) * s];
         let (count, _) = self.known_rows(batch);
@@ -198,7 +200,7 @@ impl BatchSampler {
             let KnownPair { from, to, steps, waypoint } = match (i + short.len()).checked_sub(count)
             {
                 Some(k) => short[k],
-                None => known.pairs[rng.random_range(0..known.pairs.len())],
+                None => known.by_goal.any_pair(rng),
             };
             let towards = if self.settings.actor_waypoints { waypoint } else { to };
             let goals = [to, towards].map(|place| known.goals.goal(place as usize));
@@ -207,7 +209,8 @@ impl BatchSampler {
                 *limit = limit.min(self.max_distance());
             }
         }
-        let Some((changed, by_goal)) = known.changed.zip(known.by_goal) else { return count };
+        let Some(changed) = known.changed else { return count };
+        let by_goal = known.by_goal;
         for i in 0..batch.len() {
             let state: Vec<f32> = self.spec.achieved(&batch.states[i * s..(i + 1) * s]).collect();
             let goal = &batch.goals[i * g..(i + 1) * g];
@@ -216,7 +219,7 @@ impl BatchSampler {
                 // The triangle inequality, with straight lines for the short distances to the
                 // nearest places, and the path from there to a place whose changes are known: the
                 // nearest one in a straight line may lie behind a wall.
-                let to = by_goal.nearest[at] as usize;
+                let to = by_goal.nearest_checked[at] as usize;
                 let on = by_goal.steps[to * known.goals.len() + at];
                 let (pair, off) = (to * known.goals.len() + from, off_start + off_goal);
                 // How far it is back from there, an upper bound would have to know.
@@ -340,31 +343,34 @@ mod tests {
     ) {
         // Places at both ends; from the first to the second it is much farther than D says.
         let pair = |from, to, steps| KnownPair { from, to, steps, waypoint: to };
-        let (states, pairs) = ([10.0, 90.0], [pair(0, 1, 200.0), pair(1, 0, 80.0)]);
+        let states = [10.0, 90.0];
         let mut places = GoalIndex::new(&sampler.spec);
         states.iter().for_each(|state| places.push(&[*state]));
-        // Only distances to the second place are known; from the first one it is a long way round.
-        let mut by_goal = DistancesByGoal {
-            places: vec![1],
-            goals: GoalIndex::new(&sampler.spec),
-            steps: vec![120.0, 0.0],
-            waypoints: vec![1, 1],
-            nearest: vec![0, 0],
+        let by_goal = |goals: &[u32], steps: &[f32], pairs: &[u32]| {
+            let mut to = GoalIndex::new(&sampler.spec);
+            goals.iter().for_each(|goal| to.push(&[states[*goal as usize]]));
+            DistancesByGoal {
+                places: goals.to_vec(),
+                goals: to,
+                steps: steps.to_vec(),
+                waypoints: goals.iter().flat_map(|goal| [*goal; 2]).collect(),
+                checked: 1,
+                nearest_checked: vec![0, 0],
+                pairs: pairs.to_vec(),
+                near: 0,
+                hop_steps: 1.0,
+            }
         };
-        by_goal.goals.push(&[90.0]);
+        let both_ways = by_goal(&[1, 0], &[201.0, 0.0, 0.0, 81.0], &[0, 3]);
+        // Only distances to the second place are known; from the first one it is a long way round.
+        let there = by_goal(&[1], &[120.0, 0.0], &[0]);
         let changed = ChangedDistances {
             goals: vec![1],
             lower: vec![150.0, 0.0],
             upper: vec![f32::MAX, 7.0],
         };
-        let known = KnownDistances {
-            states: &states,
-            goals: &places,
-            pairs: &pairs,
-            near: &[],
-            by_goal: None,
-            changed: None,
-        };
+        let known =
+            KnownDistances { states: &states, goals: &places, by_goal: &both_ways, changed: None };
         sampler.add_known(&known, &[], rng, batch);
         for i in 0..16 {
             let (upper, lower) =
@@ -391,7 +397,7 @@ mod tests {
             "the limit is for all pairs"
         );
         sampler.add_known(&known, &[], rng, batch);
-        let known = KnownDistances { changed: Some(&changed), by_goal: Some(&by_goal), ..known };
+        let known = KnownDistances { changed: Some(&changed), by_goal: &there, ..known };
         let before = batch.bound.clone();
         sampler.add_known(&known, &[], rng, batch);
         for (i, before) in before.into_iter().enumerate().skip(16) {

@@ -1,5 +1,8 @@
 //! Distances known from a source other than transitions: from the bridge graph.
 
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
 use crate::learn::data::goal_index::GoalIndex;
 
 /// How to relearn distances that may have changed.
@@ -21,12 +24,8 @@ pub struct KnownDistances<'a> {
     pub states: &'a [f32],
     /// The same places as goals.
     pub goals: &'a GoalIndex,
-    /// Pairs of places whose distance is known.
-    pub pairs: &'a [KnownPair],
-    /// Those of them that are less than `NEAR_STEPS` apart.
-    pub near: &'a [KnownPair],
-    /// Distances along the same paths by goal, for looking up.
-    pub by_goal: Option<&'a DistancesByGoal>,
+    /// Distances along shortest paths to some of them.
+    pub by_goal: &'a DistancesByGoal,
     /// Distances that have changed, while they are relearned.
     pub changed: Option<&'a ChangedDistances>,
 }
@@ -59,19 +58,62 @@ pub struct DistancesByGoal {
     /// The same places as goals.
     pub goals: GoalIndex,
     /// Steps from each place to each goal, `(goals, places)`, with the overhead of each hop, the
-    /// first as well; infinite if unknown.
+    /// first as well; infinite if there is no path.
     pub steps: Vec<f32>,
     /// For each of these, the first place on the path that is at least `WAYPOINT_STEPS` from its
     /// start, or its end.
     pub waypoints: Vec<u32>,
-    /// For each place, the goal that is fewest steps away, as its number among the goals.
-    pub nearest: Vec<u32>,
+    /// Number of goals, the first ones, to which [`ChangedDistances`] are found.
+    pub checked: usize,
+    /// For each place, the one of these goals that is fewest steps away, as its number.
+    pub nearest_checked: Vec<u32>,
+    /// Indices in `steps` of the pairs of a goal and another place with a path to it; those less
+    /// than `NEAR_STEPS` apart come first.
+    pub pairs: Vec<u32>,
+    /// Number of these near pairs.
+    pub near: usize,
+    /// The overhead of a first hop, which paths that start exactly at a place do not have.
+    pub hop_steps: f32,
+}
+
+impl DistancesByGoal {
+    /// Returns the pair at index `i` of [`Self::steps`].
+    pub fn pair(&self, i: u32) -> KnownPair {
+        let at = i as usize;
+        let places = self.steps.len() / self.places.len();
+        KnownPair {
+            from: (at % places) as u32,
+            to: self.places[at / places],
+            steps: self.steps[at] - self.hop_steps,
+            waypoint: self.waypoints[at],
+        }
+    }
+
+    /// Returns the goals to which [`ChangedDistances`] are found.
+    pub fn checked_places(&self) -> &[u32] {
+        &self.places[..self.checked]
+    }
+
+    /// Returns one of the pairs.
+    pub fn any_pair(&self, rng: &mut ChaCha8Rng) -> KnownPair {
+        self.pair(self.pairs[rng.random_range(0..self.pairs.len())])
+    }
+
+    /// Returns one of the near pairs.
+    pub fn near_pair(&self, rng: &mut ChaCha8Rng) -> KnownPair {
+        self.pair(self.pairs[rng.random_range(0..self.near)])
+    }
+
+    /// Returns the longest of the pairs' distances, in steps.
+    pub fn longest_steps(&self) -> f32 {
+        self.pairs.iter().map(|i| self.pair(*i).steps).fold(0.0, f32::max)
+    }
 }
 
 /// Bounds on distances of which D is far too short or too long.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChangedDistances {
-    /// The places that are goals.
+    /// The places that are goals, the first of [`DistancesByGoal::places`].
     pub goals: Vec<u32>,
     /// Fewest steps from each place to each goal, `(goals, places)`; 0 where D is long enough.
     pub lower: Vec<f32>,

@@ -9,7 +9,9 @@
 //!
 //! - the target is at most D'(s, a) + d(a, b) + D'(b, g);
 //! - the actor descends D to a waypoint on the path from a to b instead of D to g, if the path
-//!   begins near s and ends near g.
+//!   begins near s and ends near g;
+//! - otherwise, if g is far, the actor does not learn from the pair: one step changes D to a far
+//!   goal by less than its error, and near a wall its slope leads straight into it.
 //!
 //! D' gives the true distances to a and from b, even where a straight line crosses a wall.
 
@@ -23,7 +25,8 @@ use crate::learn::settings::LearnSettings;
 /// better than the graph's.
 pub(crate) const LEAST_BOUND_STEPS: f32 = 20.0;
 
-/// Least distance along the graph of the pairs whose actor is led, in steps.
+/// Least length of a path that leads the actor, and least D'(s, g) of a pair that it does not learn
+/// because its path cannot lead it, in steps.
 pub(crate) const LEAST_LED_STEPS: f32 = 10.0;
 
 /// The actor is led along paths that begin at most this far from s, by D', ...
@@ -33,18 +36,20 @@ pub(crate) const MAX_STEPS_BEFORE: f32 = 5.0;
 pub(crate) const MAX_STEPS_AFTER: f32 = 3.0;
 
 /// ... or at most this share of their length.
-pub(crate) const MAX_SHARE_AFTER: f32 = 0.15;
+pub(crate) const MAX_SHARE_AFTER: f32 = 0.3;
 
 /// Finds bounds and waypoints, and keeps the buffers.
 pub struct GraphPaths {
     bounds: bool,
     waypoints: bool,
     paths: Vec<Path>,
-    /// Starts of the distances asked of D': s of each path, then b.
+    /// Starts of the distances asked of D': s of each path, then b; s of the pairs not led.
     states: Vec<f32>,
-    /// Their ends: a of each path, then g.
+    /// Their ends: a of each path, then g; g of the pairs not led.
     goals: Vec<f32>,
     distances: Vec<f32>,
+    /// Rows of the pairs whose path begins or ends too far away to lead the actor.
+    unled: Vec<usize>,
     scratch: Scratch,
 }
 
@@ -68,18 +73,68 @@ impl GraphPaths {
             states: Vec::new(),
             goals: Vec::new(),
             distances: Vec::new(),
+            unled: Vec::new(),
             scratch: Scratch::default(),
         };
         (bounds || waypoints).then(none)
     }
 
+    /// Bounds the targets of the pairs of `batch` from row `first` on whose distance along the graph
+    /// is known, and leads their actor, or leaves them out of its training; `policy` gives D'.
+    pub fn apply(
+        &mut self,
+        spec: &Spec,
+        policy: &dyn Policy,
+        known: &KnownDistances,
+        batch: &mut Batch,
+        first: usize,
+    ) {
+        self.collect(spec, known, batch, first);
+        let (count, s, g) = (self.paths.len(), spec.state_dim(), spec.goal_dim());
+        self.distances.resize(2 * count, 0.0);
+        policy.distances(&self.states, &self.goals, &mut self.distances, &mut self.scratch);
+        self.unled.clear();
+        let (before, after) = self.distances.split_at(count);
+        for (Path { row, steps, waypoint }, (before, after)) in
+            self.paths.iter().zip(before.iter().zip(after))
+        {
+            if self.bounds && *steps >= LEAST_BOUND_STEPS {
+                let bound = &mut batch.bound[*row];
+                *bound = bound.min(before + steps + after);
+                batch.lower[*row] = batch.lower[*row].min(*bound);
+            }
+            if !self.waypoints {
+                continue;
+            }
+            let near = *before <= MAX_STEPS_BEFORE
+                && *after <= MAX_STEPS_AFTER.max(MAX_SHARE_AFTER * steps);
+            if near {
+                let waypoint = known.goals.goal(*waypoint as usize);
+                batch.actor_goals[row * g..(row + 1) * g].copy_from_slice(waypoint);
+            } else {
+                self.unled.push(*row);
+            }
+        }
+        [&mut self.states, &mut self.goals].into_iter().for_each(Vec::clear);
+        for row in &self.unled {
+            self.states.extend(&batch.states[row * s..(row + 1) * s]);
+            self.goals.extend(&batch.goals[row * g..(row + 1) * g]);
+        }
+        self.distances.resize(self.unled.len(), 0.0);
+        policy.distances(&self.states, &self.goals, &mut self.distances, &mut self.scratch);
+        for (row, distance) in self.unled.iter().zip(&self.distances) {
+            if *distance > LEAST_LED_STEPS {
+                batch.actor_weights[*row] = 0.0;
+            }
+        }
+    }
+
     /// Collects the paths for the pairs of `batch` from row `first` on.
-    pub fn collect(&mut self, spec: &Spec, known: &KnownDistances, batch: &Batch, first: usize) {
+    fn collect(&mut self, spec: &Spec, known: &KnownDistances, batch: &Batch, first: usize) {
         [&mut self.states, &mut self.goals].into_iter().for_each(Vec::clear);
         self.paths.clear();
-        let Some(by_goal) = known.by_goal else { return };
         let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
-        let DistancesByGoal { places: ends_at, goals, steps, waypoints, .. } = by_goal;
+        let DistancesByGoal { places: ends_at, goals, steps, waypoints, .. } = known.by_goal;
         let least = if self.waypoints { LEAST_LED_STEPS } else { LEAST_BOUND_STEPS };
         let mut ends = (Vec::new(), Vec::new());
         for row in (first..batch.len()).filter(|row| batch.bootstrap[*row] > 0.0) {
@@ -102,30 +157,6 @@ impl GraphPaths {
         }
         self.states.append(&mut ends.0);
         self.goals.append(&mut ends.1);
-    }
-
-    /// Bounds the targets of the pairs collected and leads their actor; `policy` gives D'.
-    pub fn apply(&mut self, policy: &dyn Policy, known: &KnownDistances, batch: &mut Batch) {
-        let count = self.paths.len();
-        self.distances.resize(2 * count, 0.0);
-        policy.distances(&self.states, &self.goals, &mut self.distances, &mut self.scratch);
-        let (before, after) = self.distances.split_at(count);
-        for (Path { row, steps, waypoint }, (before, after)) in
-            self.paths.iter().zip(before.iter().zip(after))
-        {
-            if self.bounds && *steps >= LEAST_BOUND_STEPS {
-                let bound = &mut batch.bound[*row];
-                *bound = bound.min(before + steps + after);
-                batch.lower[*row] = batch.lower[*row].min(*bound);
-            }
-            let near = *before <= MAX_STEPS_BEFORE
-                && *after <= MAX_STEPS_AFTER.max(MAX_SHARE_AFTER * steps);
-            if self.waypoints && near {
-                let waypoint = known.goals.goal(*waypoint as usize);
-                batch.actor_goals[row * waypoint.len()..(row + 1) * waypoint.len()]
-                    .copy_from_slice(waypoint);
-            }
-        }
     }
 }
 
@@ -164,21 +195,20 @@ mod tests {
             goals: last,
             steps: vec![82.0, 44.0, 0.0],
             waypoints: vec![1, 2, 2],
-            nearest: vec![0; 3],
+            checked: 0,
+            nearest_checked: vec![],
+            pairs: vec![0, 1],
+            near: 0,
+            hop_steps: 0.0,
         };
-        let known = KnownDistances {
-            states: &states,
-            goals: &goals,
-            pairs: &[],
-            near: &[],
-            by_goal: Some(&by_goal),
-            changed: None,
-        };
+        let known =
+            KnownDistances { states: &states, goals: &goals, by_goal: &by_goal, changed: None };
         let from = [12.0, 12.0, 51.0, 88.0, 16.0, 12.0];
         let mut batch = Batch {
             states: from.to_vec(),
             goals: vec![87.0; 6],
             actor_goals: vec![87.0; 6],
+            actor_weights: vec![1.0; 6],
             bound: vec![1e9, 1e9, 1e9, 1e9, 60.0, 1e9],
             lower: vec![0.0, 100.0, 0.0, 0.0, 0.0, 0.0],
             bootstrap: vec![1.0, 1.0, 1.0, 1.0, 1.0, 0.0],
@@ -186,15 +216,8 @@ mod tests {
             ..Batch::default()
         };
         let mut paths = GraphPaths::new(settings).expect("paths are wanted");
-        paths.collect(&spec, &known, &batch, 1);
-        paths.apply(&Line, &known, &mut batch);
+        paths.apply(&spec, &Line, &known, &mut batch, 1);
         expected(&batch);
-        // No distances are known.
-        let before = batch.clone();
-        let nothing = KnownDistances { by_goal: None, ..known };
-        paths.collect(&spec, &nothing, &batch, 0);
-        paths.apply(&Line, &nothing, &mut batch);
-        assert_eq!((batch.bound, batch.actor_goals), (before.bound, before.actor_goals));
     }
 
     #[test]
@@ -206,16 +229,18 @@ mod tests {
             // goal.
             assert_eq!(batch.bound, [1e9, through, 3.0 + 300.0 + 44.0 + 3.0, 1e9, 60.0, 1e9]);
             assert_eq!(batch.lower[1], through, "no higher than the upper bound");
-            assert_eq!(batch.actor_goals, [87.0; 6]);
+            assert_eq!((&batch.actor_goals, &batch.actor_weights), (&vec![87.0; 6], &vec![1.0; 6]));
         });
     }
 
     #[test]
-    fn the_actor_is_led_along_paths_that_begin_near_the_state_and_end_near_the_goal() {
+    fn the_actor_learns_from_far_pairs_where_a_path_begins_near_the_state_and_ends_near_the_goal() {
         let settings = LearnSettings { graph_bounds: false, ..LearnSettings::default() };
         check(&settings, |batch| {
-            // The path of the third row begins behind the wall, that of the fifth too far away.
+            // The paths of the third and fifth row begin too far away. The goal of the fourth row is
+            // near, and that of the last one was reached.
             assert_eq!(batch.actor_goals, [87.0, 48.0, 87.0, 87.0, 87.0, 87.0]);
+            assert_eq!(batch.actor_weights, [1.0, 1.0, 0.0, 1.0, 0.0, 1.0]);
             assert_eq!(batch.bound, [1e9, 1e9, 1e9, 1e9, 60.0, 1e9]);
         });
     }

@@ -72,6 +72,7 @@ impl Objective for Shapes {
         let pairs = Pairs { plain: &buffers.plain, states: rows.states, goals: rows.goals };
         let options = ActorLossOptions {
             towards: rows.actor_goals,
+            weights: rows.actor_weights,
             share: rows.share,
             frees_stuck: rows.frees_stuck_actor,
         };

@@ -6,7 +6,6 @@
 //! several near pairs whose distance along the graph is known, the one whose D falls furthest short
 //! of it is learned (hard example mining, Shrivastava et al. 2016).
 
-use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
@@ -43,11 +42,11 @@ impl ShortPairs {
         let s = spec.state_dim();
         self.tried.clear();
         [&mut self.states, &mut self.goals].into_iter().for_each(Vec::clear);
-        if known.near.is_empty() {
+        if known.by_goal.near == 0 {
             return;
         }
         for _ in 0..count * TRIED_PAIRS {
-            let pair = known.near[rng.random_range(0..known.near.len())];
+            let pair = known.by_goal.near_pair(rng);
             let (from, to) = (pair.from as usize, pair.to as usize);
             self.states.extend(&known.states[from * s..(from + 1) * s]);
             self.goals.extend(known.goals.goal(to));
@@ -80,6 +79,7 @@ mod tests {
     use super::*;
     use crate::env::tests::positions;
     use crate::learn::data::goal_index::GoalIndex;
+    use crate::learn::data::known::DistancesByGoal;
 
     /// D is the straight line.
     struct Line;
@@ -100,26 +100,32 @@ mod tests {
         let mut goals = GoalIndex::new(&spec);
         states.iter().for_each(|place| goals.push(&[*place]));
         // A wall between the first two: 15 steps along the graph, 2 by D.
-        let pair = |from, to, steps| KnownPair { from, to, steps, waypoint: to };
-        let near = [pair(0, 1, 15.0), pair(1, 2, 18.0), pair(2, 1, 19.0), pair(0, 2, 5.0)];
-        let mut known = KnownDistances {
-            states: &states,
-            goals: &goals,
-            pairs: &near,
-            near: &near,
-            by_goal: None,
-            changed: None,
+        let none = f32::INFINITY;
+        let by_goal = DistancesByGoal {
+            places: vec![1, 2],
+            goals: GoalIndex::new(&spec),
+            steps: vec![15.0, none, 19.0, 5.0, 18.0, none],
+            waypoints: vec![1, 1, 1, 2, 2, 2],
+            checked: 0,
+            nearest_checked: vec![],
+            pairs: vec![0, 2, 3, 4],
+            near: 4,
+            hop_steps: 0.0,
         };
+        let [behind_wall, longer] = [0, 3].map(|i| by_goal.pair(i));
+        let (states, goals) = (&states[..], &goals);
+        let known = KnownDistances { states, goals, by_goal: &by_goal, changed: None };
         let (mut pairs, mut rng) = (ShortPairs::default(), ChaCha8Rng::seed_from_u64(1));
         pairs.draw(&spec, &known, 100, &mut rng);
         let chosen = pairs.choose(&Line);
         assert_eq!(chosen.len(), 100);
-        let behind_wall = chosen.iter().filter(|pair| **pair == near[0]).count();
+        let behind_wall = chosen.iter().filter(|pair| **pair == behind_wall).count();
         // At random it would be a quarter; it is among four drawn with a probability of 0.68.
         assert!(behind_wall > 55, "{behind_wall} of 100");
-        let longer = chosen.iter().filter(|pair| **pair == near[3]).count();
+        let longer = chosen.iter().filter(|pair| **pair == longer).count();
         assert!(longer < 5, "D is longer than the graph there: {longer}");
-        known.near = &[];
+        let none_near = DistancesByGoal { near: 0, ..by_goal.clone() };
+        let known = KnownDistances { by_goal: &none_near, ..known };
         pairs.draw(&spec, &known, 100, &mut rng);
         assert!(pairs.choose(&Line).is_empty());
     }

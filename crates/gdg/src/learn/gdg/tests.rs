@@ -31,6 +31,7 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
         batch.from.extend(state(rng));
         batch.actions.extend((0..spec.action_dim).map(|_| rng.random_range(-1.0..1.0f32)));
         batch.next.extend(state(rng));
+        batch.actor_weights.push(if i % 5 == 3 { 0.0 } else { 1.0 });
     }
     // A waypoint leads the actor of every third pair: the goal of the pair before it.
     batch.actor_goals.clone_from(&batch.goals);
@@ -85,6 +86,7 @@ fn check_against(
     let (s, g) = (spec.state_dim(), spec.goal_dim());
     let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
     let towards = tensor(&batch.actor_goals, g);
+    let weights = tensor(&batch.actor_weights, 1).squeeze(1).unwrap();
     // Averages start equal to what they average: some updates move them apart.
     for _ in 0..updates_before {
         let mut other = make_batch(spec, settings.batch_size, &mut rng);
@@ -111,8 +113,8 @@ fn check_against(
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
     let model =
         reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
-    let (actor, excess) =
-        reference.actor_loss(&states, [&goals, &towards], batch.frees_stuck_actor).unwrap();
+    let ways = [&goals, &towards, &weights];
+    let (actor, excess) = reference.actor_loss(&states, ways, batch.frees_stuck_actor).unwrap();
     let losses = [&critic, &model, &actor].map(|loss| loss.to_scalar::<f32>().unwrap());
     let actor_and_excess = if settings.actor_bound > 0.0 || frees_stuck_actor {
         (actor + excess).unwrap()

@@ -33,6 +33,7 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
         batch.next.extend(random_state(spec, rng));
     }
     batch.actor_goals.clone_from(&batch.goals);
+    batch.actor_weights.resize(batch.len(), 1.0);
     batch
 }
 

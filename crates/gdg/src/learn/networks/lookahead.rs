@@ -194,15 +194,15 @@ impl Shapes {
         }
     }
 
-    /// Finds better actions by lookahead towards `goals` for the rows whose actions are blocked, as
-    /// the model predicts. Actions similar to a blocked one are blocked, too, so that the gradient
-    /// of Algorithm 1 vanishes.
+    /// Finds better actions by lookahead towards `goals` for the rows of positive weight whose
+    /// actions are blocked, as the model predicts. Actions similar to a blocked one are blocked,
+    /// too, so that the gradient of Algorithm 1 vanishes.
     pub fn find_ways_out(
         &self,
         model: Weights,
         critic: Weights,
         Steps { states, actions, next }: Steps,
-        goals: &[f32],
+        (goals, weights): (&[f32], &[f32]),
         ways: &mut WaysOut,
     ) {
         let spec = self.encoder.spec();
@@ -215,7 +215,7 @@ impl Shapes {
         };
         let WaysOut { rows, states: from, goals: to, own, best, lookahead, actions: found } = ways;
         rows.clear();
-        rows.extend((0..states.len() / s).filter(is_blocked));
+        rows.extend((0..states.len() / s).filter(|row| weights[*row] > 0.0).filter(is_blocked));
         for (chosen, all, width) in [(&mut *from, states, s), (to, goals, g), (own, actions, a)] {
             chosen.clear();
             rows.iter().for_each(|row| chosen.extend(&all[row * width..(row + 1) * width]));

@@ -20,7 +20,8 @@ pub struct Losses {
     pub critic: f32,
     /// |f(s, a) - s'|^2, with each component in units of its change scale.
     pub model: f32,
-    /// D(f(s, mu(s, g)), w) in steps, with w either g or a waypoint on the way there.
+    /// D(f(s, mu(s, g)), w) in steps, with w either g or a waypoint on the way there; 0 in rows
+    /// from which the actor does not learn.
     pub actor: f32,
 }
 
@@ -60,6 +61,8 @@ pub const WAY_OUT_OUTPUT: f32 = 2.0;
 pub struct ActorLossOptions<'a> {
     /// What the actor is to approach, `(rows, goal_dim)`.
     pub towards: &'a [f32],
+    /// See [`crate::learn::Batch::actor_weights`], `(rows)`; the bound of outputs holds in all rows.
+    pub weights: &'a [f32],
     /// 1 / batch size.
     pub share: f32,
     /// See [`crate::learn::Batch::frees_stuck_actor`].
@@ -196,11 +199,12 @@ impl Shapes {
         &self,
         Path { actor, model, critics }: Path,
         pairs: Pairs,
-        ActorLossOptions { towards, share, frees_stuck }: ActorLossOptions,
+        options: ActorLossOptions,
         gradient: &mut Gradient,
         buffers: &mut ActorBuffers,
     ) -> f32 {
         gradient.prepare(self.actor.parameters());
+        let ActorLossOptions { towards, weights, share, frees_stuck } = options;
         let ActorBuffers { networks: buffers, before, ways_out } = buffers;
         let critic = critics[0];
         let states = pairs.states;
@@ -211,7 +215,7 @@ impl Shapes {
         if self.unblock_actor {
             let actions = &buffers.actor.y[..rows * self.actor.outputs];
             let steps = Steps { states, actions, next: &next[..states.len()] };
-            self.find_ways_out(model, critic, steps, towards, ways_out);
+            self.find_ways_out(model, critic, steps, (towards, weights), ways_out);
         }
         if frees_stuck {
             let mut plain = std::mem::take(&mut buffers.critic.plain);
@@ -223,23 +227,22 @@ impl Shapes {
         // Forward to D and backward to the model's outputs.
         let before = if frees_stuck { &mut before[..] } else { &mut [] };
         let d_change = &mut next[..states.len()];
-        let loss = self.critic_slope(critic, d_change, towards, share, before, &mut buffers.critic);
+        let loss = self.critic_slope(critic, d_change, options, before, &mut buffers.critic);
         let loss_after = ModelLoss { d_change, share, bounds: before, ways_out: &ways_out.actions };
         self.actor_gradient_through_model(actor, model, pairs, loss_after, gradient, buffers);
         buffers.model.y = next;
         loss
     }
 
-    /// Replaces the next states in `next` by the gradient of mean D(s', w) with respect to the
-    /// model's outputs, through the frozen critic; `share` is 1 / batch size. If `before` holds
+    /// Replaces the next states in `next` by the gradient of weighted mean D(s', w) with respect to
+    /// the model's outputs, through the frozen critic. If `before` holds
     /// D(s, w) `(rows)`, replaces it by the bounds of the actor's outputs, which are narrower where
     /// the step makes no progress. Returns the part's contribution to mean D.
     fn critic_slope(
         &self,
         critic: Weights,
         next: &mut [f32],
-        towards: &[f32],
-        share: f32,
+        ActorLossOptions { towards, weights, share, .. }: ActorLossOptions,
         before: &mut [f32],
         ws: &mut Workspace,
     ) -> f32 {
@@ -256,8 +259,8 @@ impl Shapes {
         let z = resized(&mut ws.y, rows);
         self.critic.forward(critic.dense, critic.packed, x, z, &mut ws.acts);
         let mut loss = 0.0;
-        for (i, z) in z.iter_mut().enumerate() {
-            let distance = self.distance_scale * softplus(*z);
+        for (i, (z, weight)) in z.iter_mut().zip(weights).enumerate() {
+            let (distance, share) = (self.distance_scale * softplus(*z), weight * share);
             loss += share * distance;
             if let Some(before) = before.get_mut(i) {
                 let stuck = *before - distance < STUCK_PROGRESS_STEPS;

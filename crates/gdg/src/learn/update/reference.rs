@@ -262,7 +262,8 @@ impl<'a> Reference<'a> {
         (self.predictions(states, actions)? - next)?.broadcast_div(&scale)
     }
 
-    /// Returns the actor's loss, mean D(f(s, mu(s, g)), w) by the first critic, and separately the
+    /// Returns the actor's loss, mean D(f(s, mu(s, g)), w) by the first critic with `weights`
+    /// `(rows)` (see [`Batch::actor_weights`]), and separately the
     /// weighted squared excess of its outputs over their bound, which is lower for a stuck actor if
     /// `frees_stuck` (see [`Batch::frees_stuck_actor`]). Where the actor is blocked and lookahead
     /// finds a way out, the former has no gradient, and the latter is the weighted squared
@@ -273,7 +274,7 @@ impl<'a> Reference<'a> {
     pub fn actor_loss(
         &self,
         states: &Tensor,
-        [goals, towards]: [&Tensor; 2],
+        [goals, towards, weights]: [&Tensor; 3],
         frees_stuck: bool,
     ) -> Result<(Tensor, Tensor)> {
         let own_outputs = self.actor_outputs(states, goals)?;
@@ -292,13 +293,16 @@ impl<'a> Reference<'a> {
             (outputs - f64::from(bound))?
         };
         let excess = (excess.relu()?.sqr()?.sum(D::Minus1)? * f64::from(EXCESS_WEIGHT))?;
+        let weighted = (&after * weights)?;
         if !self.shapes().unblock_actor {
-            return Ok((after.mean_all()?, excess.mean_all()?));
+            return Ok((weighted.mean_all()?, excess.mean_all()?));
         }
         let (found, ways) = self.ways_out(states, towards, &next, &after)?;
+        let found = (found * weights.gt(0.0)?)?;
         let off = (own_outputs - ways)?.sqr()?.sum(D::Minus1)?;
         let excess = found.where_cond(&(off * f64::from(WAY_OUT_WEIGHT))?, &excess)?;
-        Ok((found.where_cond(&after.detach(), &after)?.mean_all()?, excess.mean_all()?))
+        let loss = found.where_cond(&weighted.detach(), &weighted)?;
+        Ok((loss.mean_all()?, excess.mean_all()?))
     }
 
     /// Returns where the actor's action is blocked and lookahead finds a way out, `(rows)`, and the

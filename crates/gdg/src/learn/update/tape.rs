@@ -12,9 +12,11 @@ use crate::learn::networks::adam::adam_rate;
 use crate::learn::networks::dense::NetworkState;
 use crate::learn::networks::network::Network;
 use crate::learn::networks::shapes::Shapes;
+use crate::learn::networks::touched::TouchedCorners;
 use crate::learn::settings::Backend;
 use crate::learn::update::losses::Losses;
 use crate::learn::update::reference::{Layers, Parameters, Reference};
+use crate::learn::update::rows::{PAIRS, TRANSITIONS, find_corners_of};
 
 /// Copies of all networks, trained on the tape.
 pub struct Tape {
@@ -83,10 +85,14 @@ impl Tape {
         let (s, g) = (spec.state_dim(), spec.goal_dim());
         let (states, goals) = (tensor(&batch.states, s)?, tensor(&batch.goals, g)?);
         let towards = tensor(&batch.actor_goals, g)?;
+        let weights = Tensor::from_slice(&batch.actor_weights, batch.len(), &Device::Cpu)?;
         let (from, next) = (tensor(&batch.from, s)?, tensor(&batch.next, s)?);
         let actions = tensor(&batch.actions, spec.action_dim)?;
         let critics = 0..self.networks.len() - 2;
         let (model, actor) = (critics.end, critics.end + 1);
+        let [of_pairs, of_transitions] =
+            [PAIRS, TRANSITIONS].map(|set| corners_read(set, shapes, batch));
+        let (of_pairs, of_transitions) = (of_pairs?, of_transitions?);
 
         let targets = self.reference(shapes, true)?.targets(batch, &Device::Cpu)?;
         let now = self.reference(shapes, false)?;
@@ -96,14 +102,15 @@ impl Tape {
         }
         let critic_loss = Tensor::stack(&critic_losses, 0)?.sum_all()?;
         let model_loss = now.model_loss(&from, &actions, &next)?;
-        self.step(critics.clone(), &critic_loss, steps, rates)?;
-        self.step(model..model + 1, &model_loss, steps, rates)?;
+        self.step(critics.clone(), &critic_loss, of_pairs.as_ref(), steps, rates)?;
+        self.step(model..model + 1, &model_loss, of_transitions.as_ref(), steps, rates)?;
         let (actor_loss, excess) = self.reference(shapes, false)?.actor_loss(
             &states,
-            [&goals, &towards],
+            [&goals, &towards, &weights],
             batch.frees_stuck_actor,
         )?;
-        self.step(actor..actor + 1, &(&actor_loss + excess)?, steps, rates)?;
+        let loss = (&actor_loss + excess)?;
+        self.step(actor..actor + 1, &loss, of_pairs.as_ref(), steps, rates)?;
         Ok(Losses {
             critic: critic_loss.to_scalar::<f32>()? / critics.len() as f32,
             model: model_loss.to_scalar()?,
@@ -117,11 +124,13 @@ impl Tape {
         Reference::with_parameters(shapes, parameters, Layers::Fused)
     }
 
-    /// Takes an optimiser step on `loss` for some of the networks.
+    /// Takes an optimiser step on `loss` for some of the networks. In their tables, only the corners
+    /// that `read`, `(corners, 1)`, marks may change.
     fn step(
         &mut self,
         which: Range<usize>,
         loss: &Tensor,
+        read: Option<&Tensor>,
         steps: u64,
         rates: LearningRates,
     ) -> Result<()> {
@@ -133,10 +142,8 @@ impl Tape {
             if let Some(table) = &mut network.table
                 && let Some(gradient) = gradients.get(&table.values)
             {
-                // Corners that no position in the batch reads stay unchanged.
-                let touched =
-                    gradient.abs()?.sum_keepdim(1)?.gt(0.0)?.broadcast_as(gradient.shape())?;
-                table.step(gradient, Some(&touched), adam_rate(rates.table, steps), rates.tau)?;
+                let read = read.map(|read| read.broadcast_as(gradient.shape())).transpose()?;
+                table.step(gradient, read.as_ref(), adam_rate(rates.table, steps), rates.tau)?;
             }
         }
         Ok(())
@@ -158,6 +165,18 @@ impl Tape {
         }
         Ok(())
     }
+}
+
+/// Returns which corners of a table set number `set` of the batch's positions reads, `(corners, 1)`;
+/// `None` without a table.
+fn corners_read(set: usize, shapes: &Shapes, batch: &Batch) -> Result<Option<Tensor>> {
+    let Some(grid) = shapes.encoder.grid() else { return Ok(None) };
+    let mut touched = TouchedCorners::default();
+    find_corners_of(set, shapes, batch, &mut touched);
+    let mut read = vec![0_u8; grid.corners()];
+    touched.corners().iter().for_each(|corner| read[*corner as usize] = 1);
+    let count = read.len();
+    Tensor::from_vec(read, (count, 1), &Device::Cpu).map(Some)
 }
 
 impl TapeNetwork {
