@@ -949,7 +949,7 @@ fn an_actor_that_clutter_blocks_is_shown_the_way_out() {
         assert!(planned > 0.9, "on plans {planned}, seed {seed}");
         (with, without) = (with + alone / 3.0, without + success(seed, false)[1] / 3.0);
     }
-    assert!(without < with - 0.03, "alone, with ways out {with}, without {without}");
+    assert!(without < with - 0.05, "alone, with ways out {with}, without {without}");
 }
 
 #[test]
