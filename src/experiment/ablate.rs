@@ -74,7 +74,7 @@ const METHOD: &str = "gdg-bridge";
 
 /// The components between the presets `paper` and `default`, each on top of those before it: the
 /// settings that get their default. The world is the same for all, without noise.
-const LADDER: [(&str, &str); 15] = [
+const LADDER: [(&str, &str); 16] = [
     ("preset paper, without noise", "env_noise"),
     (
         "+ hindsight goals instead of near ones",
@@ -102,6 +102,7 @@ const LADDER: [(&str, &str); 15] = [
     ("+ waypoints for the actor", "actor_waypoints"),
     ("+ checks of the model, ways out for a blocked actor", "model_check unblock_actor"),
     ("+ near pairs where D falls short of the graph", "short_pairs"),
+    ("+ pairs where the actor gets stuck", "imagined_walks"),
     ("+ lookahead", "lookahead"),
     ("+ one start, excursions: the default", "restart frontier_epsilon"),
 ];

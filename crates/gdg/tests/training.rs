@@ -894,7 +894,7 @@ fn evaluated_after(
     let mut run =
         Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
     train_to(&mut run, updates);
-    run.evaluate(&run.tasks(20).unwrap()).unwrap()
+    run.evaluate(&run.tasks(60).unwrap()).unwrap()
 }
 
 #[test]
@@ -938,8 +938,9 @@ fn an_actor_that_clutter_blocks_is_shown_the_way_out() {
     let success = |seed, helped| {
         let evaluation = evaluated_after(4_000, &map, seed, |learn| {
             (learn.unblock_actor, learn.model_check) = (helped, helped);
-            // These pairs help in clutter as well.
-            learn.short_pairs = 0.0;
+            // What else helps in clutter is off.
+            learn.actor_waypoints = false;
+            (learn.distillation, learn.short_pairs, learn.imagined_walks) = (0.0, 0.0, 0.0);
         });
         [evaluation.planned.unwrap(), evaluation.greedy].map(|own| own.success.unwrap())
     };

@@ -2,6 +2,7 @@
 //! hand-written kernels on several threads.
 
 pub mod graph_paths;
+mod imagined_walks;
 mod objective;
 mod short_pairs;
 #[cfg(test)]
@@ -33,6 +34,7 @@ use crate::learn::update::threads::Threads;
 use crate::learn::update::training::Training;
 use crate::pulse::Parts;
 use graph_paths::GraphPaths;
+use imagined_walks::ImaginedWalks;
 use short_pairs::ShortPairs;
 
 /// Registry entry of the learner.
@@ -53,6 +55,8 @@ pub struct Gdg {
     graph_paths: Option<GraphPaths>,
     /// Chooses pairs whose D falls short of the bridge graph.
     short_pairs: ShortPairs,
+    /// Finds pairs at which the actor gets stuck; boxed, as its buffers are large.
+    imagined_walks: Box<ImaginedWalks>,
     training: Training<Shapes>,
     backend: Backend,
     /// The networks on a tape backend, if one is selected; each update is written back to
@@ -77,6 +81,7 @@ impl Gdg {
             sampler: BatchSampler::new(spec, settings),
             graph_paths: GraphPaths::new(settings),
             short_pairs: ShortPairs::default(),
+            imagined_walks: Box::default(),
             tape: Tape::new(settings.backend, training.networks())?,
             backend: settings.backend,
             training,
@@ -188,13 +193,14 @@ impl PhasedLearner for Gdg {
     fn sample(&mut self, data: TrainingData, batch: &mut Batch) -> Result<()> {
         self.sampler.sample(data.replay, data.relearning, data.rng, batch);
         let Some(known) = &data.known else { return Ok(()) };
-        let Self { sampler, graph_paths, short_pairs, training, .. } = self;
+        let Self { sampler, graph_paths, short_pairs, imagined_walks, training, .. } = self;
         let spec = training.objective().encoder.spec();
         let (_, count) = sampler.known_rows(batch);
         short_pairs.draw(spec, known, count, data.rng);
         training.with_nets(true, |mut nets| {
             // The second critic would double the cost and change little.
             nets.critics.truncate(1);
+            imagined_walks.apply(spec, &nets, sampler, batch);
             let first = sampler.add_known(known, short_pairs.choose(&nets), data.rng, batch);
             let Some(paths) = graph_paths else { return };
             paths.apply(spec, &nets, known, batch, first);

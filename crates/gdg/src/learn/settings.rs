@@ -184,6 +184,13 @@ settings! {
                  furthest short of the graph",
                 values: Values::FRACTION,
                 ablation: without("no pairs where D falls short", "0");
+            /// The actor's walks end where it gets stuck; agents that explore are rarely there.
+            #[serde(default)]
+            imagined_walks: f32 = 0.125, Paper | Tuned | Sb3 => 0.0;
+                "fraction of pairs from which, once there is a bridge graph, the dynamics model \
+                 imagines the actor's walk; where that comes to rest, the pair begins",
+                values: Values::FRACTION,
+                ablation: without("no pairs where the actor gets stuck", "0");
             buffer_size was "replay_capacity": usize = 1_000_000;
                 "capacity of the replay buffer",
                 values: Values::count(1_000, 100_000_000)

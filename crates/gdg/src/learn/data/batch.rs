@@ -92,14 +92,22 @@ impl Batch {
         [goal, waypoint]: [&[f32]; 2],
         steps: f32,
     ) {
-        self.states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
-        self.bootstrap_states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
+        self.begin_at(i, state, steps);
         self.goals[i * goal.len()..(i + 1) * goal.len()].copy_from_slice(goal);
         self.actor_goals[i * goal.len()..(i + 1) * goal.len()].copy_from_slice(waypoint);
+        self.lower[i] = (GRAPH_LOWER_FACTOR * steps - GRAPH_LOWER_SLACK_STEPS).max(0.0);
+    }
+
+    /// Moves the start of pair `i` to another state, at most `bound` steps from its goal. The
+    /// trajectory says nothing about it, so the actor's one-step lookahead decides.
+    fn begin_at(&mut self, i: usize, state: &[f32], bound: f32) {
+        for states in [&mut self.states, &mut self.bootstrap_states] {
+            states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
+        }
         self.steps[i] = 0.0;
         self.bootstrap[i] = 1.0;
-        self.bound[i] = steps;
-        self.lower[i] = (GRAPH_LOWER_FACTOR * steps - GRAPH_LOWER_SLACK_STEPS).max(0.0);
+        self.bound[i] = bound;
+        self.lower[i] = 0.0;
     }
 
     fn clear(&mut self) {
@@ -181,6 +189,19 @@ impl BatchSampler {
     pub(in crate::learn) fn known_rows(&self, batch: &Batch) -> (usize, usize) {
         let count = (self.settings.distillation * batch.len() as f32).round();
         (count as usize, (self.settings.short_pairs * count).round() as usize)
+    }
+
+    /// Returns the number of pairs, the last ones, from which the actor's walks are imagined: none
+    /// where lookahead does not decide.
+    pub(in crate::learn) fn walk_rows(&self, batch: &Batch) -> usize {
+        let count = (self.settings.imagined_walks * batch.len() as f32).round() as usize;
+        let others = batch.len() - self.known_rows(batch).0;
+        if batch.greedy_targets { count.min(others) } else { 0 }
+    }
+
+    /// Moves the start of pair `i` of `batch` to a state where the actor gets stuck.
+    pub(in crate::learn) fn begin_at(&self, batch: &mut Batch, i: usize, state: &[f32]) {
+        batch.begin_at(i, state, self.max_distance());
     }
 
     /// Replaces a share of the pairs, the first ones, with pairs of places whose distance is known

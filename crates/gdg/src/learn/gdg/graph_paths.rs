@@ -4,8 +4,9 @@
 //! Distillation covers pairs of candidates, and other pairs need not follow: on large maps, their
 //! far distances stay a third too long, and where the slope of D towards a far goal is lost in its
 //! error, the actor gets stuck at a wall. For each pair (s, g) of a batch whose distance along the
-//! graph is known, with a the candidate nearest to s, b the one nearest to g among those to which
-//! distances are known, and d the graph's distance,
+//! graph is known, with b the candidate nearest to g among those to which distances are known, d the
+//! graph's distance, x = f(s, mu'(s, g)) where the actor leads, and a, of the [`FIRST_PLACES`]
+//! candidates around s, the one with the smallest D'(x, a) + d(a, b), those near x first,
 //!
 //! - the target is at most D'(s, a) + d(a, b) + D'(b, g);
 //! - the actor descends D to a waypoint on the path from a to b instead of D to g, if the path
@@ -13,21 +14,27 @@
 //! - otherwise, if g is far, the actor does not learn from the pair: one step changes D to a far
 //!   goal by less than its error, and near a wall its slope leads straight into it.
 //!
-//! D' gives the true distances to a and from b, even where a straight line crosses a wall.
+//! D', unlike a straight line, sees walls on the way to a and from b. Of paths about as short, a is on the one to which the actor tends already: if graph and chance decided
+//! anew every time, it would learn their mean, and stand still between two ways round an obstacle.
+
+use std::ops::Range;
 
 use crate::env::Spec;
 use crate::learn::data::batch::Batch;
 use crate::learn::data::known::{DistancesByGoal, KnownDistances};
-use crate::learn::networks::policy::{Policy, Scratch};
+use crate::learn::networks::policy::{Imagine, Policy, Scratch};
 use crate::learn::settings::LearnSettings;
 
 /// Least distance along the graph of the pairs that are bounded, in steps: D of near pairs is
 /// better than the graph's.
 pub(crate) const LEAST_BOUND_STEPS: f32 = 20.0;
 
-/// Least length of a path that leads the actor, and least D'(s, g) of a pair that it does not learn
-/// because its path cannot lead it, in steps.
+/// Least distance of the pairs whose actor is led, in steps: along the graph, and by D' for those
+/// without a path.
 pub(crate) const LEAST_LED_STEPS: f32 = 10.0;
+
+/// Candidates around s of which one is chosen as the beginning of the path.
+pub(crate) const FIRST_PLACES: usize = 4;
 
 /// The actor is led along paths that begin at most this far from s, by D', ...
 pub(crate) const MAX_STEPS_BEFORE: f32 = 5.0;
@@ -43,23 +50,51 @@ pub struct GraphPaths {
     bounds: bool,
     waypoints: bool,
     paths: Vec<Path>,
-    /// Starts of the distances asked of D': s of each path, then b; s of the pairs not led.
-    states: Vec<f32>,
-    /// Their ends: a of each path, then g; g of the pairs not led.
-    goals: Vec<f32>,
-    distances: Vec<f32>,
+    /// Candidates around s of each path, of all paths.
+    starts: Vec<usize>,
+    pairs: Pairs,
+    /// x of each path, `(paths, state_dim)`.
+    next: Vec<f32>,
     /// Rows of the pairs whose path begins or ends too far away to lead the actor.
     unled: Vec<usize>,
-    scratch: Scratch,
 }
 
 /// A path through the graph for one pair of the batch.
 struct Path {
     row: usize,
-    /// d(a, b).
-    steps: f32,
-    /// A place on the path.
-    waypoint: u32,
+    /// b, as its number among the goals.
+    end: usize,
+    /// The places at which it may begin, of [`GraphPaths::starts`].
+    starts: Range<usize>,
+    /// a.
+    start: usize,
+}
+
+/// Pairs whose D' is asked.
+#[derive(Default)]
+struct Pairs {
+    states: Vec<f32>,
+    goals: Vec<f32>,
+    distances: Vec<f32>,
+    scratch: Scratch,
+}
+
+impl Pairs {
+    fn clear(&mut self) {
+        [&mut self.states, &mut self.goals].into_iter().for_each(Vec::clear);
+    }
+
+    fn push(&mut self, state: &[f32], goal: &[f32]) {
+        self.states.extend(state);
+        self.goals.extend(goal);
+    }
+
+    /// Returns D' of each pair, of states with `s` components.
+    fn ask(&mut self, policy: &dyn Policy, s: usize) -> &[f32] {
+        self.distances.resize(self.states.len() / s, 0.0);
+        policy.distances(&self.states, &self.goals, &mut self.distances, &mut self.scratch);
+        &self.distances
+    }
 }
 
 impl GraphPaths {
@@ -70,35 +105,46 @@ impl GraphPaths {
             bounds,
             waypoints,
             paths: Vec::new(),
-            states: Vec::new(),
-            goals: Vec::new(),
-            distances: Vec::new(),
+            starts: Vec::new(),
+            pairs: Pairs::default(),
+            next: Vec::new(),
             unled: Vec::new(),
-            scratch: Scratch::default(),
         };
         (bounds || waypoints).then(none)
     }
 
     /// Bounds the targets of the pairs of `batch` from row `first` on whose distance along the graph
-    /// is known, and leads their actor, or leaves them out of its training; `policy` gives D'.
+    /// is known, and leads their actor, or leaves them out of its training; `policy` gives D' and
+    /// where the actor leads.
     pub fn apply(
         &mut self,
         spec: &Spec,
-        policy: &dyn Policy,
+        policy: &dyn Imagine,
         known: &KnownDistances,
         batch: &mut Batch,
         first: usize,
     ) {
         self.collect(spec, known, batch, first);
-        let (count, s, g) = (self.paths.len(), spec.state_dim(), spec.goal_dim());
-        self.distances.resize(2 * count, 0.0);
-        policy.distances(&self.states, &self.goals, &mut self.distances, &mut self.scratch);
+        self.choose_starts(spec, policy, known, batch);
+        let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
+        let DistancesByGoal { places: ends_at, steps, waypoints, .. } = known.by_goal;
+        self.pairs.clear();
+        for Path { row, start, .. } in &self.paths {
+            self.pairs.push(&batch.states[row * s..(row + 1) * s], known.goals.goal(*start));
+        }
+        for Path { row, end, .. } in &self.paths {
+            let b = ends_at[*end] as usize;
+            let goal = &batch.goals[row * g..(row + 1) * g];
+            self.pairs.push(&known.states[b * s..(b + 1) * s], goal);
+        }
         self.unled.clear();
-        let (before, after) = self.distances.split_at(count);
-        for (Path { row, steps, waypoint }, (before, after)) in
+        let (before, after) = self.pairs.ask(policy, s).split_at(self.paths.len());
+        for (Path { row, end, start, .. }, (before, after)) in
             self.paths.iter().zip(before.iter().zip(after))
         {
-            if self.bounds && *steps >= LEAST_BOUND_STEPS {
+            let path = end * places + start;
+            let (steps, waypoint) = (steps[path], waypoints[path]);
+            if self.bounds && steps >= LEAST_BOUND_STEPS {
                 let bound = &mut batch.bound[*row];
                 *bound = bound.min(before + steps + after);
                 batch.lower[*row] = batch.lower[*row].min(*bound);
@@ -109,54 +155,82 @@ impl GraphPaths {
             let near = *before <= MAX_STEPS_BEFORE
                 && *after <= MAX_STEPS_AFTER.max(MAX_SHARE_AFTER * steps);
             if near {
-                let waypoint = known.goals.goal(*waypoint as usize);
+                let waypoint = known.goals.goal(waypoint as usize);
                 batch.actor_goals[row * g..(row + 1) * g].copy_from_slice(waypoint);
             } else {
                 self.unled.push(*row);
             }
         }
-        [&mut self.states, &mut self.goals].into_iter().for_each(Vec::clear);
+        self.pairs.clear();
         for row in &self.unled {
-            self.states.extend(&batch.states[row * s..(row + 1) * s]);
-            self.goals.extend(&batch.goals[row * g..(row + 1) * g]);
+            let goal = &batch.goals[row * g..(row + 1) * g];
+            self.pairs.push(&batch.states[row * s..(row + 1) * s], goal);
         }
-        self.distances.resize(self.unled.len(), 0.0);
-        policy.distances(&self.states, &self.goals, &mut self.distances, &mut self.scratch);
-        for (row, distance) in self.unled.iter().zip(&self.distances) {
+        for (row, distance) in self.unled.iter().zip(self.pairs.ask(policy, s)) {
             if *distance > LEAST_LED_STEPS {
                 batch.actor_weights[*row] = 0.0;
             }
         }
     }
 
-    /// Collects the paths for the pairs of `batch` from row `first` on.
+    /// Collects the paths for the pairs of `batch` from row `first` on, with all places at which
+    /// each may begin.
     fn collect(&mut self, spec: &Spec, known: &KnownDistances, batch: &Batch, first: usize) {
-        [&mut self.states, &mut self.goals].into_iter().for_each(Vec::clear);
         self.paths.clear();
+        self.starts.clear();
         let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
-        let DistancesByGoal { places: ends_at, goals, steps, waypoints, .. } = known.by_goal;
+        let DistancesByGoal { goals, steps, .. } = known.by_goal;
         let least = if self.waypoints { LEAST_LED_STEPS } else { LEAST_BOUND_STEPS };
-        let mut ends = (Vec::new(), Vec::new());
         for row in (first..batch.len()).filter(|row| batch.bootstrap[*row] > 0.0) {
-            let (state, goal) =
-                (&batch.states[row * s..(row + 1) * s], &batch.goals[row * g..(row + 1) * g]);
+            let state = &batch.states[row * s..(row + 1) * s];
             let at: Vec<f32> = spec.achieved(state).collect();
-            let (Some((a, _)), Some((b, _))) = (known.goals.nearest(&at), goals.nearest(goal))
-            else {
+            let Some((end, _)) = goals.nearest(&batch.goals[row * g..(row + 1) * g]) else {
                 return;
             };
-            let (steps, waypoint) = (steps[b * places + a], waypoints[b * places + a]);
-            if steps.is_finite() && steps >= least {
-                let b = ends_at[b] as usize;
-                self.paths.push(Path { row, steps, waypoint });
-                self.states.extend(state);
-                self.goals.extend(known.goals.goal(a));
-                ends.0.extend(&known.states[b * s..(b + 1) * s]);
-                ends.1.extend(goal);
+            let steps = |a: &usize| steps[end * places + a];
+            let around = known.goals.nearest_few(&at, FIRST_PLACES);
+            let Some(start) = around.first().copied() else { return };
+            if steps(&start).is_finite() && steps(&start) >= least {
+                let from = self.starts.len();
+                self.starts.extend(around.iter().filter(|a| steps(a).is_finite()));
+                self.paths.push(Path { row, end, starts: from..self.starts.len(), start });
             }
         }
-        self.states.append(&mut ends.0);
-        self.goals.append(&mut ends.1);
+    }
+
+    /// Chooses the place at which each path begins.
+    fn choose_starts(
+        &mut self,
+        spec: &Spec,
+        policy: &dyn Imagine,
+        known: &KnownDistances,
+        batch: &Batch,
+    ) {
+        let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
+        let Self { paths, starts, pairs, next, .. } = self;
+        pairs.clear();
+        for row in paths.iter().map(|path| path.row) {
+            let goal = &batch.goals[row * g..(row + 1) * g];
+            pairs.push(&batch.states[row * s..(row + 1) * s], goal);
+        }
+        policy.step(&pairs.states, &pairs.goals, next, &mut pairs.scratch);
+        pairs.clear();
+        for (path, next) in paths.iter().zip(next.chunks_exact(s)) {
+            starts[path.starts.clone()].iter().for_each(|a| pairs.push(next, known.goals.goal(*a)));
+        }
+        let before = pairs.ask(policy, s);
+        for Path { end, starts: own, start, .. } in paths {
+            // Far ones come last: D' of the way to them has no overhead of hops, and would win.
+            let cost = |k: usize| {
+                let steps = before[k] + known.by_goal.steps[*end * places + starts[k]];
+                (before[k] > MAX_STEPS_BEFORE, steps)
+            };
+            let best = own.clone().min_by(|a, b| {
+                let (a, b) = (cost(*a), cost(*b));
+                a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+            });
+            *start = best.map_or(*start, |k| starts[k]);
+        }
     }
 }
 
@@ -166,8 +240,15 @@ mod tests {
     use crate::env::tests::positions;
     use crate::learn::data::goal_index::GoalIndex;
 
-    /// D is the straight line, but with a wall at 50.
-    struct Line;
+    /// D is the straight line, but with a wall at 50; the actor leads this far in a step.
+    struct Line(f32);
+
+    impl Imagine for Line {
+        fn step(&self, states: &[f32], _: &[f32], next: &mut Vec<f32>, _: &mut Scratch) {
+            next.clear();
+            next.extend(states.iter().map(|state| state + self.0));
+        }
+    }
 
     impl Policy for Line {
         fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
@@ -216,7 +297,7 @@ mod tests {
             ..Batch::default()
         };
         let mut paths = GraphPaths::new(settings).expect("paths are wanted");
-        paths.apply(&spec, &Line, &known, &mut batch, 1);
+        paths.apply(&spec, &Line(0.0), &known, &mut batch, 1);
         expected(&batch);
     }
 
@@ -225,9 +306,9 @@ mod tests {
         let settings = LearnSettings { actor_waypoints: false, ..LearnSettings::default() };
         check(&settings, |batch| {
             let through = 2.0 + 82.0 + 3.0;
-            // The nearest candidate of the third row is behind the wall; the fourth is near its
-            // goal.
-            assert_eq!(batch.bound, [1e9, through, 3.0 + 300.0 + 44.0 + 3.0, 1e9, 60.0, 1e9]);
+            // No candidate before the goal is on the third row's side of the wall; the fourth row is
+            // near its goal.
+            assert_eq!(batch.bound, [1e9, through, 1e9, 1e9, 60.0, 1e9]);
             assert_eq!(batch.lower[1], through, "no higher than the upper bound");
             assert_eq!((&batch.actor_goals, &batch.actor_weights), (&vec![87.0; 6], &vec![1.0; 6]));
         });
@@ -243,6 +324,52 @@ mod tests {
             assert_eq!(batch.actor_weights, [1.0, 1.0, 0.0, 1.0, 0.0, 1.0]);
             assert_eq!(batch.bound, [1e9, 1e9, 1e9, 1e9, 60.0, 1e9]);
         });
+    }
+
+    #[test]
+    fn of_paths_about_as_short_the_actor_is_led_along_the_one_to_which_it_tends() {
+        let spec = positions(&[(50.0, 50.0)]);
+        let states = [70.0, 74.0, 10.0, 20.0];
+        let index = |places: &[f32]| {
+            let mut index = GoalIndex::new(&spec);
+            places.iter().for_each(|place| index.push(&[*place]));
+            index
+        };
+        // From 70 and from 74, there is a way of its own.
+        let by_goal = DistancesByGoal {
+            places: vec![2],
+            goals: index(&[10.0]),
+            steps: vec![30.5, 30.0, 0.0, f32::INFINITY],
+            waypoints: vec![3, 2, 2, 2],
+            checked: 0,
+            nearest_checked: vec![],
+            pairs: vec![0, 1],
+            near: 0,
+            hop_steps: 0.0,
+        };
+        let goals = index(&states);
+        let known =
+            KnownDistances { states: &states, goals: &goals, by_goal: &by_goal, changed: None };
+        let waypoint = |step: f32| {
+            let mut batch = Batch {
+                states: vec![72.0],
+                goals: vec![10.0],
+                actor_goals: vec![10.0],
+                actor_weights: vec![1.0],
+                bound: vec![1e9],
+                lower: vec![0.0],
+                bootstrap: vec![1.0],
+                steps: vec![0.0],
+                ..Batch::default()
+            };
+            let settings = LearnSettings::default();
+            let mut paths = GraphPaths::new(&settings).expect("paths are wanted");
+            paths.apply(&spec, &Line(step), &known, &mut batch, 0);
+            batch.actor_goals[0]
+        };
+        assert_eq!(waypoint(0.0), 10.0, "the shorter one");
+        assert_eq!(waypoint(-1.0), 20.0, "half a step longer, and the actor leads there");
+        assert_eq!(waypoint(1.0), 10.0);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::features::{Pairs, SharedFeatures, Workspace};
 use crate::learn::networks::lookahead::{LookaheadBuffers, improve_rows};
 use crate::learn::networks::network::Weights;
-use crate::learn::networks::shapes::Shapes;
+use crate::learn::networks::shapes::{Shapes, Workspaces};
 
 /// Rows per forward pass, few enough for their activations to stay in the cache.
 const ROWS: usize = 128;
@@ -17,6 +17,8 @@ pub struct Scratch {
     /// For learners whose D takes two networks.
     second: Workspace,
     lookahead: LookaheadBuffers,
+    /// For steps that the dynamics model imagines; boxed, as few need them.
+    imagined: Box<Workspaces>,
 }
 
 impl Scratch {
@@ -72,6 +74,13 @@ pub trait Policy: Send + Sync {
         self.distances(state, goal, &mut out, scratch);
         out[0]
     }
+}
+
+/// A policy with a dynamics model, which imagines where it leads.
+pub(in crate::learn) trait Imagine: Policy {
+    /// Computes the states expected after the actor's actions, f(s, mu(s, g)), `next`
+    /// `(rows, state_dim)`.
+    fn step(&self, states: &[f32], goals: &[f32], next: &mut Vec<f32>, scratch: &mut Scratch);
 }
 
 /// Improves the actor's `actions` `(rows, action_dim)` in the rows that are marked in `ahead` by
@@ -135,5 +144,15 @@ impl Policy for Nets<'_> {
     ) {
         let lookahead = &mut scratch.lookahead;
         self.shapes.improve_actions(self.model, &self.critics, states, goals, actions, lookahead);
+    }
+}
+
+impl Imagine for Nets<'_> {
+    fn step(&self, states: &[f32], goals: &[f32], next: &mut Vec<f32>, scratch: &mut Scratch) {
+        let Scratch { plain, imagined, .. } = scratch;
+        self.shapes.encoder.plain_pairs(states, goals, plain);
+        let pairs = Pairs { plain, states, goals };
+        self.shapes.step_with_actor(self.actor, self.model, pairs, next, imagined);
+        next.truncate(states.len());
     }
 }

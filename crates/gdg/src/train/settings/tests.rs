@@ -184,6 +184,7 @@ fn of_old_checkpoints_settings_added_later_are_off_and_no_others_may_be_missing(
         ("actor_waypoints", json!(false)),
         ("unblock_actor", json!(false)),
         ("short_pairs", json!(0.0)),
+        ("imagined_walks", json!(0.0)),
         ("lookahead", json!(false)),
         ("edges_per_candidate", json!(100_000)),
         ("max_distance_steps", json!(0.0)),
