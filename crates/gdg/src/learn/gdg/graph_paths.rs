@@ -14,8 +14,9 @@
 //! - otherwise, if g is far, the actor does not learn from the pair: one step changes D to a far
 //!   goal by less than its error, and near a wall its slope leads straight into it.
 //!
-//! D', unlike a straight line, sees walls on the way to a and from b. Of paths about as short, a is on the one to which the actor tends already: if graph and chance decided
-//! anew every time, it would learn their mean, and stand still between two ways round an obstacle.
+//! D', unlike a straight line, sees walls on the way to a and from b. Between paths of about the same
+//! length, x decides for the one that the actor already takes. Otherwise the choice would change with
+//! every graph, and the actor would learn the mean of both and stop between them.
 
 use std::ops::Range;
 
