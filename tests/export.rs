@@ -185,9 +185,11 @@ fn each_rule_of_walks_matters_and_is_that_of_the_program() {
     let late = planner(&maze, "gdg-bridge", 1_200);
     let failing = with_failed_hops(&late);
     let single = with_settings(&late, |settings| settings.bridge.open_loop = true);
-    // With so few candidates there is often no way, and D is larger than what trajectories cover.
+    // With so few candidates and short edges there is often no way, and D is larger than the window
+    // within which trajectories are recorded.
     let few = with_settings(&late, |settings| {
         (settings.bridge.candidates, settings.bridge.candidate_spacing) = (2, 9.0);
+        settings.bridge.edge_cutoff_steps = 5.0;
     });
     let traces = [
         (&failing, walks(&failing, 6, 100, true)),
