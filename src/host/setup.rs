@@ -1,5 +1,9 @@
 //! Prepares a run from the command line, for all front ends.
 
+mod choice;
+mod data;
+mod edits;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -7,58 +11,26 @@ use miette::{IntoDiagnostic, Report, miette};
 
 use crate::host::maps::{self, find_map, known_name};
 use crate::host::outputs::{refuse_existing, refuse_input, save_to};
-use crate::host::report::{from_checkpoint_error, from_config_error, from_map_error};
+use crate::host::report::{from_checkpoint_error, from_map_error};
 use crate::host::runs::{self, SAVES};
 use gdg::env::{Environment, Goals, PointMaze, Restart, maze};
 use gdg::files;
 use gdg::learn::Threads;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
 use gdg::pulse::Progress;
-use gdg::text::{safe_file_name, sanitized};
+use gdg::text::sanitized;
 use gdg::train::{
-    self, Dataset, LeftOut, Limits, Loaded, Method, Overrides, Preset, Registry, Run, SaveTo,
-    Settings, TrainError, Trainer,
+    self, Dataset, Limits, Loaded, Registry, Run, SaveTo, Settings, TrainError, Trainer,
 };
+
+pub use choice::{RunChoice, run, settings, settings_of, split_prefix};
+pub use data::learn_from;
+use data::{BEGIN_STAGES, from_data_error};
+use edits::load_edits;
+pub use edits::{Edit, EditAt};
 
 /// The option for maps that are images.
 pub const THRESHOLD: &str = "--threshold";
-
-/// Stages of beginning a run with data: the file is checked, the world opened, the data read and
-/// learned from.
-const BEGIN_STAGES: usize = 4;
-
-/// Share of recorded transitions that are impossible on the map from which on they may be of
-/// another one.
-const OF_ANOTHER_MAP: f64 = 0.05;
-
-/// Which method to train, and with which settings.
-#[derive(Clone, Debug)]
-pub struct RunChoice {
-    /// Learner and planner.
-    pub method: Method,
-    /// The preset to start from; otherwise that of the method.
-    pub preset: Option<Preset>,
-    /// A settings file.
-    pub config: Option<PathBuf>,
-    /// Changes of single settings, `NAME=VALUE`.
-    pub set: Vec<String>,
-}
-
-impl RunChoice {
-    /// Returns the preset to start from, with a learner of `registry`.
-    pub fn preset(&self, registry: &Registry) -> Preset {
-        self.preset.unwrap_or_else(|| registry.preset_of(&self.method))
-    }
-}
-
-/// A change of the map to another one.
-#[derive(Clone, Debug)]
-pub struct EditAt {
-    /// Number of updates after which to switch.
-    pub updates: u64,
-    /// The map file.
-    pub file: PathBuf,
-}
 
 /// A run to begin or to resume.
 #[derive(Clone, Debug)]
@@ -99,14 +71,6 @@ pub struct Request {
     pub limits: Limits,
 }
 
-/// A scheduled change of the world.
-pub struct Edit {
-    /// Number of updates after which to apply it.
-    pub updates: u64,
-    /// The edited world.
-    pub world: Box<dyn Environment>,
-}
-
 /// A trainer and everything that goes with it.
 pub struct Setup {
     /// The run, new or resumed.
@@ -123,18 +87,6 @@ pub struct Setup {
     pub resumed: Option<PathBuf>,
     /// Warnings about that checkpoint, and about the map.
     pub warnings: Vec<String>,
-}
-
-/// Returns the settings of `choice` for a run in the world that `world` opens: a map or a world
-/// of `registry`.
-///
-/// # Errors
-/// See [`train::settings_from`].
-pub fn settings(choice: &RunChoice, world: &Path, registry: &Registry) -> Result<Settings, Report> {
-    let defaults =
-        registry.world_opened_by(known_name(world)).map_or(&[][..], |kind| kind.defaults);
-    let overrides = Overrides { defaults, config: choice.config.as_deref(), set: &choice.set };
-    train::settings_from(choice.preset(registry), &overrides).map_err(from_config_error)
 }
 
 /// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or
@@ -158,38 +110,6 @@ pub fn settings_to_print(
             .clone()),
         None => settings(&request.run, &request.map, registry),
     }
-}
-
-/// Splits `PREFIX:NAME=VALUE`, a setting of one of several runs; the prefix is `None` if there is
-/// none.
-pub fn split_prefix(setting: &str) -> (Option<&str>, &str) {
-    match setting.split_once(':') {
-        Some((prefix, setting)) if !prefix.contains('=') => (Some(prefix), setting),
-        _ => (None, setting),
-    }
-}
-
-/// Returns the settings in `set` that apply to the run called `name`, without their prefixes.
-pub fn settings_of(name: &str, set: &[String]) -> Vec<String> {
-    let split = set.iter().map(|setting| split_prefix(setting));
-    split
-        .filter(|(prefix, _)| prefix.is_none_or(|prefix| prefix == name))
-        .map(|(_, own)| own.to_owned())
-        .collect()
-}
-
-/// Returns the run of `choice` and `seed` in the world that `world` opens.
-///
-/// # Errors
-/// See [`settings`].
-pub fn run(
-    choice: &RunChoice,
-    world: &Path,
-    registry: &Registry,
-    seed: u64,
-) -> Result<Run, Report> {
-    let settings = settings(choice, world, registry)?;
-    Ok(Run { method: choice.method.clone(), preset: choice.preset(registry), seed, settings })
 }
 
 /// Returns what takes time in [`prepare`], as in "waiting for ACTIVITY".
@@ -337,46 +257,6 @@ fn begin_run(
     Ok(Loaded { trainer, warning })
 }
 
-/// Has `trainer` learn from the recorded transitions in `file`; returns a warning if some of them
-/// are left out, and says how far it is to `progress`.
-///
-/// # Errors
-/// The file cannot be read, does not fit, or most of it is impossible.
-pub fn learn_from(
-    trainer: &mut Trainer,
-    file: &Path,
-    progress: &Progress,
-) -> Result<Option<String>, Report> {
-    progress.begin(2, BEGIN_STAGES);
-    let data = Dataset::read(file, trainer.world(), progress).map_err(from_data_error)?;
-    progress.begin(3, BEGIN_STAGES);
-    let LeftOut { impossible, by_chance } = trainer.learn_from(&data, progress);
-    let (all, file) = (data.source().transitions, sanitized(&file.to_string_lossy()));
-    if 2 * impossible > all {
-        let help = "give the data of this world: positions in its unit, on this map";
-        return Err(miette!(
-            help = help,
-            "{file}: {impossible} of {all} transitions are impossible on this map"
-        ));
-    }
-    let of_another = OF_ANOTHER_MAP * all as f64;
-    let impossible_as = if impossible as f64 > of_another {
-        "impossible on this map: the data may be of another map, or of another version of it"
-    } else {
-        "impossible on this map"
-    };
-    let reasons = [
-        (impossible, impossible_as),
-        (by_chance, "they lead far, and not always to the same place"),
-    ];
-    let left_out: Vec<String> = reasons
-        .iter()
-        .filter(|(count, _)| *count > 0)
-        .map(|(count, why)| format!("{count} of {all} transitions are left out: {why}"))
-        .collect();
-    Ok((!left_out.is_empty()).then(|| format!("warning: {file}: {}", left_out.join("; "))))
-}
-
 /// Gives `maze` the tasks of a scenario; returns a warning if that names another map. The map of a
 /// resumed run may have been edited, which may make paths longer.
 fn load_scenario(
@@ -440,13 +320,6 @@ fn title_of(name: &Path, registry: &Registry) -> Result<String, Report> {
         Some(None) => Ok(given.rsplit(':').next().unwrap_or_default().to_owned()),
         None => Ok(find_map(name, &Reading::default(), registry)?.name().to_owned()),
     }
-}
-
-/// Reports data that cannot be learned from.
-fn from_data_error(error: impl Into<TrainError>) -> Report {
-    let help = "--data takes .npz files with observations, actions and terminals: \
-                gdg-tui export-data writes them, and OGBench has some";
-    miette!(help = help, "{}", sanitized(&error.into().to_string()))
 }
 
 /// Begins `run` in `world`, if it fits into memory.
@@ -544,56 +417,4 @@ fn inputs<'a>(request: &'a Request, resumed: Option<&'a Path>) -> impl Iterator<
 /// Returns the requested number of parallel jobs, else the number of cores.
 pub fn parallel_jobs(requested: Option<u16>) -> usize {
     requested.map_or_else(|| Threads::auto().most(), usize::from)
-}
-
-/// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their
-/// updates. Leaves out those that the run had applied before it was saved, right after them.
-fn load_edits(request: &Request, trainer: &Trainer) -> Result<Vec<Edit>, Report> {
-    if request.edits.is_empty() {
-        return Ok(Vec::new());
-    }
-    let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| not_a_maze("--edit-at"))?;
-    let (map, begun) = (maze.map(), trainer.counters().updates);
-    let load = |edit: &EditAt| {
-        let never =
-            |why: String| miette!("--edit-at {}:{}: {why}", edit.updates, edit.file.display());
-        if edit.updates < begun {
-            return Err(never(format!(
-                "the run starts at update {begun}: give that or a later one"
-            )));
-        }
-        if let Some(most) = request.limits.updates.filter(|most| edit.updates > *most) {
-            return Err(never(format!(
-                "the run ends at update {most}: give that or an earlier one"
-            )));
-        }
-        let threshold = request.reading.threshold;
-        let new = map::load_map_like(&edit.file, map, threshold).map_err(from_map_error)?;
-        if (new.width(), new.height()) != (map.width(), map.height()) {
-            let problem = format!("is {} x {} cells", new.width(), new.height());
-            let help = format!(
-                "give a map of {} x {}, the size of the run's map",
-                map.width(),
-                map.height()
-            );
-            return Err(from_map_error(MapError::whole_file(
-                &edit.file.to_string_lossy(),
-                problem,
-                help,
-            )));
-        }
-        let new: Box<dyn Environment> = Box::new(maze.with_map(Arc::new(new)));
-        Ok(Edit { updates: edit.updates, world: new })
-    };
-    let mut edits = request.edits.iter().map(load).collect::<Result<Vec<Edit>, Report>>()?;
-    let last = edits
-        .iter()
-        .rfind(|edit| edit.updates == begun)
-        .and_then(|edit| PointMaze::downcast_ref(&*edit.world));
-    // Checkpoints contain sanitised names.
-    let as_saved = |map: &Grid| map.clone().named(&safe_file_name(map.name()));
-    if request.resume.is_some() && last.is_some_and(|edited| as_saved(edited.map()) == **map) {
-        edits.retain(|edit| edit.updates != begun);
-    }
-    Ok(edits)
 }

@@ -20,7 +20,7 @@ use crate::learn::learner::{LearnerKind, TrainingData};
 use crate::learn::networks::dense::NetworkState;
 use crate::learn::networks::export::CriticsExport;
 use crate::learn::networks::network::Network;
-use crate::learn::networks::policy::Nets;
+use crate::learn::networks::policy::{Nets, Scratch};
 use crate::learn::networks::shapes::Shapes;
 use crate::learn::phased::PhasedLearner;
 use crate::learn::settings::{Backend, LearnSettings};
@@ -55,8 +55,10 @@ pub struct Gdg {
     graph_paths: Option<GraphPaths>,
     /// Chooses pairs whose D falls short of the bridge graph.
     short_pairs: ShortPairs,
-    /// Finds pairs at which the actor gets stuck; boxed, as its buffers are large.
-    imagined_walks: Box<ImaginedWalks>,
+    /// Finds pairs at which the actor gets stuck.
+    imagined_walks: ImaginedWalks,
+    /// Lent to those three.
+    scratch: Scratch,
     training: Training<Shapes>,
     backend: Backend,
     /// The networks on a tape backend, if one is selected; each update is written back to
@@ -81,7 +83,8 @@ impl Gdg {
             sampler: BatchSampler::new(spec, settings),
             graph_paths: GraphPaths::new(settings),
             short_pairs: ShortPairs::default(),
-            imagined_walks: Box::default(),
+            imagined_walks: ImaginedWalks::default(),
+            scratch: Scratch::default(),
             tape: Tape::new(settings.backend, training.networks())?,
             backend: settings.backend,
             training,
@@ -193,17 +196,19 @@ impl PhasedLearner for Gdg {
     fn sample(&mut self, data: TrainingData, batch: &mut Batch) -> Result<()> {
         self.sampler.sample(data.replay, data.relearning, data.rng, batch);
         let Some(known) = &data.known else { return Ok(()) };
-        let Self { sampler, graph_paths, short_pairs, imagined_walks, training, .. } = self;
+        let Self { sampler, graph_paths, short_pairs, imagined_walks, scratch, training, .. } =
+            self;
         let spec = training.objective().encoder.spec();
         let (_, count) = sampler.known_rows(batch);
         short_pairs.draw(spec, known, count, data.rng);
         training.with_nets(true, |mut nets| {
             // The second critic would double the cost and change little.
             nets.critics.truncate(1);
-            imagined_walks.apply(spec, &nets, sampler, batch);
-            let first = sampler.add_known(known, short_pairs.choose(&nets), data.rng, batch);
+            imagined_walks.apply(spec, &nets, sampler, batch, scratch);
+            let short = short_pairs.choose(spec, &nets, scratch);
+            let first = sampler.add_known(known, short, data.rng, batch);
             let Some(paths) = graph_paths else { return };
-            paths.apply(spec, &nets, known, batch, first);
+            paths.apply(spec, &nets, known, batch, first, scratch);
         })
     }
 

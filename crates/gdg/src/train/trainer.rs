@@ -37,6 +37,7 @@ pub use data::LeftOut;
 pub(super) use persistence::{HISTORY, LEARNED, TrainerState};
 use recovery::LastGood;
 pub use recovery::Recovery;
+use undo::Undo;
 
 /// Losses are reported as running means over about this many updates.
 pub(crate) const LOSS_AVERAGE_UPDATES: f64 = 500.0;
@@ -354,9 +355,13 @@ impl Trainer {
 
     /// Runs an update while the world computes a round of steps, if it has begun one.
     fn update_meanwhile(&mut self) -> Result<Tick> {
-        let began = Instant::now();
-        let updated = self.update();
-        self.update_took = Some(began.elapsed());
+        let updated = self.undo_for_update().and_then(|undo| {
+            // The copy does not count: where it takes long itself, no update would be short again.
+            let began = Instant::now();
+            let updated = self.update(undo);
+            self.update_took = Some(began.elapsed());
+            updated
+        });
         // Whatever has become of the update, nothing can be asked of the world before its step ends.
         let waited = self.wait_for_world();
         let tick = updated?;
@@ -427,10 +432,9 @@ impl Trainer {
         Ok(done.unwrap_or_else(|| unreachable!("the callback runs exactly once")))
     }
 
-    fn update(&mut self) -> Result<Tick> {
+    fn update(&mut self, undo: Option<Undo>) -> Result<Tick> {
         let is_long = self.updates_are_long();
         let _activity = is_long.then(|| self.pulse.begin("the update in progress"));
-        let undo = if is_long { self.undo_for_update()? } else { None };
         if is_long {
             log::debug!("update {} begins", self.counters.updates + 1);
         }

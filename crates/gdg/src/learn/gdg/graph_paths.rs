@@ -23,7 +23,7 @@ use std::ops::Range;
 use crate::env::Spec;
 use crate::learn::data::batch::Batch;
 use crate::learn::data::known::{DistancesByGoal, KnownDistances};
-use crate::learn::networks::policy::{Imagine, Policy, Scratch};
+use crate::learn::networks::policy::{DistanceQueries, Imagine, Scratch};
 use crate::learn::settings::LearnSettings;
 
 /// Least distance along the graph of the pairs that are bounded, in steps: D of near pairs is
@@ -53,7 +53,8 @@ pub struct GraphPaths {
     paths: Vec<Path>,
     /// Candidates around s of each path, of all paths.
     starts: Vec<usize>,
-    pairs: Pairs,
+    /// Pairs whose D' is asked.
+    pairs: DistanceQueries,
     /// x of each path, `(paths, state_dim)`.
     next: Vec<f32>,
     /// Rows of the pairs whose path begins or ends too far away to lead the actor.
@@ -71,33 +72,6 @@ struct Path {
     start: usize,
 }
 
-/// Pairs whose D' is asked.
-#[derive(Default)]
-struct Pairs {
-    states: Vec<f32>,
-    goals: Vec<f32>,
-    distances: Vec<f32>,
-    scratch: Scratch,
-}
-
-impl Pairs {
-    fn clear(&mut self) {
-        [&mut self.states, &mut self.goals].into_iter().for_each(Vec::clear);
-    }
-
-    fn push(&mut self, state: &[f32], goal: &[f32]) {
-        self.states.extend(state);
-        self.goals.extend(goal);
-    }
-
-    /// Returns D' of each pair, of states with `s` components.
-    fn ask(&mut self, policy: &dyn Policy, s: usize) -> &[f32] {
-        self.distances.resize(self.states.len() / s, 0.0);
-        policy.distances(&self.states, &self.goals, &mut self.distances, &mut self.scratch);
-        &self.distances
-    }
-}
-
 impl GraphPaths {
     /// Creates it, if `settings` use paths through the graph.
     pub fn new(settings: &LearnSettings) -> Option<Self> {
@@ -107,7 +81,7 @@ impl GraphPaths {
             waypoints,
             paths: Vec::new(),
             starts: Vec::new(),
-            pairs: Pairs::default(),
+            pairs: DistanceQueries::default(),
             next: Vec::new(),
             unled: Vec::new(),
         };
@@ -124,9 +98,10 @@ impl GraphPaths {
         known: &KnownDistances,
         batch: &mut Batch,
         first: usize,
+        scratch: &mut Scratch,
     ) {
         self.collect(spec, known, batch, first);
-        self.choose_starts(spec, policy, known, batch);
+        self.choose_starts(spec, policy, known, batch, scratch);
         let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
         let DistancesByGoal { places: ends_at, steps, waypoints, .. } = known.by_goal;
         self.pairs.clear();
@@ -139,7 +114,7 @@ impl GraphPaths {
             self.pairs.push(&known.states[b * s..(b + 1) * s], goal);
         }
         self.unled.clear();
-        let (before, after) = self.pairs.ask(policy, s).split_at(self.paths.len());
+        let (before, after) = self.pairs.ask(policy, s, scratch).split_at(self.paths.len());
         for (Path { row, end, start, .. }, (before, after)) in
             self.paths.iter().zip(before.iter().zip(after))
         {
@@ -167,7 +142,7 @@ impl GraphPaths {
             let goal = &batch.goals[row * g..(row + 1) * g];
             self.pairs.push(&batch.states[row * s..(row + 1) * s], goal);
         }
-        for (row, distance) in self.unled.iter().zip(self.pairs.ask(policy, s)) {
+        for (row, distance) in self.unled.iter().zip(self.pairs.ask(policy, s, scratch)) {
             if *distance > LEAST_LED_STEPS {
                 batch.actor_weights[*row] = 0.0;
             }
@@ -206,6 +181,7 @@ impl GraphPaths {
         policy: &dyn Imagine,
         known: &KnownDistances,
         batch: &Batch,
+        scratch: &mut Scratch,
     ) {
         let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
         let Self { paths, starts, pairs, next, .. } = self;
@@ -214,12 +190,12 @@ impl GraphPaths {
             let goal = &batch.goals[row * g..(row + 1) * g];
             pairs.push(&batch.states[row * s..(row + 1) * s], goal);
         }
-        policy.step(&pairs.states, &pairs.goals, next, &mut pairs.scratch);
+        policy.step(&pairs.states, &pairs.goals, next, scratch);
         pairs.clear();
         for (path, next) in paths.iter().zip(next.chunks_exact(s)) {
             starts[path.starts.clone()].iter().for_each(|a| pairs.push(next, known.goals.goal(*a)));
         }
-        let before = pairs.ask(policy, s);
+        let before = pairs.ask(policy, s, scratch);
         for Path { end, starts: own, start, .. } in paths {
             // Far ones come last: D' of the way to them has no overhead of hops, and would win.
             let cost = |k: usize| {
@@ -240,29 +216,7 @@ mod tests {
     use super::*;
     use crate::env::tests::positions;
     use crate::learn::data::goal_index::GoalIndex;
-
-    /// D is the straight line, but with a wall at 50; the actor leads this far in a step.
-    struct Line(f32);
-
-    impl Imagine for Line {
-        fn step(&self, states: &[f32], _: &[f32], next: &mut Vec<f32>, _: &mut Scratch) {
-            next.clear();
-            next.extend(states.iter().map(|state| state + self.0));
-        }
-    }
-
-    impl Policy for Line {
-        fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
-            let behind_wall =
-                |s: &f32, g: &f32| if (*s < 50.0) == (*g < 50.0) { 0.0 } else { 300.0 };
-            let pairs = states.iter().zip(goals);
-            out.iter_mut()
-                .zip(pairs)
-                .for_each(|(d, (s, g))| *d = (s - g).abs() + behind_wall(s, g));
-        }
-
-        fn actions(&self, _: &[f32], _: &[f32], _: &mut [f32], _: &mut Scratch) {}
-    }
+    use crate::learn::networks::policy::tests::Line;
 
     /// Places at 10, 48 and 90 with distances to the last one, and pairs whose goal is 87.
     fn check(settings: &LearnSettings, expected: impl Fn(&Batch)) {
@@ -298,7 +252,8 @@ mod tests {
             ..Batch::default()
         };
         let mut paths = GraphPaths::new(settings).expect("paths are wanted");
-        paths.apply(&spec, &Line(0.0), &known, &mut batch, 1);
+        let policy = Line { wall: 300.0, next: |s, _| s };
+        paths.apply(&spec, &policy, &known, &mut batch, 1, &mut Scratch::default());
         expected(&batch);
     }
 
@@ -351,7 +306,7 @@ mod tests {
         let goals = index(&states);
         let known =
             KnownDistances { states: &states, goals: &goals, by_goal: &by_goal, changed: None };
-        let waypoint = |step: f32| {
+        let waypoint = |next| {
             let mut batch = Batch {
                 states: vec![72.0],
                 goals: vec![10.0],
@@ -365,12 +320,13 @@ mod tests {
             };
             let settings = LearnSettings::default();
             let mut paths = GraphPaths::new(&settings).expect("paths are wanted");
-            paths.apply(&spec, &Line(step), &known, &mut batch, 0);
+            let policy = Line { wall: 300.0, next };
+            paths.apply(&spec, &policy, &known, &mut batch, 0, &mut Scratch::default());
             batch.actor_goals[0]
         };
-        assert_eq!(waypoint(0.0), 10.0, "the shorter one");
-        assert_eq!(waypoint(-1.0), 20.0, "half a step longer, and the actor leads there");
-        assert_eq!(waypoint(1.0), 10.0);
+        assert_eq!(waypoint(|s, _| s), 10.0, "the shorter one");
+        assert_eq!(waypoint(|s, _| s - 1.0), 20.0, "half a step longer, and the actor leads there");
+        assert_eq!(waypoint(|s, _| s + 1.0), 10.0);
     }
 
     #[test]

@@ -30,7 +30,6 @@ pub struct ImaginedWalks {
     from: Vec<f32>,
     goals: Vec<f32>,
     next: Vec<f32>,
-    scratch: Scratch,
 }
 
 impl ImaginedWalks {
@@ -41,9 +40,10 @@ impl ImaginedWalks {
         policy: &dyn Imagine,
         sampler: &BatchSampler,
         batch: &mut Batch,
+        scratch: &mut Scratch,
     ) {
         let (s, g, count) = (spec.state_dim(), spec.goal_dim(), sampler.walk_rows(batch));
-        let Self { states, distances, from, goals, next, scratch } = self;
+        let Self { states, distances, from, goals, next } = self;
         if count == 0 {
             return;
         }
@@ -89,28 +89,8 @@ impl ImaginedWalks {
 mod tests {
     use super::*;
     use crate::env::tests::positions;
-    use crate::learn::networks::policy::Policy;
+    use crate::learn::networks::policy::tests::Line;
     use crate::learn::settings::LearnSettings;
-
-    /// D is the straight line; the actor walks a step at a time, but not beyond 50.
-    struct Line;
-
-    impl Policy for Line {
-        fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
-            let pairs = states.iter().zip(goals);
-            out.iter_mut().zip(pairs).for_each(|(d, (s, g))| *d = (s - g).abs());
-        }
-
-        fn actions(&self, _: &[f32], _: &[f32], _: &mut [f32], _: &mut Scratch) {}
-    }
-
-    impl Imagine for Line {
-        fn step(&self, states: &[f32], goals: &[f32], next: &mut Vec<f32>, _: &mut Scratch) {
-            next.clear();
-            let pairs = states.iter().zip(goals);
-            next.extend(pairs.map(|(s, g)| (s + (g - s).clamp(-1.0, 1.0)).min(50.0)));
-        }
-    }
 
     #[test]
     fn pairs_begin_where_the_actors_walks_come_to_rest_away_from_their_goals() {
@@ -135,7 +115,10 @@ mod tests {
             greedy_targets: true,
             ..Batch::default()
         };
-        ImaginedWalks::default().apply(&spec, &Line, &sampler, &mut batch);
+        // A step at a time, but not beyond 50.
+        let policy = Line { wall: 0.0, next: |s, g| (s + (g - s).clamp(-1.0, 1.0)).min(50.0) };
+        let mut scratch = Scratch::default();
+        ImaginedWalks::default().apply(&spec, &policy, &sampler, &mut batch, &mut scratch);
         assert_eq!(batch.states, [30.0, 50.0, 30.0, 5.0, 30.0, 48.0]);
         assert_eq!(batch.goals, goals);
         assert_eq!(batch.bootstrap_states, [33.0, 50.0, 33.0, 33.0, 33.0, 33.0]);

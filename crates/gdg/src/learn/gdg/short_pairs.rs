@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
 use crate::learn::data::known::{KnownDistances, KnownPair};
-use crate::learn::networks::policy::{Policy, Scratch};
+use crate::learn::networks::policy::{DistanceQueries, Policy, Scratch};
 
 /// Near pairs of which the one is chosen whose D falls furthest short.
 pub(crate) const TRIED_PAIRS: usize = 4;
@@ -22,10 +22,7 @@ pub(crate) const SHORTFALL_SLACK_STEPS: f32 = 3.0;
 #[derive(Default)]
 pub struct ShortPairs {
     tried: Vec<KnownPair>,
-    states: Vec<f32>,
-    goals: Vec<f32>,
-    distances: Vec<f32>,
-    scratch: Scratch,
+    queries: DistanceQueries,
     chosen: Vec<KnownPair>,
 }
 
@@ -41,25 +38,28 @@ impl ShortPairs {
     ) {
         let s = spec.state_dim();
         self.tried.clear();
-        [&mut self.states, &mut self.goals].into_iter().for_each(Vec::clear);
+        self.queries.clear();
         if known.by_goal.near == 0 {
             return;
         }
         for _ in 0..count * TRIED_PAIRS {
             let pair = known.by_goal.near_pair(rng);
             let (from, to) = (pair.from as usize, pair.to as usize);
-            self.states.extend(&known.states[from * s..(from + 1) * s]);
-            self.goals.extend(known.goals.goal(to));
+            self.queries.push(&known.states[from * s..(from + 1) * s], known.goals.goal(to));
             self.tried.push(pair);
         }
     }
 
     /// Returns the pairs chosen of those drawn; `policy` gives D.
-    pub fn choose(&mut self, policy: &dyn Policy) -> &[KnownPair] {
-        self.distances.resize(self.tried.len(), 0.0);
-        policy.distances(&self.states, &self.goals, &mut self.distances, &mut self.scratch);
+    pub fn choose(
+        &mut self,
+        spec: &Spec,
+        policy: &dyn Policy,
+        scratch: &mut Scratch,
+    ) -> &[KnownPair] {
+        let distances = self.queries.ask(policy, spec.state_dim(), scratch);
         self.chosen.clear();
-        let drawn = self.tried.chunks(TRIED_PAIRS).zip(self.distances.chunks(TRIED_PAIRS));
+        let drawn = self.tried.chunks(TRIED_PAIRS).zip(distances.chunks(TRIED_PAIRS));
         for (pairs, distances) in drawn {
             let shortfall = |(pair, d): (&KnownPair, &f32)| {
                 (pair.steps - d) / (pair.steps + SHORTFALL_SLACK_STEPS)
@@ -80,18 +80,7 @@ mod tests {
     use crate::env::tests::positions;
     use crate::learn::data::goal_index::GoalIndex;
     use crate::learn::data::known::DistancesByGoal;
-
-    /// D is the straight line.
-    struct Line;
-
-    impl Policy for Line {
-        fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
-            let pairs = states.iter().zip(goals);
-            out.iter_mut().zip(pairs).for_each(|(d, (s, g))| *d = (s - g).abs());
-        }
-
-        fn actions(&self, _: &[f32], _: &[f32], _: &mut [f32], _: &mut Scratch) {}
-    }
+    use crate::learn::networks::policy::tests::Line;
 
     #[test]
     fn the_pairs_chosen_are_those_whose_d_falls_furthest_short_of_the_graph() {
@@ -117,7 +106,8 @@ mod tests {
         let known = KnownDistances { states, goals, by_goal: &by_goal, changed: None };
         let (mut pairs, mut rng) = (ShortPairs::default(), ChaCha8Rng::seed_from_u64(1));
         pairs.draw(&spec, &known, 100, &mut rng);
-        let chosen = pairs.choose(&Line);
+        let (policy, mut scratch) = (Line { wall: 0.0, next: |s, _| s }, Scratch::default());
+        let chosen = pairs.choose(&spec, &policy, &mut scratch);
         assert_eq!(chosen.len(), 100);
         let behind_wall = chosen.iter().filter(|pair| **pair == behind_wall).count();
         // At random it would be a quarter; it is among four drawn with a probability of 0.68.
@@ -127,6 +117,6 @@ mod tests {
         let none_near = DistancesByGoal { near: 0, ..by_goal.clone() };
         let known = KnownDistances { by_goal: &none_near, ..known };
         pairs.draw(&spec, &known, 100, &mut rng);
-        assert!(pairs.choose(&Line).is_empty());
+        assert!(pairs.choose(&spec, &policy, &mut scratch).is_empty());
     }
 }

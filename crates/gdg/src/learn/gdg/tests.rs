@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 use crate::env::Spec;
+use crate::learn::networks::policy::Imagine;
 use crate::learn::update::autograd::{random_state, spec};
 use crate::learn::{
     Backend, Batch, FullGradient, Gdg, Layers, LearnSettings, Learner, LossScale, Network, Policy,
@@ -384,5 +385,40 @@ fn lookahead_finds_the_best_tried_action_according_to_model_and_critics() {
             changed += usize::from(after_best[i] < after_own[i] - 0.05);
         }
         assert!(changed > 5, "the actor leaves room for improvement: {changed} of 40");
+    }
+}
+
+#[test]
+fn an_imagined_step_is_the_models_after_the_actors_action() {
+    for spec in [spec(2, 2, true), spec(5, 3, false)] {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let learner = Gdg::new(&spec, &settings(32, 24, 2), 1, &mut rng).unwrap();
+        let pairs = batch(&spec, 37, &mut rng);
+        let (mut actions, mut next) = (vec![0.0; 37 * spec.action_dim], Vec::new());
+        learner
+            .with_nets(false, |nets| {
+                let mut scratch = Scratch::default();
+                nets.actions(&pairs.states, &pairs.goals, &mut actions, &mut scratch);
+                nets.step(&pairs.states, &pairs.goals, &mut next, &mut scratch);
+            })
+            .unwrap();
+        let tensor = |numbers: &[f32], width: usize| {
+            Tensor::from_slice(numbers, (37, width), &Device::Cpu).unwrap()
+        };
+        let reference = learner.reference(Layers::Linear).unwrap();
+        let expected = reference
+            .predictions(
+                &tensor(&pairs.states, spec.state_dim()),
+                &tensor(&actions, spec.action_dim),
+            )
+            .unwrap()
+            .flatten_all()
+            .unwrap()
+            .to_vec1::<f32>()
+            .unwrap();
+        assert_eq!(next.len(), expected.len());
+        let apart = next.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let moved = next.iter().zip(&pairs.states).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(apart < 1e-4 && moved > 1e-3, "apart {apart}, moved {moved}");
     }
 }

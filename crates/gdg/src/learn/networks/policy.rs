@@ -76,6 +76,36 @@ pub trait Policy: Send + Sync {
     }
 }
 
+/// Pairs whose D is asked, with their buffers.
+#[derive(Default)]
+pub(in crate::learn) struct DistanceQueries {
+    /// `(pairs, state_dim)`.
+    pub states: Vec<f32>,
+    /// `(pairs, goal_dim)`.
+    pub goals: Vec<f32>,
+    distances: Vec<f32>,
+}
+
+impl DistanceQueries {
+    /// Removes all pairs.
+    pub fn clear(&mut self) {
+        [&mut self.states, &mut self.goals].into_iter().for_each(Vec::clear);
+    }
+
+    /// Adds a pair.
+    pub fn push(&mut self, state: &[f32], goal: &[f32]) {
+        self.states.extend(state);
+        self.goals.extend(goal);
+    }
+
+    /// Returns D of each pair, of states with `state_dim` components, in steps.
+    pub fn ask(&mut self, policy: &dyn Policy, state_dim: usize, scratch: &mut Scratch) -> &[f32] {
+        self.distances.resize(self.states.len() / state_dim, 0.0);
+        policy.distances(&self.states, &self.goals, &mut self.distances, scratch);
+        &self.distances
+    }
+}
+
 /// A policy with a dynamics model, which imagines where it leads.
 pub(in crate::learn) trait Imagine: Policy {
     /// Computes the states expected after the actor's actions, f(s, mu(s, g)), `next`
@@ -154,5 +184,35 @@ impl Imagine for Nets<'_> {
         let pairs = Pairs { plain, states, goals };
         self.shapes.step_with_actor(self.actor, self.model, pairs, next, imagined);
         next.truncate(states.len());
+    }
+}
+
+#[cfg(test)]
+pub(in crate::learn) mod tests {
+    use super::*;
+
+    /// A world of one axis: D is the straight line, and `wall` steps longer across 50; the actor
+    /// leads from s to `next(s, g)`.
+    pub struct Line {
+        pub wall: f32,
+        pub next: fn(f32, f32) -> f32,
+    }
+
+    impl Policy for Line {
+        fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
+            for (out, (s, g)) in out.iter_mut().zip(states.iter().zip(goals)) {
+                let wall = if (*s < 50.0) == (*g < 50.0) { 0.0 } else { self.wall };
+                *out = (s - g).abs() + wall;
+            }
+        }
+
+        fn actions(&self, _: &[f32], _: &[f32], _: &mut [f32], _: &mut Scratch) {}
+    }
+
+    impl Imagine for Line {
+        fn step(&self, states: &[f32], goals: &[f32], next: &mut Vec<f32>, _: &mut Scratch) {
+            next.clear();
+            next.extend(states.iter().zip(goals).map(|(s, g)| (self.next)(*s, *g)));
+        }
     }
 }

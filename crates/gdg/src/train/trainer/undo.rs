@@ -26,10 +26,11 @@ impl Trainer {
         self.update_took.is_none_or(|took| took >= LONG_UPDATE)
     }
 
-    /// Returns what is needed to undo the next update; `None` for the few that change the bridge
-    /// graph and the plans, too, and must be finished.
+    /// Returns what is needed to undo the next update, if it may be a long one; `None` for the few
+    /// that change the bridge graph and the plans, too, and must be finished.
     pub(super) fn undo_for_update(&self) -> Result<Option<Undo>> {
-        if self.changes_graph_at(self.counters.updates + 1) || !self.learns() {
+        let must_end = self.changes_graph_at(self.counters.updates + 1) || !self.learns();
+        if !self.updates_are_long() || must_end {
             return Ok(None);
         }
         let mut learner = Store::default();
@@ -51,6 +52,7 @@ mod tests {
 
     use super::*;
     use crate::env::{Abilities, EnvError, Environment, PointMaze, Spec};
+    use crate::learn::{LearnError, Learner, Losses, Policy, Profile, TrainingData};
     use crate::train::{Method, Preset, Registry, Run, Settings, Tick};
 
     /// A world whose steps are computed elsewhere: their outcome shows when they end.
@@ -227,5 +229,55 @@ mod tests {
         }
         assert!(meanwhile > 20 && undone > 10, "{meanwhile} meanwhile, {undone} undone");
         assert!(state(&mut whole) == state(&mut stopped));
+    }
+
+    /// A learner of which a copy takes as long as a long update.
+    struct SlowToCopy(Box<dyn Learner>);
+
+    impl Learner for SlowToCopy {
+        fn kind(&self) -> &'static str {
+            self.0.kind()
+        }
+
+        fn update(
+            &mut self,
+            data: TrainingData,
+            profile: &mut Profile,
+        ) -> std::result::Result<Losses, LearnError> {
+            self.0.update(data, profile)
+        }
+
+        fn policy(&self, averaged: bool) -> std::result::Result<Arc<dyn Policy>, LearnError> {
+            self.0.policy(averaged)
+        }
+
+        fn with_policy(
+            &self,
+            averaged: bool,
+            use_policy: &mut dyn FnMut(&dyn Policy),
+        ) -> std::result::Result<(), LearnError> {
+            self.0.with_policy(averaged, use_policy)
+        }
+
+        fn save(&self, store: &mut Store) -> std::result::Result<(), LearnError> {
+            std::thread::sleep(LONG_UPDATE);
+            self.0.save(store)
+        }
+
+        fn load(&mut self, store: &Store) -> std::result::Result<(), LearnError> {
+            self.0.load(store)
+        }
+    }
+
+    #[test]
+    fn a_copy_that_takes_long_does_not_make_updates_long() {
+        let Trainer { learner, .. } = trainer("gdg", 1);
+        let mut trainer = trainer("gdg", 1);
+        trainer.learner = Box::new(SlowToCopy(learner));
+        while trainer.counters().updates == 0 {
+            assert!(trainer.updates_are_long(), "nothing is known of the first one");
+            trainer.tick().expect("a tick");
+        }
+        assert!(!trainer.updates_are_long());
     }
 }
