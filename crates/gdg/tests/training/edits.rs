@@ -1,0 +1,224 @@
+//! Edits of the map while a run trains.
+
+use super::*;
+
+/// Returns the map with the door between its two rooms closed or open.
+fn with_door(map: &Grid, open: bool) -> Arc<Grid> {
+    Arc::new(map.with_cells([7, 8].map(|y| (Cell::new(10, y), open))).unwrap())
+}
+
+/// Returns the numbers of edges of the bridge graph from either room to the other, and of all.
+fn edges_through_the_door(run: &Trainer) -> (usize, usize) {
+    let graph = run.graph().expect("the run has a graph by now");
+    let is_left = |i: usize| graph.point(i)[0] < 10.0;
+    let through = graph.edges().iter().filter(|edge| is_left(edge.from) != is_left(edge.to));
+    (through.count(), graph.edges().len())
+}
+
+#[test]
+fn an_edit_changes_the_bridge_graph_at_once_and_only_where_it_matters() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 700);
+    let map = map_of(&run).clone();
+    let before = edges_through_the_door(&run);
+    assert!(before.0 > 0, "{before:?}");
+    change_map(&mut run, &with_door(&map, false)).unwrap();
+    let closed = edges_through_the_door(&run);
+    assert!(closed.0 == 0 && 2 * closed.1 > before.1, "{before:?} {closed:?}");
+    train_to(&mut run, 720);
+    assert_eq!(edges_through_the_door(&run).0, 0);
+    change_map(&mut run, &with_door(&map, true)).unwrap();
+    let opened = edges_through_the_door(&run);
+    assert!(2 * opened.0 > before.0, "the replay shows ways through the door: {opened:?}");
+}
+
+#[test]
+fn a_run_saved_after_an_edit_continues_as_if_it_had_not_been_interrupted() {
+    let edited = || {
+        let mut run = trainer(settings(), 5, 1);
+        train_to(&mut run, 333);
+        let map = with_door(map_of(&run), false);
+        change_map(&mut run, &map).unwrap();
+        run
+    };
+    let mut straight = edited();
+    train_to(&mut straight, 700);
+    // At once, while the graph's distances are not known yet, and when they are.
+    for saved_at in [333, 380, 450] {
+        let mut first = edited();
+        train_to(&mut first, saved_at);
+        let store = first.save().unwrap();
+        let mut resumed = Trainer::load(&store, &Registry::builtin(), 2).unwrap();
+        assert_same(&first, &resumed);
+        train_to(&mut resumed, 700);
+        assert_same(&straight, &resumed);
+    }
+}
+
+#[test]
+fn a_run_saved_by_a_version_that_checked_fewer_distances_after_an_edit_resumes() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 333);
+    let map = with_door(map_of(&run), false);
+    change_map(&mut run, &map).unwrap();
+    train_to(&mut run, 450);
+    let saved = run.save().unwrap();
+    let goals = saved.u32("graph.changed.goals").unwrap();
+    let places = saved.f32("graph.changed.lower").unwrap().len() / goals.len();
+    let with = |goals: &[u32]| {
+        let mut store = run.save().unwrap();
+        for name in ["graph.changed.lower", "graph.changed.upper"] {
+            let numbers = store.f32(name).unwrap()[..goals.len() * places].to_vec();
+            store.put(name, numbers);
+        }
+        store.put("graph.changed.goals", goals.to_vec());
+        Trainer::load(&store, &Registry::builtin(), 2)
+    };
+    for fewer in [&goals[..20], &[]] {
+        let mut resumed = with(fewer).unwrap();
+        train_to(&mut resumed, 460);
+    }
+    let others: Vec<u32> = goals.iter().rev().copied().collect();
+    let error = with(&others).err().expect("these are not the graph's").to_string();
+    assert!(error.contains("to other places"), "{error}");
+}
+
+#[test]
+fn a_run_on_an_edited_map_resumes_on_that_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("edited.safetensors");
+    let map = door_above();
+    let mut run = trainer(settings(), 14, 1);
+    train_to(&mut run, 450);
+    change_map(&mut run, &map).unwrap();
+    train_to(&mut run, 500);
+    train::save(&run, &SaveTo::Replace(path.clone())).unwrap();
+    let mut resumed = train::load(&path, &Registry::builtin(), 1).unwrap().trainer;
+    assert_eq!(map_of(&resumed), &map);
+    assert_same(&run, &resumed);
+    train_to(&mut run, 700);
+    train_to(&mut resumed, 700);
+    assert_same(&run, &resumed);
+}
+
+#[test]
+fn undoing_an_edit_restores_the_transitions_that_it_removed() {
+    let mut run = trainer(settings(), 16, 2);
+    train_to(&mut run, 600);
+    let before = map_of(&run).clone();
+    let closed = change_map(&mut run, &door_above()).unwrap();
+    assert!(closed.transitions_removed > 0 && closed.transitions_restored == 0, "{closed:?}");
+    let undone = change_map(&mut run, &before).unwrap();
+    assert_eq!(
+        (undone.transitions_removed, undone.transitions_restored),
+        (0, closed.transitions_removed)
+    );
+}
+
+#[test]
+fn what_was_explored_stays_explored_after_an_edit() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 300);
+    let before = run.coverage().unwrap();
+    change_map(&mut run, &door_above()).unwrap();
+    let after = run.coverage().unwrap();
+    assert!(before > 0.3 && (before - after).abs() < 0.1, "{before} before, {after} after");
+    let curve = run.history().points();
+    assert!(curve.iter().all(|point| point.coverage.is_some()), "{curve:?}");
+}
+
+/// Returns the two rooms with the door in the first row instead.
+fn door_above() -> Arc<Grid> {
+    let row = |(i, line): (usize, &str)| {
+        let (left, right) = (&line[..10], &line[11..]);
+        format!("{left}{}{right}\n", if i == 0 { '.' } else { '#' })
+    };
+    let text: String = TWO_ROOMS.lines().enumerate().map(row).collect();
+    Arc::new(parse_map("door-above", text.as_bytes()).unwrap())
+}
+
+#[test]
+fn the_same_networks_learn_a_moved_door() {
+    let mut run = trainer(settings(), 13, 2);
+    train_to(&mut run, 3_000);
+    let other_size = parse_map("small", b"...\n...\n").unwrap();
+    let error = change_map(&mut run, &Arc::new(other_size)).unwrap_err().to_string();
+    assert!(error.contains("3 x 2") && error.contains("21 x"), "{error}");
+    let map = door_above();
+    let change = change_map(&mut run, &map).unwrap();
+    let doors = TWO_ROOMS.lines().filter(|line| !line.contains('#')).count();
+    assert_eq!((&change.facts["walled"], &change.facts["opened"]), (&doors.into(), &1.into()));
+    assert!(change.transitions_removed > 100, "{change:?}");
+    let again = change_map(&mut run, &map).unwrap();
+    assert_eq!((&again.facts["walled"], again.transitions_removed), (&0.into(), 0));
+    assert_eq!(map_of(&run), &map);
+    // No remaining transition crosses the wall, and no agent is inside it.
+    let mut before: Option<Vec<f32>> = None;
+    run.replay().visit_episodes(|_, state| {
+        if let (Some(a), Some(b)) = (&before, state) {
+            let crosses = (a[0] < 10.5) != (b[0] < 10.5);
+            assert!(!crosses || a[1] <= 2.1 && b[1] <= 2.1, "from {a:?} to {b:?}");
+        }
+        before = state.map(<[f32]>::to_vec);
+    });
+    assert!(run.world().states().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
+    assert!(run.candidates().points().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
+    train_to(&mut run, 6_000);
+    let found = run.evaluate(&run.tasks(20).unwrap()).unwrap();
+    let planned = found.planned.unwrap().success.unwrap();
+    assert!(
+        planned >= 0.9 && found.bridges.unwrap().false_edges == Some(0),
+        "planned {planned}, {:?}",
+        found.bridges
+    );
+}
+
+#[test]
+fn distances_lengthened_by_new_walls_are_relearned_quickly() {
+    let through_the_door = |run: &Trainer| {
+        let policy = run.policy().unwrap();
+        policy.distance(&[8.5, 7.9], &[12.5, 7.9], &mut Scratch::default())
+    };
+    let after = |greedy_targets: bool, expectile: f32| {
+        let mut settings = settings();
+        (settings.learn.greedy_targets, settings.learn.expectile) = (greedy_targets, expectile);
+        let mut run = trainer(settings, 13, 2);
+        train_to(&mut run, 3_000);
+        let before = through_the_door(&run);
+        assert!(before < 6.0, "4 steps through the open door, learned as {before}");
+        change_map(&mut run, &door_above()).unwrap();
+        train_to(&mut run, 4_000);
+        through_the_door(&run)
+    };
+    let (soon, late) = (after(true, 0.5), after(false, 0.95));
+    // Through the new door it takes 18 steps.
+    assert!(
+        soon > 9.0 && soon > 1.1 * late,
+        "{soon} after a thousand updates, {late} by behaviour and an expectile"
+    );
+}
+
+#[test]
+fn two_walled_cells_in_one_room_leave_the_distances_of_the_other_alone() {
+    let mut run = trainer(settings(), 15, 2);
+    train_to(&mut run, 3_000);
+    let places: Vec<[f32; 2]> =
+        (0..20).map(|i| [12.5 + (i * 3 % 8) as f32, 0.5 + (i * 7 % 11) as f32]).collect();
+    let distances = |run: &Trainer| -> Vec<f32> {
+        let (policy, mut scratch) = (run.policy().unwrap(), Scratch::default());
+        let pairs = places
+            .iter()
+            .flat_map(|from| places.iter().map(move |to| (from, to)))
+            .filter(|(a, b)| a != b);
+        pairs.map(|(from, to)| policy.distance(from, to, &mut scratch)).collect()
+    };
+    let before = distances(&run);
+    let map =
+        map_of(&run).with_cells([(Cell::new(4, 4), false), (Cell::new(5, 4), false)]).unwrap();
+    change_map(&mut run, &Arc::new(map)).unwrap();
+    train_to(&mut run, 4_000);
+    let after = distances(&run);
+    let growth: f32 = after.iter().zip(&before).map(|(after, before)| after - before).sum::<f32>();
+    let growth = growth / before.iter().sum::<f32>();
+    assert!(growth < 0.1, "distances in the other room have grown by a factor of {growth}");
+}

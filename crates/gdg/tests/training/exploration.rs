@@ -1,0 +1,94 @@
+//! What agents explore from one start.
+
+use super::*;
+
+#[test]
+fn without_restarts_no_agent_is_ever_moved() {
+    let mut settings = settings();
+    settings.train.agents = 4;
+    settings.train.restart = Restart::Never;
+    settings.train.episode_steps = Auto::Given(20);
+    let mut run = trainer(settings, 3, 1);
+    let mut before = run.world().states().to_vec();
+    while run.counters().episodes < 40 {
+        run.tick().unwrap();
+        let jump = |(a, b): (&f32, &f32)| (a - b).abs();
+        let farthest = before.iter().zip(run.world().states()).map(jump).fold(0.0, f32::max);
+        assert!(farthest <= 1.001, "moved by {farthest} in one step");
+        before = run.world().states().to_vec();
+    }
+}
+
+#[test]
+fn from_one_start_everything_is_explored() {
+    let text = format!("S{}", &TWO_ROOMS[1..]);
+    let map = parse_map("one-start", text.as_bytes()).unwrap();
+    let run =
+        Run { method: Method::default(), preset: Preset::Default, seed: 2, settings: settings() };
+    let mut run =
+        Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 2).unwrap();
+    assert!(
+        run.world().states().iter().all(|v| *v < 1.0),
+        "all agents start in the corner: {:?}",
+        run.world().states()
+    );
+    train_to(&mut run, 3_000);
+    let found = run.evaluate(&run.tasks(20).unwrap()).unwrap();
+    assert!(
+        found.coverage.unwrap() > 0.95 && found.planned.unwrap().success > Some(0.9),
+        "coverage {:?}",
+        found.coverage
+    );
+}
+
+#[test]
+fn a_maze_with_corridors_one_cell_wide_is_explored_from_one_cell() {
+    let map = perfect_maze(25);
+    let explored = |frontier: Auto<f32>| {
+        let mut settings = settings();
+        settings.bridge.frontier_epsilon = frontier;
+        let run = Run { method: Method::default(), preset: Preset::Default, seed: 2, settings };
+        let mut run =
+            Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
+        train_to(&mut run, 2_000);
+        run.coverage().unwrap()
+    };
+    let (with, without) = (explored(Auto::AUTO), explored(Auto::Given(0.0)));
+    assert!(with > 0.95, "explored {with}");
+    assert!(without < with - 0.2, "without excursions {without}");
+}
+
+#[test]
+fn excursions_lead_to_the_frontier_and_go_on_after_a_resume() {
+    let mut settings = settings();
+    settings.bridge.frontier_epsilon = Auto::Given(1.0);
+    let mut run = trainer(settings, 5, 1);
+    while run.counters().env_steps < 640 {
+        run.tick().unwrap();
+    }
+    let goals = |run: &Trainer| -> Vec<Option<Vec<f32>>> {
+        (0..run.rollout().agents().len())
+            .map(|i| run.rollout().excursions().destination(i))
+            .collect()
+    };
+    let pursued = goals(&run);
+    assert!(pursued.iter().any(Option::is_some), "every goal begins with an excursion");
+    let store = run.save().unwrap();
+    let resumed = Trainer::load(&store, &Registry::builtin(), 1).unwrap();
+    assert_eq!(goals(&resumed), pursued);
+    // A checkpoint from before there were excursions.
+    let (arrays, texts) = store.into_parts();
+    let mut former = Store::default();
+    let older = |name: &str| !name.starts_with("excursions") && !name.starts_with("places");
+    arrays
+        .into_iter()
+        .filter(|(name, _)| older(name))
+        .for_each(|(name, array)| former.put(name, array));
+    texts
+        .into_iter()
+        .filter(|(name, _)| older(name))
+        .for_each(|(name, text)| former.put_text(name, text));
+    let mut resumed = Trainer::load(&former, &Registry::builtin(), 1).unwrap();
+    assert!(goals(&resumed).iter().all(Option::is_none));
+    train_to(&mut resumed, 20);
+}
