@@ -23,7 +23,6 @@ use gdg::train::{Evaluation, is_checkpoint, read_history};
 use join::join;
 pub use line::RunLine;
 pub use reader::{Found, Reader};
-use records::records;
 pub use records::{Ending, Skipped};
 
 /// Records that have not grown for this long are not of a running run.
@@ -263,7 +262,7 @@ pub fn file(path: &Path) -> Result<Vec<SavedRun>, Report> {
             Err(_) => {}
         }
     }
-    records(path)
+    records::read(path)
 }
 
 fn is_of_job(path: &Path) -> bool {

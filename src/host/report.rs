@@ -5,13 +5,13 @@ use std::fmt;
 
 use miette::{
     Diagnostic, LabeledSpan, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan,
-    SpanContents,
+    SpanContents, miette,
 };
 
 use gdg::map::MapError;
 use gdg::printing::eprint_line;
-use gdg::text::{Excerpt, sanitized_lines, terminal_obeys_escapes, truncated};
-use gdg::train::{CheckpointError, ConfigError};
+use gdg::text::{Excerpt, sanitized, sanitized_lines, terminal_obeys_escapes, truncated};
+use gdg::train::{CheckpointError, ConfigError, TrainError};
 
 /// Maximum number of characters of a message and of each of its causes.
 const MAX_MESSAGE_CHARS: usize = 2000;
@@ -55,6 +55,13 @@ impl ExplainedError {
 /// Turns a map error into a report.
 pub fn from_map_error(error: Box<MapError>) -> Report {
     ExplainedError::report(error.to_string(), error.help, error.excerpt)
+}
+
+/// Turns an error in data to learn from into a report.
+pub fn from_data_error(error: impl Into<TrainError>) -> Report {
+    let help = "--data takes .npz files with observations, actions and terminals: \
+                gdg-tui export-data writes them, and OGBench has some";
+    miette!(help = help, "{}", sanitized(&error.into().to_string()))
 }
 
 /// Turns an error in settings into a report.

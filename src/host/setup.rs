@@ -11,7 +11,7 @@ use miette::{IntoDiagnostic, Report, miette};
 
 use crate::host::maps::{self, find_map, known_name};
 use crate::host::outputs::{refuse_existing, refuse_input, save_to};
-use crate::host::report::{from_checkpoint_error, from_map_error};
+use crate::host::report::{from_checkpoint_error, from_data_error, from_map_error};
 use crate::host::runs::{self, SAVES};
 use gdg::env::{Environment, Goals, PointMaze, Restart, maze};
 use gdg::files;
@@ -19,13 +19,10 @@ use gdg::learn::Threads;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
 use gdg::pulse::Progress;
 use gdg::text::sanitized;
-use gdg::train::{
-    self, Dataset, Limits, Loaded, Registry, Run, SaveTo, Settings, TrainError, Trainer,
-};
+use gdg::train::{self, Limits, Loaded, Registry, Run, SaveTo, Settings, TrainError, Trainer};
 
 pub use choice::{RunChoice, run, settings, settings_of, split_prefix};
 pub use data::learn_from;
-use data::{BEGIN_STAGES, from_data_error};
 use edits::load_edits;
 pub use edits::{Edit, EditAt};
 
@@ -241,10 +238,7 @@ fn begin_run(
 ) -> Result<Loaded, Report> {
     let run = self::run(&request.run, &request.map, registry, request.seed)?;
     if let Some(file) = &request.data {
-        // Opening a world may take a minute.
-        progress.begin(0, BEGIN_STAGES);
-        Dataset::check_file(file, progress).map_err(from_data_error)?;
-        progress.begin(1, BEGIN_STAGES);
+        data::check(file, progress)?;
     }
     let world = open_world(&request.map, &request.reading, &run, registry)?;
     if request.data.is_none() && run.settings.train.offline_updates > 0 {

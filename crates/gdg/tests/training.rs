@@ -1,4 +1,4 @@
-//! Training: runs are reproducible, and learning works.
+//! Training: runs are reproducible, changed settings keep what they should, and updates follow steps.
 
 mod edits;
 mod exploration;
@@ -55,10 +55,30 @@ fn marked_rooms() -> String {
     text
 }
 
+/// Returns a maze with corridors and walls one cell wide, and a start in a corner.
+fn perfect_maze(size: usize) -> Arc<Grid> {
+    let maze = random(RandomMapKind::Perfect, Some(size), 1);
+    let rows = maze
+        .free()
+        .chunks(maze.width())
+        .map(|row| row.iter().map(|free| if *free { '.' } else { '#' }));
+    let text: Vec<String> = rows.map(String::from_iter).collect();
+    Arc::new(parse_map("maze", text.join("\n").replacen('.', "S", 1).as_bytes()).unwrap())
+}
+
 fn trainer(settings: Settings, seed: u64, threads: impl Into<Threads>) -> Trainer {
     let map = parse_map("two-rooms", TWO_ROOMS.as_bytes()).unwrap();
+    trainer_on(&Arc::new(map), settings, seed, threads)
+}
+
+fn trainer_on(
+    map: &Arc<Grid>,
+    settings: Settings,
+    seed: u64,
+    threads: impl Into<Threads>,
+) -> Trainer {
     let run = Run { method: Method::default(), preset: Preset::Default, seed, settings };
-    Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), threads).unwrap()
+    Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads).unwrap()
 }
 
 fn map_of(trainer: &Trainer) -> &Arc<Grid> {
@@ -278,15 +298,4 @@ fn the_paper_preset_makes_one_update_per_step_after_each_episode() {
     }
     assert_eq!(run.tick().unwrap(), Tick::Step, "the next episode begins");
     assert_eq!((run.counters().updates, run.counters().episodes), (episode, 1));
-}
-
-/// Returns a maze with corridors and walls one cell wide, and a start in a corner.
-fn perfect_maze(size: usize) -> Arc<Grid> {
-    let maze = random(RandomMapKind::Perfect, Some(size), 1);
-    let rows = maze
-        .free()
-        .chunks(maze.width())
-        .map(|row| row.iter().map(|free| if *free { '.' } else { '#' }));
-    let text: Vec<String> = rows.map(String::from_iter).collect();
-    Arc::new(parse_map("maze", text.join("\n").replacen('.', "S", 1).as_bytes()).unwrap())
 }

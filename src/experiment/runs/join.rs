@@ -131,7 +131,7 @@ mod tests {
             );
         }
         std::fs::write(&path, text).expect("a file");
-        let mut run = records(&path).expect("a run").remove(0);
+        let mut run = records::read(&path).expect("a run").remove(0);
         run.kind = kind;
         run.source = source.into();
         run.checkpoint = checkpoint.map(PathBuf::from);

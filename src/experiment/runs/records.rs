@@ -1,4 +1,4 @@
-//! Records of runs, one JSON object per line.
+//! Reads records of runs, one JSON object per line.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -121,6 +121,19 @@ impl SavedRun {
         }
     }
 
+    /// Adds the part that it was resumed from.
+    pub(super) fn continue_from(&mut self, mut before: Self) {
+        // It may have been resumed from before that one's end.
+        let from = self.evaluations.first().map(|at| at.updates);
+        let from = from.or((self.begun > 0).then_some(self.begun + 1));
+        before.evaluations.retain(|at| from.is_none_or(|from| at.updates < from));
+        self.evaluations.splice(0..0, before.evaluations);
+        self.begun = before.begun;
+        self.checkpoint = self.checkpoint.take().or(before.checkpoint);
+        before.skipped.add(std::mem::take(&mut self.skipped));
+        self.skipped = before.skipped;
+    }
+
     /// Adds what a record other than the first says.
     fn add(&mut self, record: Record) {
         match record {
@@ -151,7 +164,7 @@ fn found_from(records: &Path, path: PathBuf) -> PathBuf {
 
 /// Reads the runs in a file of records, one JSON object per line: each begins with its `start`.
 /// Leaves out lines that are no records, as a full disk or a second writer may have damaged them.
-pub fn records(path: &Path) -> Result<Vec<SavedRun>, Report> {
+pub fn read(path: &Path) -> Result<Vec<SavedRun>, Report> {
     let file = open(path).map_err(|error| unreadable(path, &error))?;
     let mut reader = std::io::BufReader::new(file);
     let (mut runs, mut line, mut number) = (Vec::<SavedRun>::new(), Vec::new(), 0_u64);
@@ -239,19 +252,4 @@ fn merged(parts: Vec<SavedRun>) -> Vec<SavedRun> {
         }
     }
     runs
-}
-
-impl SavedRun {
-    /// Adds the part that it was resumed from.
-    pub fn continue_from(&mut self, mut before: Self) {
-        // It may have been resumed from before that one's end.
-        let from = self.evaluations.first().map(|at| at.updates);
-        let from = from.or((self.begun > 0).then_some(self.begun + 1));
-        before.evaluations.retain(|at| from.is_none_or(|from| at.updates < from));
-        self.evaluations.splice(0..0, before.evaluations);
-        self.begun = before.begun;
-        self.checkpoint = self.checkpoint.take().or(before.checkpoint);
-        before.skipped.add(std::mem::take(&mut self.skipped));
-        self.skipped = before.skipped;
-    }
 }

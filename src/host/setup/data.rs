@@ -4,17 +4,30 @@ use std::path::Path;
 
 use miette::{Report, miette};
 
+use crate::host::report::from_data_error;
 use gdg::pulse::Progress;
 use gdg::text::sanitized;
-use gdg::train::{Dataset, LeftOut, TrainError, Trainer};
+use gdg::train::{Dataset, LeftOut, Trainer};
 
 /// Stages of beginning a run with data: the file is checked, the world opened, the data read and
 /// learned from.
-pub const BEGIN_STAGES: usize = 4;
+const BEGIN_STAGES: usize = 4;
 
 /// Share of recorded transitions that are impossible on the map from which on they may be of
 /// another one.
 const OF_ANOTHER_MAP: f64 = 0.05;
+
+/// Checks the file with the recorded transitions, before the world is opened, which may take a
+/// minute.
+///
+/// # Errors
+/// The file cannot be read, or is of another kind.
+pub fn check(file: &Path, progress: &Progress) -> Result<(), Report> {
+    progress.begin(0, BEGIN_STAGES);
+    Dataset::check_file(file, progress).map_err(from_data_error)?;
+    progress.begin(1, BEGIN_STAGES);
+    Ok(())
+}
 
 /// Has `trainer` learn from the recorded transitions in `file`; returns a warning if some of them
 /// are left out, and says how far it is to `progress`.
@@ -54,11 +67,4 @@ pub fn learn_from(
         .map(|(count, why)| format!("{count} of {all} transitions are left out: {why}"))
         .collect();
     Ok((!left_out.is_empty()).then(|| format!("warning: {file}: {}", left_out.join("; "))))
-}
-
-/// Reports data that cannot be learned from.
-pub fn from_data_error(error: impl Into<TrainError>) -> Report {
-    let help = "--data takes .npz files with observations, actions and terminals: \
-                gdg-tui export-data writes them, and OGBench has some";
-    miette!(help = help, "{}", sanitized(&error.into().to_string()))
 }

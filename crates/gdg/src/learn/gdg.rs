@@ -57,7 +57,7 @@ pub struct Gdg {
     short_pairs: ShortPairs,
     /// Finds pairs at which the actor gets stuck.
     imagined_walks: ImaginedWalks,
-    /// Lent to those three.
+    /// Inference buffers, lent to those three.
     scratch: Scratch,
     training: Training<Shapes>,
     backend: Backend,
@@ -205,7 +205,7 @@ impl PhasedLearner for Gdg {
             // The second critic would double the cost and change little.
             nets.critics.truncate(1);
             imagined_walks.apply(spec, &nets, sampler, batch, scratch);
-            let short = short_pairs.choose(spec, &nets, scratch);
+            let short = short_pairs.choose(&nets, scratch);
             let first = sampler.add_known(known, short, data.rng, batch);
             let Some(paths) = graph_paths else { return };
             paths.apply(spec, &nets, known, batch, first, scratch);

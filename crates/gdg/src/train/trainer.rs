@@ -76,7 +76,7 @@ pub struct Trainer {
     recovery: Option<Recovery>,
     /// Whether an update is in progress: a panic during it leaves the networks partially updated.
     in_update: bool,
-    /// How long the latest update took.
+    /// How long the latest update took, without the copy for undoing it.
     update_took: Option<Duration>,
     pulse: Pulse,
 }
@@ -355,13 +355,7 @@ impl Trainer {
 
     /// Runs an update while the world computes a round of steps, if it has begun one.
     fn update_meanwhile(&mut self) -> Result<Tick> {
-        let updated = self.undo_for_update().and_then(|undo| {
-            // The copy does not count: where it takes long itself, no update would be short again.
-            let began = Instant::now();
-            let updated = self.update(undo);
-            self.update_took = Some(began.elapsed());
-            updated
-        });
+        let updated = self.update();
         // Whatever has become of the update, nothing can be asked of the world before its step ends.
         let waited = self.wait_for_world();
         let tick = updated?;
@@ -432,13 +426,26 @@ impl Trainer {
         Ok(done.unwrap_or_else(|| unreachable!("the callback runs exactly once")))
     }
 
-    fn update(&mut self, undo: Option<Undo>) -> Result<Tick> {
+    fn update(&mut self) -> Result<Tick> {
         let is_long = self.updates_are_long();
         let _activity = is_long.then(|| self.pulse.begin("the update in progress"));
         if is_long {
             log::debug!("update {} begins", self.counters.updates + 1);
         }
+        let undo = if is_long { self.undo_for_update()? } else { None };
         let parts = is_long.then(|| Arc::new(Parts::new(&self.pulse, undo.is_some())));
+        // Without the copy: where that takes long, no update would be a short one again.
+        let began = Instant::now();
+        let tick = self.learn(undo, parts);
+        // One that is undone does not show how long they take.
+        if !matches!(tick, Ok(Tick::Undone)) {
+            self.update_took = Some(began.elapsed());
+        }
+        tick
+    }
+
+    /// Learns from a batch; undoes that if parts of it were left out.
+    fn learn(&mut self, undo: Option<Undo>, parts: Option<Arc<Parts>>) -> Result<Tick> {
         // With data, updates are due without steps.
         let steps = self.run.settings.train.env_steps_per_update;
         self.counters.owed_steps = self.counters.owed_steps.saturating_sub(steps);

@@ -7,6 +7,16 @@ fn with_door(map: &Grid, open: bool) -> Arc<Grid> {
     Arc::new(map.with_cells([7, 8].map(|y| (Cell::new(10, y), open))).unwrap())
 }
 
+/// Returns the two rooms with the door in the first row instead.
+fn door_above() -> Arc<Grid> {
+    let row = |(i, line): (usize, &str)| {
+        let (left, right) = (&line[..10], &line[11..]);
+        format!("{left}{}{right}\n", if i == 0 { '.' } else { '#' })
+    };
+    let text: String = TWO_ROOMS.lines().enumerate().map(row).collect();
+    Arc::new(parse_map("door-above", text.as_bytes()).unwrap())
+}
+
 /// Returns the numbers of edges of the bridge graph from either room to the other, and of all.
 fn edges_through_the_door(run: &Trainer) -> (usize, usize) {
     let graph = run.graph().expect("the run has a graph by now");
@@ -125,16 +135,6 @@ fn what_was_explored_stays_explored_after_an_edit() {
     assert!(before > 0.3 && (before - after).abs() < 0.1, "{before} before, {after} after");
     let curve = run.history().points();
     assert!(curve.iter().all(|point| point.coverage.is_some()), "{curve:?}");
-}
-
-/// Returns the two rooms with the door in the first row instead.
-fn door_above() -> Arc<Grid> {
-    let row = |(i, line): (usize, &str)| {
-        let (left, right) = (&line[..10], &line[11..]);
-        format!("{left}{}{right}\n", if i == 0 { '.' } else { '#' })
-    };
-    let text: String = TWO_ROOMS.lines().enumerate().map(row).collect();
-    Arc::new(parse_map("door-above", text.as_bytes()).unwrap())
 }
 
 #[test]

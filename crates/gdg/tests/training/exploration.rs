@@ -1,4 +1,4 @@
-//! What agents explore from one start.
+//! What agents explore: from one start, without restarts, and on excursions.
 
 use super::*;
 
@@ -23,10 +23,7 @@ fn without_restarts_no_agent_is_ever_moved() {
 fn from_one_start_everything_is_explored() {
     let text = format!("S{}", &TWO_ROOMS[1..]);
     let map = parse_map("one-start", text.as_bytes()).unwrap();
-    let run =
-        Run { method: Method::default(), preset: Preset::Default, seed: 2, settings: settings() };
-    let mut run =
-        Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 2).unwrap();
+    let mut run = trainer_on(&Arc::new(map), settings(), 2, 2);
     assert!(
         run.world().states().iter().all(|v| *v < 1.0),
         "all agents start in the corner: {:?}",
@@ -47,9 +44,7 @@ fn a_maze_with_corridors_one_cell_wide_is_explored_from_one_cell() {
     let explored = |frontier: Auto<f32>| {
         let mut settings = settings();
         settings.bridge.frontier_epsilon = frontier;
-        let run = Run { method: Method::default(), preset: Preset::Default, seed: 2, settings };
-        let mut run =
-            Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
+        let mut run = trainer_on(&map, settings, 2, 2);
         train_to(&mut run, 2_000);
         run.coverage().unwrap()
     };

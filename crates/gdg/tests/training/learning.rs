@@ -49,9 +49,7 @@ fn learned_distances_bend_around_the_wall() {
 fn a_maze_with_corridors_one_cell_wide_is_learned_from_one_cell() {
     let mut settings = settings();
     settings.bridge.candidates = 300;
-    let run = Run { method: Method::default(), preset: Preset::Default, seed: 4, settings };
-    let mut run =
-        Trainer::new(run, &PointMaze::new(perfect_maze(21), 0), &Registry::builtin(), 2).unwrap();
+    let mut run = trainer_on(&perfect_maze(21), settings, 4, 2);
     train_to(&mut run, 4_000);
     let found = run.evaluate(&run.tasks(20).unwrap()).unwrap();
     let planned = found.planned.unwrap().success.unwrap();
@@ -68,9 +66,7 @@ fn evaluated_after(
 ) -> Evaluation {
     let mut settings = Settings::default();
     change(&mut settings.learn);
-    let run = Run { method: Method::default(), preset: Preset::Default, seed, settings };
-    let mut run =
-        Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
+    let mut run = trainer_on(map, settings, seed, 2);
     train_to(&mut run, updates);
     run.evaluate(&run.tasks(60).unwrap()).unwrap()
 }

@@ -1,4 +1,4 @@
-//! Runs that were saved continue as if they had not been interrupted.
+//! Checkpoints: saved runs continue as if they had not been interrupted, and other files are refused.
 
 use super::*;
 

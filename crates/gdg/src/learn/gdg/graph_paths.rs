@@ -53,8 +53,8 @@ pub struct GraphPaths {
     paths: Vec<Path>,
     /// Candidates around s of each path, of all paths.
     starts: Vec<usize>,
-    /// Pairs whose D' is asked.
-    pairs: DistanceQueries,
+    /// Pairs of which D', or where the actor leads, is asked.
+    queries: DistanceQueries,
     /// x of each path, `(paths, state_dim)`.
     next: Vec<f32>,
     /// Rows of the pairs whose path begins or ends too far away to lead the actor.
@@ -81,7 +81,7 @@ impl GraphPaths {
             waypoints,
             paths: Vec::new(),
             starts: Vec::new(),
-            pairs: DistanceQueries::default(),
+            queries: DistanceQueries::default(),
             next: Vec::new(),
             unled: Vec::new(),
         };
@@ -104,17 +104,17 @@ impl GraphPaths {
         self.choose_starts(spec, policy, known, batch, scratch);
         let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
         let DistancesByGoal { places: ends_at, steps, waypoints, .. } = known.by_goal;
-        self.pairs.clear();
+        self.queries.clear();
         for Path { row, start, .. } in &self.paths {
-            self.pairs.push(&batch.states[row * s..(row + 1) * s], known.goals.goal(*start));
+            self.queries.push(&batch.states[row * s..(row + 1) * s], known.goals.goal(*start));
         }
         for Path { row, end, .. } in &self.paths {
             let b = ends_at[*end] as usize;
             let goal = &batch.goals[row * g..(row + 1) * g];
-            self.pairs.push(&known.states[b * s..(b + 1) * s], goal);
+            self.queries.push(&known.states[b * s..(b + 1) * s], goal);
         }
         self.unled.clear();
-        let (before, after) = self.pairs.ask(policy, s, scratch).split_at(self.paths.len());
+        let (before, after) = self.queries.ask(policy, scratch).split_at(self.paths.len());
         for (Path { row, end, start, .. }, (before, after)) in
             self.paths.iter().zip(before.iter().zip(after))
         {
@@ -137,12 +137,12 @@ impl GraphPaths {
                 self.unled.push(*row);
             }
         }
-        self.pairs.clear();
+        self.queries.clear();
         for row in &self.unled {
             let goal = &batch.goals[row * g..(row + 1) * g];
-            self.pairs.push(&batch.states[row * s..(row + 1) * s], goal);
+            self.queries.push(&batch.states[row * s..(row + 1) * s], goal);
         }
-        for (row, distance) in self.unled.iter().zip(self.pairs.ask(policy, s, scratch)) {
+        for (row, distance) in self.unled.iter().zip(self.queries.ask(policy, scratch)) {
             if *distance > LEAST_LED_STEPS {
                 batch.actor_weights[*row] = 0.0;
             }
@@ -184,18 +184,20 @@ impl GraphPaths {
         scratch: &mut Scratch,
     ) {
         let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
-        let Self { paths, starts, pairs, next, .. } = self;
-        pairs.clear();
+        let Self { paths, starts, queries, next, .. } = self;
+        queries.clear();
         for row in paths.iter().map(|path| path.row) {
             let goal = &batch.goals[row * g..(row + 1) * g];
-            pairs.push(&batch.states[row * s..(row + 1) * s], goal);
+            queries.push(&batch.states[row * s..(row + 1) * s], goal);
         }
-        policy.step(&pairs.states, &pairs.goals, next, scratch);
-        pairs.clear();
+        policy.step(&queries.states, &queries.goals, next, scratch);
+        queries.clear();
         for (path, next) in paths.iter().zip(next.chunks_exact(s)) {
-            starts[path.starts.clone()].iter().for_each(|a| pairs.push(next, known.goals.goal(*a)));
+            starts[path.starts.clone()]
+                .iter()
+                .for_each(|a| queries.push(next, known.goals.goal(*a)));
         }
-        let before = pairs.ask(policy, s, scratch);
+        let before = queries.ask(policy, scratch);
         for Path { end, starts: own, start, .. } in paths {
             // Far ones come last: D' of the way to them has no overhead of hops, and would win.
             let cost = |k: usize| {

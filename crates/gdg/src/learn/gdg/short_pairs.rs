@@ -51,13 +51,8 @@ impl ShortPairs {
     }
 
     /// Returns the pairs chosen of those drawn; `policy` gives D.
-    pub fn choose(
-        &mut self,
-        spec: &Spec,
-        policy: &dyn Policy,
-        scratch: &mut Scratch,
-    ) -> &[KnownPair] {
-        let distances = self.queries.ask(policy, spec.state_dim(), scratch);
+    pub fn choose(&mut self, policy: &dyn Policy, scratch: &mut Scratch) -> &[KnownPair] {
+        let distances = self.queries.ask(policy, scratch);
         self.chosen.clear();
         let drawn = self.tried.chunks(TRIED_PAIRS).zip(distances.chunks(TRIED_PAIRS));
         for (pairs, distances) in drawn {
@@ -107,7 +102,7 @@ mod tests {
         let (mut pairs, mut rng) = (ShortPairs::default(), ChaCha8Rng::seed_from_u64(1));
         pairs.draw(&spec, &known, 100, &mut rng);
         let (policy, mut scratch) = (Line { wall: 0.0, next: |s, _| s }, Scratch::default());
-        let chosen = pairs.choose(&spec, &policy, &mut scratch);
+        let chosen = pairs.choose(&policy, &mut scratch);
         assert_eq!(chosen.len(), 100);
         let behind_wall = chosen.iter().filter(|pair| **pair == behind_wall).count();
         // At random it would be a quarter; it is among four drawn with a probability of 0.68.
@@ -117,6 +112,6 @@ mod tests {
         let none_near = DistancesByGoal { near: 0, ..by_goal.clone() };
         let known = KnownDistances { by_goal: &none_near, ..known };
         pairs.draw(&spec, &known, 100, &mut rng);
-        assert!(pairs.choose(&spec, &policy, &mut scratch).is_empty());
+        assert!(pairs.choose(&policy, &mut scratch).is_empty());
     }
 }

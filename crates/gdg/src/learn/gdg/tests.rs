@@ -1,5 +1,5 @@
-//! Compares the fused gradients with candle's autograd, over several shapes, odd sizes and batch
-//! size 1.
+//! Compares gradients with candle's autograd, over several shapes, odd sizes and batch size 1, and
+//! lookahead and imagined steps with candle's networks.
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
@@ -44,7 +44,12 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
     batch
 }
 
-/// Returns the largest difference, and the largest gradient as its scale.
+/// Returns numbers as a tensor `(rows, width)`.
+fn tensor(numbers: &[f32], width: usize) -> Tensor {
+    Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
+}
+
+/// Returns the largest difference, and the largest number expected as its scale.
 fn compare(fused: &[f32], autograd: &Tensor) -> (f32, f32) {
     let autograd = autograd.flatten_all().unwrap().to_vec1::<f32>().unwrap();
     assert_eq!(fused.len(), autograd.len());
@@ -81,9 +86,6 @@ fn check_against(
     let mut batch = make_batch(spec, settings.batch_size, &mut rng);
     batch.greedy_targets = settings.greedy_targets;
     batch.frees_stuck_actor = frees_stuck_actor;
-    let tensor = |numbers: &[f32], width: usize| {
-        Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
-    };
     let (s, g) = (spec.state_dim(), spec.goal_dim());
     let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
     let towards = tensor(&batch.actor_goals, g);
@@ -355,9 +357,6 @@ fn lookahead_finds_the_best_tried_action_according_to_model_and_critics() {
             })
             .unwrap();
         let reference = learner.reference(Layers::Linear).unwrap();
-        let tensor = |numbers: &[f32], width: usize| {
-            Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
-        };
         let (states, goals) =
             (tensor(&pairs.states, spec.state_dim()), tensor(&pairs.goals, spec.goal_dim()));
         let after = |actions: &[f32]| -> Vec<f32> {
@@ -394,7 +393,9 @@ fn an_imagined_step_is_the_models_after_the_actors_action() {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let learner = Gdg::new(&spec, &settings(32, 24, 2), 1, &mut rng).unwrap();
         let pairs = batch(&spec, 37, &mut rng);
-        let (mut actions, mut next) = (vec![0.0; 37 * spec.action_dim], Vec::new());
+        let mut actions = vec![0.0; 37 * spec.action_dim];
+        // As after a longer walk.
+        let mut next = vec![f32::NAN; 2 * pairs.states.len()];
         learner
             .with_nets(false, |nets| {
                 let mut scratch = Scratch::default();
@@ -402,23 +403,11 @@ fn an_imagined_step_is_the_models_after_the_actors_action() {
                 nets.step(&pairs.states, &pairs.goals, &mut next, &mut scratch);
             })
             .unwrap();
-        let tensor = |numbers: &[f32], width: usize| {
-            Tensor::from_slice(numbers, (37, width), &Device::Cpu).unwrap()
-        };
         let reference = learner.reference(Layers::Linear).unwrap();
-        let expected = reference
-            .predictions(
-                &tensor(&pairs.states, spec.state_dim()),
-                &tensor(&actions, spec.action_dim),
-            )
-            .unwrap()
-            .flatten_all()
-            .unwrap()
-            .to_vec1::<f32>()
-            .unwrap();
-        assert_eq!(next.len(), expected.len());
-        let apart = next.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        let moved = next.iter().zip(&pairs.states).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let states = tensor(&pairs.states, spec.state_dim());
+        let expected = reference.predictions(&states, &tensor(&actions, spec.action_dim)).unwrap();
+        assert_eq!(next.len(), pairs.states.len());
+        let ((apart, _), (moved, _)) = (compare(&next, &expected), compare(&next, &states));
         assert!(apart < 1e-4 && moved > 1e-3, "apart {apart}, moved {moved}");
     }
 }

@@ -76,7 +76,7 @@ pub trait Policy: Send + Sync {
     }
 }
 
-/// Pairs whose D is asked, with their buffers.
+/// Pairs whose D is asked.
 #[derive(Default)]
 pub(in crate::learn) struct DistanceQueries {
     /// `(pairs, state_dim)`.
@@ -89,18 +89,18 @@ pub(in crate::learn) struct DistanceQueries {
 impl DistanceQueries {
     /// Removes all pairs.
     pub fn clear(&mut self) {
-        [&mut self.states, &mut self.goals].into_iter().for_each(Vec::clear);
+        [&mut self.states, &mut self.goals, &mut self.distances].into_iter().for_each(Vec::clear);
     }
 
     /// Adds a pair.
     pub fn push(&mut self, state: &[f32], goal: &[f32]) {
         self.states.extend(state);
         self.goals.extend(goal);
+        self.distances.push(0.0);
     }
 
-    /// Returns D of each pair, of states with `state_dim` components, in steps.
-    pub fn ask(&mut self, policy: &dyn Policy, state_dim: usize, scratch: &mut Scratch) -> &[f32] {
-        self.distances.resize(self.states.len() / state_dim, 0.0);
+    /// Returns D of each pair, in steps.
+    pub fn ask(&mut self, policy: &dyn Policy, scratch: &mut Scratch) -> &[f32] {
         policy.distances(&self.states, &self.goals, &mut self.distances, scratch);
         &self.distances
     }
