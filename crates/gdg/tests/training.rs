@@ -128,6 +128,16 @@ fn assert_same(a: &Trainer, b: &Trainer) {
     }
 }
 
+/// Saves a run to a file in a new folder, and returns what is read from there: the same run.
+fn read_back(run: &Trainer, threads: usize) -> Trainer {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("new folder/run.safetensors");
+    train::save(run, &SaveTo::Replace(path.clone())).unwrap();
+    let resumed = train::load(&path, &Registry::builtin(), threads).unwrap().trainer;
+    assert_same(run, &resumed);
+    resumed
+}
+
 #[test]
 fn the_same_seed_gives_the_same_run_and_another_seed_a_different_one() {
     let mut runs =

@@ -38,16 +38,12 @@ fn continues_bitwise_with(change: impl Fn(&mut LearnSettings)) {
 }
 
 fn continues_bitwise(settings: impl Fn() -> Settings) {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("new folder/half.safetensors");
     let mut straight = trainer(settings(), 5, 1);
     train_to(&mut straight, 700);
     let mut first = trainer(settings(), 5, 1);
     // Stop mid-cycle: between one due update and the next.
     train_to(&mut first, 333);
-    train::save(&first, &SaveTo::Replace(path.clone())).unwrap();
-    let mut resumed = train::load(&path, &Registry::builtin(), 2).unwrap().trainer;
-    assert_same(&first, &resumed);
+    let mut resumed = read_back(&first, 2);
     assert_eq!(map_of(&resumed), map_of(&straight));
     train_to(&mut resumed, 700);
     assert_same(&straight, &resumed);
@@ -57,16 +53,12 @@ fn continues_bitwise(settings: impl Fn() -> Settings) {
 fn a_run_with_a_full_replay_resumes_bitwise() {
     let mut small = settings();
     small.learn.buffer_size = 5_000;
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("full.safetensors");
     let mut straight = trainer(small.clone(), 6, 1);
     train_to(&mut straight, 500);
     assert_eq!(straight.replay().len(), straight.replay().capacity(), "the replay is full");
     let mut first = trainer(small, 6, 1);
     train_to(&mut first, 400);
-    train::save(&first, &SaveTo::Replace(path.clone())).unwrap();
-    let mut resumed = train::load(&path, &Registry::builtin(), 1).unwrap().trainer;
-    assert_same(&first, &resumed);
+    let mut resumed = read_back(&first, 1);
     train_to(&mut resumed, 500);
     assert_same(&straight, &resumed);
 }
