@@ -28,9 +28,29 @@ fn is_numbers(text: &Text) -> bool {
 }
 
 /// Returns the lines after the comments at the beginning, with their numbers.
-fn rows<'a>(text: &Text<'a>) -> impl Iterator<Item = (usize, &'a str)> {
+fn rows<'a>(text: &Text<'a>) -> impl Iterator<Item = (usize, &'a str)> + Clone {
     let is_before = |line: &str| line.trim().is_empty() || line.trim_start().starts_with('#');
-    text.lines.iter().copied().enumerate().skip_while(move |(_, line)| is_before(line))
+    let lines = text.lines.clone().into_iter().enumerate();
+    lines.skip_while(move |(_, line)| is_before(line))
+}
+
+/// Returns how many of these rows only say the size of the map, as some planners write it: two
+/// numbers, on one line or two, before rows of another length.
+fn size_rows<'a>(rows: impl Iterator<Item = (usize, &'a str)> + Clone) -> usize {
+    let length = |row: &str| match row.trim() {
+        row if row.contains([',', ';', ' ', '\t']) => numbers(0, row).count(),
+        dense => dense.chars().count(),
+    };
+    let says_size = |lines: &usize| {
+        let (lines, rest) = (*lines, rows.clone().skip(*lines));
+        let said = rows.clone().take(lines).flat_map(|(line, row)| numbers(line, row));
+        let said: Option<Vec<usize>> = said.map(|(number, _)| number.parse().ok()).collect();
+        let Some([a, b]) = said.as_deref() else { return false };
+        let width = rest.clone().next().map_or(0, |(_, row)| length(row));
+        let size = (width, rest.count());
+        (size == (*a, *b) || size == (*b, *a)) && width > 2
+    };
+    (1..=2).find(says_size).unwrap_or(0)
 }
 
 /// A number of a map: what is written, and where.
@@ -49,20 +69,22 @@ fn numbers(line: usize, text: &str) -> impl Iterator<Item = Number<'_>> {
 
 fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
-    let lines = || rows(text).map(|(line, row)| numbers(line, row));
+    let rows = rows(text).filter(|(_, row)| !row.trim().is_empty());
+    let first = size_rows(rows.clone());
+    let lines = || rows.clone().skip(first).map(|(line, row)| numbers(line, row));
     let is_binary = |(number, _): Number| number.bytes().all(|b| b == b'0' || b == b'1');
     let is_dense = lines().flatten().all(is_binary) && lines().flatten().any(|n| n.0.len() > 1);
     let is_tiled = |(number, _): Number| number.parse::<f64>().is_ok_and(|value| value == -1.0);
     let empty = if lines().flatten().any(is_tiled) { -1.0 } else { 0.0 };
-    let mut rows = Rows::new(text);
+    let mut cells = Rows::new(text);
     for mut row in lines().map(Iterator::peekable) {
         let Some((_, first)) = row.peek().copied() else { continue };
         for (number, place) in row {
             if is_dense {
                 for digit in number.bytes() {
-                    rows.push(if digit == b'0' { Mark::Free } else { Mark::Wall })?;
+                    cells.push(if digit == b'0' { Mark::Free } else { Mark::Wall })?;
                 }
-                rows.end_row(place)?;
+                cells.end_row(place)?;
             } else {
                 // NumPy writes integers as 1.000000000000000000e+00 unless told otherwise.
                 let value = number.parse().ok().filter(|value: &f64| value.is_finite());
@@ -70,14 +92,14 @@ fn read(source: &Source) -> MapResult<Grid> {
                     let problem = format!("{number:?} is not a number");
                     text.error_at(place, problem, CELLS)
                 })?;
-                rows.push(if value == empty { Mark::Free } else { Mark::Wall })?;
+                cells.push(if value == empty { Mark::Free } else { Mark::Wall })?;
             }
         }
         if !is_dense {
-            rows.end_row(first)?;
+            cells.end_row(first)?;
         }
     }
-    rows.finish(&source.name(), CELLS)
+    cells.finish(&source.name(), CELLS)
 }
 
 fn write(grid: &Grid) -> String {
@@ -88,6 +110,22 @@ fn write(grid: &Grid) -> String {
 #[cfg(test)]
 mod tests {
     use crate::map::parse_map;
+
+    #[test]
+    fn a_size_before_the_rows_is_no_row() {
+        let size = |text: &str| {
+            let maze = parse_map("maze", text.as_bytes()).expect("a map");
+            (maze.width(), maze.height())
+        };
+        for heading in ["2\n3\n", "3\n2\n", "3 2\n", "2,3\n\n", "# height, width\n2, 3\n"] {
+            for rows in ["0 1 0\n0 0 0\n", "010\n000\n", "0,1,0\n0,0,0\n"] {
+                assert_eq!(size(&format!("{heading}{rows}")), (3, 2), "{heading}{rows}");
+            }
+        }
+        assert_eq!(size("2 1\n0 0\n"), (2, 2), "rows");
+        assert_eq!(size("2\n1\n0\n0\n"), (1, 4), "rows");
+        assert!(parse_map("maze", b"3 3\n0 1 0\n0 0 0\n").is_err(), "another size");
+    }
 
     #[test]
     fn comments_before_numbers_are_no_walls() {
