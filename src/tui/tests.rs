@@ -17,6 +17,7 @@ mod picture;
 mod pixels;
 mod saving;
 pub(super) mod screens;
+mod staged;
 mod tour;
 mod walls;
 mod words;

@@ -2,7 +2,8 @@
 
 mod both;
 
-use super::screens::{check_drawn, evaluation};
+use super::screens::check_drawn;
+use super::staged::evaluation;
 use super::*;
 use crate::tui::compare::{Comparison, ComparisonOptions, Contender, Contestant, prepare};
 use crate::tui::graphics::{Graphics, Protocol, Redraw};

@@ -4,10 +4,12 @@ use std::collections::HashSet;
 
 use ratatui::layout::{Margin, Rect};
 
-use super::screens::staged_app;
+use super::staged::staged_app;
 use super::*;
 use crate::tui::lists;
 use crate::tui::offer::Offer;
+use crate::tui::panes::Pane;
+use crate::tui::render::pane_lines;
 use gdg::train::Success;
 
 /// A name as long as names get, which ends with `END`.
@@ -231,5 +233,49 @@ fn a_screen_without_room_for_panes_says_that_there_are_some() {
         let shown = text(&draw(&mut app, width, height));
         assert!(shown.contains("panes"), "{width} x {height}: {shown}");
         assert!(shown.contains("quit") && shown.contains("help"), "{shown}");
+    }
+}
+
+#[test]
+fn nothing_is_cut_off_on_the_smallest_screen() {
+    let longest = staged_app(80, 24);
+    for method in [Method::default(), gdg()] {
+        for following in [None, Some(2)] {
+            let mut app = staged_app(80, 24);
+            app.screen.following = following;
+            let mut snapshot = (*app.screen.snapshot).clone();
+            // Numbers as long as after a day of training.
+            Arc::make_mut(&mut snapshot.run).method = method.clone();
+            snapshot.seconds = 90_000.0;
+            snapshot.rates = (1_234.0, 19_744.0);
+            snapshot.counters.updates = 99_900_000;
+            snapshot.counters.env_steps = 16 * snapshot.counters.updates;
+            snapshot.limits.updates = Some(500_000_000);
+            snapshot.replay = (999_999, 1_000_000);
+            snapshot.losses.actor = 1_234.5;
+            snapshot.evaluations = longest.screen.snapshot.evaluations.clone();
+            app.on_snapshot(Arc::new(snapshot));
+            for pane in [Pane::Training, Pane::Walk, Pane::Legend] {
+                let lines = pane_lines(pane, &app.screen, &app.scene, 29).expect("lines");
+                // Header, names and title above, footer below; a border on the left.
+                assert!(lines.len() <= 20, "{} lines in {}", lines.len(), pane.name());
+                for line in lines {
+                    assert!(line.width() <= 29, "{} in {} is cut off", line, pane.name());
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_line_below_the_map_is_never_cut_off() {
+    for width in 80..=120 {
+        let shown = text(&draw(&mut staged_app(width, 24), width, 24));
+        let line = shown.lines().nth(22).expect("the line above the footer");
+        let interval = line
+            .split_once(", a line every ")
+            .map(|(_, rest)| rest.starts_with(|c: char| c.is_ascii_digit()));
+        assert_eq!(interval.unwrap_or(false), line.contains(", a"), "{width} columns: {line}");
+        assert!(width < 100 || interval.is_some(), "{width} columns: {line}");
     }
 }

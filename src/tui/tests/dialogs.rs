@@ -1,6 +1,6 @@
 //! Dialogs, notices, and screens with little room.
 
-use super::screens::staged_app;
+use super::staged::staged_app;
 use super::*;
 use crate::tui::app::files::pick_map;
 use crate::tui::background::Background;

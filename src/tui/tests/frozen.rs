@@ -1,6 +1,6 @@
 //! A frozen screen shows an earlier moment, on which no decision is based.
 
-use super::screens::staged_app;
+use super::staged::staged_app;
 use super::*;
 
 /// Freezes the screen and continues training for `seconds` behind it.

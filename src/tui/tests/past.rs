@@ -2,7 +2,8 @@
 
 use ratatui::layout::Rect;
 
-use super::screens::{check, staged_app};
+use super::screens::check;
+use super::staged::staged_app;
 use super::*;
 use crate::tui::export::{contents, name};
 use crate::tui::output::ExportKind;

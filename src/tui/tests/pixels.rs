@@ -2,7 +2,7 @@
 
 use ratatui::layout::Rect;
 
-use super::screens::staged_app;
+use super::staged::staged_app;
 use super::*;
 use crate::tui::graphics::patches::Patches;
 use crate::tui::graphics::{Graphics, Picture, Protocol, Redraw};

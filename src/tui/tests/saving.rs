@@ -1,6 +1,9 @@
 //! Checkpoints and maps are written.
 
+use super::staged::staged_app;
 use super::*;
+use crate::tui::export::contents;
+use crate::tui::output::ExportKind;
 
 #[test]
 fn autosaves_use_their_own_files_and_only_the_newest_are_kept() {
@@ -105,4 +108,69 @@ fn writing_a_map_asks_before_replacing_a_file() {
     assert_eq!(std::fs::read_to_string(&image).expect("the file"), "something else");
     press(&mut app, KeyCode::Enter);
     assert!(app.screen.dialogs.is_empty() && gdg::map::load_map(&image).is_ok());
+}
+
+#[test]
+fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
+    let mut app = staged_app(80, 24);
+    app.act(Action::Quit);
+    assert!(!app.is_done() && app.screen.dialogs.len() == 1, "twelve seconds are asked about");
+    press_with(&mut app, KeyCode::Char('c'), KeyModifiers::CONTROL);
+    assert!(app.is_done() && app.saver.named.is_none(), "twice leaves without saving");
+    app.on_signal();
+    assert!(app.saver.named.as_ref().is_some_and(|path| path.starts_with("saves")));
+}
+
+#[test]
+fn everything_can_be_exported() {
+    let mut app = staged_app(80, 24);
+    let app = &mut app.app;
+    press(app, KeyCode::Char('?'));
+    assert!(
+        contents(ExportKind::Film, &mut app.screen, &app.scene)
+            .expect_err("no film")
+            .to_string()
+            .contains("no film")
+    );
+    let is_drawn = |kind: &ExportKind| !matches!(kind, ExportKind::Still | ExportKind::Film);
+    for kind in ExportKind::ALL.into_iter().filter(is_drawn) {
+        let bytes = contents(kind, &mut app.screen, &app.scene).expect("a file");
+        match kind.file_type() {
+            "pdf" => assert!(bytes.starts_with(b"%PDF-") && bytes.ends_with(b"%%EOF")),
+            "png" => {
+                let reader =
+                    png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
+                let found = (reader.info().width, reader.info().height);
+                match kind {
+                    ExportKind::MapPng => assert_eq!(found, (50 * 8, 22 * 16)),
+                    ExportKind::ScreenPng => assert_eq!(found, (80 * 8, 24 * 16)),
+                    _ => assert!(found.0 > 1500 && found.1 > found.0, "{found:?}"),
+                }
+            }
+            "svg" => {
+                let text = String::from_utf8(bytes).expect("text");
+                assert!(
+                    text.starts_with("<svg") && text.trim_end().ends_with("</svg>"),
+                    "{kind:?}"
+                );
+                let part =
+                    if kind == ExportKind::CurvesSvg { "relative error of D" } else { "\nG\n" };
+                assert!(text.contains(part), "{kind:?} shows {part:?}");
+                assert!(!text.contains("get no reward"), "the dialog on top is left out");
+            }
+            _ => {
+                let text = String::from_utf8(bytes).expect("text");
+                let lines: Vec<&str> = text.lines().collect();
+                assert!(
+                    lines[0].starts_with("updates,critic_loss")
+                        && lines[0].contains("planned_at_30_steps")
+                );
+                assert_eq!(lines[0].split(',').nth(4), Some("coverage"));
+                let last: Vec<&str> = lines.last().expect("lines").split(',').collect();
+                assert_eq!((last[0], last.len()), ("10000", lines[0].split(',').count()));
+                assert!(last[4].starts_with("0.8"), "the coverage: {}", last[4]);
+            }
+        }
+    }
+    assert_eq!(app.screen.dialogs.len(), 1, "the help is still open");
 }

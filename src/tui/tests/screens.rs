@@ -1,6 +1,4 @@
 //! Snapshots of reviewed screens, with their styles.
-//!
-//! Everything drawn is made up, since training results differ between machines.
 
 use std::path::Path;
 use std::time::SystemTime;
@@ -8,186 +6,17 @@ use std::time::SystemTime;
 use jiff::tz::TimeZone;
 
 use super::picture::picture;
+use super::staged::staged_app;
 use super::*;
 use crate::tui::action::Action;
 use crate::tui::dialog::Choice;
-use crate::tui::export::contents;
 use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::lists;
-use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
-use crate::tui::render::pane_lines;
 use crate::tui::runs::tests::saved;
-use gdg::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
-use gdg::engine::{FollowedAgent, NextEvaluation, Snapshot};
-use gdg::train::{
-    CheckpointError, Counters, CurvePoint, Description, DistanceError, DistanceScore, Evaluation,
-    Score, Success,
-};
-use gdg::viewer::maze::{Exploration, Walk};
-use gdg::viewer::{Candidate, MazeView, View};
-
-fn score(success: f64) -> Score {
-    let by_distance = (1..=6).map(|i| DistanceScore {
-        distance_steps: Some(f64::from(5 * i)),
-        distance_cm: None,
-        tasks: 10,
-        success: Some((success + 0.1 - 0.05 * f64::from(i)).clamp(0.0, 1.0)),
-        spl: Some(success),
-    });
-    Score {
-        success: Some(success),
-        spl: Some(success),
-        steps_ratio: Some(1.1),
-        by_distance: by_distance.collect(),
-    }
-}
-
-/// Returns the fraction explored at a share of the run.
-fn coverage(at: f64) -> f64 {
-    0.8 * at.sqrt()
-}
-
-pub(super) fn evaluation(at: f64) -> Evaluation {
-    Evaluation {
-        greedy: score(0.6 * at),
-        planned: Some(score(at)),
-        straight: None,
-        distance_error: Some(DistanceError { mape: 0.5 - 0.4 * at, ..DistanceError::default() }),
-        bridges: None,
-        coverage: Some(coverage(at)),
-        marked: None,
-    }
-}
-
-/// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the
-/// given size.
-pub(super) fn staged_app(width: u16, height: u16) -> Still {
-    let mut app = still();
-    draw(&mut app, width, height);
-    let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
-    let (search, followed) = (staged_search(), staged_agent());
-    for updates in [2_500, 5_000, 7_500, 10_000] {
-        let mut counters = Counters::default();
-        (counters.updates, counters.env_steps, counters.episodes) =
-            (updates, 16 * updates, updates / 10);
-        let losses =
-            gdg::learn::Losses { critic: 100.0 / updates as f32, model: 0.002, actor: 9.5 };
-        let snapshot = Snapshot {
-            phase: Phase::Running,
-            counters,
-            limits: Limits { updates: Some(20_000), ..Limits::default() },
-            seconds: 12.0,
-            rates: (812.0, 13_000.0),
-            losses,
-            replay: (15_000, 20_000),
-            agents: Arc::new(vec![4.5, 3.5, 7.5, 1.5, 14.5, 2.5]),
-            trails: Arc::new(vec![vec![3.5, 3.5, 4.0, 3.5, 4.5, 3.5]]),
-            frontier_goals: Arc::new(vec![13.5, 1.5]),
-            followed: Some(Arc::new(followed.clone())),
-            search: Some(Arc::new(search.clone())),
-            evaluations: Arc::new(Vec::new()),
-            next_evaluation: NextEvaluation::AtUpdate(updates + 1_000),
-            curve: {
-                let mut curve = app.screen.snapshot.curve.to_vec();
-                let coverage = Some(coverage(updates as f64 / 10_000.0) as f32);
-                curve.push(CurvePoint {
-                    updates,
-                    losses: [losses.critic, losses.model, losses.actor],
-                    coverage,
-                });
-                Arc::new(curve)
-            },
-            ..(*app.screen.snapshot).clone()
-        };
-        app.on_snapshot(Arc::new(snapshot));
-    }
-    app.change_snapshot(|snapshot| snapshot.evaluations = Arc::new(evaluations));
-    let view = staged_view(&app);
-    app.on_view(View::Maze(Arc::new(view)));
-    app
-}
-
-/// Returns the latest search for a bridge in [`staged_app`].
-fn staged_search() -> SearchOutcome {
-    SearchOutcome {
-        state: vec![1.5, 0.5],
-        goal: vec![15.5, 1.5],
-        rejected: vec![3.5, 3.5, 17.5, 3.5],
-        found: Some(BridgePoint { point: vec![10.5, 2.5], gain: 4.0 }),
-        budget: 64,
-    }
-}
-
-/// Returns the agent that can be followed in [`staged_app`].
-fn staged_agent() -> FollowedAgent {
-    FollowedAgent {
-        agent: 2,
-        start: vec![2.5, 4.5],
-        state: vec![7.5, 1.5],
-        steps: (17, 150),
-        aim: vec![10.5, 2.5],
-        goal: vec![18.5, 0.5],
-        distances: (3.0, 11.0),
-        planned: true,
-    }
-}
-
-/// Returns the view of the rooms map in [`staged_app`].
-fn staged_view(app: &App) -> MazeView {
-    let frame = app.screen.layout.map.clone().expect("the map is drawn");
-    let field = |i: usize| {
-        let (column, row) = (i % frame.raster.pixels.0, i / frame.raster.pixels.0);
-        let [left, top, width, height] = frame.raster.window;
-        let x = left + (column as f32 + 0.5) / frame.raster.pixels.0 as f32 * width;
-        let y = top + (row as f32 + 0.5) / frame.raster.pixels.1 as f32 * height;
-        let free = app.maze().map.is_free_at(x, y);
-        if free { 2.0 * (x - 19.5).abs().max((y - 4.5).abs()) } else { f32::NAN }
-    };
-    let candidate = |(i, at): (usize, [f32; 2])| Candidate { at, degree: i as f32 / 4.0 };
-    let candidates = [[2.5, 2.5], [6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [18.5, 1.5]];
-    let standings =
-        [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Confirmed, EdgeStatus::Confirmed];
-    let edges =
-        candidates.windows(2).zip(standings).map(|(ends, status)| ([ends[0], ends[1]], status));
-    let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
-    // Everything except the right end and a single cell.
-    let map = &app.maze().map;
-    let visited = |i: usize| map.cell(i).x < 15 && map.cell(i) != Cell::new(3, 3);
-    let visits: Vec<u32> = (0..map.free().len()).map(|i| u32::from(visited(i))).collect();
-    let mut view = MazeView {
-        goal: (Some(app.maze().goal), 1),
-        kind: Field::Learned,
-        farthest: values.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max),
-        field: Arc::new(values),
-        raster: Some(frame.raster),
-        directions: Arc::new(vec![
-            ([5.5, 2.5], [1.0, 0.0]),
-            ([12.5, 1.5], [0.7, 0.7]),
-            ([16.5, 1.5], [0.0, 1.0]),
-        ]),
-        candidates: Arc::new(candidates.into_iter().enumerate().map(candidate).collect()),
-        edges: Arc::new(edges.collect()),
-        exploration: Arc::new(Exploration::new(&app.maze().map, &visits)),
-        trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
-        walk: Walk {
-            start: [0.5, 2.5],
-            steps: 4,
-            shortest: Some(19),
-            distances: (15.2, 2.1),
-            along: 12.4,
-            waypoint: Some([6.5, 1.5]),
-            arrived: false,
-            gave_up: false,
-            finished_walks: (3, 4),
-        },
-        followed_steps: Some(11),
-        ..MazeView::default()
-    };
-    let path = vec![[6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [19.5, 4.5]];
-    view.set_plan(map, [3.5, 1.9], path);
-    view
-}
+use gdg::bridge::EdgeStatus;
+use gdg::train::{CheckpointError, Description, Success};
+use gdg::viewer::maze::Exploration;
 
 pub(super) fn check(name: &str, app: &mut App, width: u16, height: u16) {
     check_drawn(name, &draw(app, width, height));
@@ -356,50 +185,6 @@ fn lists_of_files_match_their_snapshots() {
 }
 
 #[test]
-fn nothing_is_cut_off_on_the_smallest_screen() {
-    let longest = staged_app(80, 24);
-    for method in [Method::default(), gdg()] {
-        for following in [None, Some(2)] {
-            let mut app = staged_app(80, 24);
-            app.screen.following = following;
-            let mut snapshot = (*app.screen.snapshot).clone();
-            // Numbers as long as after a day of training.
-            Arc::make_mut(&mut snapshot.run).method = method.clone();
-            snapshot.seconds = 90_000.0;
-            snapshot.rates = (1_234.0, 19_744.0);
-            snapshot.counters.updates = 99_900_000;
-            snapshot.counters.env_steps = 16 * snapshot.counters.updates;
-            snapshot.limits.updates = Some(500_000_000);
-            snapshot.replay = (999_999, 1_000_000);
-            snapshot.losses.actor = 1_234.5;
-            snapshot.evaluations = longest.screen.snapshot.evaluations.clone();
-            app.on_snapshot(Arc::new(snapshot));
-            for pane in [Pane::Training, Pane::Walk, Pane::Legend] {
-                let lines = pane_lines(pane, &app.screen, &app.scene, 29).expect("lines");
-                // Header, names and title above, footer below; a border on the left.
-                assert!(lines.len() <= 20, "{} lines in {}", lines.len(), pane.name());
-                for line in lines {
-                    assert!(line.width() <= 29, "{} in {} is cut off", line, pane.name());
-                }
-            }
-        }
-    }
-}
-
-#[test]
-fn the_line_below_the_map_is_never_cut_off() {
-    for width in 80..=120 {
-        let shown = text(&draw(&mut staged_app(width, 24), width, 24));
-        let line = shown.lines().nth(22).expect("the line above the footer");
-        let interval = line
-            .split_once(", a line every ")
-            .map(|(_, rest)| rest.starts_with(|c: char| c.is_ascii_digit()));
-        assert_eq!(interval.unwrap_or(false), line.contains(", a"), "{width} columns: {line}");
-        assert!(width < 100 || interval.is_some(), "{width} columns: {line}");
-    }
-}
-
-#[test]
 fn settings_are_found_by_their_former_names() {
     for (former, name) in
         [("replay_capacity", "buffer_size"), ("warmup_env_steps", "learning_starts")]
@@ -483,71 +268,6 @@ fn curves_of_several_methods_match_their_snapshot() {
     app.change_snapshot(|snapshot| snapshot.methods = methods);
     app.screen.pane = Pane::Curves;
     check("curves-methods-120x40", &mut app, 120, 40);
-}
-
-#[test]
-fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
-    let mut app = staged_app(80, 24);
-    app.act(Action::Quit);
-    assert!(!app.is_done() && app.screen.dialogs.len() == 1, "twelve seconds are asked about");
-    press_with(&mut app, KeyCode::Char('c'), KeyModifiers::CONTROL);
-    assert!(app.is_done() && app.saver.named.is_none(), "twice leaves without saving");
-    app.on_signal();
-    assert!(app.saver.named.as_ref().is_some_and(|path| path.starts_with("saves")));
-}
-
-#[test]
-fn everything_can_be_exported() {
-    let mut app = staged_app(80, 24);
-    let app = &mut app.app;
-    press(app, KeyCode::Char('?'));
-    assert!(
-        contents(ExportKind::Film, &mut app.screen, &app.scene)
-            .expect_err("no film")
-            .to_string()
-            .contains("no film")
-    );
-    let is_drawn = |kind: &ExportKind| !matches!(kind, ExportKind::Still | ExportKind::Film);
-    for kind in ExportKind::ALL.into_iter().filter(is_drawn) {
-        let bytes = contents(kind, &mut app.screen, &app.scene).expect("a file");
-        match kind.file_type() {
-            "pdf" => assert!(bytes.starts_with(b"%PDF-") && bytes.ends_with(b"%%EOF")),
-            "png" => {
-                let reader =
-                    png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
-                let found = (reader.info().width, reader.info().height);
-                match kind {
-                    ExportKind::MapPng => assert_eq!(found, (50 * 8, 22 * 16)),
-                    ExportKind::ScreenPng => assert_eq!(found, (80 * 8, 24 * 16)),
-                    _ => assert!(found.0 > 1500 && found.1 > found.0, "{found:?}"),
-                }
-            }
-            "svg" => {
-                let text = String::from_utf8(bytes).expect("text");
-                assert!(
-                    text.starts_with("<svg") && text.trim_end().ends_with("</svg>"),
-                    "{kind:?}"
-                );
-                let part =
-                    if kind == ExportKind::CurvesSvg { "relative error of D" } else { "\nG\n" };
-                assert!(text.contains(part), "{kind:?} shows {part:?}");
-                assert!(!text.contains("get no reward"), "the dialog on top is left out");
-            }
-            _ => {
-                let text = String::from_utf8(bytes).expect("text");
-                let lines: Vec<&str> = text.lines().collect();
-                assert!(
-                    lines[0].starts_with("updates,critic_loss")
-                        && lines[0].contains("planned_at_30_steps")
-                );
-                assert_eq!(lines[0].split(',').nth(4), Some("coverage"));
-                let last: Vec<&str> = lines.last().expect("lines").split(',').collect();
-                assert_eq!((last[0], last.len()), ("10000", lines[0].split(',').count()));
-                assert!(last[4].starts_with("0.8"), "the coverage: {}", last[4]);
-            }
-        }
-    }
-    assert_eq!(app.screen.dialogs.len(), 1, "the help is still open");
 }
 
 #[test]

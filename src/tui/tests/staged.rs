@@ -1,0 +1,170 @@
+//! A run in progress with fixed numbers, since training results differ between machines.
+
+use super::*;
+use gdg::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
+use gdg::engine::{FollowedAgent, NextEvaluation};
+use gdg::train::{Counters, CurvePoint, DistanceError, DistanceScore, Evaluation, Score};
+use gdg::viewer::Candidate;
+use gdg::viewer::maze::{Exploration, Walk};
+
+fn score(success: f64) -> Score {
+    let by_distance = (1..=6).map(|i| DistanceScore {
+        distance_steps: Some(f64::from(5 * i)),
+        distance_cm: None,
+        tasks: 10,
+        success: Some((success + 0.1 - 0.05 * f64::from(i)).clamp(0.0, 1.0)),
+        spl: Some(success),
+    });
+    Score {
+        success: Some(success),
+        spl: Some(success),
+        steps_ratio: Some(1.1),
+        by_distance: by_distance.collect(),
+    }
+}
+
+/// Returns the fraction explored at a share of the run.
+fn coverage(at: f64) -> f64 {
+    0.8 * at.sqrt()
+}
+
+pub(super) fn evaluation(at: f64) -> Evaluation {
+    Evaluation {
+        greedy: score(0.6 * at),
+        planned: Some(score(at)),
+        straight: None,
+        distance_error: Some(DistanceError { mape: 0.5 - 0.4 * at, ..DistanceError::default() }),
+        bridges: None,
+        coverage: Some(coverage(at)),
+        marked: None,
+    }
+}
+
+/// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the
+/// given size.
+pub(super) fn staged_app(width: u16, height: u16) -> Still {
+    let mut app = still();
+    draw(&mut app, width, height);
+    let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
+    let (search, followed) = (staged_search(), staged_agent());
+    for updates in [2_500, 5_000, 7_500, 10_000] {
+        let mut counters = Counters::default();
+        (counters.updates, counters.env_steps, counters.episodes) =
+            (updates, 16 * updates, updates / 10);
+        let losses =
+            gdg::learn::Losses { critic: 100.0 / updates as f32, model: 0.002, actor: 9.5 };
+        let snapshot = Snapshot {
+            phase: Phase::Running,
+            counters,
+            limits: Limits { updates: Some(20_000), ..Limits::default() },
+            seconds: 12.0,
+            rates: (812.0, 13_000.0),
+            losses,
+            replay: (15_000, 20_000),
+            agents: Arc::new(vec![4.5, 3.5, 7.5, 1.5, 14.5, 2.5]),
+            trails: Arc::new(vec![vec![3.5, 3.5, 4.0, 3.5, 4.5, 3.5]]),
+            frontier_goals: Arc::new(vec![13.5, 1.5]),
+            followed: Some(Arc::new(followed.clone())),
+            search: Some(Arc::new(search.clone())),
+            evaluations: Arc::new(Vec::new()),
+            next_evaluation: NextEvaluation::AtUpdate(updates + 1_000),
+            curve: {
+                let mut curve = app.screen.snapshot.curve.to_vec();
+                let coverage = Some(coverage(updates as f64 / 10_000.0) as f32);
+                curve.push(CurvePoint {
+                    updates,
+                    losses: [losses.critic, losses.model, losses.actor],
+                    coverage,
+                });
+                Arc::new(curve)
+            },
+            ..(*app.screen.snapshot).clone()
+        };
+        app.on_snapshot(Arc::new(snapshot));
+    }
+    app.change_snapshot(|snapshot| snapshot.evaluations = Arc::new(evaluations));
+    let view = staged_view(&app);
+    app.on_view(View::Maze(Arc::new(view)));
+    app
+}
+
+/// Returns the latest search for a bridge in [`staged_app`].
+fn staged_search() -> SearchOutcome {
+    SearchOutcome {
+        state: vec![1.5, 0.5],
+        goal: vec![15.5, 1.5],
+        rejected: vec![3.5, 3.5, 17.5, 3.5],
+        found: Some(BridgePoint { point: vec![10.5, 2.5], gain: 4.0 }),
+        budget: 64,
+    }
+}
+
+/// Returns the agent that can be followed in [`staged_app`].
+fn staged_agent() -> FollowedAgent {
+    FollowedAgent {
+        agent: 2,
+        start: vec![2.5, 4.5],
+        state: vec![7.5, 1.5],
+        steps: (17, 150),
+        aim: vec![10.5, 2.5],
+        goal: vec![18.5, 0.5],
+        distances: (3.0, 11.0),
+        planned: true,
+    }
+}
+
+/// Returns the view of the rooms map in [`staged_app`].
+fn staged_view(app: &App) -> MazeView {
+    let frame = app.screen.layout.map.clone().expect("the map is drawn");
+    let field = |i: usize| {
+        let (column, row) = (i % frame.raster.pixels.0, i / frame.raster.pixels.0);
+        let [left, top, width, height] = frame.raster.window;
+        let x = left + (column as f32 + 0.5) / frame.raster.pixels.0 as f32 * width;
+        let y = top + (row as f32 + 0.5) / frame.raster.pixels.1 as f32 * height;
+        let free = app.maze().map.is_free_at(x, y);
+        if free { 2.0 * (x - 19.5).abs().max((y - 4.5).abs()) } else { f32::NAN }
+    };
+    let candidate = |(i, at): (usize, [f32; 2])| Candidate { at, degree: i as f32 / 4.0 };
+    let candidates = [[2.5, 2.5], [6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [18.5, 1.5]];
+    let standings =
+        [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Confirmed, EdgeStatus::Confirmed];
+    let edges =
+        candidates.windows(2).zip(standings).map(|(ends, status)| ([ends[0], ends[1]], status));
+    let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
+    // Everything except the right end and a single cell.
+    let map = &app.maze().map;
+    let visited = |i: usize| map.cell(i).x < 15 && map.cell(i) != Cell::new(3, 3);
+    let visits: Vec<u32> = (0..map.free().len()).map(|i| u32::from(visited(i))).collect();
+    let mut view = MazeView {
+        goal: (Some(app.maze().goal), 1),
+        kind: Field::Learned,
+        farthest: values.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max),
+        field: Arc::new(values),
+        raster: Some(frame.raster),
+        directions: Arc::new(vec![
+            ([5.5, 2.5], [1.0, 0.0]),
+            ([12.5, 1.5], [0.7, 0.7]),
+            ([16.5, 1.5], [0.0, 1.0]),
+        ]),
+        candidates: Arc::new(candidates.into_iter().enumerate().map(candidate).collect()),
+        edges: Arc::new(edges.collect()),
+        exploration: Arc::new(Exploration::new(&app.maze().map, &visits)),
+        trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
+        walk: Walk {
+            start: [0.5, 2.5],
+            steps: 4,
+            shortest: Some(19),
+            distances: (15.2, 2.1),
+            along: 12.4,
+            waypoint: Some([6.5, 1.5]),
+            arrived: false,
+            gave_up: false,
+            finished_walks: (3, 4),
+        },
+        followed_steps: Some(11),
+        ..MazeView::default()
+    };
+    let path = vec![[6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [19.5, 4.5]];
+    view.set_plan(map, [3.5, 1.9], path);
+    view
+}
