@@ -56,7 +56,7 @@ fn batch(rows: usize, side: f32) -> Batch {
         bound: vec![f32::INFINITY; rows],
         lower: vec![0.0; rows],
         greedy_targets: false,
-        frees_stuck_actor: false,
+        relearns: false,
         from,
         actions,
         next,

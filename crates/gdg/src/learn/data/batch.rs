@@ -31,6 +31,15 @@ pub(crate) const STUCK_BOUND: f32 = 1.0;
 /// path.
 pub(crate) const STUCK_PROGRESS_STEPS: f32 = 0.2;
 
+/// While distances are relearned, a lower bound raises a target to at most this multiple of what it
+/// would be without ...
+pub(crate) const RAISE_FACTOR: f32 = 2.0;
+
+/// ... and this many steps more. The way round a new wall can be many times as long as the one
+/// through it: the error of such a pair would outweigh all others in the batch, and raise D of pairs
+/// with the same offset that are far away from the wall.
+pub(crate) const RAISE_STEPS: f32 = 4.0;
+
 /// Training data of one update.
 #[derive(Clone, Debug, Default)]
 pub struct Batch {
@@ -57,9 +66,9 @@ pub struct Batch {
     /// Whether targets are capped at the actor's one-step lookahead (see
     /// [`LearnSettings::greedy_targets`]).
     pub greedy_targets: bool,
-    /// Whether the actor is pulled out of saturation where its action makes no progress, while
-    /// distances are relearned.
-    pub frees_stuck_actor: bool,
+    /// Whether distances are relearned: lower bounds raise targets little by little, and the actor
+    /// is pulled out of saturation where its action makes no progress.
+    pub relearns: bool,
     /// States of the dynamics model's transitions, `(batch, state_dim)`.
     pub from: Vec<f32>,
     /// Actions of these transitions, `(batch, action_dim)`.
@@ -156,7 +165,7 @@ impl BatchSampler {
         batch.clear();
         let doubt_all = relearning.is_some_and(|r| !r.graph_finds_changed);
         batch.greedy_targets = self.settings.greedy_targets && !doubt_all;
-        batch.frees_stuck_actor = relearning.is_some();
+        batch.relearns = relearning.is_some();
         let n_step =
             if doubt_all { RELEARN_N_STEP.max(self.settings.n_step) } else { self.settings.n_step };
         let recent_rows = (RELEARN_RECENT * self.settings.batch_size as f32) as usize;
@@ -344,7 +353,7 @@ mod tests {
         sampler.sample(&replay, None, &mut rng, &mut batch);
         assert!(
             batch.greedy_targets
-                && !batch.frees_stuck_actor
+                && !batch.relearns
                 && batch.lower.iter().all(|steps| *steps == 0.0)
         );
         assert!(batch.bound.iter().any(|bound| *bound > 20.0));
@@ -451,7 +460,7 @@ mod tests {
             sampler.sample(&replay, relearning, &mut ChaCha8Rng::seed_from_u64(1), &mut batch);
             let recent = batch.from[..32].iter().filter(|state| **state >= 90.0).count();
             assert!(recent >= 30, "{recent} recent transitions");
-            assert!(batch.frees_stuck_actor);
+            assert!(batch.relearns);
             batch.greedy_targets
         };
         assert!(relearn(true));

@@ -1,6 +1,6 @@
 //! What critics, dynamics model and actor learn from one part of a batch (Algorithm 1).
 
-use crate::learn::data::batch::Batch;
+use crate::learn::data::batch::{Batch, RAISE_FACTOR, RAISE_STEPS};
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::features::{Pairs, SharedFeatures};
 use crate::learn::networks::network::Weights;
@@ -74,7 +74,7 @@ impl Objective for Shapes {
             towards: rows.actor_goals,
             weights: rows.actor_weights,
             share: rows.share,
-            frees_stuck: rows.frees_stuck_actor,
+            frees_stuck: rows.relearns,
         };
         let gradient = &mut gradients[self.critics + ACTOR];
         losses.actor = self.actor_gradient(path, pairs, options, gradient, &mut buffers.passes);
@@ -127,7 +127,8 @@ impl Buffers {
     /// Computes the targets of the part's rows: d if the goal was reached, otherwise d + D'(s', g),
     /// capped at 1 + D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`])
     /// unless the model mispredicts the row's own step. Both are kept within the bounds that
-    /// hindsight or the bridge graph give. D' and mu' use the running averages in `path`.
+    /// hindsight or the bridge graph give, and raised to them little by little while distances are
+    /// relearned. D' and mu' use the running averages in `path`.
     fn compute_targets(&mut self, shapes: &Shapes, rows: &Rows, path: Path) {
         shapes.encoder.plain_pairs(rows.states, rows.goals, &mut self.plain);
         shapes.encoder.plain_pairs(rows.bootstrap_states, rows.goals, &mut self.plain_ahead);
@@ -150,7 +151,10 @@ impl Buffers {
         }
         for (i, x) in self.targets.iter_mut().enumerate() {
             let known = rows.bootstrap[i] == 0.0;
-            *x = if known { rows.steps[i] } else { *x }.min(rows.bound[i]).max(rows.lower[i]);
+            let target = if known { rows.steps[i] } else { *x }.min(rows.bound[i]);
+            let most =
+                if rows.relearns { RAISE_FACTOR * target + RAISE_STEPS } else { f32::INFINITY };
+            *x = target.max(rows.lower[i].min(most));
         }
     }
 

@@ -67,8 +67,8 @@ type MakeBatch = fn(&Spec, usize, &mut ChaCha8Rng) -> Batch;
 /// Compares gradients on a batch after a number of updates on such batches.
 fn check_on(make_batch: MakeBatch, updates_before: usize, spec: &Spec, settings: &LearnSettings) {
     for layers in [Layers::Linear, Layers::Fused] {
-        for frees_stuck_actor in [false, true] {
-            check_against(make_batch, updates_before, spec, settings, layers, frees_stuck_actor);
+        for relearns in [false, true] {
+            check_against(make_batch, updates_before, spec, settings, layers, relearns);
         }
     }
 }
@@ -79,13 +79,17 @@ fn check_against(
     spec: &Spec,
     settings: &LearnSettings,
     layers: Layers,
-    frees_stuck_actor: bool,
+    relearns: bool,
 ) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut learner = Gdg::new(spec, settings, 2, &mut rng).unwrap();
     let mut batch = make_batch(spec, settings.batch_size, &mut rng);
     batch.greedy_targets = settings.greedy_targets;
-    batch.frees_stuck_actor = frees_stuck_actor;
+    batch.relearns = relearns;
+    if relearns {
+        // Far above the other targets.
+        batch.lower.iter_mut().step_by(5).for_each(|lower| *lower = 100.0);
+    }
     let (s, g) = (spec.state_dim(), spec.goal_dim());
     let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
     let towards = tensor(&batch.actor_goals, g);
@@ -117,13 +121,10 @@ fn check_against(
     let model =
         reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
     let ways = [&goals, &towards, &weights];
-    let (actor, excess) = reference.actor_loss(&states, ways, batch.frees_stuck_actor).unwrap();
+    let (actor, excess) = reference.actor_loss(&states, ways, batch.relearns).unwrap();
     let losses = [&critic, &model, &actor].map(|loss| loss.to_scalar::<f32>().unwrap());
-    let actor_and_excess = if settings.actor_bound > 0.0 || frees_stuck_actor {
-        (actor + excess).unwrap()
-    } else {
-        actor
-    };
+    let actor_and_excess =
+        if settings.actor_bound > 0.0 || relearns { (actor + excess).unwrap() } else { actor };
     let grads = [&critic, &model, &actor_and_excess].map(|loss| loss.backward().unwrap());
     let expected: Vec<(Tensor, Option<Tensor>)> = {
         let (critic, model, actor) = (learner.critic(0), learner.model(), learner.actor());
@@ -217,6 +218,26 @@ fn gradients_of_a_blocked_actor_and_of_a_mispredicting_model_match_autograd() {
     let [_, still_blocked] = gradients(&LearnSettings { unblock_actor: false, ..default.clone() });
     assert!(critic != unchecked, "the model mispredicts a step");
     assert!(actor != still_blocked, "lookahead finds a way out");
+}
+
+#[test]
+fn lower_bounds_raise_targets_little_by_little_while_distances_are_relearned() {
+    let (spec, mut rng) = (spec(2, 2, true), ChaCha8Rng::seed_from_u64(9));
+    let settings = LearnSettings { batch_size: 1, ..LearnSettings::default() };
+    let mut learner = Gdg::new(&spec, &settings, 1, &mut rng).unwrap();
+    // The goal is reached after 10 steps.
+    let row = |lower, relearns| {
+        let mut batch = batch(&spec, 1, &mut ChaCha8Rng::seed_from_u64(9));
+        (batch.steps[0], batch.lower[0], batch.relearns) = (10.0, lower, relearns);
+        batch
+    };
+    let mut critic_loss = |lower, relearns| {
+        let (losses, _) = learner.gradients(&row(lower, relearns)).unwrap();
+        losses.critic
+    };
+    let raised = critic_loss(24.0, false);
+    assert!(critic_loss(100.0, true) == raised && critic_loss(24.0, true) == raised);
+    assert!(critic_loss(100.0, false) != raised && critic_loss(0.0, true) != raised);
 }
 
 #[test]

@@ -65,7 +65,7 @@ pub struct ActorLossOptions<'a> {
     pub weights: &'a [f32],
     /// 1 / batch size.
     pub share: f32,
-    /// See [`crate::learn::Batch::frees_stuck_actor`].
+    /// See [`crate::learn::Batch::relearns`].
     pub frees_stuck: bool,
 }
 

@@ -5,7 +5,9 @@ use candle_core::{D, Device, Result, Tensor, Var, bail};
 use candle_nn::{Linear, Module};
 
 use crate::env::MOST_HALF_RANGES;
-use crate::learn::data::batch::{Batch, STUCK_BOUND, STUCK_PROGRESS_STEPS};
+use crate::learn::data::batch::{
+    Batch, RAISE_FACTOR, RAISE_STEPS, STUCK_BOUND, STUCK_PROGRESS_STEPS,
+};
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::grid::GridShape;
 use crate::learn::networks::lookahead::{BLOCKED_CHANGE, MIN_GAIN_STEPS};
@@ -176,7 +178,12 @@ impl<'a> Reference<'a> {
         }
         let known = column(&batch.bootstrap)?.eq(0.0)?;
         let targets = known.where_cond(&steps, &far)?.minimum(&column(&batch.bound)?)?;
-        Ok(targets.maximum(&column(&batch.lower)?)?.detach())
+        let mut lower = column(&batch.lower)?;
+        if batch.relearns {
+            let most = targets.affine(RAISE_FACTOR.into(), RAISE_STEPS.into())?;
+            lower = lower.minimum(&most)?;
+        }
+        Ok(targets.maximum(&lower)?.detach())
     }
 
     /// Returns 1 where the model mispredicts a pair's own step, otherwise 0, `(rows)`.
@@ -265,7 +272,7 @@ impl<'a> Reference<'a> {
     /// Returns the actor's loss, mean D(f(s, mu(s, g)), w) by the first critic with `weights`
     /// `(rows)` (see [`Batch::actor_weights`]), and separately the
     /// weighted squared excess of its outputs over their bound, which is lower for a stuck actor if
-    /// `frees_stuck` (see [`Batch::frees_stuck_actor`]). Where the actor is blocked and lookahead
+    /// `frees_stuck` (see [`Batch::relearns`]). Where the actor is blocked and lookahead
     /// finds a way out, the former has no gradient, and the latter is the weighted squared
     /// difference from that action's outputs.
     ///

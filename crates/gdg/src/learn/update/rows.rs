@@ -60,7 +60,7 @@ pub struct Rows<'a> {
     pub actions: &'a [f32],
     pub next: &'a [f32],
     pub greedy_targets: bool,
-    pub frees_stuck_actor: bool,
+    pub relearns: bool,
     /// 1 / batch size.
     pub share: f32,
 }
@@ -86,7 +86,7 @@ impl<'a> Rows<'a> {
             actions: cut(&batch.actions, spec.action_dim),
             next: cut(&batch.next, s),
             greedy_targets: batch.greedy_targets,
-            frees_stuck_actor: batch.frees_stuck_actor,
+            relearns: batch.relearns,
             share: 1.0 / batch.len() as f32,
         }
     }

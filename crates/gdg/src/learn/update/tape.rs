@@ -107,7 +107,7 @@ impl Tape {
         let (actor_loss, excess) = self.reference(shapes, false)?.actor_loss(
             &states,
             [&goals, &towards, &weights],
-            batch.frees_stuck_actor,
+            batch.relearns,
         )?;
         let loss = (&actor_loss + excess)?;
         self.step(actor..actor + 1, &loss, of_pairs.as_ref(), steps, rates)?;
