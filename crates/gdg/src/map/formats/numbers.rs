@@ -28,27 +28,26 @@ fn is_numbers(text: &Text) -> bool {
 }
 
 /// Returns the lines after the comments at the beginning, with their numbers.
-fn rows<'a>(text: &Text<'a>) -> impl Iterator<Item = (usize, &'a str)> + Clone {
+fn rows<'a>(text: &Text<'a>) -> impl Iterator<Item = (usize, &'a str)> {
     let is_before = |line: &str| line.trim().is_empty() || line.trim_start().starts_with('#');
-    let lines = text.lines.clone().into_iter().enumerate();
-    lines.skip_while(move |(_, line)| is_before(line))
+    text.lines.iter().copied().enumerate().skip_while(move |(_, line)| is_before(line))
 }
 
 /// Returns how many of these rows only say the size of the map, as some planners write it: two
 /// numbers, on one line or two, before rows of another length.
-fn size_rows<'a>(rows: impl Iterator<Item = (usize, &'a str)> + Clone) -> usize {
-    let length = |row: &str| match row.trim() {
-        row if row.contains([',', ';', ' ', '\t']) => numbers(0, row).count(),
-        dense => dense.chars().count(),
-    };
+fn size_rows(rows: &[(usize, &str)]) -> usize {
     let says_size = |lines: &usize| {
-        let (lines, rest) = (*lines, rows.clone().skip(*lines));
-        let said = rows.clone().take(lines).flat_map(|(line, row)| numbers(line, row));
+        let Some((size, rest @ [(_, first), ..])) = rows.split_at_checked(*lines) else {
+            return false;
+        };
+        let said = size.iter().flat_map(|(line, row)| numbers(*line, row));
         let said: Option<Vec<usize>> = said.map(|(number, _)| number.parse().ok()).collect();
-        let Some([a, b]) = said.as_deref() else { return false };
-        let width = rest.clone().next().map_or(0, |(_, row)| length(row));
-        let size = (width, rest.count());
-        (size == (*a, *b) || size == (*b, *a)) && width > 2
+        let width = match numbers(0, first).count() {
+            1 => first.trim().len(),
+            cells => cells,
+        };
+        let size = [width, rest.len()];
+        width > 2 && said.is_some_and(|said| said == size || said == [size[1], size[0]])
     };
     (1..=2).find(says_size).unwrap_or(0)
 }
@@ -69,9 +68,9 @@ fn numbers(line: usize, text: &str) -> impl Iterator<Item = Number<'_>> {
 
 fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
-    let rows = rows(text).filter(|(_, row)| !row.trim().is_empty());
-    let first = size_rows(rows.clone());
-    let lines = || rows.clone().skip(first).map(|(line, row)| numbers(line, row));
+    let rows: Vec<_> = rows(text).filter(|(_, row)| !row.trim().is_empty()).collect();
+    let rows = &rows[size_rows(&rows)..];
+    let lines = || rows.iter().map(|(line, row)| numbers(*line, row));
     let is_binary = |(number, _): Number| number.bytes().all(|b| b == b'0' || b == b'1');
     let is_dense = lines().flatten().all(is_binary) && lines().flatten().any(|n| n.0.len() > 1);
     let is_tiled = |(number, _): Number| number.parse::<f64>().is_ok_and(|value| value == -1.0);
