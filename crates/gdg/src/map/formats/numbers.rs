@@ -19,23 +19,27 @@ pub const FORMAT: MapFormat = MapFormat {
 
 const CELLS: &str = "cells are numbers: 0 is free, or -1 where there is one; others are walls";
 
-/// A map of plain text has no digits, but its walls look like the comments of `numpy.savetxt`.
+/// A map of plain text has no digits but for its size, and its walls look like the comments of
+/// `numpy.savetxt`.
 fn is_numbers(text: &Text) -> bool {
-    let first = rows(text).next();
-    first.is_some_and(|(_, line)| {
-        line.trim_start().starts_with(|c: char| c == '-' || c.is_ascii_digit())
-    })
+    let rows = rows(text);
+    rows.get(size_rows(&rows)).is_some_and(|(_, row)| begins_with_number(row))
 }
 
-/// Returns the lines after the comments at the beginning, with their numbers.
-fn rows<'a>(text: &Text<'a>) -> impl Iterator<Item = (usize, &'a str)> {
+fn begins_with_number(row: &str) -> bool {
+    row.trim_start().starts_with(|c: char| c == '-' || c.is_ascii_digit())
+}
+
+/// Returns the lines after the comments at the beginning that are not empty, with their numbers.
+fn rows<'a>(text: &Text<'a>) -> Vec<(usize, &'a str)> {
     let is_before = |line: &str| line.trim().is_empty() || line.trim_start().starts_with('#');
-    text.lines.iter().copied().enumerate().skip_while(move |(_, line)| is_before(line))
+    let rows = text.lines.iter().copied().enumerate().skip_while(|(_, line)| is_before(line));
+    rows.filter(|(_, row)| !row.trim().is_empty()).collect()
 }
 
 /// Returns how many of these rows only say the size of the map, as some planners write it: two
 /// numbers, on one line or two, before rows of another length.
-fn size_rows(rows: &[(usize, &str)]) -> usize {
+pub fn size_rows(rows: &[(usize, &str)]) -> usize {
     let says_size = |lines: &usize| {
         let Some((size, rest @ [(_, first), ..])) = rows.split_at_checked(*lines) else {
             return false;
@@ -43,6 +47,7 @@ fn size_rows(rows: &[(usize, &str)]) -> usize {
         let said = size.iter().flat_map(|(line, row)| numbers(*line, row));
         let said: Option<Vec<usize>> = said.map(|(number, _)| number.parse().ok()).collect();
         let width = match numbers(0, first).count() {
+            _ if !begins_with_number(first) => first.chars().count(),
             1 => first.trim().len(),
             cells => cells,
         };
@@ -68,7 +73,7 @@ fn numbers(line: usize, text: &str) -> impl Iterator<Item = Number<'_>> {
 
 fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
-    let rows: Vec<_> = rows(text).filter(|(_, row)| !row.trim().is_empty()).collect();
+    let rows = rows(text);
     let rows = &rows[size_rows(&rows)..];
     let lines = || rows.iter().map(|(line, row)| numbers(*line, row));
     let is_binary = |(number, _): Number| number.bytes().all(|b| b == b'0' || b == b'1');
@@ -121,6 +126,13 @@ mod tests {
                 assert_eq!(size(&format!("{heading}{rows}")), (3, 2), "{heading}{rows}");
             }
         }
+        for heading in ["2\n3\n", "3\n2\n", "3 2\n", "2,3\n"] {
+            for rows in [".@.\n...\n", " # \n#S \n"] {
+                assert_eq!(size(&format!("{heading}{rows}")), (3, 2), "{heading}{rows}");
+            }
+        }
+        let error = parse_map("maze", b"3 2\n.@.\n.?.\n").expect_err("a mark").to_string();
+        assert!(error.contains("maze:3:2"), "{error}");
         assert_eq!(size("2 1\n0 0\n"), (2, 2), "rows");
         assert_eq!(size("2\n1\n0\n0\n"), (1, 4), "rows");
         assert!(parse_map("maze", b"3 3\n0 1 0\n0 0 0\n").is_err(), "another size");

@@ -3,6 +3,7 @@
 use super::super::error::{MapError, MapResult};
 use super::super::grid::{Cell, Grid, is_size};
 use super::super::text::Text;
+use super::numbers::size_rows;
 use super::rows::too_large;
 use super::{MapFormat, Mark, marks};
 use crate::text::{counted, grouped};
@@ -42,13 +43,16 @@ fn mark(c: char) -> Option<Mark> {
 }
 
 /// Parses a plain ASCII map: `#`, `@`, `O`, `T`, `W` wall; `.` and space free; `S` a start, `G` a
-/// goal, `C` both.
+/// goal, `C` both. The map's size may come first, on lines of its own.
 ///
 /// # Errors
 /// Fails on rows of different lengths, unknown characters, no free cell, or a size beyond
 /// [`size_limits`].
 fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
-    let rows = without_stray_blanks(&text.lines).unwrap_or_else(|| text.lines.clone());
+    let lines: Vec<_> = text.lines.iter().copied().enumerate().collect();
+    let lines = &text.lines[size_rows(&lines)..];
+    let first = text.lines.len() - lines.len();
+    let rows = without_stray_blanks(lines).unwrap_or_else(|| lines.to_vec());
     let width = rows[0].chars().count();
     if width == 0 {
         return Err(text.error(
@@ -66,7 +70,12 @@ fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     for (y, line) in rows.iter().enumerate() {
         for (x, c) in line.chars().enumerate() {
             let Some(mark) = mark(c) else {
-                return Err(unknown_character(text, y, |c| mark(c).is_some(), ALLOWED_CHARACTERS));
+                return Err(unknown_character(
+                    text,
+                    first + y,
+                    |c| mark(c).is_some(),
+                    ALLOWED_CHARACTERS,
+                ));
             };
             if matches!(mark, Mark::Start | Mark::Both) {
                 starts.push(Cell::new(x, y));
@@ -76,7 +85,7 @@ fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
             }
             free.push(mark != Mark::Wall);
         }
-        check_row_length(text, y, line, width, "the first row has", ROW_LENGTHS)?;
+        check_row_length(text, first + y, line, width, "the first row has", ROW_LENGTHS)?;
     }
     check_some_free(text, &free)?;
     Ok(Grid::new(name, width, free, starts, goals))
