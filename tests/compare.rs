@@ -60,6 +60,7 @@ fn mistakes_are_reported_before_anything_trains() {
         (&["gdg", "her"][..], &["needs a terminal", "gdg-tui reproduce", "gdg-tui suite"][..]),
         (&["gdg", "hr"], &["invalid value 'hr'", "LEARNER+PLANNER"]),
         (&["gdg"], &["<B>"]),
+        (&["city", "gdg"], &["invalid value 'city'", "a map comes last: gdg-tui compare A B city"]),
         (&["gdg", "her", "fetch-reach"], &["is a world without a map"]),
         (&["gdg", "her", "--set", "C:hidden=8"], &["no side called \"C\"", "A:NAME=VALUE"]),
         (&["gdg", "her", "--set", "A:hiden=8"], &["unknown setting \"hiden\""]),

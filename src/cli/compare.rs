@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, TypedValueParser};
+use clap::error::{ContextKind, ContextValue};
 use clap::{Arg, Args};
 
 use super::method::MethodParser;
@@ -12,6 +13,8 @@ use super::{MapArgs, ScreenArgs};
 use crate::tui::{ComparisonOptions, Contender};
 use gdg::files::has_extension;
 use gdg::learn::Threads;
+use gdg::map::builtin;
+use gdg::text::sanitized;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -101,7 +104,15 @@ impl TypedValueParser for ContenderParser {
         if has_extension(path, "safetensors") {
             return Ok(Contender::Checkpoint(path.to_owned()));
         }
-        MethodParser.parse_ref(command, arg, value).map(Contender::Method)
+        let method = MethodParser.parse_ref(command, arg, value);
+        method.map(Contender::Method).map_err(|mut error| {
+            let name = value.to_string_lossy();
+            if builtin(&name).is_some() || path.is_file() {
+                let tip = format!("a map comes last: gdg-tui compare A B {}", sanitized(&name));
+                error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+            }
+            error
+        })
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
