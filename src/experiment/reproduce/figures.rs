@@ -220,6 +220,7 @@ impl Figure {
     }
 
     fn maze_plan(&self, budget: Budget, method: &str) -> Plan {
+        let is_ours = ["default", "default-gdg"].contains(&method);
         // Updates, how many times as many for the paper's methods, and the paper's episodes.
         let (updates, times, episodes) = match self.world {
             "city" => (60_000, 4, 200_000),
@@ -233,11 +234,11 @@ impl Figure {
             // With batches of one agent's steps and no tricks, the paper's updates are cheaper and
             // it needs more of them.
             Budget::Quick if of_paper => Length::Updates(times * updates),
+            // About as many steps as the paper's methods take are enough for our default.
+            Budget::Quick if is_ours => Length::Updates(20_000),
             Budget::Quick => Length::Updates(updates),
             // Our default needs a small part of what the paper's methods train for.
-            Budget::Paper if ["default", "default-gdg"].contains(&method) => {
-                Length::Updates(5 * updates)
-            }
+            Budget::Paper if is_ours => Length::Updates(5 * updates),
             Budget::Paper => Length::Episodes(episodes),
         };
         // The paper tests every 20,000 episodes.

@@ -115,9 +115,10 @@ const ONE_GOAL: &[&str] = &[
     "grid_cells=[4,2,1,0.5]",
     "distance_scale_steps=10",
     "actor_bound=1",
-    "learning_rate=3e-4",
-    "buffer_size=10000",
+    "learning_rate=3e-5",
+    "buffer_size=100000",
     "tau=0.1",
+    "loss=sqrt",
 ];
 
 /// Our default with one goal.
