@@ -325,6 +325,42 @@ mod tests {
     }
 
     #[test]
+    fn noise_as_large_as_a_step_does_not_end_exploration() {
+        let mut excursions = Excursions::new(&plane(), 4);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        // A hall ten cells wide around a wall, seen from one start; noise leads agents astray in
+        // half of all steps.
+        let is_free = |[x, y]: [f32; 2]| {
+            let inside = |v: f32, least: f32, most: f32| (least..most).contains(&v);
+            inside(x, 0.0, 30.0) && inside(y, 0.0, 30.0) && !(inside(x, 10.0, 20.0) && y >= 10.0)
+        };
+        let mut visited = BTreeSet::new();
+        let mut at = [[0.5_f32, 29.5]; 4];
+        for round in 0..20_000 {
+            for (agent, at) in at.iter_mut().enumerate() {
+                if round % 200 == 0 {
+                    *at = [0.5, 29.5];
+                    excursions.end(agent);
+                }
+                visited.insert(at.map(|v| v.floor() as i32));
+                excursions.arrive(agent, at);
+                if !excursions.is_on(agent) {
+                    excursions.begin(agent);
+                }
+                let mut action = [0.0; 2];
+                assert!(excursions.act(agent, &mut action, &mut rng), "it is on an excursion");
+                for axis in 0..2 {
+                    let noise: f32 = (0..3).map(|_| rng.random_range(-1.0..1.0)).sum();
+                    let mut to = *at;
+                    to[axis] += (action[axis] + noise).clamp(-1.0, 1.0);
+                    *at = if is_free(to) { to } else { *at };
+                }
+            }
+        }
+        assert!(visited.len() > 690, "{} of 700 cells", visited.len());
+    }
+
+    #[test]
     fn slow_agents_hold_an_action_until_they_have_crossed_a_place() {
         let slow = Spec { change_scale: vec![0.2; 2], ..plane() };
         let visited = |held_steps| {

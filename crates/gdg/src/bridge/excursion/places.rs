@@ -18,6 +18,9 @@ pub(crate) const MAX_ATTEMPTS: u16 = 8;
 /// Distances to the frontier are computed after this many arrivals, or as many as there are places.
 const MEASURE_EVERY: usize = 512;
 
+/// Maximum length of a step with noise, in typical ones.
+const MAX_NOISE_STEPS: f32 = 2.0;
+
 /// Maximum number of places.
 pub(crate) const MAX_PLACES: usize = 200_000;
 
@@ -47,9 +50,10 @@ pub struct Places {
     index: HashMap<Box<[i32]>, u32>,
     /// Coordinates of each place in the grid, `(places, goal_dim)`.
     keys: Vec<i32>,
-    /// Place that each action led to last, or [`NOWHERE`], `(places, actions)`.
+    /// Place that each action leads to, or [`NOWHERE`], `(places, actions)`.
     to: Vec<u32>,
-    /// Attempts since then that left the agent where it was, `(places, actions)`.
+    /// Attempts since it led there that left the agent where it was or led it astray, `(places,
+    /// actions)`.
     attempts: Vec<u16>,
     /// Actions from each place to the frontier, computed by [`Self::measure`] and corrected by
     /// [`Self::record`], `(places)`.
@@ -143,22 +147,63 @@ impl Places {
     pub fn record(&mut self, from: usize, action: usize, to: usize) {
         let (count, g) = (self.action_count(), self.spec.goal_dim());
         let at = from * count + action;
+        let attempts = self.attempts[at].saturating_add(1);
         if from == to {
-            self.attempts[at] = self.attempts[at].saturating_add(1);
+            self.attempts[at] = attempts;
         } else {
-            (self.to[at], self.attempts[at]) = (to as u32, 0);
-            for i in 0..g {
-                self.moved[action * g + i] +=
-                    i64::from(self.keys[to * g + i]) - i64::from(self.keys[from * g + i]);
+            let offset = self.offset(from, to);
+            let moved = &mut self.moved[action * g..(action + 1) * g];
+            moved.iter_mut().zip(offset).for_each(|(sum, moved)| *sum += moved);
+            if self.is_astray(from, action, to) && attempts < self.most_attempts(at) {
+                self.attempts[at] = attempts;
+            } else {
+                (self.to[at], self.attempts[at]) = (to as u32, 0);
             }
             // The way back is usually possible; if not, attempts will show it.
             let back = to * count + (action ^ 1);
-            if self.to[back] == NOWHERE && self.attempts[back] == 0 {
+            let is_known = self.to[back] != NOWHERE || self.attempts[back] > 0;
+            if !is_known && !self.is_astray(to, action ^ 1, from) {
                 self.to[back] = from as u32;
             }
             self.ahead[to] = self.least_ahead(to);
         }
         self.ahead[from] = self.least_ahead(from);
+    }
+
+    /// Returns the difference of the coordinates of two places, `(goal_dim)`.
+    fn offset(&self, from: usize, to: usize) -> Vec<i64> {
+        let ends = self.key(from).iter().zip(self.key(to));
+        ends.map(|(from, to)| i64::from(*to) - i64::from(*from)).collect()
+    }
+
+    /// Returns the direction in which `action` has led; `None` if it has led nowhere.
+    fn direction(&self, action: usize) -> Option<Vec<i32>> {
+        let g = self.spec.goal_dim();
+        direction(&self.moved[action * g..(action + 1) * g])
+    }
+
+    /// Whether it may be noise that led an agent from one place to another, and not `action`: noise
+    /// leads to another direction, but not far.
+    fn is_astray(&self, from: usize, action: usize, to: usize) -> bool {
+        let (along, offset) = (self.direction(action), self.offset(from, to));
+        let longest = offset.iter().map(|moved| moved.unsigned_abs()).max().unwrap_or(0);
+        let noise_steps =
+            (longest as f32 - 1.0) * self.spec.goal_radius / self.spec.largest_change();
+        along.is_some() && along != direction(&offset) && noise_steps <= MAX_NOISE_STEPS
+    }
+
+    /// Returns the place that `action` is expected to lead to from `place`, if it has been visited.
+    fn expected(&self, place: usize, action: usize) -> Option<usize> {
+        let along = self.direction(action)?;
+        let ends = self.key(place).iter().zip(along);
+        let key: Box<[i32]> = ends.map(|(k, step)| k.saturating_add(step)).collect();
+        self.index.get(&key).map(|place| *place as usize)
+    }
+
+    /// Returns the failed attempts after which exit `at` counts as blocked or, if the last one led
+    /// astray, as leading there.
+    fn most_attempts(&self, at: usize) -> u16 {
+        if self.to[at] == NOWHERE { self.enough_attempts } else { 2 * MIN_ATTEMPTS }
     }
 
     /// Whether some action that may lead to a new place has not been tried.
@@ -168,28 +213,17 @@ impl Places {
 
     fn outcome(&self, place: usize, action: usize) -> Outcome {
         let at = place * self.action_count() + action;
-        let (to, attempts) = (self.to[at], self.attempts[at]);
-        if to != NOWHERE {
-            return if attempts < 2 * MIN_ATTEMPTS {
-                Outcome::Place(to as usize)
-            } else {
-                Outcome::Blocked
-            };
-        }
-        if attempts >= self.enough_attempts {
+        if self.attempts[at] >= self.most_attempts(at) {
             return Outcome::Blocked;
         }
-        let unvisited = if self.len() < MAX_PLACES { Outcome::Unvisited } else { Outcome::Blocked };
-        let g = self.spec.goal_dim();
-        let moved = &self.moved[action * g..(action + 1) * g];
-        let longest = moved.iter().map(|sum| sum.abs()).max().unwrap_or(0);
-        if longest == 0 {
-            return unvisited;
+        if self.to[at] != NOWHERE {
+            return Outcome::Place(self.to[at] as usize);
         }
-        let direction = moved.iter().map(|sum| (*sum as f64 / longest as f64).round() as i32);
-        let expected: Box<[i32]> =
-            self.key(place).iter().zip(direction).map(|(k, step)| k.saturating_add(step)).collect();
-        self.index.get(&expected).map_or(unvisited, |to| Outcome::Place(*to as usize))
+        match self.expected(place, action) {
+            Some(to) => Outcome::Place(to),
+            None if self.len() < MAX_PLACES => Outcome::Unvisited,
+            None => Outcome::Blocked,
+        }
     }
 
     /// Returns the number of actions from `place` to the frontier that begin with `action`, or
@@ -231,7 +265,8 @@ impl Places {
                 queue.push_back(place);
             }
         }
-        if queue.is_empty() && self.len() > 0 && self.enough_attempts < MAX_ATTEMPTS {
+        let is_exhausted = queue.is_empty() && self.enough_attempts == MAX_ATTEMPTS;
+        if queue.is_empty() && self.len() > 0 && !is_exhausted {
             self.enough_attempts += 1;
         }
         while let Some(place) = queue.pop_front() {
@@ -244,6 +279,27 @@ impl Places {
             }
         }
         self.ahead = ahead;
+        let cut_off = self.ahead.iter().filter(|ahead| **ahead == NO_FRONTIER).count();
+        if 2 * cut_off > self.len() && !is_exhausted {
+            self.doubt_noise();
+        }
+    }
+
+    /// Takes back what may have been noise: each such action may lead to where it is expected to, or
+    /// is tried once more.
+    fn doubt_noise(&mut self) {
+        for place in 0..self.len() {
+            for action in 0..self.action_count() {
+                let at = place * self.action_count() + action;
+                let to = self.to[at];
+                if to != NOWHERE && self.is_astray(place, action, to as usize) {
+                    (self.to[at], self.attempts[at]) = match self.expected(place, action) {
+                        Some(to) => (to as u32, 0),
+                        None => (NOWHERE, self.enough_attempts - 1),
+                    };
+                }
+            }
+        }
     }
 
     /// Returns an action at `place` that leads towards the frontier, the one with the fewest
@@ -354,6 +410,12 @@ impl Places {
     }
 }
 
+/// Returns the direction of an offset in units of its longest component; `None` if it is zero.
+fn direction(offset: &[i64]) -> Option<Vec<i32>> {
+    let longest = offset.iter().map(|moved| moved.abs()).max().filter(|moved| *moved > 0)?;
+    Some(offset.iter().map(|moved| (*moved as f64 / longest as f64).round() as i32).collect())
+}
+
 #[cfg(test)]
 pub(super) mod tests {
     use rand::SeedableRng;
@@ -420,6 +482,26 @@ pub(super) mod tests {
         let to = |i: usize| Outcome::Place(row[i]);
         assert_eq!(outcomes(right), [to(1), to(2), to(3), Outcome::Unvisited]);
         assert_eq!(outcomes(left), [Outcome::Unvisited, to(0), to(1), to(2)]);
+    }
+
+    #[test]
+    fn noise_hides_neither_the_frontier_nor_the_way_there() {
+        let mut places = Places::new(&plane());
+        let row = row(&mut places, 0..4);
+        let right = 0;
+        for pair in row.windows(2).cycle().take(9) {
+            places.record(pair[0], right, pair[1]);
+        }
+        places.record(row[3], right, row[2]);
+        places.record(row[1], right, row[0]);
+        let outcomes = |places: &Places| [1, 3].map(|i| places.outcome(row[i], right));
+        assert_eq!(outcomes(&places), [Outcome::Place(row[2]), Outcome::Unvisited]);
+        // Noise again and again is taken for where the action leads, but not for good.
+        (0..3).for_each(|_| places.record(row[1], right, row[0]));
+        places.record(row[3], right, row[2]);
+        assert_eq!(outcomes(&places), [row[0], row[2]].map(Outcome::Place));
+        places.doubt_noise();
+        assert_eq!(outcomes(&places), [Outcome::Place(row[2]), Outcome::Unvisited]);
     }
 
     #[test]
