@@ -50,8 +50,8 @@ fn mark(c: char) -> Option<Mark> {
 /// [`size_limits`].
 fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     let lines: Vec<_> = text.lines.iter().copied().enumerate().collect();
-    let lines = &text.lines[size_rows(&lines)..];
-    let first = text.lines.len() - lines.len();
+    let first = size_rows(&lines);
+    let lines = &text.lines[first..];
     let rows = without_stray_blanks(lines).unwrap_or_else(|| lines.to_vec());
     let width = rows[0].chars().count();
     if width == 0 {
