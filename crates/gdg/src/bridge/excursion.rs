@@ -275,12 +275,12 @@ mod tests {
     }
 
     /// Moves `at` by `action`; a wall stops the component towards it.
-    fn step(at: [f32; 2], action: [f32; 2], floors: i32) -> [f32; 2] {
-        let x = Some([at[0] + action[0], at[1]]).filter(|to| is_free(*to, floors)).unwrap_or(at);
-        Some([x[0], x[1] + action[1]]).filter(|to| is_free(*to, floors)).unwrap_or(x)
+    fn step(at: [f32; 2], action: [f32; 2], is_free: impl Fn([f32; 2]) -> bool) -> [f32; 2] {
+        let x = Some([at[0] + action[0], at[1]]).filter(|to| is_free(*to)).unwrap_or(at);
+        Some([x[0], x[1] + action[1]]).filter(|to| is_free(*to)).unwrap_or(x)
     }
 
-    /// Lets four agents explore for `steps` steps and returns the number of cells visited.
+    /// Lets four agents explore a corridor for `steps` steps and returns the number of cells visited.
     fn explore(
         excursions: &mut Excursions,
         at: &mut [[f32; 2]; 4],
@@ -298,6 +298,20 @@ mod tests {
         steps: usize,
         rng: &mut ChaCha8Rng,
     ) -> usize {
+        let advance = |at, action: [f32; 2], _: &mut ChaCha8Rng| {
+            step(at, action.map(|along| speed * along), |to| is_free(to, 6))
+        };
+        explore_by(advance, excursions, at, steps, rng).len()
+    }
+
+    /// Lets four agents explore where `advance` moves them, and returns the cells visited.
+    fn explore_by(
+        advance: impl Fn([f32; 2], [f32; 2], &mut ChaCha8Rng) -> [f32; 2],
+        excursions: &mut Excursions,
+        at: &mut [[f32; 2]; 4],
+        steps: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> BTreeSet<[i32; 2]> {
         let mut visited = BTreeSet::new();
         for _ in 0..steps {
             for (agent, at) in at.iter_mut().enumerate() {
@@ -308,10 +322,10 @@ mod tests {
                 }
                 let mut action = [0.0; 2];
                 assert!(excursions.act(agent, &mut action, rng), "it is on an excursion");
-                *at = step(*at, action.map(|along| speed * along), 6);
+                *at = advance(*at, action, rng);
             }
         }
-        visited.len()
+        visited
     }
 
     #[test]
@@ -334,28 +348,18 @@ mod tests {
             let inside = |v: f32, least: f32, most: f32| (least..most).contains(&v);
             inside(x, 0.0, 30.0) && inside(y, 0.0, 30.0) && !(inside(x, 10.0, 20.0) && y >= 10.0)
         };
+        let advance = |at, action: [f32; 2], rng: &mut ChaCha8Rng| {
+            let noisy = action.map(|along| {
+                let noise: f32 = (0..3).map(|_| rng.random_range(-1.0..1.0)).sum();
+                (along + noise).clamp(-1.0, 1.0)
+            });
+            step(at, noisy, is_free)
+        };
         let mut visited = BTreeSet::new();
-        let mut at = [[0.5_f32, 29.5]; 4];
-        for round in 0..20_000 {
-            for (agent, at) in at.iter_mut().enumerate() {
-                if round % 200 == 0 {
-                    *at = [0.5, 29.5];
-                    excursions.end(agent);
-                }
-                visited.insert(at.map(|v| v.floor() as i32));
-                excursions.arrive(agent, at);
-                if !excursions.is_on(agent) {
-                    excursions.begin(agent);
-                }
-                let mut action = [0.0; 2];
-                assert!(excursions.act(agent, &mut action, &mut rng), "it is on an excursion");
-                for axis in 0..2 {
-                    let noise: f32 = (0..3).map(|_| rng.random_range(-1.0..1.0)).sum();
-                    let mut to = *at;
-                    to[axis] += (action[axis] + noise).clamp(-1.0, 1.0);
-                    *at = if is_free(to) { to } else { *at };
-                }
-            }
+        for _ in 0..100 {
+            excursions.end_all();
+            let mut at = [[0.5, 29.5]; 4];
+            visited.extend(explore_by(advance, &mut excursions, &mut at, 200, &mut rng));
         }
         assert!(visited.len() > 690, "{} of 700 cells", visited.len());
     }
