@@ -4,7 +4,6 @@
 //! interpreter, as `.ci/run` does; some need gymnasium-robotics and mujoco as well.
 
 use std::collections::BTreeSet;
-use std::io::{BufRead, BufReader};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -16,6 +15,8 @@ use gdg::train::{Preset, Registry, Run, Trainer};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
+
+use crate::support::kill;
 
 /// Settings that keep a run small.
 const SMALL: [&str; 12] = [
@@ -574,50 +575,81 @@ fn a_run_is_refused_where_its_environment_is_missing_or_another() {
     assert_eq!(again.output().unwrap().status.code(), Some(2));
 }
 
-/// Returns the processes that `parent` has started.
-#[cfg(target_os = "linux")]
-fn children(parent: u32) -> Vec<u32> {
-    let tasks = std::fs::read_dir(format!("/proc/{parent}/task")).unwrap();
-    let of_task = |task: std::io::Result<std::fs::DirEntry>| {
-        std::fs::read_to_string(task.unwrap().path().join("children")).unwrap_or_default()
-    };
-    let all: Vec<String> = tasks.map(of_task).collect();
-    all.join(" ").split_whitespace().map(|child| child.parse().unwrap()).collect()
-}
-
 #[cfg(target_os = "linux")]
 #[test]
 #[ignore = "needs Python with numpy and gymnasium"]
-fn workers_end_with_the_program_however_it_ends() {
-    let folder = tempfile::tempdir().unwrap();
-    // Also one that hangs and lets nothing else run in its process.
-    for (name, after) in [("Point", "1000000000"), ("Hangs", AFTER)] {
-        let mut program = train(folder.path(), name, &["--max-updates", "100000"])
-            .env("AWKWARD_AFTER", after)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut start = String::new();
-        // Kept open, as the program ends when nobody reads its records.
-        let mut records = BufReader::new(program.stdout.take().unwrap());
-        records.read_line(&mut start).unwrap();
-        assert!(start.contains("start"));
-        std::thread::sleep(Duration::from_secs(2));
-        let workers = children(program.id());
-        assert!(!workers.is_empty());
-        program.kill().unwrap();
-        program.wait().unwrap();
-        let began = Instant::now();
-        let runs = |worker: &u32| {
-            let stat = std::fs::read_to_string(format!("/proc/{worker}/stat")).unwrap_or_default();
-            stat.rsplit(") ").next().is_some_and(|rest| !rest.is_empty() && !rest.starts_with('Z'))
+fn all_that_environments_start_ends_with_the_program_however_that_ends() {
+    for (after, updates, signal, status) in [
+        ("1000000000", "20", None, Some(0)),
+        // It hangs, and lets nothing else run in its process.
+        (AFTER, "100000", Some("TERM"), Some(143)),
+        (AFTER, "100000", Some("KILL"), None),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let started = || {
+            let text = std::fs::read_to_string(folder.path().join("started")).unwrap_or_default();
+            text.lines().map(str::to_owned).collect::<Vec<_>>()
         };
-        while workers.iter().any(runs) {
-            assert!(began.elapsed() < Duration::from_secs(10), "{name}: {workers:?} still run");
+        let program =
+            train(folder.path(), "Simulator", &["--max-updates", updates, "--save", "run"])
+                .env("AWKWARD_AFTER", after)
+                .stdout(Stdio::piped())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap();
+        if let Some(name) = signal {
+            while !started().iter().any(|line| line == "hangs") {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            kill(program.id(), name);
+        }
+        let output = program.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), status, "{}", stderr(&output));
+        assert_eq!(records(&output, "saved").is_empty(), status.is_none());
+        let (began, started) = (Instant::now(), started());
+        // A process may have ended without anybody having asked how.
+        let is_left = |what: &&String| match what.parse::<u32>() {
+            Ok(process) => {
+                std::fs::read_to_string(format!("/proc/{process}/stat")).is_ok_and(|stat| {
+                    stat.rsplit(") ").next().is_some_and(|rest| !rest.starts_with('Z'))
+                })
+            }
+            Err(_) => signal.is_none() && Path::new(what).exists(),
+        };
+        while let Some(left) = started.iter().find(is_left) {
+            assert!(began.elapsed() < Duration::from_secs(10), "{signal:?}: {left} is left");
             std::thread::sleep(Duration::from_millis(20));
         }
+        assert!(started.len() >= 8 * 4, "each agent has an environment: {started:?}");
+        let closed = started.iter().filter(|line| *line == "closed").count();
+        assert_eq!(closed > 0, signal.is_none());
     }
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn files_in_the_present_folder_are_imported_only_as_the_package_that_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["types", "random", "socket", "numpy", "gymnasium", "gymnasium_robotics"] {
+        std::fs::write(folder.path().join(format!("{name}.py")), "raise OSError('no')").unwrap();
+    }
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/gym/awkward.py");
+    std::fs::copy(own, folder.path().join("my_package.py")).unwrap();
+    let open = |world: &str| {
+        let mut command = program(folder.path());
+        command.env_remove("PYTHONPATH").args(["--no-ui", world, "--python"]).arg(python());
+        let args = ["--max-updates", "5", "--eval-tasks", "2", "--save", "run"];
+        command.args(SMALL).args(args).output().unwrap()
+    };
+    let output = open("gym:my_package:Point-v0");
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_says(&stderr(&open("gym:Absent-v0")), "Environment `Absent` doesn't exist");
+    // To print settings, nothing is imported.
+    let python = fake_python(folder.path(), "echo no >&2");
+    let mut command = program(folder.path());
+    command.args(["--print-config", "--resume", "run", "--python"]).arg(python);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
 }
 
 #[test]

@@ -99,7 +99,8 @@ pub fn settings_to_print(
     let resumed = resumed_file(request, registry)?;
     check_options(request, resumed.as_deref(), registry)?;
     match resumed {
-        Some(path) => Ok(train::load_with(&path, registry, 1, progress)
+        // Nothing is run that a checkpoint names.
+        Some(path) => Ok(train::load_with(&path, &registry.clone().only_reading(), 1, progress)
             .map_err(from_checkpoint_error)?
             .trainer
             .run()

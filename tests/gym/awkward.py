@@ -6,9 +6,12 @@ more numbers: another version of the environment.
 """
 
 import ctypes
+import multiprocessing
 import os
 import signal
+import subprocess
 import sys
+import tempfile
 import time
 
 import gymnasium as gym
@@ -107,8 +110,12 @@ class Unknown(Point):
 
 
 class Dies(Point):
+    """Crashes while a process that it has forked goes on."""
+
     def misbehave(self):
         print("dying now", file=sys.stderr, flush=True)
+        if os.fork() == 0:
+            time.sleep(1000)
         os.kill(os.getpid(), signal.SIGSEGV)
 
 
@@ -123,8 +130,40 @@ class Hangs(Point):
         ctypes.PyDLL(None).sleep(1000)
 
 
+class Simulator(Hangs):
+    """Has a process that close() ends, and one and a folder that go as its own process ends.
+
+    Lists in a file who they are, and says there when it begins to hang.
+    """
+
+    def __init__(self, **how):
+        super().__init__(**how)
+        self.simulator = subprocess.Popen(["sleep", "1000"])
+        fork = multiprocessing.get_context("fork")
+        self.daemon = fork.Process(target=time.sleep, args=(1000,), daemon=True)
+        self.daemon.start()
+        self.folder = tempfile.TemporaryDirectory()
+        self.note(os.getpid(), self.simulator.pid, self.daemon.pid, self.folder.name)
+
+    def note(self, *words):
+        with open("started", "a") as started:
+            started.writelines(f"{word}\n" for word in words)
+
+    def misbehave(self):
+        self.note("hangs")
+        super().misbehave()
+
+    def close(self):
+        self.note("closed")
+        self.simulator.kill()
+
+
 class Writes(Point):
-    """Prints, and reads the standard input."""
+    """Prints, reads the standard input, and has no terminal."""
+
+    def __init__(self, **how):
+        super().__init__(**how)
+        assert os.getsid(0) == os.getpid(), "a session of its own"
 
     def step(self, action):
         print("stepping by", action, sys.stdin.read())

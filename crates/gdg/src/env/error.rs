@@ -32,6 +32,9 @@ pub enum EnvError {
         /// The last lines that the other program has written, safe to display.
         details: Vec<String>,
     },
+    /// It took long although training was to stop.
+    #[error("the environment was given up, as training was to stop")]
+    Stopped,
     /// The map has another size.
     #[error("the map is {} x {}, but the run's map is {} x {}", map.0, map.1, run.0, run.1)]
     SizeMismatch {

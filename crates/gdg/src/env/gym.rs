@@ -25,6 +25,7 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use super::{Abilities, EnvError, EnvSettings, Environment, Spec, Walls, WorldKind};
+use crate::pulse::Pulse;
 use crate::store::{Store, StoreError};
 use description::Description;
 use facts::Found;
@@ -333,6 +334,11 @@ impl Environment for Gym {
         self.noise = settings.noise;
     }
 
+    /// Answers are no longer waited for once training is to stop, by all that share its workers.
+    fn share_pulse(&mut self, pulse: &Pulse) {
+        *self.pool.pulse.lock() = pulse.clone();
+    }
+
     fn full_state(&self, agent: usize) -> Vec<f64> {
         let mut full = self.state_of(agent);
         if let Some(length) = self.pool.only_read {
@@ -390,11 +396,11 @@ impl Drop for Gym {
     /// Leaves the workers to the next fork: Python takes seconds to start. After a failure, or during
     /// a step, answers may still be on their way.
     fn drop(&mut self) {
-        if self.has_failed() || self.is_stepping {
-            return;
+        let is_idle = !self.has_failed() && !self.is_stepping;
+        let workers = self.workers.get_mut();
+        if is_idle {
+            workers.drain(..).for_each(|(worker, _)| self.pool.give_back(worker));
         }
-        for (worker, _) in self.workers.get_mut().drain(..) {
-            self.pool.give_back(worker);
-        }
+        workers.iter_mut().for_each(|(worker, _)| worker.begin_to_end());
     }
 }

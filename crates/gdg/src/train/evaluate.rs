@@ -67,6 +67,9 @@ impl EvaluationJob {
     ) -> Result<Option<Evaluation>, EnvError> {
         let once = || self.run_unless(cancelled, &self.tasks(per_group)?);
         once().or_else(|error| {
+            if error == EnvError::Stopped {
+                return Err(error);
+            }
             log::warn!("the evaluation is tried once more: {error}");
             once()
         })

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use super::error::TrainError;
 use super::run::{EndReason, Limits, Tick};
 use super::trainer::{Recovery, Trainer};
+use crate::env::EnvError;
 
 /// When a run is evaluated.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -104,7 +105,12 @@ impl Session {
             return Ok(ControlFlow::Break(reason));
         }
         crate::faults::point("trainer");
-        let tick = trainer.tick()?;
+        let tick = match trainer.tick() {
+            Err(TrainError::Env(EnvError::Stopped)) => {
+                return Ok(ControlFlow::Break(EndReason::Interrupted));
+            }
+            ticked => ticked?,
+        };
         self.due.extend(trainer.take_recovery().map(Due::Recovery));
         let updates = (tick == Tick::Update).then(|| trainer.counters().updates);
         if let Some(updates) = updates {

@@ -177,6 +177,7 @@ impl Trainer {
 
     /// Shares a pulse with those that wait for the trainer.
     pub fn set_pulse(&mut self, pulse: Pulse) {
+        self.rollout.env_mut().share_pulse(&pulse);
         self.pulse = pulse;
     }
 

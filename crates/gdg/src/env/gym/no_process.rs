@@ -1,10 +1,14 @@
 //! Workers where there are no Unix sockets: none.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
+
+use parking_lot::Mutex;
 
 use super::frames::{Expected, Request};
 use crate::env::EnvError;
+use crate::pulse::Pulse;
 
 /// A worker, of which there are none.
 pub struct Worker {
@@ -16,7 +20,12 @@ pub struct Worker {
 impl Worker {
     /// # Errors
     /// Always.
-    pub fn start(_: &Path, title: &str, _: Duration) -> Result<Self, EnvError> {
+    pub fn start(
+        _: &Path,
+        title: &str,
+        _: Duration,
+        _: Arc<Mutex<Pulse>>,
+    ) -> Result<Self, EnvError> {
         let problem = "environments in Python need Linux, macOS or another Unix".to_owned();
         Err(failed(title, problem, Vec::new()))
     }
@@ -32,6 +41,8 @@ impl Worker {
     pub fn answer(&mut self, _: Request, _: Expected) -> Result<Vec<u8>, EnvError> {
         Err(self.fail(String::new()))
     }
+
+    pub fn begin_to_end(&mut self) {}
 
     pub fn fail(&mut self, problem: String) -> EnvError {
         failed(&self.title, problem, Vec::new())

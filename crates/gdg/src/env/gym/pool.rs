@@ -1,5 +1,7 @@
 //! The workers of one environment that no world uses at the moment.
 
+use std::sync::Arc;
+
 use parking_lot::Mutex;
 
 use super::description::{Description, describe};
@@ -8,6 +10,7 @@ use super::options::{Address, GymOptions};
 use super::process::Worker;
 use super::{MAX_STATE_BYTES, slots};
 use crate::env::EnvError;
+use crate::pulse::Pulse;
 use crate::store::StoreError;
 
 /// What all worlds of one environment share.
@@ -20,6 +23,8 @@ pub struct Pool {
     pub found: Found,
     /// Length of full states, if the environment is not opened: its agents cannot act.
     pub only_read: Option<usize>,
+    /// Says when training is to stop.
+    pub pulse: Arc<Mutex<Pulse>>,
     idle: Mutex<Vec<Worker>>,
 }
 
@@ -29,13 +34,14 @@ impl Pool {
     /// # Errors
     /// It cannot be opened, is not supported, or fails.
     pub fn open(address: &Address, options: &GymOptions) -> Result<Self, EnvError> {
-        let (mut worker, about) = start(address, options)?;
+        let pulse = Arc::default();
+        let (mut worker, about) = start(address, options, &pulse)?;
         if let Some(unbounded) = about.unbounded_actions() {
             log::warn!("{}: {unbounded}", address.id);
         }
         let found = facts::find(&mut worker, &about, options)?;
         found.check(&about)?;
-        Ok(Self::new(address, options, about, found, Some(worker)))
+        Ok(Self::new(address, options, (about, found), Some(worker), pulse))
     }
 
     /// Opens an environment that has been found out about before.
@@ -43,9 +49,10 @@ impl Pool {
     /// # Errors
     /// It cannot be opened, is not supported, or has changed.
     pub fn resume(address: &Address, options: &GymOptions, found: Found) -> Result<Self, EnvError> {
-        let (worker, about) = start(address, options)?;
+        let pulse = Arc::default();
+        let (worker, about) = start(address, options, &pulse)?;
         found.check(&about)?;
-        Ok(Self::new(address, options, about, found, Some(worker)))
+        Ok(Self::new(address, options, (about, found), Some(worker), pulse))
     }
 
     /// Returns what a checkpoint knows of an environment with full states of this length, which is
@@ -64,20 +71,21 @@ impl Pool {
             return Err(StoreError::inconsistent(problem).into());
         }
         found.check(&about)?;
-        let pool = Self::new(address, options, about, found, None);
-        Ok(Self { only_read: Some(full_state), ..pool })
+        let mut pool = Self::new(address, options, (about, found), None, Arc::default());
+        pool.only_read = Some(full_state);
+        Ok(pool)
     }
 
     fn new(
         address: &Address,
         options: &GymOptions,
-        about: Description,
-        found: Found,
+        (about, found): (Description, Found),
         worker: Option<Worker>,
+        pulse: Arc<Mutex<Pulse>>,
     ) -> Self {
         let (address, options) = (address.clone(), options.clone());
         let idle = Mutex::new(Vec::from_iter(worker));
-        Self { address, options, about, found, only_read: None, idle }
+        Self { address, options, about, found, only_read: None, pulse, idle }
     }
 
     /// Returns a worker with at least this number of environments.
@@ -93,7 +101,7 @@ impl Pool {
         };
         let mut worker = match idle {
             Some(worker) => worker,
-            None => start(&self.address, &self.options)?.0,
+            None => start(&self.address, &self.options, &self.pulse)?.0,
         };
         slots::make(&mut worker, environments)?;
         Ok(worker)
@@ -107,9 +115,21 @@ impl Pool {
     }
 }
 
+impl Drop for Pool {
+    /// Has all workers end at once; each is then waited for.
+    fn drop(&mut self) {
+        self.idle.get_mut().iter_mut().for_each(Worker::begin_to_end);
+    }
+}
+
 /// Starts a worker and has it open its environment.
-fn start(address: &Address, options: &GymOptions) -> Result<(Worker, Description), EnvError> {
-    let mut worker = Worker::start(&options.interpreter(), &address.id, options.timeout)?;
+fn start(
+    address: &Address,
+    options: &GymOptions,
+    pulse: &Arc<Mutex<Pulse>>,
+) -> Result<(Worker, Description), EnvError> {
+    let (python, timeout) = (options.interpreter(), options.timeout);
+    let mut worker = Worker::start(&python, &address.id, timeout, pulse.clone())?;
     let about = describe(&mut worker, address.package.as_deref(), &address.id)?;
     Ok((worker, about))
 }

@@ -2,13 +2,13 @@
 
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, ErrorKind, PipeReader, Read, Write};
+use std::net::Shutdown;
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
-use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::mpsc::{Sender, channel};
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -17,14 +17,19 @@ use serde::Deserialize;
 
 use super::frames::{self, BadHeader, Expected, HEADER_BYTES, Reply, Request};
 use crate::env::EnvError;
+use crate::pulse::Pulse;
 use crate::text::truncated;
 
 /// What the worker runs.
 const SOURCE: &str = include_str!("worker.py");
 
 /// Reads that source from the socket, which is the standard input, and leaves an empty one: what is
-/// listed as the command of the process stays short.
+/// listed as the command of the process stays short. Files in the present folder do not take the
+/// place of Python's own.
 const BOOTSTRAP: &str = "\
+import sys
+if sys.path[0] == '':
+    del sys.path[0]
 import os, socket
 channel = socket.socket(fileno=os.dup(0))
 os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
@@ -43,13 +48,25 @@ const LOGGED_LINES: usize = 200;
 const MAX_LINE_BYTES: u64 = 4096;
 const MAX_SHOWN_CHARS: usize = 200;
 
-/// How long an ending worker may take: to say why, and to end by itself.
-const ENDING: Duration = Duration::from_millis(500);
+/// How long a worker may take to say why it ends, and one that has failed to end, which is killed
+/// after half a second (`worker.py`).
+const ENDING: Duration = Duration::from_secs(1);
+
+/// How long a worker may take to close its environments.
+const CLOSING: Duration = Duration::from_secs(3);
+
+/// How long an answer is waited for once training is to stop: systems that end programs often wait
+/// ten seconds, in which the run is also to be saved.
+const STOPPING: Duration = Duration::from_secs(2);
+
+/// How long one look for an answer takes.
+const LOOK: Duration = Duration::from_millis(100);
 
 /// The latest lines that a worker has written.
 type Output = Arc<Mutex<VecDeque<String>>>;
 
-/// A running worker. It is killed when it is dropped, and ends with this process.
+/// A running worker. It ends when it is dropped, or with this process, and all that it has started
+/// with it.
 pub struct Worker {
     title: String,
     channel: UnixStream,
@@ -57,6 +74,10 @@ pub struct Worker {
     output: Output,
     reader: Option<JoinHandle<()>>,
     timeout: Duration,
+    /// Says when training is to stop.
+    pulse: Arc<Mutex<Pulse>>,
+    /// When it is to have ended.
+    ends_by: Option<Instant>,
     /// How many environments it has.
     pub environments: usize,
     /// Whether it has failed, and must not be used again.
@@ -78,11 +99,16 @@ struct Exception {
 
 impl Worker {
     /// Starts a worker for the environment called `title`; every answer has to come within
-    /// `timeout`.
+    /// `timeout`, or soon once `pulse` says that training is to stop.
     ///
     /// # Errors
     /// The interpreter cannot be started.
-    pub fn start(python: &Path, title: &str, timeout: Duration) -> Result<Self, EnvError> {
+    pub fn start(
+        python: &Path,
+        title: &str,
+        timeout: Duration,
+        pulse: Arc<Mutex<Pulse>>,
+    ) -> Result<Self, EnvError> {
         let unstarted = |error: std::io::Error| {
             let shown = truncated(&python.to_string_lossy(), MAX_SHOWN_CHARS);
             let problem = match error.kind() {
@@ -95,16 +121,16 @@ impl Worker {
             failed(title, problem, Vec::new())
         };
         let (channel, theirs) = UnixStream::pair().map_err(unstarted)?;
+        channel.set_read_timeout(Some(LOOK)).map_err(unstarted)?;
+        channel.set_write_timeout(Some(LOOK)).map_err(unstarted)?;
         let (output, their_output) = std::io::pipe().map_err(unstarted)?;
         let mut command = Command::new(python);
         command
             .args(["-u", "-c", BOOTSTRAP, "gdg-tui", title])
             .stdin(Stdio::from(OwnedFd::from(theirs)))
             .stdout(their_output.try_clone().map_err(unstarted)?)
-            .stderr(their_output)
-            // Signals of the terminal are for the program, which ends its workers.
-            .process_group(0);
-        let child = spawn(command).map_err(unstarted)?;
+            .stderr(their_output);
+        let child = command.spawn().map_err(unstarted)?;
         let lines = Output::default();
         let reader = read_output(title.to_owned(), output, lines.clone()).map_err(unstarted)?;
         let mut worker = Self {
@@ -114,6 +140,8 @@ impl Worker {
             output: lines,
             reader: Some(reader),
             timeout,
+            pulse,
+            ends_by: None,
             environments: 0,
             is_broken: false,
         };
@@ -140,11 +168,11 @@ impl Worker {
     /// # Errors
     /// The worker fails; it must not be used again.
     pub fn send(&mut self, request: Request, body: &[u8]) -> Result<(), EnvError> {
-        let sent = self
-            .channel
-            .set_write_timeout(Some(self.timeout))
-            .and_then(|()| self.channel.write_all(&frames::request(request, body)));
-        sent.map_err(|error| self.broken_off(request, &error))
+        let frame = frames::request(request, body);
+        self.transfer(&mut Waited::default(), frame.len(), |mut channel, done| {
+            channel.write(&frame[done..])
+        })
+        .map_err(|error| self.broken_off(request, &error))
     }
 
     /// Returns the answer to the request sent before.
@@ -152,9 +180,8 @@ impl Worker {
     /// # Errors
     /// The worker fails; it must not be used again.
     pub fn answer(&mut self, request: Request, expected: Expected) -> Result<Vec<u8>, EnvError> {
-        let deadline = Instant::now() + self.timeout;
-        let mut header = [0; HEADER_BYTES];
-        self.read(&mut header, deadline).map_err(|error| self.broken_off(request, &error))?;
+        let (mut waited, mut header) = (Waited::default(), [0; HEADER_BYTES]);
+        self.read(&mut header, &mut waited).map_err(|error| self.broken_off(request, &error))?;
         let (reply, length) = match frames::reply_header(header, expected) {
             Ok(sound) => sound,
             Err(BadHeader::Kind(_)) => {
@@ -166,28 +193,45 @@ impl Worker {
             }
         };
         let mut body = vec![0; length];
-        self.read(&mut body, deadline).map_err(|error| self.broken_off(request, &error))?;
+        self.read(&mut body, &mut waited).map_err(|error| self.broken_off(request, &error))?;
         match reply {
             Reply::Done => Ok(body),
             Reply::Failed => Err(self.exception(request, &body)),
         }
     }
 
-    /// Fills `buffer` before the deadline.
-    fn read(&mut self, buffer: &mut [u8], deadline: Instant) -> std::io::Result<()> {
-        let mut filled = 0;
-        while filled < buffer.len() {
-            let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Err(ErrorKind::TimedOut.into());
-            }
-            self.channel.set_read_timeout(Some(left))?;
-            match self.channel.read(&mut buffer[filled..]) {
+    /// Fills `buffer`, unless that takes too long.
+    fn read(&mut self, buffer: &mut [u8], waited: &mut Waited) -> std::io::Result<()> {
+        self.transfer(waited, buffer.len(), |mut channel, done| channel.read(&mut buffer[done..]))
+    }
+
+    /// Transfers `length` bytes by calls of `part`, which gets how many are done, unless that takes
+    /// too long. What the process has left behind may have the channel too: its own end counts.
+    fn transfer(
+        &mut self,
+        waited: &mut Waited,
+        length: usize,
+        mut part: impl FnMut(&UnixStream, usize) -> std::io::Result<usize>,
+    ) -> std::io::Result<()> {
+        let (mut done, mut has_ended) = (0, false);
+        while done < length {
+            waited.check(self.timeout)?;
+            let began = Instant::now();
+            match part(&self.channel, done) {
                 Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
-                Ok(read) => filled += read,
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
+                Ok(more) => done += more,
+                Err(error) => match error.kind() {
+                    ErrorKind::Interrupted => {}
+                    ErrorKind::WouldBlock if has_ended => {
+                        return Err(ErrorKind::UnexpectedEof.into());
+                    }
+                    ErrorKind::WouldBlock => {
+                        has_ended = self.ended_within(Duration::ZERO).is_some();
+                    }
+                    _ => return Err(error),
+                },
             }
+            waited.add(began.elapsed(), self.pulse.lock().stops());
         }
         Ok(())
     }
@@ -204,7 +248,13 @@ impl Worker {
             Request::Picture => "to render a picture",
         };
         match error.kind() {
-            ErrorKind::TimedOut | ErrorKind::WouldBlock => self.fail(format!(
+            ErrorKind::Interrupted => {
+                log::warn!("{}: given up while it took long {what}", self.title);
+                self.is_broken = true;
+                self.begin_to_end();
+                EnvError::Stopped
+            }
+            ErrorKind::TimedOut => self.fail(format!(
                 "took more than {} seconds {what} (--env-timeout sets the limit)",
                 self.timeout.as_secs_f64()
             )),
@@ -248,7 +298,7 @@ impl Worker {
     /// Marks the worker as broken, and returns the error with the last lines that it has written.
     pub fn fail(&mut self, problem: String) -> EnvError {
         self.is_broken = true;
-        let _ = self.child.kill();
+        self.begin_to_end();
         // What it has written is complete once its output ends; others may hold that open.
         let began = Instant::now();
         while self.reader.as_ref().is_some_and(|reader| !reader.is_finished())
@@ -257,6 +307,14 @@ impl Worker {
             std::thread::sleep(Duration::from_millis(5));
         }
         failed(&self.title, problem, self.output.lock().iter().cloned().collect())
+    }
+
+    /// Has it close its environments and end; one that has failed is not waited for.
+    pub fn begin_to_end(&mut self) {
+        let (how, limit) =
+            if self.is_broken { (Shutdown::Both, ENDING) } else { (Shutdown::Write, CLOSING) };
+        let _ = self.channel.shutdown(how);
+        self.ends_by.get_or_insert_with(|| Instant::now() + limit);
     }
 
     /// Returns how the process has ended, if it does so in time.
@@ -274,7 +332,13 @@ impl Worker {
 
 impl Drop for Worker {
     fn drop(&mut self) {
-        // It only keeps what can be computed again.
+        self.begin_to_end();
+        let left = |by: Instant| by.saturating_duration_since(Instant::now());
+        if self.ended_within(self.ends_by.map_or(CLOSING, left)).is_none() {
+            // What watches over it ends it, if it has got that far.
+            let _ = self.channel.shutdown(Shutdown::Both);
+            self.ended_within(ENDING);
+        }
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -294,28 +358,32 @@ fn shown_status(status: ExitStatus) -> String {
     }
 }
 
-/// A process to start, and where to send it.
-type Start = (Command, Sender<std::io::Result<Child>>);
+/// How long something has been waited for, while this program ran.
+#[derive(Default)]
+struct Waited {
+    all: Duration,
+    /// Since training is to stop.
+    stopping: Duration,
+}
 
-/// Starts all workers: on Linux, they ask to be killed when the thread that has started them ends.
-static STARTER: LazyLock<Option<Sender<Start>>> = LazyLock::new(|| {
-    let (sender, requests) = channel::<Start>();
-    let run = move || {
-        for (mut command, started) in requests {
-            // Whoever has asked waits.
-            let _ = started.send(command.spawn());
+impl Waited {
+    /// Adds the time of one look for an answer. One that took far longer than it was to take: this
+    /// program was stopped meanwhile, and the answer may have come.
+    fn add(&mut self, time: Duration, stops: bool) {
+        let time = time.min(2 * LOOK);
+        self.all += time;
+        self.stopping += if stops { time } else { Duration::ZERO };
+    }
+
+    /// Checks that to wait on makes sense.
+    fn check(&self, limit: Duration) -> std::io::Result<()> {
+        if self.stopping >= STOPPING {
+            Err(ErrorKind::Interrupted.into())
+        } else if self.all >= limit {
+            Err(ErrorKind::TimedOut.into())
+        } else {
+            Ok(())
         }
-    };
-    std::thread::Builder::new().name("worker starter".to_owned()).spawn(run).ok().map(|_| sender)
-});
-
-/// Starts a process on the thread that starts all.
-fn spawn(command: Command) -> std::io::Result<Child> {
-    let (started, child) = channel();
-    let sent = STARTER.as_ref().is_some_and(|starter| starter.send((command, started)).is_ok());
-    match child.recv() {
-        Ok(child) if sent => child,
-        _ => Err(std::io::Error::other("no thread can be started")),
     }
 }
 
@@ -347,4 +415,35 @@ fn read_output(
         }
     };
     std::thread::Builder::new().name("worker output".to_owned()).spawn(keep)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_time_in_which_the_program_ran_counts() {
+        let (mut waited, limit) = (Waited::default(), Duration::from_secs(3));
+        // Stopped for an hour: what has been answered meanwhile is still to be read.
+        waited.add(Duration::from_hours(1), false);
+        waited.check(limit).expect("to be read");
+        for _ in 0..30 {
+            waited.add(LOOK, false);
+        }
+        assert_eq!(waited.check(limit).map_err(|error| error.kind()), Err(ErrorKind::TimedOut));
+    }
+
+    #[test]
+    fn once_training_is_to_stop_an_answer_is_not_waited_for_until_the_time_limit() {
+        let (mut waited, limit) = (Waited::default(), Duration::from_hours(1));
+        for _ in 0..40 {
+            waited.add(LOOK, false);
+        }
+        waited.add(LOOK, true);
+        waited.check(limit).expect("a moment is left");
+        for _ in 0..20 {
+            waited.add(LOOK, true);
+        }
+        assert_eq!(waited.check(limit).map_err(|error| error.kind()), Err(ErrorKind::Interrupted));
+    }
 }

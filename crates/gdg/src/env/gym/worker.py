@@ -6,15 +6,15 @@ in bytes, both u32, and that many bytes; all numbers are little-endian. Each req
 OK with what was asked for, or FAILED with JSON that says why.
 """
 
-import ctypes
 import importlib
 import json
 import os
 import random
 import select
+import signal
 import struct
 import sys
-import threading
+import time
 import traceback
 
 OK, FAILED = 0, 1
@@ -35,25 +35,65 @@ TRIAL_STEPS = 12
 # Bounds of actions beyond this are none.
 LARGEST_BOUND = 1e9
 
+# How long an environment may go on once the program has ended, or has given it up.
+CLOSING_SECONDS = 0.5
+
 
 class Unsupported(Exception):
     """The environment is not one that the program can use."""
 
 
-def end_with_the_program():
-    """Ends this process when the program has ended, however that was and whatever runs here."""
+def begin():
+    """Leaves the terminal, and keeps the channel from processes that environments fork."""
+    os.setsid()
+    be_watched_over()
+    nothing = os.open(os.devnull, os.O_RDWR)
+    cut = lambda: os.dup2(nothing, channel.fileno(), inheritable=False)
+    os.register_at_fork(after_in_child=cut)
 
-    def watch():
-        hang_up = select.poll()
-        hang_up.register(channel.fileno(), 0)
-        hang_up.poll()
+
+def be_watched_over():
+    """Starts a process that ends this one, and all that it has started, once the program has ended
+    or has given it up, however that was.
+
+    Nothing else runs there: whatever hangs or crashes here does not keep it from that. It is no
+    child of this process, as an environment may wait for its children, or end them.
+    """
+    worker = os.getpid()
+    child = os.fork()
+    if child:
+        os.waitpid(child, 0)
+        return
+    os.setsid()
+    if os.fork():
         os._exit(0)
+    for output in (1, 2):
+        os.dup2(0, output)
+    hang_up = select.poll()
+    hang_up.register(channel.fileno(), 0)
+    hang_up.poll()
+    try:
+        began = time.monotonic()
+        while time.monotonic() - began < CLOSING_SECONDS:
+            os.kill(worker, 0)
+            time.sleep(0.01)
+    except OSError:  # It has ended by itself.
+        pass
+    try:
+        os.killpg(worker, signal.SIGKILL)
+    except OSError:  # Nothing is left.
+        pass
+    os._exit(0)
 
-    threading.Thread(target=watch, daemon=True).start()
-    if sys.platform == "linux":
-        # Also while an extension holds the interpreter's lock.
-        pr_set_pdeathsig, sigkill = 1, 9
-        ctypes.CDLL(None).prctl(pr_set_pdeathsig, sigkill)
+
+def close_all():
+    """Has the environments end what they have started."""
+    for slot in slots + [renderer]:
+        try:
+            if slot is not None:
+                slot.env.close()
+        except BaseException:  # The others are closed too.
+            traceback.print_exc()
 
 
 def flat_numbers(space, what):
@@ -329,10 +369,15 @@ def filled_bounds(space):
 def open_environment(config):
     """Imports what is needed, makes the first environment and returns its description."""
     global gym, np, environment_id, goals, actions_length
+    # Also for the interpreters that packages start when they are imported, as glfw does.
+    is_safe = "PYTHONSAFEPATH" in os.environ
+    os.environ["PYTHONSAFEPATH"] = "1"
     np = importlib.import_module("numpy")
     gym = importlib.import_module("gymnasium")
     environment_id = config["id"]
     if config["package"]:
+        # Last: files in the present folder are to take the place of nothing else.
+        sys.path.append("")
         importlib.import_module(config["package"])
     elif environment_id not in gym.registry:
         for package in KNOWN_PACKAGES:
@@ -340,6 +385,11 @@ def open_environment(config):
                 importlib.import_module(package)
             except ImportError:
                 pass
+    entry = getattr(gym.registry.get(environment_id), "entry_point", None)
+    if isinstance(entry, str):
+        importlib.import_module(entry.split(":")[0])
+    if not is_safe:
+        del os.environ["PYTHONSAFEPATH"]
     slot = Slot()
     slots.append(slot)
     actions = slot.env.action_space
@@ -523,5 +573,12 @@ def serve():
 
 slots = []
 renderer = None
-end_with_the_program()
-serve()
+begin()
+worker = os.getpid()
+try:
+    serve()
+except OSError:  # The program has ended, or this is a process that the environment has forked.
+    pass
+if os.getpid() != worker:
+    os._exit(1)
+close_all()
