@@ -144,7 +144,7 @@ pub fn is_checkpoint(path: &Path) -> bool {
 pub fn examine(path: &Path, registry: &Registry) -> Result<Description, CheckpointError> {
     let found = describe(path)?;
     let bytes = read(path).map_err(|problem| unreadable(path, &problem))?;
-    content::from_bytes(&bytes, most_bytes()).map_err(|e| unreadable(path, &e.to_string()))?;
+    content::check(&bytes, most_bytes()).map_err(|e| unreadable(path, &e.to_string()))?;
     if registry.world(&found.world).is_none() {
         return Err(unreadable(
             path,

@@ -179,6 +179,27 @@ fn checksum<'a>(
 /// # Errors
 /// The bytes are not a valid checkpoint, or it needs more memory.
 pub fn from_bytes(bytes: &[u8], most: u64) -> Result<Store, ContentError> {
+    let (texts, tensors) = checked(bytes)?;
+    let mut store = Store::default();
+    unpacked_arrays(&tensors, &packings(&texts, most)?)?
+        .into_iter()
+        .for_each(|(name, array)| store.put(name, array));
+    let kept = texts.into_iter().filter(|(name, _)| name != PACKED_KEY);
+    kept.for_each(|(name, text)| store.put_text(name, text));
+    Ok(store)
+}
+
+/// Checks the bytes of a checkpoint file as [`from_bytes`] does, but unpacks nothing: an array that
+/// was damaged has another checksum, which is found out much faster.
+///
+/// # Errors
+/// The bytes are not a valid checkpoint, or it needs more memory.
+pub fn check(bytes: &[u8], most: u64) -> Result<(), ContentError> {
+    checked(bytes).and_then(|(texts, _)| packings(&texts, most)).map(drop)
+}
+
+/// Returns the texts and tensors in a checkpoint's bytes, whose checksum is right.
+fn checked(bytes: &[u8]) -> Result<(BTreeMap<String, String>, SafeTensors<'_>), ContentError> {
     let texts = checked_texts(bytes, bytes.len() as u64)?;
     let tensors = SafeTensors::deserialize(bytes)?;
     if texts.get(FORMAT_KEY).is_some_and(|format| format != FORMAT_WITHOUT_CHECKSUM) {
@@ -194,32 +215,34 @@ pub fn from_bytes(bytes: &[u8], most: u64) -> Result<Store, ContentError> {
             return Err(ContentError::Damaged);
         }
     }
-    let mut store = Store::default();
-    unpacked_arrays(&tensors, texts.get(PACKED_KEY), most)?
-        .into_iter()
-        .for_each(|(name, array)| store.put(name, array));
-    let kept = texts.into_iter().filter(|(name, _)| name != PACKED_KEY);
-    kept.for_each(|(name, text)| store.put_text(name, text));
-    Ok(store)
+    Ok((texts, tensors))
 }
 
-/// Returns the arrays in `tensors`, unpacked as the metadata say.
-fn unpacked_arrays(
-    tensors: &SafeTensors,
-    packings: Option<&String>,
+/// Returns how each array is packed, by its name. Unpacked, all take at most `most` bytes.
+fn packings(
+    texts: &BTreeMap<String, String>,
     most: u64,
-) -> Result<BTreeMap<String, Array>, ContentError> {
+) -> Result<BTreeMap<String, Packing>, ContentError> {
     let unreadable = |e: serde_json::Error| StoreError::Unreadable {
         name: PACKED_KEY.to_owned(),
         why: e.to_string(),
     };
-    let packings: BTreeMap<String, Packing> = packings
+    let packings: BTreeMap<String, Packing> = texts
+        .get(PACKED_KEY)
         .map_or(Ok(BTreeMap::new()), |text| serde_json::from_str(text))
         .map_err(unreadable)?;
     let bytes = packings.values().map(Packing::unpacked_bytes).fold(0, u64::saturating_add);
     if bytes > most {
         return Err(ContentError::TooLarge(bytes, most));
     }
+    Ok(packings)
+}
+
+/// Returns the arrays in `tensors`, unpacked.
+fn unpacked_arrays(
+    tensors: &SafeTensors,
+    packings: &BTreeMap<String, Packing>,
+) -> Result<BTreeMap<String, Array>, ContentError> {
     let views: BTreeMap<_, _> = tensors.iter().collect();
     let mut arrays = BTreeMap::new();
     for (name, view) in views {
@@ -355,6 +378,20 @@ pub fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, ContentError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_check_compares_the_checksum_and_unpacks_nothing() {
+        let mut store = Store::default();
+        store.put("a", vec![0.5_f32; 3_000]);
+        let mut bytes = to_bytes(store, &Progress::default()).expect("it can be stored");
+        assert!(check(&bytes, u64::MAX).is_ok());
+        assert!(matches!(check(&bytes, 100), Err(ContentError::TooLarge(12_000, 100))));
+        bytes.iter_mut().rev().take(8).for_each(|byte| *byte = u8::MAX);
+        assert!(matches!(check(&bytes, u64::MAX), Err(ContentError::Damaged)));
+        // As nothing damages a file.
+        let forged = with_updated_checksum(&bytes).expect("a checkpoint");
+        assert!(check(&forged, u64::MAX).is_ok() && from_bytes(&forged, u64::MAX).is_err());
+    }
 
     #[test]
     fn packing_says_how_far_it_is() {
