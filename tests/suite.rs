@@ -463,3 +463,25 @@ fn a_folder_without_map_files_may_have_maps_in_text_files() {
     );
     has_parts(&listed.out, &["small"]);
 }
+
+#[test]
+fn maps_of_one_name_have_rows_and_curves_of_their_own() {
+    let place = Place::new();
+    std::fs::create_dir(place.path("other")).unwrap();
+    std::fs::write(place.path("other/open.txt"), "S...\n....\n...G\n").unwrap();
+    let [here, there] = ["maps/open.map", "other/open.txt"];
+    let more = ["--budget", "10", "--seeds", "2", "--out", "out"];
+    for maps in [&[here, there][..], &[here]] {
+        let done = place.run(&[maps, &more].concat());
+        assert_eq!(done.status, Some(0), "{}", done.err);
+        assert!(!done.err.contains("left out"), "{}", done.err);
+        let table = std::fs::read_to_string(place.path("out/success.csv")).unwrap();
+        let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
+        for name in ["open (6 x 6)", "open (4 x 3)"] {
+            has_parts(&done.out, &[&format!("| {name} | gdg-bridge |")]);
+            has_parts(&report, &[&format!("\n## {name}\n")]);
+            let seeds = ["1", "2", "mean"].map(|seed| format!("{name},gdg-bridge,{seed},10,"));
+            has_parts(&table, &seeds.each_ref().map(String::as_str));
+        }
+    }
+}

@@ -7,6 +7,7 @@ use serde_json::Value;
 use super::measure::Measured;
 use super::plan::{Length, Plan};
 use super::world::JobWorld;
+use gdg::map::fingerprint;
 use gdg::text::safe_file_name;
 use gdg::train::{Evaluation, History, Method, Preset, Run, Trainer};
 
@@ -155,13 +156,20 @@ pub struct MapFacts {
     pub starts: Vec<[usize; 2]>,
     /// Whether the start was drawn, as the map itself has none.
     pub start_drawn: bool,
+    /// What tells the map apart from others of its name; older results do not have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fingerprint: Option<String>,
 }
 
 impl MapFacts {
     fn of(world: &JobWorld) -> Option<Self> {
-        let JobWorld::Maze { map, start_drawn } = world else { return None };
-        let starts = map.starts().iter().map(|start| [start.x, start.y]).collect();
-        Some(Self { free_cells: map.free_count(), starts, start_drawn: *start_drawn })
+        let map = world.map()?;
+        Some(Self {
+            free_cells: map.free_count(),
+            starts: map.starts().iter().map(|start| [start.x, start.y]).collect(),
+            start_drawn: map.is_start_drawn(),
+            fingerprint: Some(fingerprint(map)),
+        })
     }
 }
 
@@ -182,6 +190,11 @@ pub struct EvaluationAt {
 }
 
 impl JobResult {
+    /// Returns what tells its map apart from others of its name, if that is known.
+    pub fn fingerprint(&self) -> Option<&str> {
+        self.map.as_ref()?.fingerprint.as_deref()
+    }
+
     /// Returns the last evaluation.
     pub fn last(&self) -> Option<&Evaluation> {
         self.evaluations.last().map(|at| &at.evaluation)

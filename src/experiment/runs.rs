@@ -6,6 +6,7 @@ mod line;
 mod reader;
 mod records;
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
@@ -20,7 +21,7 @@ use gdg::files::{has_extension, is_hidden};
 use gdg::pulse::Progress;
 use gdg::text::{counted, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
-use join::join;
+use join::{join, whole};
 pub use line::RunLine;
 pub use reader::{Found, Reader};
 pub use records::{Ending, Skipped};
@@ -41,6 +42,8 @@ pub struct SavedRun {
     pub kind: Kind,
     /// Its map, or the world if there is none.
     pub map: String,
+    /// What tells that apart from others of its name, if it is known and the same all along.
+    pub fingerprint: Option<String>,
     /// Its method.
     pub method: String,
     /// Name of the variant, if its settings have one.
@@ -51,6 +54,8 @@ pub struct SavedRun {
     pub seed: u64,
     /// Updates from which these records go on; 0 for a run from its beginning.
     pub begun: u64,
+    /// The checkpoint that they go on from, if they say so.
+    pub resumed: Option<PathBuf>,
     /// Updates done.
     pub updates: u64,
     /// Its evaluations, oldest first.
@@ -63,8 +68,8 @@ pub struct SavedRun {
     pub skipped: Skipped,
 }
 
-/// What distinguishes a run from others: its map, method, settings and seed.
-pub type Identity = (String, String, Vec<String>, u64);
+/// What distinguishes a run from others: its map with its fingerprint, method, settings and seed.
+pub type Identity = (String, Option<String>, String, Vec<String>, u64);
 
 /// What a run was read from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,12 +134,14 @@ impl SavedRun {
         Self {
             source,
             kind: Kind::Result,
+            fingerprint: result.fingerprint().map(str::to_owned),
             map: result.world,
             method: result.method.name(),
             variant: result.variant,
             settings: with_preset(result.preset.name(), result.settings),
             seed: result.seed,
             begun: 0,
+            resumed: None,
             updates: result.updates,
             evaluations: result.evaluations,
             checkpoint,
@@ -151,7 +158,8 @@ impl SavedRun {
 
     /// Returns what distinguishes it from the other runs of its file.
     pub fn identity(&self) -> Identity {
-        (self.map.clone(), self.method.clone(), self.settings.clone(), self.seed)
+        let world = (self.map.clone(), self.fingerprint.clone());
+        (world.0, world.1, self.method.clone(), self.settings.clone(), self.seed)
     }
 
     /// Returns the last evaluation.
@@ -185,6 +193,9 @@ pub fn runs(
         }
         runs.extend(found);
     }
+    // A file may be named twice, or be in a folder that is.
+    let mut known = HashSet::new();
+    runs.retain(|run| known.insert((whole(&run.source), run.identity())));
     // The checkpoints may be in another folder than the records.
     let joined = join(runs.into_iter().map(|run| (Arc::new(run), None)).collect());
     let mut runs: Vec<_> = joined.into_iter().map(|(run, _)| Arc::unwrap_or_clone(run)).collect();
@@ -284,11 +295,14 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
         source: path.to_owned(),
         kind: Kind::Checkpoint,
         map: if found.title.is_empty() { found.world } else { found.title },
+        // That of the map as it is by now.
+        fingerprint: found.fingerprint.filter(|_| history.edits().is_empty()),
         method: found.run.method.name(),
         variant: None,
         settings: with_preset(found.run.preset.name(), settings),
         seed: found.run.seed,
         begun: 0,
+        resumed: None,
         updates: found.updates,
         evaluations,
         checkpoint: Some(path.to_owned()),

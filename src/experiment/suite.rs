@@ -14,7 +14,7 @@ use super::report::{CURVES, report};
 use super::runner::{End, Outcome, Runner};
 use super::runs::SavedRun;
 use super::table::{Row, table};
-use super::world::JobWorld;
+use super::world::{JobWorld, told_apart};
 use crate::figure::Format;
 use crate::host::maps::{find_map, warn, warnings};
 use crate::host::report::from_map_error;
@@ -313,6 +313,9 @@ impl Suite<'_> {
                 rows.insert(last.map_or(rows.len(), |i| i + 1), Row::other(result));
             }
         }
+        let maps = rows.iter().map(|row| (&*row.map, row.fingerprint.as_deref()));
+        let names = told_apart(&maps.collect::<Vec<_>>());
+        rows.iter_mut().zip(names).for_each(|(row, name)| row.map = name);
         rows
     }
 
@@ -321,14 +324,18 @@ impl Suite<'_> {
     fn draw_curves(&self, rows: &[Row]) -> Result<Option<String>, Report> {
         let results =
             rows.iter().flat_map(|row| &row.results).filter(|r| !r.evaluations.is_empty());
-        let run = |result: &JobResult| SavedRun::of_result(result.clone(), PathBuf::new());
+        let run = |result: &JobResult| {
+            let file = self.folder.path(&format!("jobs/{}.json", result.name));
+            SavedRun::of_result(result.clone(), file)
+        };
         let runs: Vec<SavedRun> = results.map(run).collect();
         if runs.is_empty() {
             return Ok(None);
         }
         let options =
             plot::Options { by: vec![By::Method, By::Setting], ..plot::Options::default() };
-        let Drawn { sheet, table, caption, .. } = plot::draw(&runs, &options)?;
+        let Drawn { sheet, table, caption, notes } = plot::draw(&runs, &options)?;
+        notes.iter().for_each(|note| eprint_line(note));
         self.folder.write(CURVES, &Format::Svg.encode(&sheet)?)?;
         self.folder.write("success.csv", &table)?;
         Ok(Some(caption))

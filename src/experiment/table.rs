@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::job::{Job, JobResult};
+use gdg::map::fingerprint;
 use gdg::text::markdown;
 use gdg::train::{Method, Preset};
 
@@ -42,6 +43,8 @@ const COLUMNS: [Column; 10] = [
 pub struct Row {
     /// The map's name.
     pub map: String,
+    /// What tells the map apart from others of its name, if it is known.
+    pub fingerprint: Option<String>,
     /// Its width and height; `None` if only results are known.
     pub size: Option<(usize, usize)>,
     /// Number of free cells.
@@ -69,6 +72,7 @@ impl Row {
         let map = first.world.map()?;
         Some(Self {
             map: map.name().to_owned(),
+            fingerprint: Some(fingerprint(map)),
             size: Some((map.width(), map.height())),
             free_cells: map.free_count(),
             method: first.run.method.clone(),
@@ -85,6 +89,7 @@ impl Row {
     pub fn other(result: JobResult) -> Self {
         Self {
             map: result.world.clone(),
+            fingerprint: result.fingerprint().map(str::to_owned),
             size: None,
             free_cells: result.map.as_ref().map_or(0, |map| map.free_cells),
             method: result.method.clone(),
@@ -99,7 +104,9 @@ impl Row {
 
     /// Whether a result is of the same map, method, settings and length.
     pub fn is_of(&self, result: &JobResult) -> bool {
+        let fingerprints = self.fingerprint.as_deref().zip(result.fingerprint());
         self.map == result.world
+            && fingerprints.is_none_or(|(own, other)| own == other)
             && self.method == result.method
             && self.variant == result.variant
             && self.preset == result.preset

@@ -20,6 +20,8 @@ pub enum Record {
     Start {
         version: &'static str,
         world: &'static str,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        fingerprint: Option<String>,
         /// Facts reported by the world.
         #[serde(flatten)]
         facts: Map<String, Value>,
@@ -33,6 +35,8 @@ pub enum Record {
         /// A number, or "auto".
         threads: Value,
         updates: u64,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        resumed: Option<String>,
     },
     Progress {
         seconds: f64,
@@ -90,6 +94,7 @@ impl Record {
         Self::Start {
             version: env!("CARGO_PKG_VERSION"),
             world: setup.trainer.world().kind(),
+            fingerprint: setup.trainer.world().fingerprint(),
             facts,
             data: setup.trainer.data().cloned(),
             method: run.method.name(),
@@ -101,6 +106,7 @@ impl Record {
                 Threads::Auto { .. } => "auto".into(),
             },
             updates: setup.trainer.counters().updates,
+            resumed: setup.resumed.as_ref().map(|path| path.to_string_lossy().into_owned()),
         }
     }
 

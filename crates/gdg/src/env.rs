@@ -329,6 +329,11 @@ impl dyn Environment {
         self.abilities().recorded.map_or(self.kind(), |world| world.title())
     }
 
+    /// Returns what tells the world apart from others of its title, if there are any.
+    pub fn fingerprint(&self) -> Option<String> {
+        self.abilities().recorded.and_then(Recorded::fingerprint)
+    }
+
     /// Returns evaluation tasks, `per_group` in each group: the world's own, or else random starts
     /// and goals at unknown distances. The first call may take seconds.
     ///

@@ -1,12 +1,15 @@
 //! Groups runs to charts and curves, and averages over seeds.
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
 use miette::{Report, miette};
 
 use super::{By, Measure, Options, csv_of};
 use crate::experiment::runs::SavedRun;
+use crate::experiment::world::told_apart;
 use crate::figure::{Chart, Curve, Point, Range, colour};
+use gdg::text::sanitized;
 
 /// Which runs share a curve, and which curves a chart.
 pub struct Grouping {
@@ -24,17 +27,34 @@ impl Grouping {
     /// Groups runs by what they differ in: curves by `by`, or else by method and settings, and by
     /// map if they differ in neither.
     pub fn new(runs: &[SavedRun], by: &[By]) -> Self {
+        let mut of_methods: BTreeMap<&str, Vec<&SavedRun>> = BTreeMap::new();
+        runs.iter().for_each(|run| of_methods.entry(&run.method).or_default().push(run));
+        let common: BTreeMap<&str, BTreeSet<&String>> = of_methods
+            .iter()
+            .map(|(method, runs)| {
+                let sets = runs.iter().map(|run| run.settings.iter().collect::<BTreeSet<_>>());
+                (*method, sets.reduce(|a, b| &a & &b).unwrap_or_default())
+            })
+            .collect();
         let setting = |run: &SavedRun| {
-            let of_method = || runs.iter().filter(|other| other.method == run.method);
-            let is_own = |set: &&String| !of_method().all(|other| other.settings.contains(set));
+            let is_own = |set: &&String| !common[&*run.method].contains(set);
             let own: Vec<&str> = run.settings.iter().filter(is_own).map(String::as_str).collect();
-            match &run.variant {
-                Some(name) => name.clone(),
-                None => own.join(" "),
-            }
+            let own = own.join(" ");
+            let Some(name) = &run.variant else { return own };
+            // Variants of several experiments may have the same name.
+            let mut others = of_methods[&*run.method].iter();
+            let is_known =
+                others.all(|other| other.variant != run.variant || other.settings == run.settings);
+            if is_known { name.clone() } else { format!("{name}: {own}") }
         };
-        let parts: Vec<[String; 3]> =
-            runs.iter().map(|run| [run.method.clone(), run.map.clone(), setting(run)]).collect();
+        let worlds = runs.iter().map(|run| (&*run.map, run.fingerprint.as_deref()));
+        let maps = told_apart(&worlds.collect::<Vec<_>>());
+        let parts: Vec<[String; 3]> = runs
+            .iter()
+            .zip(maps)
+            // They come from files, and go to the figure and its table.
+            .map(|(run, map)| [run.method.clone(), map, setting(run)].map(|part| sanitized(&part)))
+            .collect();
         let differ = [0, 1, 2].map(|i| parts.iter().any(|part| part[i] != parts[0][i]));
         let by = match (by, differ) {
             ([], [false, true, false]) => vec![By::Map],
@@ -136,9 +156,9 @@ fn lines(
     notes: &mut Vec<String>,
 ) -> Result<Lines, Report> {
     let mut lines: Lines = Vec::new();
-    for (i, run) in runs.iter().enumerate() {
+    for (i, run) in of_seeds(runs, grouping, notes) {
         let (chart, curve) = grouping.names(i);
-        let points = points(run, options)?;
+        let points = points(&run, options)?;
         if points.is_empty() {
             let (y, source) = (options.y.label(), run.source.display());
             notes.push(format!("{source}: {} has no {y}: left out", run.method));
@@ -149,10 +169,7 @@ fn lines(
             lines.push((chart, curve, BTreeMap::new()));
             lines.len() - 1
         });
-        let own: &mut Points = lines[at].2.entry(run.seed).or_default();
-        own.extend(points);
-        own.sort_by(|a, b| a.0.total_cmp(&b.0));
-        own.dedup_by_key(|point| point.0);
+        lines[at].2.insert(run.seed, points);
     }
     if lines.is_empty() {
         let help = "--y success, greedy, error or coverage";
@@ -162,6 +179,46 @@ fn lines(
         return Err(miette!(help = help, "none of these runs ({methods}) has a {y}"));
     }
     Ok(lines)
+}
+
+/// Returns a run for each seed of each curve, with the index of one of its parts. Parts of a run that
+/// was resumed are one; of several runs, the longest counts.
+fn of_seeds(
+    runs: &[SavedRun],
+    grouping: &Grouping,
+    notes: &mut Vec<String>,
+) -> Vec<(usize, SavedRun)> {
+    let mut seeds: BTreeMap<(&[String; 3], u64), Vec<usize>> = BTreeMap::new();
+    for (i, run) in runs.iter().enumerate() {
+        seeds.entry((&grouping.parts[i], run.seed)).or_default().push(i);
+    }
+    let (mut all, mut left_out) = (Vec::new(), Vec::new());
+    for mut parts in seeds.into_values() {
+        let first = parts[0];
+        parts.sort_by_key(|i| runs[*i].place());
+        let mut found: Vec<SavedRun> = Vec::new();
+        for run in parts.into_iter().map(|i| &runs[i]) {
+            if let Some(part) = found.iter_mut().find(|part| run.is_resumed_from(part)) {
+                let before = std::mem::replace(part, run.clone());
+                part.continue_from(before);
+            } else {
+                found.push(run.clone());
+            }
+        }
+        // The first of the longest.
+        found.sort_by_key(|run| (run.begun, Reverse(run.updates)));
+        let mut found = found.into_iter();
+        all.extend(found.next().map(|run| (first, run)));
+        left_out.extend(found.map(|run| run.source.display().to_string()));
+    }
+    all.sort_by_key(|(i, _)| *i);
+    if !left_out.is_empty() {
+        let names = left_out.join(", ");
+        notes.push(format!(
+            "left out, as another run has the same method, map, settings and seed: {names}"
+        ));
+    }
+    all
 }
 
 fn points(run: &SavedRun, options: &Options) -> Result<Points, Report> {

@@ -44,8 +44,6 @@ fn hosts(runs: &[Dated]) -> Vec<Option<usize>> {
     for (i, run) in indices(|kind| kind != Kind::Result) {
         into[i] = results.get(&stem(run)).copied();
     }
-    // The same file may be named in several ways.
-    let whole = |path: &Path| absolute(path).unwrap_or_else(|_| path.to_owned());
     let mut naming: HashMap<PathBuf, Vec<usize>> = HashMap::new();
     for (i, run) in indices(|kind| matches!(kind, Kind::Records(_))) {
         if let (Some(path), None) = (&run.checkpoint, into[i]) {
@@ -56,8 +54,10 @@ fn hosts(runs: &[Dated]) -> Vec<Option<usize>> {
         let Some(named) = naming.get(&whole(&run.source)) else { continue };
         let parts = || named.iter().copied().filter(|part| runs[*part].0.is_same(run));
         if let (Some(host), None) = (parts().max_by_key(|part| runs[*part].0.place()), into[i]) {
+            // Others may have begun anew and replaced the file.
+            let was_resumed = runs[host].0.begun > 0;
             parts()
-                .filter(|part| *part != host)
+                .filter(|part| *part != host && was_resumed)
                 .chain([i])
                 .for_each(|part| into[part] = Some(host));
         }
@@ -65,16 +65,32 @@ fn hosts(runs: &[Dated]) -> Vec<Option<usize>> {
     into
 }
 
+/// Returns a path in one form, as the same file may be named in several ways.
+pub fn whole(path: &Path) -> PathBuf {
+    absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
 impl SavedRun {
     /// Whether `other` is the same run at another time.
     pub fn is_same(&self, other: &Self) -> bool {
         // A checkpoint has its map's name as files have it.
         let facts = |run: &Self| (safe_file_name(&run.map), run.method.clone(), run.seed);
-        facts(self) == facts(other)
+        let fingerprints = self.fingerprint.as_ref().zip(other.fingerprint.as_ref());
+        facts(self) == facts(other) && fingerprints.is_none_or(|(own, other)| own == other)
+    }
+
+    /// Whether these records go on from a checkpoint of `other`.
+    pub fn is_resumed_from(&self, other: &Self) -> bool {
+        // Older records name only the checkpoint that they write, which was often the same.
+        let from = self.resumed.as_ref().or(self.checkpoint.as_ref()).map(|path| whole(path));
+        let written = other.checkpoint.iter().chain([&other.source]).chain(&other.others);
+        self.begun > other.begun
+            && self.is_same(other)
+            && from.is_some_and(|from| written.into_iter().any(|path| whole(path) == from))
     }
 
     /// Returns its place among the parts of a run that was resumed: the last one began last.
-    fn place(&self) -> (u64, u64) {
+    pub fn place(&self) -> (u64, u64) {
         (self.begun, self.updates)
     }
 
@@ -173,7 +189,13 @@ mod tests {
         let path = Some("saves/a.safetensors");
         let first = run(Kind::Records(Ending::Interrupted), "1.jsonl", path, &[1, 2]);
         let checkpoint = run(Kind::Checkpoint, "saves/a.safetensors", None, &[1, 2, 3]);
-        let second = run(Kind::Records(Ending::Open), "2.jsonl", path, &[3, 4]);
+        let mut second = run(Kind::Records(Ending::Open), "2.jsonl", path, &[3, 4]);
+        assert_eq!(
+            joined(&[&first, &checkpoint, &second]),
+            ["1.jsonl [] [1, 2]", "2.jsonl [saves/a.safetensors] [1, 2, 3, 4]"],
+            "a run that began anew has replaced the file"
+        );
+        Arc::make_mut(&mut second.0).begun = 2_000;
         assert_eq!(
             joined(&[&first, &checkpoint, &second]),
             ["2.jsonl [1.jsonl saves/a.safetensors] [1, 2, 3, 4]"]

@@ -19,6 +19,9 @@ pub struct RunLine<'a> {
     kind: &'static str,
     state: &'static str,
     map: &'a str,
+    /// What tells that apart from others of its name, if it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fingerprint: Option<&'a str>,
     method: &'a str,
     #[serde(skip_serializing_if = "Option::is_none")]
     variant: Option<&'a str>,
@@ -56,6 +59,7 @@ impl SavedRun {
             },
             state: self.state(written).name(),
             map: &self.map,
+            fingerprint: self.fingerprint.as_deref(),
             method: &self.method,
             variant: self.variant.as_deref(),
             seed: self.seed,

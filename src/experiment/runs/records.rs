@@ -1,7 +1,6 @@
 //! Reads records of runs, one JSON object per line.
 
 use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 use std::fmt;
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
@@ -10,7 +9,7 @@ use miette::{Report, miette};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::{HELP, Identity, Kind, SavedRun, unreadable, with_preset};
+use super::{HELP, Kind, SavedRun, unreadable, with_preset};
 use crate::experiment::job::{EvaluationAt, setting_text};
 use gdg::files::open;
 use gdg::text::sanitized;
@@ -74,6 +73,7 @@ enum Record {
     Saved {
         path: PathBuf,
     },
+    Edit {},
     End {
         reason: String,
         updates: u64,
@@ -86,6 +86,7 @@ enum Record {
 #[derive(Deserialize)]
 struct Start {
     world: String,
+    fingerprint: Option<String>,
     map: Option<Value>,
     gym: Option<Value>,
     method: String,
@@ -94,12 +95,13 @@ struct Start {
     seed: u64,
     #[serde(default)]
     updates: u64,
+    resumed: Option<PathBuf>,
 }
 
 impl SavedRun {
     /// Returns the run that begins with `start` in `source`, without evaluations.
     fn begun(start: Start, source: &Path) -> Self {
-        let Start { world, map, gym, method, preset, settings, seed, updates } = start;
+        let Start { world, fingerprint, map, gym, method, preset, settings, seed, .. } = start;
         let named =
             |facts: Option<Value>, key| Some(facts.as_ref()?.get(key)?.as_str()?.to_owned());
         let map = named(map, "name").or_else(|| named(gym, "id"));
@@ -108,12 +110,14 @@ impl SavedRun {
             source: source.to_owned(),
             kind: Kind::Records(Ending::Open),
             map: map.unwrap_or(world),
+            fingerprint,
             method,
             variant: None,
             settings: with_preset(&preset, settings),
             seed,
-            begun: updates,
-            updates,
+            begun: start.updates,
+            resumed: start.resumed.map(|path| found_from(source, path)),
+            updates: start.updates,
             evaluations: Vec::new(),
             checkpoint: None,
             others: Vec::new(),
@@ -122,13 +126,13 @@ impl SavedRun {
     }
 
     /// Adds the part that it was resumed from.
-    pub(super) fn continue_from(&mut self, mut before: Self) {
+    pub fn continue_from(&mut self, mut before: Self) {
         // It may have been resumed from before that one's end.
         let from = self.evaluations.first().map(|at| at.updates);
         let from = from.or((self.begun > 0).then_some(self.begun + 1));
         before.evaluations.retain(|at| from.is_none_or(|from| at.updates < from));
         self.evaluations.splice(0..0, before.evaluations);
-        self.begun = before.begun;
+        (self.begun, self.resumed) = (before.begun, before.resumed);
         self.checkpoint = self.checkpoint.take().or(before.checkpoint);
         before.skipped.add(std::mem::take(&mut self.skipped));
         self.skipped = before.skipped;
@@ -142,6 +146,8 @@ impl SavedRun {
                 self.updates = at.updates;
                 self.evaluations.push(*at);
             }
+            // It is of two maps from now on.
+            Record::Edit {} => self.fingerprint = None,
             Record::Saved { path } => self.checkpoint = Some(found_from(&self.source, path)),
             Record::End { reason, updates } => {
                 let interrupted = reason == "interrupted";
@@ -235,20 +241,23 @@ fn not_a_record(line: &[u8], error: &serde_json::Error) -> String {
     }
 }
 
-/// Joins the parts of a run that was resumed; the runs are in the order in which they began.
+/// Joins the parts of a run that was resumed, or begun again; the runs are in the order in which they
+/// began.
 fn merged(parts: Vec<SavedRun>) -> Vec<SavedRun> {
     let mut runs: Vec<SavedRun> = Vec::new();
-    let mut places: HashMap<Identity, usize> = HashMap::new();
+    let mut places: HashMap<_, Vec<usize>> = HashMap::new();
     for part in parts {
-        match places.entry(part.identity()) {
-            Entry::Occupied(place) => {
-                let before = std::mem::replace(&mut runs[*place.get()], part);
-                runs[*place.get()].continue_from(before);
-            }
-            Entry::Vacant(place) => {
-                place.insert(runs.len());
-                runs.push(part);
-            }
+        let facts = (part.map.clone(), part.method.clone(), part.settings.clone(), part.seed);
+        let alike = places.entry(facts).or_default();
+        let is_before = |before: &SavedRun| {
+            before.fingerprint == part.fingerprint || part.begun > 0 && before.is_same(&part)
+        };
+        if let Some(place) = alike.iter().rev().find(|place| is_before(&runs[**place])) {
+            let before = std::mem::replace(&mut runs[*place], part);
+            runs[*place].continue_from(before);
+        } else {
+            alike.push(runs.len());
+            runs.push(part);
         }
     }
     runs

@@ -152,6 +152,7 @@ fn lists_of_files_match_their_snapshots() {
         world: "maze".to_owned(),
         file: PathBuf::from(format!("saves/{name}.safetensors")),
         title: "rooms".to_owned(),
+        fingerprint: None,
         run: staged_app(80, 24).screen.run().clone(),
         updates: 20_000,
         success: Some(Success { updates: 20_000, greedy: Some(0.91), planned }),

@@ -36,6 +36,12 @@ pub trait Recorded {
     /// Returns its title, such as the map's name.
     fn title(&self) -> &str;
 
+    /// Returns what tells it apart from other worlds of its title, the same in each of its runs:
+    /// facts separated by commas, such as a size and a checksum. By default there is only one.
+    fn fingerprint(&self) -> Option<String> {
+        None
+    }
+
     /// Returns facts for the run's records, by name; the first call may take seconds.
     fn facts(&self) -> Map<String, Value> {
         Map::new()

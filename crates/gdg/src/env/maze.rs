@@ -19,7 +19,8 @@ use super::{
     TaskSet, WorldKind,
 };
 use crate::map::{
-    Cell, Diameter, Grid, MapScale, Ogbench, ScenarioTask, StepSearch, parse_map, print_ascii,
+    Cell, Diameter, Grid, MapScale, Ogbench, ScenarioTask, StepSearch, fingerprint, parse_map,
+    print_ascii,
 };
 use crate::store::{Store, StoreError};
 use crate::text::{counted, safe_file_name};
@@ -39,6 +40,9 @@ const NAME: &str = "maze";
 
 /// Where checkpoints have the map's scale, unless that is the default.
 const SCALE: &str = "map_scale";
+
+/// What checkpoints have if the map's start was drawn.
+const START_DRAWN: &str = "map_start_drawn";
 
 /// Sub-steps per step; each moves one axis after the other.
 const SUBSTEPS: usize = 10;
@@ -198,7 +202,8 @@ impl PointMaze {
         if !scale.is_valid() {
             return Err(StoreError::inconsistent("the map has an impossible scale"));
         }
-        Ok(Self::new(Arc::new(map.with_scale(scale)), 0))
+        let is_start_drawn = store.texts().contains_key(START_DRAWN);
+        Ok(Self::new(Arc::new(map.with_scale(scale).with_start_drawn(is_start_drawn)), 0))
     }
 
     /// Returns the component of the cell that `agent` is in.
@@ -362,6 +367,10 @@ impl Recorded for PointMaze {
         self.map.name()
     }
 
+    fn fingerprint(&self) -> Option<String> {
+        Some(fingerprint(&self.map))
+    }
+
     fn facts(&self) -> Map<String, Value> {
         let (map, diameter) = (&self.map, self.diameter());
         let mut facts = json!({
@@ -402,6 +411,9 @@ impl Recorded for PointMaze {
         let scale = self.map.scale();
         if scale != MapScale::default() {
             store.put_text(SCALE, json!(scale).to_string());
+        }
+        if self.map.is_start_drawn() {
+            store.put_text(START_DRAWN, "true");
         }
     }
 

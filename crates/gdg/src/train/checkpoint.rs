@@ -25,7 +25,7 @@ use super::memory;
 use super::registry::Registry;
 use super::run::Run;
 use super::score::Success;
-use super::trainer::{HISTORY, LEARNED, Trainer, TrainerState};
+use super::trainer::{FINGERPRINT, HISTORY, LEARNED, Trainer, TrainerState};
 use crate::env::EnvError;
 use crate::files::{self, Format, Mismatch, Wanted};
 use crate::learn::Threads;
@@ -59,6 +59,8 @@ pub struct Description {
     pub world: String,
     /// Title of its world: the map's name.
     pub title: String,
+    /// What tells its world apart from others of its title; older checkpoints do not have it.
+    pub fingerprint: Option<String>,
     /// Method, preset, seed and settings.
     pub run: Run,
     /// Updates done by a learner.
@@ -115,6 +117,7 @@ fn parse_start<T>(
             // Older formats only had maps.
             world: safe_file_name(store.text("world").unwrap_or("maze")),
             title: safe_file_name(store.text("title").or_else(|_| store.text("map_name"))?),
+            fingerprint: store.texts().get(FINGERPRINT).cloned(),
             run: store.json("run")?,
             updates: if store.texts().contains_key(LEARNED) {
                 store.json(LEARNED)?

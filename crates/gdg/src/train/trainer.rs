@@ -34,7 +34,7 @@ use crate::pulse::{Parts, Pulse};
 pub use change::{KeptState, WorldChange};
 use data::Data;
 pub use data::LeftOut;
-pub(super) use persistence::{HISTORY, LEARNED, TrainerState};
+pub(super) use persistence::{FINGERPRINT, HISTORY, LEARNED, TrainerState};
 use recovery::LastGood;
 pub use recovery::Recovery;
 use undo::Undo;

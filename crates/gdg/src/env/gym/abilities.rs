@@ -21,6 +21,11 @@ impl Recorded for Gym {
         &self.pool.address.id
     }
 
+    fn fingerprint(&self) -> Option<String> {
+        let package = self.pool.address.package.as_deref().unwrap_or("gymnasium");
+        Some(format!("{package}, goal radius {}", self.spec().goal_radius))
+    }
+
     fn facts(&self) -> Map<String, Value> {
         let (Address { package, id }, about) = (&self.pool.address, &self.pool.about);
         let spec = self.spec();

@@ -30,6 +30,9 @@ const GRAPHS: [&str; 2] = ["graph", "next_graph"];
 /// Where the history is kept.
 pub(in crate::train) const HISTORY: &str = "history";
 
+/// Where what tells its world apart is kept.
+pub(in crate::train) const FINGERPRINT: &str = "fingerprint";
+
 /// Name in the store of the updates done by a learner, if fewer than those counted.
 pub(in crate::train) const LEARNED: &str = "learned_updates";
 
@@ -67,6 +70,9 @@ impl Trainer {
         }
         store.put_text("world", self.world().kind());
         store.put_text("title", self.world().title());
+        if let Some(fingerprint) = self.world().fingerprint() {
+            store.put_text(FINGERPRINT, fingerprint);
+        }
         if let Some(recorded) = self.world().abilities().recorded {
             recorded.save(&mut store);
         }
