@@ -45,7 +45,7 @@ fn usage(error: &clap::Error) -> u8 {
     } else if error.use_stderr() {
         // It quotes an argument that contains terminal control characters, or colours mean nothing
         // here.
-        eprint_line(sanitized_lines(&text).trim_end());
+        eprint_line(text.trim_end());
         return status;
     } else {
         print_text(&text)

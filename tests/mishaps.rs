@@ -221,9 +221,9 @@ fn tables_never_replace_what_the_run_reads() {
 #[test]
 fn a_file_that_is_not_a_checkpoint_is_never_replaced() {
     let folder = folder();
-    let path = folder.path().join("notes.txt");
+    let path = folder.path().join("notes.safetensors");
     std::fs::write(&path, "mine").unwrap();
-    let args = ["trap", "--max-updates", "20", "--eval-tasks", "1", "--save", "notes.txt"];
+    let args = ["trap", "--max-updates", "20", "--eval-tasks", "1", "--save", "notes.safetensors"];
     let began = Instant::now();
     let (status, output, errors) =
         outcome(&mut headless(folder.path(), &[&args[..], &["--overwrite"]].concat()));
@@ -234,19 +234,20 @@ fn a_file_that_is_not_a_checkpoint_is_never_replaced() {
     assert_eq!(status, 0);
     assert!(errors.contains("is not a checkpoint") && !errors.contains("another run"), "{errors}");
     assert!(
-        events(&output).iter().any(|e| e["event"] == "saved" && e["path"] == "notes-2.txt"),
+        events(&output).iter().any(|e| e["event"] == "saved" && e["path"] == "notes-2.safetensors"),
         "{output}"
     );
     // Not even one that appeared after the check.
-    let trainer =
-        train::load(&folder.path().join("notes-2.txt"), &Registry::builtin(), 1).unwrap().trainer;
+    let trainer = train::load(&folder.path().join("notes-2.safetensors"), &Registry::builtin(), 1)
+        .unwrap()
+        .trainer;
     assert_eq!(
         train::save(&trainer, &SaveTo::Replace(path.clone())).unwrap(),
-        folder.path().join("notes-3.txt")
+        folder.path().join("notes-3.safetensors")
     );
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
     // A damaged checkpoint is one.
-    let damaged = folder.path().join("notes-2.txt");
+    let damaged = folder.path().join("notes-2.safetensors");
     std::fs::OpenOptions::new().write(true).open(&damaged).unwrap().set_len(100_000).unwrap();
     let args = [
         "trap",
@@ -255,7 +256,7 @@ fn a_file_that_is_not_a_checkpoint_is_never_replaced() {
         "--eval-tasks",
         "1",
         "--save",
-        "notes-2.txt",
+        "notes-2.safetensors",
         "--overwrite",
     ];
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
@@ -922,6 +923,7 @@ fn saving_keeps_private_permissions_and_links() {
 #[test]
 fn external_text_cannot_control_the_terminal() {
     let folder = folder();
+    let acts = |c: char| c != '\n' && (c.is_control() || c == '\u{202e}');
     let evil = "evil\x1b]0;title\x07\u{9b}31m\u{202e}.txt";
     std::fs::write(folder.path().join(evil), "..x\n").unwrap();
     std::fs::write(
@@ -950,14 +952,31 @@ fn external_text_cannot_control_the_terminal() {
             "--set",
             "hidden=8",
         ],
+        &[
+            "suite",
+            "good\u{9b}31m.txt",
+            "--budget",
+            "2",
+            "--eval-tasks",
+            "1",
+            "--set",
+            "hidden=8",
+            "--out",
+            "out\u{9b}31m",
+        ],
+        &["runs", "out\u{9b}31m", "--json"],
+        &["plot", "out\u{9b}31m"],
     ] {
         let (_, output, errors) = outcome(isolated_command(folder.path()).args(args));
-        let acts = |c: char| c != '\n' && (c.is_control() || c == '\u{202e}');
         assert!(!output.is_empty() || !errors.is_empty());
         assert!(
             !output.contains(acts) && !errors.contains(acts),
             "{args:?}: {output:?} {errors:?}"
         );
+    }
+    for file in ["success.csv", "success.svg", "report.md"] {
+        let text = std::fs::read_to_string(folder.path().join("out\u{9b}31m").join(file)).unwrap();
+        assert!(!text.contains(acts), "{file}: {text:?}");
     }
 }
 

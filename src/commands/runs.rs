@@ -32,6 +32,7 @@ use gdg::learn::Threads;
 #[cfg(feature = "tui")]
 use gdg::map::Reading;
 use gdg::printing::eprint_line;
+use gdg::text::escape_json_line;
 use gdg::train::Registry;
 
 /// What a run or a comparison that was opened from the list says.
@@ -182,5 +183,6 @@ fn json(folders: &[PathBuf]) -> Result<String, Report> {
     runs.iter().filter_map(|(run, _)| run.note()).for_each(|note| eprint_line(&note));
     let lines = runs.iter().map(|(run, written)| serde_json::to_string(&run.line(*written)));
     let lines: Result<Vec<String>, _> = lines.collect();
-    Ok(lines.into_diagnostic()?.into_iter().map(|line| line + "\n").collect())
+    let lines = lines.into_diagnostic()?;
+    Ok(lines.iter().map(|line| escape_json_line(line) + "\n").collect())
 }

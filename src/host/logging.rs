@@ -11,6 +11,8 @@ use jiff::Timestamp;
 use log::{LevelFilter, Log, Metadata, Record};
 use parking_lot::Mutex;
 
+use gdg::text::sanitized_lines;
+
 /// Number of days to keep.
 const KEPT_DAYS: usize = 5;
 
@@ -61,7 +63,9 @@ impl Log for DailyFile {
         }
         let now = Timestamp::now();
         let (level, target) = (record.level(), record.target());
-        let line = format!("{now:.6} {level:>5} {target}: {}\n", record.args());
+        // It may quote names and files.
+        let text = sanitized_lines(&record.args().to_string());
+        let line = format!("{now:.6} {level:>5} {target}: {text}\n");
         let mut open_file = self.open.lock();
         let today = date(now);
         if open_file.0 != today
@@ -167,7 +171,9 @@ mod tests {
         let log = DailyFile::new(folder.path().to_owned()).expect("a file");
         let old = open(folder.path(), "2026-03-01").expect("a file");
         *log.open.lock() = ("2026-03-01".to_owned(), old);
-        for (target, text) in [("gdg_tui::host", "ours"), ("mio::poll", "theirs")] {
+        for (target, text) in
+            [("gdg_tui::host", "ours\u{9b}31m\x7f\u{202e}"), ("mio::poll", "theirs")]
+        {
             log.log(&Record::builder().target(target).args(format_args!("{text}")).build());
         }
         let read =
@@ -176,7 +182,7 @@ mod tests {
         let today = log.open.lock().0.clone();
         let today = read(format!("{PREFIX}{today}{SUFFIX}"));
         assert!(
-            today.contains(" INFO gdg_tui::host: ours") && !today.contains("theirs"),
+            today.contains(" INFO gdg_tui::host: ours¿31m?\u{fffd}\n") && !today.contains("theirs"),
             "{today}"
         );
     }

@@ -9,7 +9,7 @@ use miette::{
 };
 
 use gdg::map::MapError;
-use gdg::printing::eprint_line;
+use gdg::printing::eprint_raw;
 use gdg::text::{Excerpt, sanitized, sanitized_lines, terminal_obeys_escapes, truncated};
 use gdg::train::{CheckpointError, ConfigError, TrainError};
 
@@ -29,7 +29,7 @@ pub fn set_up_colours() {
 
 /// Prints an error to standard error; ignores write errors.
 pub fn print_error(error: Report) {
-    eprint_line(format!("{:?}", Report::new(SanitizedError::from(error))).trim_end());
+    eprint_raw(format!("{:?}", Report::new(SanitizedError::from(error))).trim_end());
 }
 
 /// An error with a hint and, for a file, an excerpt of the offending part.

@@ -12,7 +12,7 @@
 //! Each module depends only on modules to its left (`tests/layers` checks it):
 //!
 //! ```text
-//! printing, text, faults, pulse, files, store, settings <- map <- env <- learn <- bridge <- train
+//! text, printing, faults, pulse, files, store, settings <- map <- env <- learn <- bridge <- train
 //!     <- engine <- draw <- viewer
 //! ```
 //!

@@ -14,6 +14,8 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex, MutexGuard};
 
+use crate::text::sanitized_lines;
+
 /// How long printing waits for the reader if nothing else is queued. Errors are then reported where
 /// they occur.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -265,9 +267,14 @@ pub fn print_text(text: &str) -> io::Result<()> {
     }
 }
 
-/// Prints a line to standard error. Ignores write errors: if standard error is gone, there is
-/// nowhere to report them.
+/// Prints a line to standard error, made safe to display: it may quote names and files. Ignores
+/// write errors: if standard error is gone, there is nowhere to report them.
 pub fn eprint_line(line: &str) {
+    eprint_raw(&sanitized_lines(line));
+}
+
+/// Like [`eprint_line`], but prints the line as it is: one that contains colours of our own.
+pub fn eprint_raw(line: &str) {
     let _ = STDERR.print(format!("{line}\n").as_bytes());
 }
 
