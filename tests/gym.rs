@@ -274,14 +274,15 @@ fn the_same_seed_gives_the_same_run_resumed_or_not_and_with_any_number_of_worker
     );
     let other = records(&run("Point", &[&whole[..], &["--seed", "7"]].concat()), "evaluation");
     assert_ne!(first, other);
-    run("Point", &["--max-updates", "50", "--save", "half"]);
-    let resumed = resume(folder.path(), "half", &whole).output().unwrap();
+    run("Point", &["--max-updates", "50", "--save", "half.safetensors"]);
+    let resumed = resume(folder.path(), "half.safetensors", &whole).output().unwrap();
     assert!(resumed.status.success(), "{}", stderr(&resumed));
     assert_eq!(first, records(&resumed, "evaluation"), "resumed in the middle of episodes");
     assert!(!stderr(&resumed).contains("new episodes"));
     // Without a state to save, agents restart, which is said; resumed twice, they do the same.
-    run("Global", &["--max-updates", "50", "--save", "global"]);
-    let twice = [(), ()].map(|()| resume(folder.path(), "global", &whole).output().unwrap());
+    run("Global", &["--max-updates", "50", "--save", "global.safetensors"]);
+    let twice =
+        [(), ()].map(|()| resume(folder.path(), "global.safetensors", &whole).output().unwrap());
     assert!(stderr(&twice[0]).contains("the agents begin new episodes"), "{}", stderr(&twice[0]));
     assert_eq!(records(&twice[0], "evaluation"), records(&twice[1], "evaluation"));
 }
@@ -432,13 +433,13 @@ fn no_transition_leads_from_where_the_environment_ends_an_episode_to_the_next_st
 fn an_exported_policy_reaches_goals_in_its_environment() {
     let folder = tempfile::tempdir().unwrap();
     let args = ["--max-updates", "900", "--set", "env_steps_per_update=2", "--set", "hidden=32"];
-    let more = ["--set", "graph_every_updates=100", "--save", "run"];
+    let more = ["--set", "graph_every_updates=100", "--save", "run.safetensors"];
     let output = train(folder.path(), "Point", &[&args[..], &more].concat()).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     for more in [&["--overwrite"][..], &["--overwrite", "--plans"]] {
         let mut export = program(folder.path());
-        let output = export.args(["export-policy", "run"]).args(more).output().unwrap();
+        let output = export.args(["export-policy", "run.safetensors"]).args(more).output().unwrap();
         assert!(output.status.success(), "{}", stderr(&output));
         let packages = [root.join("python"), root.join("tests/gym")];
         let output = Command::new(python())
@@ -472,7 +473,7 @@ const FAULTS: [(&str, &str); 7] = [
 fn whatever_goes_wrong_the_run_is_saved_and_goes_on() {
     for (name, said) in FAULTS {
         let folder = tempfile::tempdir().unwrap();
-        let args = ["--max-updates", "300", "--save", "run", "--env-timeout", "3"];
+        let args = ["--max-updates", "300", "--save", "run.safetensors", "--env-timeout", "3"];
         let output =
             train(folder.path(), name, &args).env("AWKWARD_AFTER", AFTER).output().unwrap();
         assert_eq!(output.status.code(), Some(1), "{name}: {}", stderr(&output));
@@ -485,7 +486,8 @@ fn whatever_goes_wrong_the_run_is_saved_and_goes_on() {
         let updates = saved["updates"].as_u64().unwrap();
         assert!(updates > 10, "{name}: {updates}");
         // The agents were in the middle of episodes.
-        let resumed = resume(folder.path(), "run", &["--max-updates", "150"]).output().unwrap();
+        let resumed =
+            resume(folder.path(), "run.safetensors", &["--max-updates", "150"]).output().unwrap();
         assert!(resumed.status.success(), "{name}: {}", stderr(&resumed));
         assert_eq!(records(&resumed, "start")[0]["updates"], updates);
         assert_eq!(records(&resumed, "end")[0]["updates"], 150);
@@ -499,7 +501,7 @@ fn an_evaluation_whose_environment_fails_is_tried_once_more_and_then_left_out() 
     // The first process trains, the others evaluate.
     let run = |slow: &str, every: &str| {
         let folder = tempfile::tempdir().unwrap();
-        let args = ["--max-updates", "60", "--env-timeout", "4", "--save", "run"];
+        let args = ["--max-updates", "60", "--env-timeout", "4", "--save", "run.safetensors"];
         let args = [&args[..], &["--eval-every-updates", every]].concat();
         let mut command = train(folder.path(), "Dawdles", &args);
         (command.env("AWKWARD_SLOW", slow).output().unwrap(), folder)
@@ -519,7 +521,8 @@ fn an_evaluation_whose_environment_fails_is_tried_once_more_and_then_left_out() 
     let (always, folder) = run("2,3", "60");
     assert_eq!((records(&always, "evaluation").len(), always.status.code()), (0, Some(1)));
     assert_says(&stderr(&always), "the run is saved to run: gdg-tui --resume run goes on");
-    let resumed = resume(folder.path(), "run", &["--max-updates", "60"]).output().unwrap();
+    let resumed =
+        resume(folder.path(), "run.safetensors", &["--max-updates", "60"]).output().unwrap();
     assert_eq!(records(&resumed, "evaluation"), whole[2..], "{}", stderr(&resumed));
 }
 
@@ -527,20 +530,21 @@ fn an_evaluation_whose_environment_fails_is_tried_once_more_and_then_left_out() 
 #[ignore = "needs Python with numpy and gymnasium"]
 fn what_a_checkpoint_knows_is_exported_without_its_environment() {
     let folder = tempfile::tempdir().unwrap();
-    let args = ["--max-updates", "300", "--set", "graph_every_updates=100", "--save", "run"];
+    let args =
+        ["--max-updates", "300", "--set", "graph_every_updates=100", "--save", "run.safetensors"];
     assert!(train(folder.path(), "Point", &args).output().unwrap().status.success());
     let nowhere = |args: &[&str]| {
         let mut command = program(folder.path());
         command.env("PATH", "").args(args).output().unwrap()
     };
-    let exported = nowhere(&["export-policy", "run", "--plans"]);
+    let exported = nowhere(&["export-policy", "run.safetensors", "--plans"]);
     assert!(exported.status.success(), "{}", stderr(&exported));
-    let exported = nowhere(&["export-data", "run"]);
+    let exported = nowhere(&["export-data", "run.safetensors"]);
     assert!(exported.status.success(), "{}", stderr(&exported));
-    let film = nowhere(&["film", "run"]);
+    let film = nowhere(&["film", "run.safetensors"]);
     assert!(stderr(&film).contains("films show maps and the arm"), "{}", stderr(&film));
     // To go on, it needs it.
-    let resumed = nowhere(&["--no-ui", "--resume", "run"]);
+    let resumed = nowhere(&["--no-ui", "--resume", "run.safetensors"]);
     assert_says(&stderr(&resumed), "there is no Python interpreter");
 }
 
@@ -548,11 +552,13 @@ fn what_a_checkpoint_knows_is_exported_without_its_environment() {
 #[ignore = "needs Python with numpy and gymnasium"]
 fn a_run_is_refused_where_its_environment_is_missing_or_another() {
     let folder = tempfile::tempdir().unwrap();
-    let output = train(folder.path(), "Point", &["--max-updates", "30", "--save", "run"]).output();
+    let output =
+        train(folder.path(), "Point", &["--max-updates", "30", "--save", "run.safetensors"])
+            .output();
     assert!(output.unwrap().status.success());
-    let before = std::fs::read(folder.path().join("run")).unwrap();
+    let before = std::fs::read(folder.path().join("run.safetensors")).unwrap();
     let resumed = |change: &dyn Fn(&mut Command)| {
-        let mut command = resume(folder.path(), "run", &["--max-updates", "40"]);
+        let mut command = resume(folder.path(), "run.safetensors", &["--max-updates", "40"]);
         change(&mut command);
         command.output().unwrap()
     };
@@ -564,14 +570,14 @@ fn a_run_is_refused_where_its_environment_is_missing_or_another() {
     });
     for output in [&elsewhere, &other] {
         assert_eq!(output.status.code(), Some(2), "{}", stderr(output));
-        assert_eq!(before, std::fs::read(folder.path().join("run")).unwrap());
+        assert_eq!(before, std::fs::read(folder.path().join("run.safetensors")).unwrap());
     }
     assert_says(&stderr(&elsewhere), "the Python package awkward is missing");
     assert!(stderr(&elsewhere).contains("the checkpoint itself is sound"));
     assert!(stderr(&other).contains("other observations, goals or"), "{}", stderr(&other));
     assert!(resumed(&|_| {}).status.success());
     // What was found out belongs to the run.
-    let mut again = resume(folder.path(), "run", &["--goal-radius", "2"]);
+    let mut again = resume(folder.path(), "run.safetensors", &["--goal-radius", "2"]);
     assert_eq!(again.output().unwrap().status.code(), Some(2));
 }
 
@@ -670,9 +676,17 @@ fn the_real_arm_is_learned_and_resumed_exactly() {
     let whole = train(&["--max-updates", "800"]);
     let found = &records(&whole, "evaluation")[0];
     assert!(found["greedy"]["success"].as_f64().unwrap() >= 0.9, "{found}");
-    train(&["--max-updates", "333", "--save", "reach"]);
+    train(&["--max-updates", "333", "--save", "reach.safetensors"]);
     let resumed = program(folder.path())
-        .args(["--no-ui", "--resume", "reach", "--threads", "2", "--max-updates", "800"])
+        .args([
+            "--no-ui",
+            "--resume",
+            "reach.safetensors",
+            "--threads",
+            "2",
+            "--max-updates",
+            "800",
+        ])
         .arg("--python")
         .arg(python())
         .output()

@@ -34,9 +34,9 @@ fn pip_installs_the_command_and_the_module() {
     let version = env!("CARGO_PKG_VERSION");
     assert_eq!(run(&installed, &["--version"]), format!("gdg-tui {version}\n"));
     let small = ["--set", "hidden=16", "--set", "graph_every_updates=100"];
-    let train = ["--no-ui", "fourrooms", "--max-updates", "300", "--save", "run"];
+    let train = ["--no-ui", "fourrooms", "--max-updates", "300", "--save", "run.safetensors"];
     run(&installed, &[&train[..], &small].concat());
-    run(&installed, &["export-policy", "run", "--plans"]);
+    run(&installed, &["export-policy", "run.safetensors", "--plans"]);
     assert_eq!(run(&python, &["-I", "-c", SCRIPT]), format!("{version} ['numpy']\n"));
     let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python_module.py");
     run(&python, &["-I", tests.to_str().unwrap()]);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use directories::ProjectDirs;
 use miette::{Report, miette};
 
-use crate::host::runs::SAVES;
+use crate::host::runs::{SAVES, is_named_like_one};
 use gdg::files;
 use gdg::train::{self, SaveTo, Trainer};
 
@@ -22,6 +22,16 @@ pub fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<S
         miette!(help = help, "{}: a checkpoint cannot be saved here: {error}", path.display())
     })?;
     let own = resumed.is_some_and(|resumed| is_same_file(resumed, path));
+    if !own && !is_named_like_one(path) {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let stem = stem.strip_suffix(".policy").unwrap_or(&stem).trim_start_matches('.');
+        let name = path.with_file_name(format!("{stem}.safetensors"));
+        return Err(miette!(
+            help = format!("--save {}", name.display()),
+            "{}: a checkpoint's name ends in .safetensors, or nothing would list it",
+            path.display()
+        ));
+    }
     if overwrite && !own && path.exists() && !train::is_checkpoint(path) {
         let help = "give --save another name: --overwrite replaces only checkpoints of gdg-tui";
         return Err(miette!(
@@ -138,4 +148,24 @@ pub fn save_elsewhere(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
         if train::is_own(&place) { SaveTo::Replace(place) } else { SaveTo::CreateNew(place) }
     };
     places.map(to).find_map(|to| train::save(trainer, &to).ok())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_is_saved_only_where_it_is_listed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().join(name);
+        std::fs::write(path("lab.txt"), "S.G").expect("a map");
+        for name in ["lab.txt", "lab", "lab.policy.safetensors", ".lab.safetensors"] {
+            let error = save_to(&path(name), None, true).expect_err("no name of a checkpoint");
+            let help = error.help().map(|help| help.to_string()).unwrap_or_default();
+            assert!(help.ends_with("/lab.safetensors"), "{name}: {help}");
+        }
+        assert!(save_to(&path("LAB.SAFETENSORS"), None, false).is_ok());
+        // As earlier versions have saved it.
+        assert!(save_to(&path("lab.txt"), Some(&path("lab.txt")), false).is_ok());
+    }
 }

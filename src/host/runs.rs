@@ -21,6 +21,12 @@ pub const SAVES: &str = "saves";
 const EXTENSION: &str = ".safetensors";
 const POLICY_EXTENSION: &str = ".policy.safetensors";
 
+/// Returns whether a file is named like a checkpoint, in capitals or not.
+pub fn is_named_like_one(file: &Path) -> bool {
+    let name = file.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    name.ends_with(EXTENSION) && !name.ends_with(POLICY_EXTENSION) && !is_hidden(file)
+}
+
 /// Returns the files in `folder` that are named like checkpoints, in capitals or not, sorted by
 /// name.
 ///
@@ -30,12 +36,7 @@ pub fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-        if name.ends_with(EXTENSION)
-            && !name.ends_with(POLICY_EXTENSION)
-            && !is_hidden(&path)
-            && !path.is_dir()
-        {
+        if is_named_like_one(&path) && !path.is_dir() {
             files.push(path);
         }
     }
