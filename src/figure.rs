@@ -51,6 +51,29 @@ impl Format {
         Self::ALL.into_iter().find(|format| gdg::files::has_extension(path, format.extension()))
     }
 
+    /// Returns whether these bytes are a file in this format that [`Self::encode`] has made.
+    pub fn wrote(self, bytes: &[u8]) -> bool {
+        let has = |start: &[u8], mark: &[u8], within: usize| {
+            let head = &bytes[..bytes.len().min(within)];
+            bytes.starts_with(start) && head.windows(mark.len()).any(|part| part == mark)
+        };
+        match self {
+            // Near the beginning: pictures of other programs may contain ours.
+            Self::Svg => has(b"<svg", b"<!-- gdg-tui -->", 4096),
+            Self::Png => has(b"\x89PNG", b"tEXtSoftware\0gdg-tui", 256),
+            Self::Pdf => has(b"%PDF", b"/Producer (gdg-tui)", usize::MAX),
+        }
+    }
+
+    /// Says which characters of `sheet` this format cannot show.
+    pub fn lacking(self, sheet: &Sheet) -> Option<String> {
+        let lacking = letters::lacking(sheet);
+        (self != Self::Svg && !lacking.is_empty()).then(|| {
+            let name = self.extension().to_uppercase();
+            format!("the font of {name} lacks {lacking}: boxes in their place; SVG shows them")
+        })
+    }
+
     /// Returns `sheet` as a file.
     ///
     /// # Errors
@@ -61,5 +84,41 @@ impl Format {
             Self::Png => png::encode(sheet),
             Self::Pdf => Ok(pdf::encode(sheet)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sheet(text: &str) -> Sheet {
+        let mut sheet =
+            Sheet { size: [40.0, 20.0], title: "a figure".to_owned(), marks: Vec::new() };
+        sheet.text([2.0, 10.0], text, 7.0, Anchor::Start, (0, 0, 0));
+        sheet
+    }
+
+    #[test]
+    fn files_are_known_as_ours_by_a_mark() {
+        for format in Format::ALL {
+            let file = format.encode(&sheet("hall")).expect("a file");
+            assert!(format.wrote(&file), "{format:?}");
+            let foreign = [&b"<?xml?>"[..], &file].concat();
+            assert!(!format.wrote(&foreign) && !format.wrote(b""), "{format:?}");
+        }
+    }
+
+    #[test]
+    fn letters_that_a_format_lacks_are_named_and_none_act_in_svg() {
+        let both = sheet("\u{8ff7}\u{5bae} hall");
+        assert_eq!(Format::Svg.lacking(&both), None);
+        for format in [Format::Png, Format::Pdf] {
+            let note = format.lacking(&both).expect("a note");
+            assert!(note.contains("lacks \u{5bae}\u{8ff7}:"), "{note}");
+            assert_eq!(format.lacking(&sheet("größe, α²")), None);
+        }
+        let file = Format::Svg.encode(&sheet("a\u{1}\u{9b}\u{202e}<b")).expect("a file");
+        let text = String::from_utf8(file).expect("text");
+        assert!(text.contains("a?¿\u{fffd}&lt;b"), "{text}");
     }
 }

@@ -90,10 +90,16 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     let info = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap().info().clone();
     assert_eq!(info.width, 993, "84 mm at 300 pixels an inch");
 
-    let again = plot(folder.path(), &[&["."], &out[..]].concat());
-    assert_eq!(again.status, Some(2));
-    has_parts(&again.err, &["fig.pdf", "already exists", "--overwrite"]);
-    let whole = ["a.jsonl", "c.jsonl", "--whole", "--x", "seconds", "--y", "greedy", "--overwrite"];
+    // Its own figures and tables are replaced, others are not.
+    for file in ["fig.png", "fig.csv"] {
+        let own = std::fs::read(folder.path().join(file)).unwrap();
+        std::fs::write(folder.path().join(file), "mine").unwrap();
+        let refused = plot(folder.path(), &[&["."], &out[..]].concat());
+        assert_eq!(refused.status, Some(2));
+        has_parts(&refused.err, &[file, "already exists", "--overwrite"]);
+        std::fs::write(folder.path().join(file), own).unwrap();
+    }
+    let whole = ["a.jsonl", "c.jsonl", "--whole", "--x", "seconds", "--y", "greedy"];
     let whole = plot(folder.path(), &[&whole, &out[..]].concat());
     assert_eq!(
         (whole.status, whole.err.contains("drawn up to")),
@@ -118,7 +124,7 @@ fn curves_differ_in_what_is_asked_for_and_charts_in_the_rest() {
         write(&format!("{i}.jsonl"), records(method, 1, 2, 0.5, &settings));
     }
     let named = |by: &[&str]| {
-        let done = plot(folder.path(), &[&[".", "--out", "f.svg", "--overwrite"], by].concat());
+        let done = plot(folder.path(), &[&[".", "--out", "f.svg"], by].concat());
         assert_eq!(done.status, Some(0), "{}", done.err);
         let mut names: Vec<[String; 2]> = rows(&folder.path().join("f.csv"))[1..]
             .iter()
@@ -198,7 +204,7 @@ fn suites_and_checkpoints_are_drawn_over_updates_and_steps() {
         "--save",
         "a.safetensors",
     ]);
-    let done = plot(folder.path(), &["out", "--x", "steps", "--overwrite"]);
+    let done = plot(folder.path(), &["out", "--x", "steps"]);
     assert_eq!(
         (done.status, &*done.out),
         (Some(0), "out/success.svg\nout/success.csv\n"),

@@ -54,7 +54,7 @@ pub struct PlotArgs {
     #[arg(long, value_name = "FILE", value_parser = output())]
     pub out: Vec<PathBuf>,
 
-    /// Replace files that exist
+    /// Replace files that exist, even if they are not figures of gdg-tui
     #[arg(long)]
     pub overwrite: bool,
 

@@ -12,7 +12,7 @@ use super::runs::{self, SavedRun};
 use crate::figure::{Format, MILLIMETRE, Page, Sheet};
 use crate::host::outputs::refuse_existing;
 use crate::host::waiting::Working;
-use gdg::files::{named, write_atomically};
+use gdg::files::{named, read, write_atomically};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
 use lines::{Grouping, Panels};
@@ -21,6 +21,12 @@ use lines::{Grouping, Panels};
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
 /// Width of its page.
 pub const PAGE: f32 = 174.0 * MILLIMETRE;
+
+/// What tables begin with.
+const TABLE: &str = "chart,curve,seed,";
+
+/// Largest figure that is recognised as one of this program.
+const MOST_OF_A_FIGURE: u64 = 64 << 20;
 
 /// Width of a chart among several side by side, at least.
 const PANEL_WIDTH: f32 = 160.0;
@@ -252,13 +258,14 @@ pub fn run(options: &Options) -> Result<String, Report> {
     let formats = out.iter().map(format).collect::<Result<Vec<_>, _>>()?;
     let table = out[0].with_extension("csv");
     for path in out.iter().chain([&table]) {
-        refuse_existing(path, options.overwrite)?;
+        refuse_existing(path, options.overwrite || is_own(path))?;
     }
     let reading = Working::begin("the runs to be read");
     let (runs, mut notes) = runs::runs(&options.runs, reading.progress())?;
     drop(reading);
     let drawing = Working::begin("the curves to be drawn");
     let drawn = draw(&runs, options)?;
+    notes.extend(formats.iter().find_map(|format| format.lacking(&drawn.sheet)));
     let figures = formats.into_iter().map(|format| format.encode(&drawn.sheet));
     let figures = figures.collect::<Result<Vec<_>, _>>()?;
     drop(drawing);
@@ -270,6 +277,12 @@ pub fn run(options: &Options) -> Result<String, Report> {
         lines += &write(path, &figure)?;
     }
     Ok(lines + &write(&table, &drawn.table)?)
+}
+
+/// Returns whether a figure or table was drawn by this program.
+fn is_own(path: &Path) -> bool {
+    let Ok(bytes) = read(path, MOST_OF_A_FIGURE) else { return false };
+    Format::of(path).map_or(bytes.starts_with(TABLE.as_bytes()), |format| format.wrote(&bytes))
 }
 
 /// Returns where the figure of runs at `path` is written.
@@ -295,4 +308,98 @@ fn csv_of(rows: &[Vec<String>]) -> Result<Vec<u8>, Report> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     rows.iter().try_for_each(|row| writer.write_record(row)).into_diagnostic()?;
     writer.into_inner().into_diagnostic()
+}
+
+#[cfg(test)]
+mod tests {
+    use gdg::pulse::Progress;
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    /// Writes the records of a run of `her` with seed 1, evaluated at these thousands of updates.
+    fn record(folder: &Path, file: &str, start: &Value, evaluated: &[u64], saved: &str) -> PathBuf {
+        let mut first = json!({
+            "event": "start", "world": "maze", "map": {"name": "hall"}, "method": "her",
+            "preset": "default", "settings": {}, "seed": 1, "updates": 0,
+        });
+        let facts = start.as_object().cloned().unwrap_or_default();
+        first.as_object_mut().expect("an object").extend(facts);
+        let score = json!({"success": 0.5, "spl": null, "steps_ratio": null, "by_distance": []});
+        let at = |thousands: &u64| {
+            json!({
+                "event": "evaluation", "updates": 1000 * thousands, "greedy": score, "planned": null,
+            })
+        };
+        let saved = json!({"event": "saved", "updates": 0, "path": saved});
+        let records = [first].into_iter().chain(evaluated.iter().map(at)).chain([saved]);
+        let text: String = records.map(|record| format!("{record}\n")).collect();
+        let path = folder.join(file);
+        std::fs::write(&path, text).expect("a file");
+        path
+    }
+
+    /// Draws runs; returns the curve, seed and updates of each row of a seed, and the notes.
+    fn drawn(files: &[PathBuf]) -> (Vec<String>, Vec<String>) {
+        let (runs, _) = runs::runs(files, &Progress::default()).expect("runs");
+        let Drawn { table, notes, .. } = draw(&runs, &Options::default()).expect("a figure");
+        let mut rows: Vec<String> = Vec::new();
+        for row in csv::Reader::from_reader(&table[..]).records() {
+            let row = row.expect("a row");
+            if &row[2] != "mean" {
+                rows.push(format!("{} {} {}", &row[1], &row[2], &row[3]));
+            }
+        }
+        (rows, notes)
+    }
+
+    #[test]
+    fn runs_on_different_maps_of_one_name_are_different_curves() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let hall = |file: &str, size: &str, at: &[u64]| {
+            let start = json!({"fingerprint": format!("{size}, goal radius 1, {size}")});
+            record(folder.path(), file, &start, at, "")
+        };
+        let files = [hall("a.jsonl", "11 x 7", &[1, 3]), hall("b.jsonl", "21 x 21", &[2, 4])];
+        let (rows, notes) = drawn(&files);
+        let wanted = ["(11 x 7) 1 1000", "(11 x 7) 1 3000", "(21 x 21) 1 2000", "(21 x 21) 1 4000"];
+        assert_eq!(rows, wanted.map(|row| format!("hall {row}")));
+        assert_eq!(notes, [""; 0]);
+    }
+
+    #[test]
+    fn of_runs_that_nothing_tells_apart_the_longest_is_drawn_and_the_others_are_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let run =
+            |file: &str, at: &[u64]| record(folder.path(), file, &json!({}), at, "a.safetensors");
+        let files = [run("a.jsonl", &[1, 3]), run("b.jsonl", &[2, 4]), run("c.jsonl", &[])];
+        let (rows, notes) = drawn(&[&files[..], &files[1..2]].concat());
+        assert_eq!(rows, ["her 1 2000", "her 1 4000"]);
+        let note = notes.join(" ");
+        assert!(note.contains("left out") && note.contains("a.jsonl"), "{note}");
+        assert!(!note.contains("b.jsonl"), "named twice, read once: {note}");
+    }
+
+    #[test]
+    fn a_run_goes_on_in_the_records_that_resumed_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [first, second] = ["one.safetensors", "two.safetensors"];
+        let begun = json!({"updates": 3000, "resumed": first});
+        let older = json!({"updates": 3000});
+        for (start, saved) in [(&begun, second), (&older, first)] {
+            let files = [
+                record(folder.path(), "b.jsonl", start, &[4], saved),
+                record(folder.path(), "a.jsonl", &json!({}), &[1, 3], first),
+            ];
+            let (rows, notes) = drawn(&files);
+            assert_eq!(rows, ["her 1 1000", "her 1 3000", "her 1 4000"]);
+            assert_eq!(notes, [""; 0]);
+        }
+        let other = json!({"updates": 3000, "resumed": "three.safetensors"});
+        let files = [
+            record(folder.path(), "b.jsonl", &other, &[4], second),
+            record(folder.path(), "a.jsonl", &json!({}), &[1, 3], first),
+        ];
+        assert_eq!(drawn(&files).0, ["her 1 1000", "her 1 3000"]);
+    }
 }

@@ -1,10 +1,11 @@
 //! Widths and outlines of text in DejaVu Sans.
 
+use std::collections::BTreeSet;
 use std::sync::LazyLock;
 
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
-use super::sheet::Text;
+use super::sheet::{Mark, Sheet, Text};
 
 /// The font, unless it cannot be read, in which case text is left out.
 static FACE: LazyLock<Option<Face>> =
@@ -27,6 +28,17 @@ fn glyphs<'a>(face: &'a Face, text: &'a str) -> impl Iterator<Item = (GlyphId, f
         let glyph = face.glyph_index(c).unwrap_or_default();
         (glyph, f32::from(face.glyph_hor_advance(glyph).unwrap_or(0)) / per_em)
     })
+}
+
+/// Returns the characters on a sheet that the font lacks.
+pub fn lacking(sheet: &Sheet) -> String {
+    let mut lacking = BTreeSet::new();
+    for mark in &sheet.marks {
+        if let (Mark::Text(text), Some(face)) = (mark, FACE.as_ref()) {
+            lacking.extend(text.text.chars().filter(|c| face.glyph_index(*c).is_none()));
+        }
+    }
+    lacking.into_iter().collect()
 }
 
 /// Draws the outlines of a text with `pen`.

@@ -4,10 +4,12 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use miette::{IntoDiagnostic, Report};
 use svg::Document;
+use svg::node::Comment;
 use svg::node::element::{Group, Image, Polygon, Polyline, Rectangle, Text as Letters, Title};
 
 use super::sheet::{Anchor, Mark, Sheet, Text};
 use gdg::draw::hex;
+use gdg::text::sanitized;
 
 /// Returns the document.
 ///
@@ -24,7 +26,8 @@ pub fn encode(sheet: &Sheet) -> Result<String, Report> {
         .set("fill", "none")
         .set("stroke-linejoin", "round")
         .set("stroke-linecap", "round")
-        .add(Title::new(&sheet.title))
+        .add(Title::new(sanitized(&sheet.title)))
+        .add(Comment::new("gdg-tui"))
         .add(ground);
     for mark in &sheet.marks {
         document = match mark {
@@ -64,7 +67,7 @@ fn letters(text: &Text) -> Group {
     };
     let turn = if text.turned { " rotate(-90)" } else { "" };
     Group::new().set("transform", format!("translate({x} {y}){turn}")).add(
-        Letters::new(text.text.as_str())
+        Letters::new(sanitized(&text.text))
             .set("font-size", text.size)
             .set("fill", hex(text.colour))
             .set("text-anchor", anchor),

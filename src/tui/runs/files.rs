@@ -97,7 +97,8 @@ pub fn plot(
         write_atomically(&path, bytes)
             .map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
     }
-    let notes: String = drawn.notes.iter().map(|note| format!("; {}", sanitized(note))).collect();
+    let notes = drawn.notes.into_iter().chain(Format::Pdf.lacking(&drawn.sheet));
+    let notes: String = notes.map(|note| format!("; {}", sanitized(&note))).collect();
     Ok(format!("wrote {}.svg, .pdf and .csv: {}{notes}", stem.display(), drawn.caption))
 }
 

@@ -107,6 +107,7 @@ impl Picture {
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_compression(png::Compression::High);
+        encoder.add_text_chunk("Software".to_owned(), "gdg-tui".to_owned())?;
         let mut writer = encoder.write_header()?;
         let bytes: Vec<u8> = self.pixels.iter().flat_map(|(r, g, b)| [*r, *g, *b]).collect();
         writer.write_image_data(&bytes)?;
