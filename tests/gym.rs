@@ -478,7 +478,10 @@ fn whatever_goes_wrong_the_run_is_saved_and_goes_on() {
             train(folder.path(), name, &args).env("AWKWARD_AFTER", AFTER).output().unwrap();
         assert_eq!(output.status.code(), Some(1), "{name}: {}", stderr(&output));
         assert_says(&stderr(&output), said);
-        assert_says(&stderr(&output), "the run is saved to run: gdg-tui --resume run goes on");
+        assert_says(
+            &stderr(&output),
+            "the run is saved to run.safetensors: gdg-tui --resume run.safetensors goes on",
+        );
         if name == "Raises" {
             assert_says(&stderr(&output), "awkward.py, line");
         }
@@ -520,7 +523,10 @@ fn an_evaluation_whose_environment_fails_is_tried_once_more_and_then_left_out() 
     // The last one is what was asked for.
     let (always, folder) = run("2,3", "60");
     assert_eq!((records(&always, "evaluation").len(), always.status.code()), (0, Some(1)));
-    assert_says(&stderr(&always), "the run is saved to run: gdg-tui --resume run goes on");
+    assert_says(
+        &stderr(&always),
+        "the run is saved to run.safetensors: gdg-tui --resume run.safetensors goes on",
+    );
     let resumed =
         resume(folder.path(), "run.safetensors", &["--max-updates", "60"]).output().unwrap();
     assert_eq!(records(&resumed, "evaluation"), whole[2..], "{}", stderr(&resumed));

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::job::{Job, JobResult};
 use crate::host::outputs::elsewhere;
 use gdg::files::{self, LockFile, backup_path, has_extension, is_hidden};
-use gdg::text::sanitized;
+use gdg::text::{escape_json_line, sanitized};
 use gdg::train::{describe, is_checkpoint, remove_own};
 
 /// Maximum size of a result file.
@@ -268,7 +268,8 @@ impl Folder {
         keep: bool,
     ) -> Result<(), Report> {
         let stored = StoredResult { checksum: Some(checksum_of(result)), result: result.clone() };
-        let json = serde_json::to_string_pretty(&stored).into_diagnostic()? + "\n";
+        let json = serde_json::to_string_pretty(&stored).into_diagnostic()?;
+        let json = escape_json_line(&json) + "\n";
         let drawn = picture.map_or(Ok(()), |picture| self.write(&picture_name(&job.name), picture));
         // The result last: it marks the job as done.
         self.write(&format!("jobs/{}.json", job.name), json.as_bytes())?;
