@@ -21,7 +21,7 @@ use crate::host::setup::{begin, learn_from};
 use crate::host::signals::TerminationSignal;
 use gdg::files::{LockFile, check_writable};
 use gdg::printing::eprint_line;
-use gdg::text::counted;
+use gdg::text::{counted, sanitized};
 use gdg::train::{self, Due, EndReason, Registry, SaveTo, Schedule, Session, Trainer, describe};
 
 /// How a job ended.
@@ -218,7 +218,15 @@ impl Runner {
         let mut trainer = begin(job.run.clone(), &*world, &self.registry, 1)?;
         let data = job.plan.data.as_ref();
         let untold = gdg::pulse::Progress::default();
-        let learn = |data: &JobData| learn_from(&mut trainer, &data.file, &untold);
+        let learn = |data: &JobData| {
+            let warning = learn_from(&mut trainer, &data.file, &untold)?;
+            let read = trainer.data().map(|read| read.checksum);
+            if read == Some(data.checksum) {
+                return Ok(warning);
+            }
+            let file = sanitized(&data.file.to_string_lossy());
+            Err(miette!(help = "run it again", "{file}: has changed since the experiment began"))
+        };
         if let Some(warning) = data.map_or(Ok(None), learn)? {
             at.progress.line(&warning);
         }

@@ -25,12 +25,14 @@ pub struct Saver {
     to: SaveTo,
     /// The state saved last: updates, steps and evaluations.
     last_saved_state: Option<(u64, u64, usize)>,
+    /// Whether it has been said that recorded data are lost.
+    has_warned: bool,
 }
 
 impl Saver {
     /// Creates a saver to `to`.
     pub fn new(to: SaveTo) -> Self {
-        Self { to, last_saved_state: None }
+        Self { to, last_saved_state: None, has_warned: false }
     }
 
     /// Returns the path of the checkpoints.
@@ -60,6 +62,10 @@ impl Saver {
             let (requested, path) =
                 (sanitized(&requested.to_string_lossy()), sanitized(&path.to_string_lossy()));
             eprint_line(&format!("{requested} {}{help}: saving to {path}", self.to.obstacle()));
+        }
+        if let Some(lost) = trainer.lost_data().filter(|_| !self.has_warned) {
+            eprint_line(&sanitized(&format!("warning: {lost}")));
+            self.has_warned = true;
         }
         self.to = SaveTo::Replace(path.clone());
         self.last_saved_state = Some(state(trainer));

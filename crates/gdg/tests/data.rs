@@ -100,6 +100,13 @@ fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
     assert_eq!(state(&whole), state(&resumed));
     // It does not contain the data.
     assert!(half.save().unwrap().arrays().keys().all(|name| !name.starts_with("replay")));
+    let put_back = |trainer: &Trainer| {
+        let mut store = state(trainer);
+        store.put_text("data", String::new());
+        store.put_text("history", String::new());
+        store
+    };
+    let expected = put_back(&whole);
     // Without the file it can be looked at, but does not go on.
     let moved = folder.path().join("moved.npz");
     std::fs::rename(&file, &moved).unwrap();
@@ -113,13 +120,7 @@ fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
     let mut found = train::load(&checkpoint, &elsewhere, 1).unwrap().trainer;
     train_to(&mut found, 250);
     assert_eq!(found.data().unwrap().file, moved, "it is known from now on");
-    let put_back = |trainer: &Trainer| {
-        let mut store = state(trainer);
-        store.put_text("data", String::new());
-        store.put_text("history", String::new());
-        store
-    };
-    assert_eq!(put_back(&whole), put_back(&found));
+    assert!(expected == put_back(&found));
     // Other data are not taken for it.
     let mut other = trainer("random", settings(), 8);
     for _ in 0..3_000 {
@@ -214,6 +215,13 @@ fn broken_files_are_refused_with_the_place_and_what_would_be_right() {
         problem(with(0, f32::NAN)),
         "observations[2, 1] is NaN: it must be finite, and at most 1e9 in size"
     );
+    let unclear = |arrays: &mut Vec<(&'static str, Tensor)>| {
+        arrays[2].1 = Tensor::new(&[0.0, f32::NAN, 0.0, 1.0], &Device::Cpu).unwrap();
+    };
+    assert_eq!(
+        problem(unclear),
+        "terminals[1] is NaN: it must be 1 in the last row of an episode, and else 0"
+    );
     assert_eq!(problem(with(1, 1.5)), "actions[2, 1] is 1.5: it must be in [-1, 1]");
     assert_eq!(
         problem(replaced(0, &[4, 29])),
@@ -233,7 +241,7 @@ fn broken_files_are_refused_with_the_place_and_what_would_be_right() {
     let all = |arrays: &mut Vec<(&'static str, Tensor)>| {
         arrays[2].1 = Tensor::ones(4, DType::U8, &Device::Cpu).unwrap();
     };
-    assert_eq!(problem(all), "has no transition: all 4 rows are terminals");
+    assert_eq!(problem(all), "has no transition: all 4 rows end an episode");
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("d.npz");
     assert!(problem_of(&file).starts_with("the data cannot be read: "));
@@ -261,6 +269,20 @@ fn broken_files_are_refused_with_the_place_and_what_would_be_right() {
         std::fs::write(&file, &changed).unwrap();
         let problem = problem_of(&file);
         assert!(problem.contains(found), "{problem}");
+    }
+    // A damaged byte, in a file that is not packed and in one that is.
+    let packed = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/packed.npz");
+    for mut damaged in [whole.clone(), std::fs::read(packed).unwrap()] {
+        let names: Vec<usize> =
+            (0..damaged.len()).filter(|at| damaged[*at..].starts_with(b"actions.npy")).collect();
+        let end = damaged[names[0]..].windows(4).position(|at| at == b"PK\x03\x04").unwrap();
+        damaged[names[0] + end - 2] ^= 1;
+        std::fs::write(&file, &damaged).unwrap();
+        let problem = problem_of(&file);
+        assert!(
+            problem.contains("actions cannot be read, as if the file were damaged"),
+            "{problem}"
+        );
     }
     let (mut huge, shape) = (whole.clone(), b"(999999999,2,), }");
     let at = whole.windows(6).position(|bytes| bytes == b"(4,2,)").unwrap();
@@ -314,4 +336,105 @@ fn an_episode_needs_no_end_at_the_end_of_the_file() {
     let data = Dataset::read(&file, trainer.world(), &Progress::default()).unwrap();
     assert_eq!((data.source().transitions, data.source().episodes), (2, 2));
     assert_eq!(data.state(3), [2.5, 0.5]);
+}
+
+/// Returns the states of all transitions, pair by pair, and the number of episodes, of a file of
+/// [`arrays`] and these.
+fn transitions(
+    more: Vec<(&'static str, Tensor)>,
+    change: impl Fn(&mut Vec<(&'static str, Tensor)>),
+) -> (Vec<[Vec<f32>; 2]>, usize) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("d.npz");
+    let mut own = arrays();
+    own.extend(more);
+    change(&mut own);
+    Tensor::write_npz(&own, &file).unwrap();
+    let trainer = trainer("random", settings(), 0);
+    let data = Dataset::read(&file, trainer.world(), &Progress::default()).unwrap();
+    let (mut pairs, mut before) = (Vec::new(), None);
+    data.replay(1, || vec![0.0, 0.0]).visit_rows(|state, _, is_last| {
+        pairs.extend(before.take().map(|before| [before, state.to_vec()]));
+        before = (!is_last).then(|| state.to_vec());
+    });
+    assert_eq!(pairs.len(), data.source().transitions);
+    (pairs, data.source().episodes)
+}
+
+#[test]
+fn time_that_is_up_ends_an_episode_too() {
+    let ends = |rows: [f32; 4]| Tensor::new(&rows, &Device::Cpu).unwrap();
+    for name in ["timeouts", "truncations"] {
+        let found = transitions(vec![(name, ends([0.0, 1.0, 0.0, 1.0]))], |arrays| {
+            arrays[2].1 = ends([0.0; 4]);
+        });
+        let expected = [[[0.5, 0.5], [1.5, 0.5]], [[1.5, 0.5], [2.5, 0.5]]];
+        assert_eq!(found, (expected.map(|pair| pair.map(Vec::from)).to_vec(), 2), "{name}");
+    }
+    let short = |arrays: &mut Vec<(&'static str, Tensor)>| {
+        arrays.push(("timeouts", Tensor::zeros(3, DType::U8, &Device::Cpu).unwrap()));
+    };
+    assert_eq!(
+        problem(short),
+        "observations, actions, terminals and timeouts have 4, 4, 4 and 3 rows: they must have as \
+         many"
+    );
+}
+
+#[test]
+fn actions_lead_to_the_next_observations_that_a_file_has() {
+    let next = |numbers: [f32; 8]| {
+        let next = Tensor::from_slice(&numbers, (4, 2), &Device::Cpu).unwrap();
+        vec![("next_observations", next)]
+    };
+    let as_they_are = |_: &mut Vec<(&'static str, Tensor)>| {};
+    let single = |arrays: &mut Vec<(&'static str, Tensor)>| {
+        arrays[2].1 = Tensor::zeros(4, DType::U8, &Device::Cpu).unwrap();
+    };
+    let pairs =
+        |all: &[[[f32; 2]; 2]]| all.iter().map(|pair| pair.map(Vec::from)).collect::<Vec<_>>();
+    // Single transitions in any order, of which two follow each other.
+    let shuffled = next([1.5, 0.5, 1.0, 0.5, 2.5, 0.5, 3.5, 0.5]);
+    let expected = pairs(&[
+        [[0.5, 0.5], [1.5, 0.5]],
+        [[1.5, 0.5], [1.0, 0.5]],
+        [[1.5, 0.5], [2.5, 0.5]],
+        [[2.5, 0.5], [3.5, 0.5]],
+    ]);
+    assert_eq!(transitions(shuffled.clone(), single), (expected.clone(), 2));
+    // The last action of an episode leads somewhere, too.
+    assert_eq!(transitions(shuffled, as_they_are), (expected, 2));
+    // But not to the first state of the next episode: the states moved by a row.
+    let moved = next([1.5, 0.5, 1.5, 0.5, 2.5, 0.5, 0.5, 0.5]);
+    let expected = pairs(&[[[0.5, 0.5], [1.5, 0.5]], [[1.5, 0.5], [2.5, 0.5]]]);
+    assert_eq!(transitions(moved, as_they_are), (expected, 2));
+    let mut without_number = next([0.5; 8]);
+    without_number[0].1 = Tensor::full(f32::NAN, (4, 2), &Device::Cpu).unwrap();
+    let problem = problem(|arrays| arrays.extend(without_number.clone()));
+    assert!(problem.starts_with("next_observations[0, 0] is NaN"), "{problem}");
+}
+
+#[test]
+fn a_checkpoint_contains_the_data_once_their_file_is_another_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path());
+    let mut trainer = learner(&file, settings(), 1);
+    train_to(&mut trainer, 30);
+    // The same contents at another time.
+    std::fs::write(&file, std::fs::read(&file).unwrap()).unwrap();
+    assert_eq!(trainer.lost_data(), None);
+    for (lost, change) in [
+        ("has changed", (|file| std::fs::write(file, b"other").unwrap()) as fn(&Path)),
+        ("can no longer be read", |file| std::fs::remove_file(file).unwrap()),
+    ] {
+        change(&file);
+        let warning = trainer.lost_data().expect("a warning");
+        assert!(warning.contains(lost), "{warning}");
+        let store = trainer.save().unwrap();
+        let mut resumed = Trainer::load(&store, &Registry::builtin(), 1).unwrap();
+        let updates = trainer.counters().updates + 30;
+        train_to(&mut trainer, updates);
+        train_to(&mut resumed, updates);
+        assert_eq!(state(&trainer), state(&resumed));
+    }
 }

@@ -199,6 +199,7 @@ impl Worker {
         if to.path() != path {
             text += &format!(" ({} {})", to.path().display(), to.obstacle());
         }
+        text += &self.lost_data();
         if let SaveTo::CreateNew(requested) = to {
             self.new_file = Some((requested, path.clone()));
         }
@@ -216,9 +217,10 @@ impl Worker {
         let requested = files::named(folder, stem, &format!("-auto-{updates}.safetensors"));
         let path = self.write(&SaveTo::CreateNew(requested), notes)?;
         let text = format!(
-            "autosaved {} at update {}",
+            "autosaved {} at update {}{}",
             path.display(),
-            grouped(self.trainer.learned_updates())
+            grouped(self.trainer.learned_updates()),
+            self.lost_data()
         );
         let mark = files::mark_in_use(&path);
         self.autosaved.push((path, mark));
@@ -230,6 +232,11 @@ impl Worker {
         self.current.autosaves =
             Arc::new(self.autosaved.iter().map(|(path, _)| path.clone()).collect());
         Ok(text)
+    }
+
+    /// Says what has become of recorded data, after what else is said of a save.
+    fn lost_data(&self) -> String {
+        self.trainer.lost_data().map_or(String::new(), |lost| format!("; {lost}"))
     }
 
     fn write(&mut self, to: &SaveTo, notes: Notes) -> Result<PathBuf, CommandError> {

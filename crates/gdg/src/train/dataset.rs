@@ -1,35 +1,30 @@
 //! Recorded transitions, to learn from without acting: files as of OGBench, and the program's own.
 
-use std::fs::File;
-use std::io::{ErrorKind, Read};
+mod npz;
+
 use std::path::{Path, PathBuf};
 
-use candle_core::npy::NpzTensors;
-use candle_core::{DType, Device, Tensor};
-use flate2::Crc;
+use candle_core::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
 use super::error::{DataError, TrainError};
 use super::memory;
 use crate::env::{Environment, MAX_MAGNITUDE};
-use crate::files::{Format, Wanted};
 use crate::learn::{Replay, ReplaySizes};
 use crate::pulse::Progress;
 use crate::store::StoreError;
+pub(super) use npz::Stamp;
+use npz::{Arrays, Opened};
 
 /// Names of the arrays.
 const STATES: &str = "observations";
 const ACTIONS: &str = "actions";
 const ENDS: &str = "terminals";
 
-/// Most numbers of an array: 4 GB of memory.
-const MOST_NUMBERS: usize = 1 << 30;
-
-/// No file is packed more tightly than this: the limit of Deflate.
-const MOST_PACKED: u64 = 1_040;
-
-/// Bytes that are read at a time.
-const CHUNK: usize = 1 << 20;
+/// Names of arrays that need not be there: further ends of episodes, as in data of D4RL, and where
+/// each action leads.
+const OTHER_ENDS: [&str; 2] = ["timeouts", "truncations"];
+const NEXT: &str = "next_observations";
 
 /// How far actions may lie beyond [-1, 1], by rounding.
 const ACTION_TOLERANCE: f32 = 1e-3;
@@ -47,10 +42,26 @@ pub struct DataSource {
     pub episodes: usize,
 }
 
+impl DataSource {
+    /// Says what has become of the file that was read with this stamp, if it cannot be read again.
+    pub(super) fn loss(&self, stamp: &Stamp) -> Option<&'static str> {
+        if stamp.is_of(&self.file) {
+            return None;
+        }
+        // It may have been copied or touched.
+        match Opened::new(&self.file, [0, 1], &Progress::default()) {
+            Ok(found) if found.checksum == self.checksum => None,
+            Ok(_) => Some("has changed"),
+            Err(_) => Some("can no longer be read"),
+        }
+    }
+}
+
 /// Episodes of recorded transitions.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     source: DataSource,
+    stamp: Stamp,
     sizes: ReplaySizes,
     /// `(rows, state_dim)`.
     states: Vec<f32>,
@@ -62,9 +73,10 @@ pub struct Dataset {
 
 impl Dataset {
     /// Reads an `.npz` file with `observations` (rows, `state_dim`), `actions` (rows, `action_dim`)
-    /// in [-1, 1], and `terminals` (rows), which are not 0 in the last row of each episode. The
-    /// action of a row leads to the next one. States are in the unit of the world's records. Says
-    /// how far it is, as one stage of `progress`.
+    /// in [-1, 1], and `terminals` (rows), which are not 0 in the last row of each episode;
+    /// `timeouts` and `truncations` are further ends. The action of a row leads to the next one, or
+    /// to that of `next_observations`, if they are there. States are in the unit of the world's
+    /// records. Says how far it is, as one stage of `progress`.
     ///
     /// # Errors
     /// It cannot be read, is no such file, or does not fit the world.
@@ -73,53 +85,54 @@ impl Dataset {
         world: &dyn Environment,
         progress: &Progress,
     ) -> Result<Self, DataError> {
-        let unread = |error| DataError::Unread { file: file.to_string_lossy().into(), error };
-        let checked = checksum(file, [0, 2], progress).map_err(unread)?;
-        Self::read_checked(file, checked, world, 2, progress)
+        let opened = open(file, [0, 2], progress)?;
+        Self::read_opened(file, opened, world, 2, progress)
     }
 
-    /// Reads a file of known CRC-32 and length, and reports progress as the last of `parts`.
-    fn read_checked(
+    /// Reads a file that has been opened, and reports progress as the last of `parts`.
+    fn read_opened(
         file: &Path,
-        (checksum, bytes): (u32, u64),
+        opened: Opened,
         world: &dyn Environment,
         parts: usize,
         progress: &Progress,
     ) -> Result<Self, DataError> {
-        let unfit = |problem| DataError::Unfit { file: file.to_string_lossy().into(), problem };
-        let arrays = Arrays::open(file, bytes).map_err(unfit)?;
-        let sizes = ReplaySizes::of(world.spec());
+        let (sizes, checksum) = (ReplaySizes::of(world.spec()), opened.checksum);
         let read = || -> Result<Self, String> {
-            let rows = arrays.rows(sizes)?;
+            let mut arrays = Arrays::new(file, opened)?;
+            let shapes = Shapes::of(&mut arrays)?;
+            let rows = shapes.rows(sizes)?;
             // The arrays are by far the most of it.
             let tell = |thirds| progress.set(3 * (parts - 1) + thirds, 3 * parts);
             tell(0);
-            let mut states = arrays.table(STATES, sizes.state, "the world's states")?;
+            let mut states = shapes.states(STATES, &mut arrays, sizes, world)?;
             tell(1);
-            let mut actions = arrays.table(ACTIONS, sizes.action, "the world's actions")?;
-            let last = arrays.column(ENDS)?;
+            let columns = (sizes.action, "the world's actions");
+            let mut actions = shapes.table(ACTIONS, &mut arrays, columns)?;
+            let mut is_last = shapes.ends(&mut arrays)?;
             tell(2);
-            check(STATES, &states, sizes.state, MAX_MAGNITUDE, "finite, and at most 1e9 in size")?;
-            if let Some(recorded) = world.abilities().recorded {
-                states.chunks_exact_mut(sizes.state).for_each(|s| recorded.own_state(s));
-            }
             check(ACTIONS, &actions, sizes.action, 1.0 + ACTION_TOLERANCE, "in [-1, 1]")?;
             actions.iter_mut().for_each(|action| *action = action.clamp(-1.0, 1.0));
-            let mut ends: Vec<usize> = (1..=rows).filter(|row| last[row - 1] != 0.0).collect();
-            if ends.last() != Some(&rows) {
-                ends.push(rows);
+            if let Some(last) = is_last.last_mut() {
+                *last = true;
             }
-            let transitions = rows - ends.len();
+            if shapes.has(NEXT) {
+                let next = shapes.states(NEXT, &mut arrays, sizes, world)?;
+                (states, actions, is_last) = with_next(&states, &actions, &is_last, &next, sizes);
+            }
+            let stamp = arrays.close()?;
+            let all = is_last.len();
+            let ends: Vec<usize> = (1..=all).filter(|row| is_last[row - 1]).collect();
+            let (transitions, episodes) = (all - ends.len(), ends.len());
             if transitions == 0 {
-                return Err(format!("has no transition: all {rows} rows are {ENDS}"));
+                return Err(format!("has no transition: all {rows} rows end an episode"));
             }
-            let episodes = ends.len();
             // Resumed from anywhere.
             let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
             let source = DataSource { file, checksum, transitions, episodes };
-            Ok(Self { source, sizes, states, actions, ends })
+            Ok(Self { source, stamp, sizes, states, actions, ends })
         };
-        read().map_err(unfit)
+        read().map_err(|problem| unfit(file, problem))
     }
 
     /// Checks that a file can be read and has the arrays, without a world and without its numbers;
@@ -128,14 +141,11 @@ impl Dataset {
     /// # Errors
     /// See [`Self::read`].
     pub fn check_file(file: &Path, progress: &Progress) -> Result<u32, DataError> {
-        let name = || file.to_string_lossy().into_owned();
-        let (checksum, bytes) = checksum(file, [0, 1], progress)
-            .map_err(|error| DataError::Unread { file: name(), error })?;
-        let arrays = Arrays::open(file, bytes);
-        let checked = arrays
-            .and_then(|a| [STATES, ACTIONS, ENDS].iter().try_for_each(|n| a.shape(n).map(drop)));
-        let checked = checked.map(|()| checksum);
-        checked.map_err(|problem| DataError::Unfit { file: name(), problem })
+        let opened = open(file, [0, 1], progress)?;
+        let checksum = opened.checksum;
+        let checked =
+            Arrays::new(file, opened).and_then(|mut arrays| Shapes::of(&mut arrays).map(drop));
+        checked.map(|()| checksum).map_err(|problem| unfit(file, problem))
     }
 
     /// Reads the file that a run has learned from: `moved` if it is elsewhere now.
@@ -150,30 +160,34 @@ impl Dataset {
     ) -> Result<Self, DataError> {
         let places = [Some(&*source.file), moved].into_iter().flatten();
         let parts = places.clone().count() + 1;
-        let mut last = Ok((0, 0));
+        let other = || {
+            let (from, transitions) = (source.file.display(), source.transitions);
+            let problem = format!(
+                "is not what the run has learned from, {from} with {transitions} transitions"
+            );
+            unfit(moved.unwrap_or(&source.file), problem)
+        };
+        let mut problem = other();
         for (part, file) in places.enumerate() {
-            last = checksum(file, [part, parts], progress);
-            if let Ok(checked) = last
-                && checked.0 == source.checksum
-            {
-                return Self::read_checked(file, checked, world, parts, progress);
-            }
+            problem = match open(file, [part, parts], progress) {
+                Ok(opened) if opened.checksum == source.checksum => {
+                    return Self::read_opened(file, opened, world, parts, progress);
+                }
+                Ok(_) => other(),
+                Err(error) => error,
+            };
         }
-        let file = moved.unwrap_or(&source.file).to_string_lossy().into_owned();
-        if let Err(error) = last {
-            return Err(DataError::Unread { file, error });
-        }
-        let problem = format!(
-            "is not what the run has learned from, {} with {} transitions",
-            source.file.display(),
-            source.transitions
-        );
-        Err(DataError::Unfit { file, problem })
+        Err(problem)
     }
 
     /// Returns where it comes from.
     pub fn source(&self) -> &DataSource {
         &self.source
+    }
+
+    /// Returns what tells whether the file is still the same.
+    pub(super) fn stamp(&self) -> &Stamp {
+        &self.stamp
     }
 
     /// Returns the number of rows.
@@ -264,42 +278,6 @@ pub fn data_file(
     Ok(std::fs::read(file.path())?)
 }
 
-/// Returns a file's CRC-32 and length, and reports progress as one of several parts.
-fn checksum(
-    file: &Path,
-    [part, parts]: [usize; 2],
-    progress: &Progress,
-) -> std::io::Result<(u32, u64)> {
-    // Pipes and devices may never end.
-    if file.exists() && !file.is_file() {
-        return Err(std::io::Error::new(ErrorKind::InvalidInput, "it is no regular file"));
-    }
-    let file = File::open(file)?;
-    let all = file.metadata()?.len() as usize;
-    checksum_of(file, |bytes| {
-        progress.set(part * all + bytes as usize, parts * all);
-    })
-}
-
-/// Returns the CRC-32 and the number of all bytes; calls `tell` with how many have been read.
-fn checksum_of(mut bytes: impl Read, tell: impl Fn(u64)) -> std::io::Result<(u32, u64)> {
-    let (mut crc, mut done, mut chunk) = (Crc::new(), 0, vec![0; CHUNK]);
-    tell(done);
-    loop {
-        match bytes.read(&mut chunk) {
-            Ok(0) => return Ok((crc.sum(), done)),
-            Ok(read) => {
-                crc.update(&chunk[..read]);
-                done += read as u64;
-                tell(done);
-            }
-            // By a signal that is handled.
-            Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
-    }
-}
-
 /// Checks the size of every number; the text says what it must be.
 fn check(
     name: &str,
@@ -317,62 +295,58 @@ fn check(
     }
 }
 
-/// What is read as data.
-const DATA: Wanted =
-    Wanted { name: "an .npz file of NumPy", help: "numpy.savez writes one", own: &[Format::Npz] };
-
-/// What is wrong with an archive that is recognised as one.
-const CUT_OFF: &str = "is no .npz file of NumPy, or its end is missing";
-
-/// Says why an array cannot be read, and what to do in NumPy.
-fn unread_array(name: &str, error: &candle_core::Error) -> String {
-    let said = error.to_string();
-    if said.contains("fortran order") {
-        return format!(
-            "{name} is stored column by column (Fortran order): save \
-             numpy.ascontiguousarray({name})"
-        );
-    }
-    let is_type = said.contains("descr") || said.contains("unsupported dtype");
-    if is_type {
-        return format!(
-            "{name} has numbers of a kind that cannot be read: save {name}.astype('float32')"
-        );
-    }
-    format!("{name} cannot be read, as if the file were damaged: {said}")
+fn open(file: &Path, part: [usize; 2], progress: &Progress) -> Result<Opened, DataError> {
+    let unread = |error| DataError::Unread { file: file.to_string_lossy().into(), error };
+    Opened::new(file, part, progress).map_err(unread)
 }
 
-/// The arrays of a file.
-struct Arrays {
-    file: NpzTensors,
-    /// The length of the file.
-    bytes: u64,
+fn unfit(file: &Path, problem: String) -> DataError {
+    DataError::Unfit { file: file.to_string_lossy().into(), problem }
 }
 
-impl Arrays {
-    fn open(file: &Path, bytes: u64) -> Result<Self, String> {
-        let explained = |error| {
-            log::debug!("{}: {error}", file.display());
-            DATA.mismatch(file).map_or(CUT_OFF.to_owned(), |found| found.problem)
-        };
-        Ok(Self { file: NpzTensors::new(file).map_err(explained)?, bytes })
+/// The arrays that a file has, and their shapes.
+struct Shapes(Vec<(&'static str, Vec<usize>)>);
+
+impl Shapes {
+    fn of(arrays: &mut Arrays) -> Result<Self, String> {
+        let names = arrays.names();
+        let has = |name: &str| names.iter().any(|known| known == name);
+        if let Some(missing) = [STATES, ACTIONS, ENDS].iter().find(|name| !has(name)) {
+            return Err(format!(
+                "has no array {missing}, but {}: data are {STATES}, {ACTIONS} and {ENDS}",
+                names.join(", ")
+            ));
+        }
+        let all = [STATES, ACTIONS, ENDS].into_iter().chain(OTHER_ENDS).chain([NEXT]);
+        let there = all.filter(|name| has(name));
+        there.map(|name| Ok((name, arrays.shape(name)?))).collect::<Result<_, _>>().map(Self)
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.0.iter().any(|(own, _)| *own == name)
+    }
+
+    fn shape(&self, name: &str) -> &[usize] {
+        self.0.iter().find(|(own, _)| *own == name).map_or(&[], |(_, shape)| shape)
     }
 
     /// Returns the number of rows, which is the same in all arrays, if the data fit into memory: as
     /// they are read, and in the replay buffer.
     fn rows(&self, sizes: ReplaySizes) -> Result<usize, String> {
-        let mut rows = [0; 3];
-        for (rows, name) in rows.iter_mut().zip([STATES, ACTIONS, ENDS]) {
-            *rows = self.shape(name)?.first().copied().unwrap_or(0);
-        }
-        let [rows, actions, ends] = rows;
-        if rows != actions || rows != ends {
+        let rows_of = |shape: &[usize]| shape.first().copied().unwrap_or(0);
+        let rows = rows_of(self.shape(STATES));
+        if self.0.iter().any(|(_, shape)| rows_of(shape) != rows) {
+            let (names, counts): (Vec<_>, Vec<_>) =
+                self.0.iter().map(|(name, shape)| (*name, rows_of(shape).to_string())).unzip();
             return Err(format!(
-                "{STATES}, {ACTIONS} and {ENDS} have {rows}, {actions} and {ends} rows: they must \
-                 have as many"
+                "{} have {} rows: they must have as many",
+                listed(&names),
+                listed(&counts)
             ));
         }
-        let (needed, available) = (2 * sizes.bytes(rows), memory::available_bytes());
+        // In the worst case, each transition is an episode of two rows.
+        let most = if self.has(NEXT) { 2 * rows } else { rows };
+        let (needed, available) = (2 * sizes.bytes(most), memory::available_bytes());
         let gigabytes = |bytes: u64| bytes as f64 / 1e9;
         if needed <= available {
             return Ok(rows);
@@ -384,46 +358,15 @@ impl Arrays {
         ))
     }
 
-    /// Returns the shape of an array, if the file can hold it.
-    fn shape(&self, name: &str) -> Result<Vec<usize>, String> {
-        let mut names = self.file.names();
-        names.sort();
-        if !names.iter().any(|known| *known == name) {
-            let names: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
-            return Err(format!(
-                "has no array {name}, but {}: data are {STATES}, {ACTIONS} and {ENDS}",
-                names.join(", ")
-            ));
-        }
-        let read = self.file.get_shape_and_dtype(name);
-        let (shape, kind) = read.map_err(|error| unread_array(name, &error))?;
-        let count = shape.dims().iter().try_fold(1_usize, |count, n| count.checked_mul(*n));
-        let most = self.bytes.saturating_mul(MOST_PACKED) / kind.size_in_bytes().max(1) as u64;
-        match count {
-            Some(count) if count <= MOST_NUMBERS && count as u64 <= most => {
-                Ok(shape.dims().to_vec())
-            }
-            _ => Err(format!(
-                "{name} has shape {:?}: more than the file holds, or than {MOST_NUMBERS} numbers",
-                shape.dims()
-            )),
-        }
-    }
-
-    /// Returns the numbers of an array.
-    fn numbers(&self, name: &str) -> Result<Vec<f32>, String> {
-        let flat = |array: Tensor| array.to_dtype(DType::F32)?.flatten_all()?.to_vec1();
-        match self.file.get(name) {
-            Ok(Some(array)) => flat(array).map_err(|error| unread_array(name, &error)),
-            Ok(None) => Err(format!("has no array {name}")),
-            Err(error) => Err(unread_array(name, &error)),
-        }
-    }
-
     /// Returns the numbers of an array of two dimensions with this number of columns.
-    fn table(&self, name: &str, columns: usize, of: &str) -> Result<Vec<f32>, String> {
-        match self.shape(name)?[..] {
-            [rows, own] if own == columns && rows > 0 => self.numbers(name),
+    fn table(
+        &self,
+        name: &str,
+        arrays: &mut Arrays,
+        (columns, of): (usize, &str),
+    ) -> Result<Vec<f32>, String> {
+        match *self.shape(name) {
+            [rows, own] if own == columns && rows > 0 => arrays.numbers(name, self.shape(name)),
             [rows, own] if rows > 0 => {
                 Err(format!("{name} have {own} numbers a row, but {of} {columns}"))
             }
@@ -431,36 +374,78 @@ impl Arrays {
         }
     }
 
-    /// Returns an array of one dimension, or of one column.
-    fn column(&self, name: &str) -> Result<Vec<f32>, String> {
-        match self.shape(name)?[..] {
-            [_] | [_, 1] => self.numbers(name),
-            ref shape => Err(format!("{name} have shape {shape:?}: it must be (rows,)")),
+    /// Returns states of the world.
+    fn states(
+        &self,
+        name: &str,
+        arrays: &mut Arrays,
+        sizes: ReplaySizes,
+        world: &dyn Environment,
+    ) -> Result<Vec<f32>, String> {
+        let mut states = self.table(name, arrays, (sizes.state, "the world's states"))?;
+        check(name, &states, sizes.state, MAX_MAGNITUDE, "finite, and at most 1e9 in size")?;
+        if let Some(recorded) = world.abilities().recorded {
+            states.chunks_exact_mut(sizes.state).for_each(|state| recorded.own_state(state));
         }
+        Ok(states)
+    }
+
+    /// Returns whether each row is the last one of an episode by any of the arrays.
+    fn ends(&self, arrays: &mut Arrays) -> Result<Vec<bool>, String> {
+        let mut is_last = Vec::new();
+        for name in [ENDS].into_iter().chain(OTHER_ENDS).filter(|name| self.has(name)) {
+            let ends = match *self.shape(name) {
+                [_] | [_, 1] => arrays.numbers(name, self.shape(name))?,
+                ref shape => {
+                    return Err(format!("{name} have shape {shape:?}: it must be (rows,)"));
+                }
+            };
+            if let Some(row) = ends.iter().position(|end| end.is_nan()) {
+                return Err(format!(
+                    "{name}[{row}] is NaN: it must be 1 in the last row of an episode, and else 0"
+                ));
+            }
+            is_last.resize(ends.len(), false);
+            is_last.iter_mut().zip(ends).for_each(|(is_last, end)| *is_last |= end != 0.0);
+        }
+        Ok(is_last)
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use std::cell::RefCell;
+/// Returns names or numbers as text: `a, b and c`.
+fn listed(all: &[impl AsRef<str>]) -> String {
+    let all: Vec<&str> = all.iter().map(AsRef::as_ref).collect();
+    match &*all {
+        [start @ .., last] if !start.is_empty() => format!("{} and {last}", start.join(", ")),
+        all => all.join(""),
+    }
+}
 
-    use super::*;
-
-    /// Bytes whose every other read is interrupted by a signal.
-    struct Interrupted(&'static [u8], bool);
-
-    impl Read for Interrupted {
-        fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
-            self.1 = !self.1;
-            if self.1 { Err(ErrorKind::Interrupted.into()) } else { self.0.read(&mut into[..2]) }
+/// Returns states, actions and ends of episodes with a row more where a row does not lead to the
+/// next one, but to its own of the states `next`: an episode ends there. So the rows of a shuffled
+/// replay buffer become episodes of a single transition.
+fn with_next(
+    states: &[f32],
+    actions: &[f32],
+    is_last: &[bool],
+    next: &[f32],
+    sizes: ReplaySizes,
+) -> (Vec<f32>, Vec<f32>, Vec<bool>) {
+    let (mut all_states, mut all_actions, mut all_last) = (Vec::new(), Vec::new(), Vec::new());
+    let state = |row: usize| &states[row * sizes.state..(row + 1) * sizes.state];
+    let rows = next.chunks_exact(sizes.state).zip(actions.chunks_exact(sizes.action));
+    for (row, (next, action)) in rows.enumerate() {
+        let is_next_row = next == state((row + 1) % is_last.len());
+        all_states.extend(state(row));
+        all_actions.extend(action);
+        // Where an episode ends, the next row is the start of another one: the file's states moved
+        // by a row, and not where the action led.
+        all_last.push(is_last[row] && is_next_row);
+        if !is_next_row {
+            all_states.extend(next);
+            all_actions.resize(all_states.len() / sizes.state * sizes.action, 0.0);
+            all_last.push(true);
         }
     }
-
-    #[test]
-    fn a_checksum_goes_on_where_a_signal_interrupts_it() {
-        let told = RefCell::new(Vec::new());
-        let found = checksum_of(Interrupted(b"12345", false), |done| told.borrow_mut().push(done));
-        assert_eq!(found.expect("a checksum"), (crc32fast::hash(b"12345"), 5));
-        assert_eq!(told.into_inner(), [0, 2, 4, 5]);
-    }
+    (all_states, all_actions, all_last)
 }

@@ -9,7 +9,7 @@ use super::{Result, Stream, Trainer, stream};
 use crate::learn::{Replay, ReplaySizes, ReplayState};
 use crate::pulse::Progress;
 use crate::store::{Store, StoreError};
-use crate::train::dataset::{DataSource, Dataset};
+use crate::train::dataset::{DataSource, Dataset, Stamp};
 use crate::train::error::{DataError, TrainError};
 use crate::train::memory;
 
@@ -24,6 +24,9 @@ pub(super) struct Data {
     acts: bool,
     /// Room in the replay buffer if a checkpoint contains it, as it is no longer what the file has.
     own_replay: Option<usize>,
+    /// What the file was like when it was read.
+    #[serde(skip)]
+    stamp: Option<Stamp>,
     /// Why no file can be read again.
     #[serde(skip)]
     missing: Option<Arc<DataError>>,
@@ -58,7 +61,8 @@ impl Trainer {
         self.revisit_everything(&Progress::default());
         let source = data.source().clone();
         let own_replay = (removed > 0).then(|| self.replay.capacity());
-        self.data = Some(Data { source, acts: false, own_replay, missing: None });
+        let stamp = Some(data.stamp().clone());
+        self.data = Some(Data { source, acts: false, own_replay, stamp, missing: None });
         LeftOut { impossible, by_chance }
     }
 
@@ -158,12 +162,23 @@ impl Trainer {
         }
     }
 
+    /// Says what has become of the file that checkpoints would read their transitions from, if it
+    /// is no longer there: they contain the transitions then.
+    pub fn lost_data(&self) -> Option<String> {
+        let Data { source, stamp, .. } = self.data.as_ref().filter(|_| self.reads_data())?;
+        let loss = source.loss(stamp.as_ref()?)?;
+        let file = source.file.display();
+        Some(format!("{file} {loss}: checkpoints contain the data from now on"))
+    }
+
     /// Writes the replay buffer, or which file fills it.
     pub(super) fn save_replay(&self, store: &mut Store) -> Result<()> {
+        let has_file = self.reads_data() && self.lost_data().is_none();
         if let Some(data) = &self.data {
-            store.put_json(DATA, data)?;
+            let room = (!has_file).then(|| self.replay.capacity());
+            store.put_json(DATA, &Data { own_replay: data.own_replay.or(room), ..data.clone() })?;
         }
-        if !self.reads_data() {
+        if !has_file {
             self.replay.snapshot().write(store);
         }
         Ok(())
@@ -181,6 +196,7 @@ impl Trainer {
                     Ok(read) => {
                         self.replay = self.replay_of(&read);
                         data.source = read.source().clone();
+                        data.stamp = Some(read.stamp().clone());
                     }
                     Err(error) => data.missing = Some(Arc::new(error)),
                 }
