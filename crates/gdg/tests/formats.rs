@@ -27,7 +27,7 @@ fn samples_of_each_format_are_the_same_maze() {
     for (names, expected) in [
         (&["list.json", "list-gymnasium.py", "list-ogbench-crlf.txt"][..], maze(&[])),
         (&["colours.png", "palette.png", "image-p6.ppm"], maze(&[])),
-        (&["tiled.tmx", "tiled-two-layers.tmx"], maze(&[])),
+        (&["tiled.tmx", "tiled-two-layers.tmx", "tiled-objects.tmx"], maze(&[])),
         (&["d4rl.txt", "d4rl-source.py", "d4rl-bare"], maze(&['C'])),
         (
             &[
@@ -42,6 +42,8 @@ fn samples_of_each_format_are_the_same_maze() {
                 "image-p5.pgm",
                 "image-p5-16-bit.pgm",
                 "image-p2.pgm",
+                "image-p2-comments.pgm",
+                "image-p5-comment.pgm",
                 "ros.yaml",
                 "ros-negate.yaml",
                 "ros-scale.yaml",
@@ -280,4 +282,20 @@ fn plain_maps_may_end_in_map_and_broken_headers_are_still_named() {
     assert_eq!((plain.starts().len(), plain.goals().len(), plain.free_count()), (1, 1, 5));
     let error = read("height 2\nwidth 2\nmap\n..\n..\n").expect_err("no type");
     assert!(error.problem.contains("type octile"), "{error}");
+}
+
+#[test]
+fn what_tiled_never_writes_is_refused_before_it_takes_long() {
+    let refused = |layer: &str| {
+        let text = format!("<map width=\"1\" height=\"1\"><layer{layer}/></map>");
+        parse_map("maze.tmx", text.as_bytes()).expect_err("no map").problem
+    };
+    let many =
+        |attribute: &str| (0..=100).map(|i| attribute.replace('N', &i.to_string())).collect();
+    let [attributes, names]: [String; 2] = [" aN='='", "><a xmlns:nN='n'/"].map(many);
+    assert!(refused(&attributes).contains("more than 100 attributes of one element"));
+    assert!(refused(&names).contains("more than 100 namespaces"));
+    let deep = format!("/>{}{}<layer", "<group>".repeat(101), "</group>".repeat(101));
+    assert!(refused(&deep).contains("layers lie within more than 100 others"));
+    assert!(refused(" a='====\"'").contains("this layer has no data"));
 }

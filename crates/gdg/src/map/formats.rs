@@ -24,7 +24,7 @@ use super::error::MapResult;
 use super::grid::{Cell, Grid};
 use super::text::Text;
 use image::Image;
-pub use mapf::{agents, has_agents, is_mapf};
+pub use mapf::{Agent, agents, has_agents, is_mapf};
 pub use movingai::print_movingai;
 pub use plain::print_ascii;
 use rows::{Mark, Rows};

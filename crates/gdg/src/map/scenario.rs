@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::distance::StepSearch;
 use super::error::{MapError, MapResult};
-use super::formats::{MapFormat, agents, is_mapf};
+use super::formats::{Agent, MapFormat, agents, is_mapf};
 use super::grid::{Cell, Grid};
 use super::octile::{OctileSearch, least_length};
 use super::text::Text;
@@ -51,8 +51,10 @@ pub struct Scenario {
 struct Entry {
     /// Line, from 0.
     line: usize,
-    /// The line itself.
+    /// The line itself, empty for an agent of a map.
     text: String,
+    /// For an agent, errors without a problem at its start and goal.
+    marks: Option<[Box<MapError>; 2]>,
     /// Width and height of the map that coordinates refer to.
     size: (usize, usize),
     start: (usize, usize),
@@ -126,6 +128,7 @@ impl Scenario {
         let entries = entries.enumerate().map(|(i, (text, (start, goal, length)))| Entry {
             line: i + 1,
             text,
+            marks: None,
             size: (grid.width(), grid.height()),
             start: (start.x, start.y),
             goal: (goal.x, goal.y),
@@ -152,12 +155,13 @@ impl Scenario {
     /// Returns the tasks of the agents of a map for planners: they refer to the map in the same file.
     fn of_agents(text: &Text) -> MapResult<Self> {
         let (size, agents) = agents(text)?;
-        let entries = agents.iter().map(|agent| Entry {
-            line: agent.place.line,
-            text: text.lines.get(agent.place.line).copied().unwrap_or_default().to_owned(),
+        let entries = agents.iter().map(|Agent { start, goal }| Entry {
+            line: start.1.line,
+            text: String::new(),
+            marks: Some([start.1, goal.1].map(|place| text.error_at(place, "", ""))),
             size,
-            start: (agent.start.x, agent.start.y),
-            goal: (agent.goal.x, agent.goal.y),
+            start: (start.0.x, start.0.y),
+            goal: (goal.0.x, goal.0.y),
             length: None,
         });
         Ok(Self { file: text.file.to_owned(), entries: entries.collect() })
@@ -310,6 +314,10 @@ impl Entry {
         problem: String,
         help: &str,
     ) -> Box<MapError> {
+        if let Some([start, goal]) = &self.marks {
+            let mark = if *fields.start() < 6 { start } else { goal };
+            return Box::new(MapError { problem, help: help.to_owned(), ..*mark.clone() });
+        }
         let line = SourceLine { number: self.line, text: &self.text };
         MapError::at(file, line, columns(&self.text, fields), problem, help)
     }
@@ -332,6 +340,7 @@ fn parse_entry(text: &Text, line: usize) -> MapResult<Entry> {
     Ok(Entry {
         line,
         text: whole.to_owned(),
+        marks: None,
         size: (number(2)?, number(3)?),
         start: (number(4)?, number(5)?),
         goal: (number(6)?, number(7)?),
@@ -360,10 +369,6 @@ fn fields(line: &str) -> Vec<Field<'_>> {
 fn columns(line: &str, which: RangeInclusive<usize>) -> std::ops::Range<usize> {
     let fields = fields(line);
     let column = |byte: usize| line[..byte].chars().count();
-    if fields.len() < FIELDS {
-        // An agent's, in YAML.
-        return column(line.len() - line.trim_start().len())..column(line.len());
-    }
     let (first, last) = (fields[*which.start()], fields[*which.end()]);
     column(first.0)..column(last.0 + last.1.len())
 }

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use unicode_width::UnicodeWidthChar;
+
 use super::sanitized;
 
 /// Characters shown on each side of the error.
@@ -35,20 +37,26 @@ impl Excerpt {
     /// Creates an excerpt around `columns` (from 0, in characters) of a line.
     pub fn new(file: &str, line: SourceLine, columns: Range<usize>) -> Self {
         let first_column = columns.start.saturating_sub(CONTEXT_CHARS);
-        let shown: String = line.text.chars().skip(first_column).take(2 * CONTEXT_CHARS).collect();
-        let bytes = |until: usize| -> usize { shown.chars().take(until).map(char::len_utf8).sum() };
+        let shown = line.text.chars().skip(first_column).take(2 * CONTEXT_CHARS);
+        // A tab as one column, and what is invisible or joins its neighbours as something visible, so
+        // that the marks below the text stay in place.
+        let visible = |c: char| match (c, c.width()) {
+            ('\t', _) => ' ',
+            (_, Some(0)) => '\u{fffd}',
+            _ => c,
+        };
+        let text = sanitized(&shown.map(visible).collect::<String>());
+        let bytes = |until: usize| -> usize { text.chars().take(until).map(char::len_utf8).sum() };
         let (from, to) = (
             bytes(columns.start - first_column),
             bytes(columns.end.max(columns.start) - first_column),
         );
-        // A tab as one column, so that the marks below the text stay in place.
-        let shown = shown.replace('\t', " ");
         Self {
             file: sanitized(file),
             line: line.number,
             first_column,
-            text: sanitized(&shown),
             span: (from, to - from),
+            text,
         }
     }
 
@@ -92,6 +100,16 @@ mod tests {
     fn a_tab_is_shown_as_a_space() {
         let excerpt = Excerpt::new("f", SourceLine { number: 0, text: "a\tb\x1b" }, 2..3);
         assert_eq!((excerpt.text.as_str(), excerpt.span), ("a b?", (2, 1)));
+    }
+
+    #[test]
+    fn each_character_that_is_shown_takes_its_columns() {
+        // Joined by terminals, or not.
+        let text = "\u{1f468}\u{200d}\u{1f469}e\u{301}\u{4e00}x";
+        let excerpt = Excerpt::new("f", SourceLine { number: 0, text }, 6..7);
+        let (from, length) = excerpt.span;
+        assert_eq!(&excerpt.text[from..from + length], "x");
+        assert_eq!(super::super::display_width(&excerpt.text[..from]), 2 + 1 + 2 + 1 + 1 + 2);
     }
 
     #[test]

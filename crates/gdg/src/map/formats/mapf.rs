@@ -42,10 +42,9 @@ pub fn has_agents(text: &Text) -> bool {
 
 /// A task of one agent.
 pub struct Agent {
-    /// Where it stands in the file.
-    pub place: Place,
-    pub start: Cell,
-    pub goal: Cell,
+    /// The cells, and where they are in the file.
+    pub start: (Cell, Place),
+    pub goal: (Cell, Place),
 }
 
 /// Returns a pair of numbers, such as a cell. A third one, for a height, is ignored.
@@ -109,8 +108,11 @@ pub fn agents(text: &Text) -> MapResult<((usize, usize), Vec<Agent>)> {
     let size = dimensions(text, &root)?;
     let nodes = root.wanted(text, "agents", HELP)?;
     let agent = |node: &Node| {
-        let at = |key| cell(text, node.wanted(text, key, HELP)?, size);
-        Ok(Agent { place: node.place, start: at("start")?, goal: at("goal")? })
+        let at = |key| -> MapResult<_> {
+            let node = node.wanted(text, key, HELP)?;
+            Ok((cell(text, node, size)?, node.place))
+        };
+        Ok(Agent { start: at("start")?, goal: at("goal")? })
     };
     let agents = nodes.list(text, HELP)?.iter().map(agent).collect::<MapResult<Vec<_>>>()?;
     if agents.is_empty() {

@@ -74,8 +74,14 @@ fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
         check_row_length(text, first_row + y, row, width, "the header says width", &help)?;
         for c in row.chars() {
             let Some(is_free) = is_free(c) else {
-                let is_known = |c: char| is_free(c).is_some() || c.is_whitespace();
-                return Err(unknown_character(text, first_row + y, is_known, ALLOWED_CHARACTERS));
+                let is_known = |c| is_free(c).is_some();
+                return Err(unknown_character(
+                    text,
+                    first_row,
+                    &rows,
+                    is_known,
+                    ALLOWED_CHARACTERS,
+                ));
             };
             free.push(is_free);
         }
@@ -150,11 +156,11 @@ fn parse_header(text: &Text) -> MapResult<Header> {
 }
 
 fn parse_size(text: &Text, line: usize, value: &str) -> MapResult<usize> {
-    let column = text.lines[line].chars().count() - text.lines[line].trim_start().chars().count();
-    let from = column + text.lines[line].trim_start().to_ascii_lowercase().find(value).unwrap_or(0);
     let error = |problem: String| {
+        // It ends the line.
+        let to = text.lines[line].trim_end().chars().count();
         let help = format!("sizes are integers from 1 to {}", grouped(MAX_SIDE as u64));
-        text.error(line, from..from + value.chars().count(), problem, help)
+        text.error(line, to - value.chars().count()..to, problem, help)
     };
     match value.parse::<usize>() {
         Ok(0) => Err(error("a size of 0 is invalid".to_owned())),

@@ -30,9 +30,14 @@ fn begins_with_number(row: &str) -> bool {
     row.trim_start().starts_with(|c: char| c == '-' || c.is_ascii_digit())
 }
 
-/// Returns the lines after the comments at the beginning that are not empty, with their numbers.
+/// Returns the lines after the comments at the beginning that are not empty, with their numbers. The
+/// line by which spreadsheets name the separator is a comment, too.
 fn rows<'a>(text: &Text<'a>) -> Vec<(usize, &'a str)> {
-    let is_before = |line: &str| line.trim().is_empty() || line.trim_start().starts_with('#');
+    let is_before = |line: &str| {
+        let line = line.trim();
+        let beginning = line.trim_start_matches('"').get(..4).unwrap_or_default();
+        line.is_empty() || line.starts_with('#') || beginning.eq_ignore_ascii_case("sep=")
+    };
     let rows = text.lines.iter().copied().enumerate().skip_while(|(_, line)| is_before(line));
     rows.filter(|(_, row)| !row.trim().is_empty()).collect()
 }
@@ -65,16 +70,37 @@ fn numbers(line: usize, text: &str) -> impl Iterator<Item = Number<'_>> {
     let has_commas = text.contains([',', ';']);
     let is_between =
         move |c: char| if has_commas { c == ',' || c == ';' } else { c.is_whitespace() };
-    text.split(is_between).map(str::trim).filter(|number| !number.is_empty()).map(move |number| {
-        let byte = number.as_ptr() as usize - text.as_ptr() as usize;
-        (number, Place { line, column: text[..byte].chars().count() })
-    })
+    let mut next = 0;
+    let placed = text.split(is_between).map(move |part| {
+        let column = next + part.chars().take_while(|c| c.is_whitespace()).count();
+        next += part.chars().count() + 1;
+        (part.trim(), Place { line, column })
+    });
+    placed.filter(|(number, _)| !number.is_empty())
+}
+
+/// Checks that commas and semicolons do not separate cells both: commas may be those of decimals.
+fn check_separators(text: &Text, rows: &[(usize, &str)]) -> MapResult<()> {
+    let first = rows.iter().find_map(|(_, row)| row.chars().find(|c| ",;".contains(*c)));
+    let other = if first == Some(',') { ';' } else { ',' };
+    let place = |(line, row): &(usize, &str)| {
+        Some(Place { line: *line, column: row.chars().position(|c| c == other)? })
+    };
+    match rows.iter().find_map(place) {
+        None => Ok(()),
+        Some(place) => {
+            let problem = "there are commas and semicolons: which of them separate cells?";
+            let help = "cells are separated by one of them, and decimals have a point";
+            Err(text.error_at(place, problem, help))
+        }
+    }
 }
 
 fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
     let rows = rows(text);
     let rows = &rows[size_rows(&rows)..];
+    check_separators(text, rows)?;
     let lines = || rows.iter().map(|(line, row)| numbers(*line, row));
     let is_binary = |(number, _): Number| number.bytes().all(|b| b == b'0' || b == b'1');
     let is_dense = lines().flatten().all(is_binary) && lines().flatten().any(|n| n.0.len() > 1);
@@ -136,6 +162,18 @@ mod tests {
         assert_eq!(size("2 1\n0 0\n"), (2, 2), "rows");
         assert_eq!(size("2\n1\n0\n0\n"), (1, 4), "rows");
         assert!(parse_map("maze", b"3 3\n0 1 0\n0 0 0\n").is_err(), "another size");
+    }
+
+    #[test]
+    fn one_kind_of_separators_is_read_and_spreadsheets_may_name_it() {
+        let read = |text: &str| parse_map("maze", text.as_bytes());
+        let named = read("SEP=;\r\n1;1;1\r\n1;0;1\r\n").expect("a map");
+        assert_eq!((named.width(), named.free_count()), (3, 1));
+        for (decimals, place) in [("1,0;0,0\n0,0;0,0\n", (1, 4)), ("1;0\n 0,5;1\n", (2, 3))] {
+            let error = read(decimals).expect_err("two kinds");
+            assert_eq!(error.at, Some(place), "{error}");
+            assert!(error.help.contains("decimals have a point"), "{error}");
+        }
     }
 
     #[test]

@@ -48,7 +48,8 @@ impl Reader<'_> {
             in_comment || byte.is_ascii_whitespace()
         });
         let from = self.at + skipped.count();
-        let digits = self.bytes[from..].iter().take_while(|byte| !byte.is_ascii_whitespace());
+        let is_in = |byte: &&u8| !byte.is_ascii_whitespace() && **byte != b'#';
+        let digits = self.bytes[from..].iter().take_while(is_in);
         let to = from + digits.count();
         let text = String::from_utf8_lossy(&self.bytes[from..to]);
         self.at = to;
@@ -83,8 +84,12 @@ pub fn decode(file: &str, bytes: &[u8]) -> MapResult<Image> {
     Image::check_size(file, width, height)?;
     let most = reader.number(1..=65_535)?;
     let is_binary = matches!(bytes[1], b'5' | b'6');
-    // One blank ends the header.
-    reader.at += usize::from(is_binary);
+    if is_binary {
+        // One blank ends the header, or a comment with the end of its line.
+        let rest = &bytes[reader.at..];
+        let comment = rest.starts_with(b"#").then(|| rest.iter().position(|byte| *byte == b'\n'));
+        reader.at += comment.flatten().unwrap_or(0) + 1;
+    }
     let width_of_sample = if most > 255 { 2 } else { 1 };
     let mut sample = || {
         let sample =

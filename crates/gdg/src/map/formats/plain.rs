@@ -70,12 +70,8 @@ fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     for (y, line) in rows.iter().enumerate() {
         for (x, c) in line.chars().enumerate() {
             let Some(mark) = mark(c) else {
-                return Err(unknown_character(
-                    text,
-                    first + y,
-                    |c| mark(c).is_some(),
-                    ALLOWED_CHARACTERS,
-                ));
+                let is_known = |c| mark(c).is_some();
+                return Err(unknown_character(text, first, &rows, is_known, ALLOWED_CHARACTERS));
             };
             if matches!(mark, Mark::Start | Mark::Both) {
                 starts.push(Cell::new(x, y));
@@ -118,18 +114,19 @@ pub fn print_ascii(grid: &Grid) -> String {
     marks(grid).flat_map(|row| row.map(character).chain(['\n'])).collect()
 }
 
-/// Creates the error for the first character from `line` on that is not a map character; it also
-/// names later ones. `help` lists those that `is_known` accepts.
+/// Creates the error for the first character of `rows`, which begin in line `first`, that is not a
+/// map character; it also names later ones. `help` lists those that `is_known` accepts.
 pub fn unknown_character(
     text: &Text,
-    line: usize,
+    first: usize,
+    rows: &[&str],
     is_known: impl Fn(char) -> bool + Copy,
     help: &str,
 ) -> Box<MapError> {
-    let mut unknown = text.lines.iter().enumerate().skip(line).flat_map(|(y, row)| {
+    let mut unknown = rows.iter().zip(first..).flat_map(|(row, y)| {
         row.chars().enumerate().filter(move |(_, c)| !is_known(*c)).map(move |(x, c)| (c, y, x))
     });
-    let (first, line, column) = unknown.next().unwrap_or((' ', line, 0));
+    let (first, line, column) = unknown.next().unwrap_or((' ', first, 0));
     let named: Vec<String> = unknown
         .by_ref()
         .take(MAX_NAMED_CHARACTERS)

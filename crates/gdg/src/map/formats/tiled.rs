@@ -28,6 +28,10 @@ const HELP: &str =
 
 const WALLS: &str = "where a layer called walls has tiles there are walls; without such a layer, where any layer has tiles";
 
+/// The most attributes of an element, names that layers can have, and layers within layers: Tiled
+/// writes far fewer, and the time that the parser takes grows with their square.
+const MOST: usize = 100;
+
 /// Pixels of a written tile along each side.
 const TILE: usize = 16;
 
@@ -43,24 +47,68 @@ fn place_of(text: &Text, byte: usize) -> Place {
     Place { line: line - 1, column: column - 1 }
 }
 
+/// Checks that no element has more attributes, and the file no more namespaces, than [`MOST`].
+fn check_attributes(text: &Text) -> MapResult<()> {
+    let fault = |at: usize, what: &str| {
+        let problem = format!("more than {MOST} {what}: this is no map of Tiled");
+        Err(text.error_at(place_of(text, at), problem, HELP))
+    };
+    if let Some((at, _)) = text.source.match_indices("xmlns").nth(MOST) {
+        return fault(at, "namespaces");
+    }
+    for (start, _) in text.source.match_indices('<') {
+        let (mut quote, mut attributes) = (None, 0);
+        for c in text.source[start + 1..].chars() {
+            match (quote, c) {
+                // Comments and the like have none.
+                (None, '>' | '<' | '!' | '?') => break,
+                (None, '=') => attributes += 1,
+                (None, '"' | '\'') => quote = Some(c),
+                (Some(quoted), c) if c == quoted => quote = None,
+                _ => {}
+            }
+        }
+        if attributes > MOST {
+            return fault(start, "attributes of one element");
+        }
+    }
+    Ok(())
+}
+
 fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
+    check_attributes(text)?;
     let document = Document::parse(text.source).map_err(|error| {
         let at = error.pos();
         let place = Place { line: at.row as usize - 1, column: at.col as usize - 1 };
         text.error_at(place, format!("this is not XML: {error}"), HELP)
     })?;
     let root = document.root_element();
+    if let Some(orientation) = root.attribute("orientation").filter(|way| *way != "orthogonal") {
+        let problem = format!("the map is {orientation}, not orthogonal");
+        let help = "maps have square cells: Map > Map Properties > Orientation: Orthogonal";
+        return Err(text.error_at(place_of(text, root.range().start), problem, help));
+    }
     let layers: Vec<Node> = root.descendants().filter(|node| node.has_tag_name("layer")).collect();
+    if let Some(deep) = root.descendants().find(|node| node.ancestors().nth(MOST).is_some()) {
+        let problem = format!("layers lie within more than {MOST} others");
+        return Err(text.error_at(place_of(text, deep.range().start), problem, HELP));
+    }
     let is_wall = |layer: &&Node| {
-        let name = layer.attribute("name").unwrap_or_default().to_lowercase();
-        ["wall", "collision", "obstacle"].iter().any(|word| name.contains(word))
+        let mut names = names(**layer);
+        let words = ["wall", "collision", "obstacle"];
+        names.any(|name| words.iter().any(|word| name.contains(word)))
     };
     let named: Vec<Node> = layers.iter().filter(is_wall).copied().collect();
     let (width, height) = (size(text, root, "width")?, size(text, root, "height")?);
     let mut cells: Vec<Mark> = Vec::new();
     for layer in if named.is_empty() { &layers } else { &named } {
         let own = tiles(text, *layer, width, height)?;
+        if offset(text, *layer)? != [0.0; 2] {
+            let problem = "this layer has an offset, and its tiles are between the cells";
+            let help = "set the offset of the layer, and of those that it is in, to 0";
+            return Err(text.error_at(place_of(text, layer.range().start), problem, help));
+        }
         cells.resize(own.len(), Mark::Free);
         let walls = cells.iter_mut().zip(own).filter(|(_, tile)| *tile);
         walls.for_each(|(cell, _)| *cell = Mark::Wall);
@@ -128,24 +176,65 @@ fn tiles(text: &Text, layer: Node, width: usize, height: usize) -> MapResult<Vec
     Ok(tiles)
 }
 
-/// Marks the cells under objects called start and goal.
+/// Returns what an object or a layer is called, in lower case, and then the layers that it is in:
+/// names, types, and classes, as types are called in Tiled 1.9.
+fn names<'a>(node: Node<'a, '_>) -> impl Iterator<Item = String> + 'a {
+    let layers = node.ancestors().take_while(|node| !node.has_tag_name("map"));
+    let names = layers.flat_map(|node| ["name", "type", "class"].map(|key| node.attribute(key)));
+    names.flatten().map(str::to_lowercase)
+}
+
+/// Returns an attribute that is a number, 0 if there is none.
+fn number(text: &Text, node: Node, name: &str) -> MapResult<f32> {
+    let Some(value) = node.attribute(name) else { return Ok(0.0) };
+    let wrong = || {
+        let place = place_of(text, node.range().start);
+        text.error_at(place, format!("{name} {value:?} is not a number"), HELP)
+    };
+    value.parse().ok().filter(|value: &f32| value.is_finite()).ok_or_else(wrong)
+}
+
+/// Returns by how many pixels a layer is moved, or what is in one.
+fn offset(text: &Text, node: Node) -> MapResult<[f32; 2]> {
+    node.ancestors().try_fold([0.0; 2], |[x, y], node| {
+        Ok([x + number(text, node, "offsetx")?, y + number(text, node, "offsety")?])
+    })
+}
+
+/// Returns the middle of an object, in pixels.
+fn middle(text: &Text, object: Node) -> MapResult<[f32; 2]> {
+    let number = |name| number(text, object, name);
+    let (right, down) = (number("width")? / 2.0, number("height")? / 2.0);
+    // A tile stands on its place, all else hangs from it; both turn around it.
+    let down = if object.has_attribute("gid") { -down } else { down };
+    let (sin, cos) = number("rotation")?.to_radians().sin_cos();
+    let [x, y] = offset(text, object)?;
+    let (x, y) = (x + number("x")?, y + number("y")?);
+    Ok([x + right * cos - down * sin, y + right * sin + down * cos])
+}
+
+/// Marks the cells under objects called start and goal, or in layers of that name.
 fn mark_objects(text: &Text, root: Node, width: usize, cells: &mut [Mark]) -> MapResult<()> {
-    for object in root.descendants().filter(|node| node.has_tag_name("object")) {
-        let name = object.attribute("name").or(object.attribute("type")).unwrap_or_default();
-        let mark = match name.to_lowercase().as_str() {
-            "start" | "s" => Mark::Start,
-            "goal" | "g" => Mark::Goal,
-            _ => continue,
-        };
-        let number = |node: Node, name| -> Option<f32> { node.attribute(name)?.parse().ok() };
-        let at = |axis, tile| Some((number(object, axis)? / number(root, tile)?).floor());
+    let mark = |name: String| match name.as_str() {
+        "start" | "starts" | "s" => Some(Mark::Start),
+        "goal" | "goals" | "g" => Some(Mark::Goal),
+        _ => None,
+    };
+    let is_object = |node: &Node| {
+        // Those of a tile are its shape.
+        node.has_tag_name("object") && !node.ancestors().any(|node| node.has_tag_name("tileset"))
+    };
+    for object in root.descendants().filter(is_object) {
+        let Some(mark) = names(object).find_map(mark) else { continue };
         let fault = |problem: &str| -> Box<MapError> {
             text.error_at(place_of(text, object.range().start), problem, WALLS)
         };
-        let place = at("x", "tilewidth").zip(at("y", "tileheight"));
-        let inside = place.filter(|(x, y)| *x >= 0.0 && *x < width as f32 && *y >= 0.0);
-        let cell = inside.and_then(|(x, y)| cells.get_mut(y as usize * width + x as usize));
-        match cell {
+        let tile = [size(text, root, "tilewidth")? as f32, size(text, root, "tileheight")? as f32];
+        let [x, y] = middle(text, object)?;
+        let (x, y) = ((x / tile[0]).floor(), (y / tile[1]).floor());
+        let inside = x >= 0.0 && x < width as f32 && y >= 0.0;
+        let at = inside.then(|| (y as usize).saturating_mul(width).saturating_add(x as usize));
+        match at.and_then(|at| cells.get_mut(at)) {
             None => return Err(fault("this object is not on the map")),
             Some(Mark::Wall) => return Err(fault("this object is in a wall")),
             Some(cell) if *cell == Mark::Free || *cell == mark => *cell = mark,
