@@ -272,6 +272,12 @@ mod tests {
             let note = format!("{}:3{problem}: left out", file.display());
             assert_eq!(run.note(), Some(note));
         }
+        write(&file, "version https://git-lfs.github.com/spec/v1\n").expect("a file");
+        let error = crate::experiment::runs::file(&file).expect_err("no records").to_string();
+        assert!(
+            error
+                .ends_with("is a Git LFS pointer, which stands for the file, not records of a run")
+        );
     }
 
     #[test]

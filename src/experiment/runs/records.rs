@@ -11,11 +11,15 @@ use serde_json::{Map, Value};
 
 use super::{HELP, Kind, SavedRun, unreadable, with_preset};
 use crate::experiment::job::{EvaluationAt, setting_text};
-use gdg::files::open;
+use gdg::files::{Format, Mismatch, Wanted, open};
 use gdg::text::sanitized;
 
 /// The longest line of records: none that this program writes is nearly as long.
 const MOST_OF_A_LINE: u64 = 16 << 20;
+
+/// What is read as records.
+const RECORDS: Wanted =
+    Wanted { name: "records of a run", help: HELP, own: &[Format::Json, Format::Text] };
 
 /// Some editors begin files with it.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
@@ -186,10 +190,10 @@ pub fn read(path: &Path) -> Result<Vec<SavedRun>, Report> {
         if is_too_long(&line) && !is_whole {
             reader.skip_until(b'\n').map_err(|error| unreadable(path, &error))?;
         }
-        let text = line.trim_ascii();
+        let text = line.trim_ascii_end();
         let text =
             if number == 1 { text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text) } else { text };
-        if text.is_empty() {
+        if text.trim_ascii_start().is_empty() {
             continue;
         }
         let problem = match (serde_json::from_slice(text), runs.last_mut()) {
@@ -213,6 +217,9 @@ pub fn read(path: &Path) -> Result<Vec<SavedRun>, Report> {
         runs.last_mut().map_or(&mut skipped, |run| &mut run.skipped).add(one);
     }
     let Some(run) = runs.first_mut() else {
+        if let Some(Mismatch { problem, help }) = RECORDS.mismatch(path) {
+            return Err(miette!(help = help, "{}: {problem}", path.display()));
+        }
         let problem = if skipped.lines == 0 { " no records".to_owned() } else { skipped.first };
         return Err(miette!(help = HELP, "{}:{problem}", path.display()));
     };
@@ -237,7 +244,11 @@ fn not_a_record(line: &[u8], error: &serde_json::Error) -> String {
             format!(": not a record: {}", error.split(" at line ").next().unwrap_or_default())
         }
         Ok(_) => ": not a record: no object with an \"event\"".to_owned(),
-        Err(error) => format!(":{}: not a record: not JSON", error.column()),
+        Err(error) => {
+            let before = &line[..line.len().min(error.column().saturating_sub(1))];
+            let column = String::from_utf8_lossy(before).chars().count() + 1;
+            format!(":{column}: not a record: not JSON")
+        }
     }
 }
 
