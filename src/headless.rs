@@ -10,6 +10,7 @@ use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
+use std::time::Instant;
 
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
@@ -74,7 +75,8 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
         }
     };
     let updates_before = setup.trainer.counters().updates;
-    let progress = Progress::new(&setup.limits, setup.trainer.seconds());
+    let progress =
+        Progress::new(&setup.limits, options.eval_every_updates, setup.trainer.seconds());
     let mut run = HeadlessRun { setup, options, progress, saver, table, termination };
     let ended = run.run();
     // Saves what was learned, even after an error.
@@ -199,6 +201,7 @@ impl HeadlessRun<'_> {
             if let ControlFlow::Break(reason) = session.tick(trainer, limits).into_diagnostic()? {
                 return Ok(reason);
             }
+            self.progress.show(trainer);
         }
     }
 
@@ -218,9 +221,8 @@ impl HeadlessRun<'_> {
 
     fn report_progress(&mut self) -> Result<(), Report> {
         let trainer = &self.setup.trainer;
-        print(&Record::progress(trainer))?;
+        print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
         self.table.iter_mut().for_each(|table| table.add(trainer, None));
-        self.progress.show(trainer);
         Ok(())
     }
 
@@ -333,8 +335,10 @@ impl HeadlessRun<'_> {
     /// signal arrives.
     fn evaluate(&mut self) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
         let trainer = &mut self.setup.trainer;
+        let began = Instant::now();
         let evaluated = evaluate(trainer, self.options.eval_tasks, None, &self.termination)?;
         let Some(Ok(evaluation)) = evaluated else { return Ok(evaluated) };
+        self.progress.evaluated(began.elapsed());
         if evaluation.success_rate().is_none() {
             eprint_line("the evaluation has no tasks, so there is no success rate");
         }

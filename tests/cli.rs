@@ -69,7 +69,7 @@ fn records_have_the_documented_format() {
     );
     let progress = of("progress")[0];
     assert_eq!(progress["updates"], 1000);
-    for field in ["seconds", "env_steps", "episodes", "updates_per_second"] {
+    for field in ["seconds", "env_steps", "episodes", "updates_per_second", "left"] {
         assert!(progress[field].is_number(), "{field}");
     }
     for loss in ["critic", "model", "actor"] {
@@ -165,6 +165,7 @@ fn without_times(mut records: Vec<Value>) -> Vec<Value> {
         let object = record.as_object_mut().unwrap();
         object.remove("seconds");
         object.remove("updates_per_second");
+        object.remove("left");
         object.remove("threads");
     }
     records

@@ -80,7 +80,7 @@ fn records(output: &Output, event: &str) -> Vec<Value> {
     let of_kind = parsed.filter(|record| record["event"] == event);
     of_kind
         .map(|mut record| {
-            for time in ["seconds", "updates_per_second"] {
+            for time in ["seconds", "updates_per_second", "left"] {
                 record.as_object_mut().unwrap().remove(time);
             }
             record

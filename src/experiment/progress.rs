@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use parking_lot::Mutex;
 
 use super::job::Job;
-use crate::host::progress_bar;
+use crate::host::progress_bar::{self, duration};
 use gdg::printing::eprint_line;
 
 /// Parts that the bar is divided into.
@@ -35,7 +35,8 @@ struct Item {
     group: String,
     total: u64,
     done: u64,
-    /// Progress and time when this process started the job.
+    /// When this process started the job; progress and time when it had got to its usual pace.
+    started: Option<Instant>,
     first: u64,
     began: Option<Instant>,
     /// Time that this process has spent on it, once it has ended.
@@ -69,6 +70,7 @@ impl Progress {
                 group,
                 total: job.plan.length.amount(),
                 done: 0,
+                started: None,
                 first: 0,
                 began: None,
                 spent: None,
@@ -94,18 +96,24 @@ impl Progress {
     pub fn begin(&self, job: usize, done: u64) {
         let mut items = self.items.lock();
         let item = &mut items[job];
-        (item.done, item.first, item.began) = (done, done, Some(Instant::now()));
+        (item.done, item.first, item.started) = (done, done, Some(Instant::now()));
     }
 
-    /// Records how much of a job is done.
-    pub fn advance(&self, job: usize, done: u64) {
+    /// Records how much of a job is done, and whether it `is_steady`: its start, before there is a
+    /// pace, says nothing about what is left.
+    pub fn advance(&self, job: usize, done: u64, is_steady: bool) {
         let mut shown = self.shown.lock();
-        self.items.lock()[job].done = done;
+        let mut items = self.items.lock();
+        items[job].done = done;
+        if is_steady && items[job].began.is_none() {
+            (items[job].first, items[job].began) = (done, Some(Instant::now()));
+        }
+        drop(items);
         if shown.elapsed() >= BAR_INTERVAL {
             *shown = Instant::now();
             if let Some(overall) = self.estimate() {
                 self.bar.set_position((BAR_PARTS as f64 * overall.share) as u64);
-                self.bar.set_message(format!("{} left", time(overall.seconds_left)));
+                self.bar.set_message(format!("{} left", duration(overall.seconds_left)));
             }
         }
     }
@@ -114,7 +122,8 @@ impl Progress {
     pub fn end(&self, job: usize, complete: bool) {
         let mut items = self.items.lock();
         let item = &mut items[job];
-        item.spent = Some(item.began.map_or(Duration::ZERO, |began| began.elapsed()));
+        let began = item.began.or(item.started);
+        item.spent = Some(began.map_or(Duration::ZERO, |began| began.elapsed()));
         if complete {
             item.done = item.total;
         }
@@ -130,7 +139,7 @@ impl Progress {
         let several = self.items.lock().len() > 1;
         let overall = if several { self.estimate() } else { None };
         overall.map_or(String::new(), |Overall { share, seconds_left }| {
-            format!("; all jobs {:.0} %, {} left", 100.0 * share, time(seconds_left))
+            format!("; all jobs {:.0} %, {} left", 100.0 * share, duration(seconds_left))
         })
     }
 
@@ -184,23 +193,13 @@ fn estimate(items: &[Item], parallel: usize, now: Instant) -> Option<Overall> {
     Some(Overall { share, seconds_left: (left / parallel as f64).max(longest) })
 }
 
-/// Formats a time in seconds.
-fn time(seconds: f64) -> String {
-    let minutes = (seconds / 60.0).round() as u64;
-    match seconds as u64 {
-        ..90 => format!("{seconds:.0} s"),
-        90..5400 => format!("{minutes} min"),
-        _ => format!("{} h {:02} min", minutes / 60, minutes % 60),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn item(group: &str, total: u64, done: u64, spent: Option<u64>) -> Item {
         let spent = spent.map(Duration::from_secs);
-        Item { group: group.to_owned(), total, done, first: 0, began: None, spent }
+        Item { group: group.to_owned(), total, done, started: None, first: 0, began: None, spent }
     }
 
     #[test]
@@ -233,6 +232,20 @@ mod tests {
     }
 
     #[test]
+    fn the_start_of_a_job_says_nothing_about_the_rest() {
+        let progress = Progress::new(&[], 1);
+        *progress.items.lock() = vec![item("a", 100, 0, None)];
+        let left = || progress.estimate().map(|overall| overall.seconds_left.round());
+        progress.begin(0, 0);
+        progress.advance(0, 30, false);
+        assert_eq!(left(), None, "updates that are faster than those to come");
+        progress.advance(0, 40, true);
+        progress.items.lock()[0].began = Instant::now().checked_sub(Duration::from_secs(10));
+        progress.advance(0, 50, true);
+        assert_eq!(left(), Some(50.0));
+    }
+
+    #[test]
     fn the_share_done_never_falls() {
         let progress = Progress::new(&[], 1);
         *progress.items.lock() = vec![item("fast", 100, 100, Some(10)), item("new", 100, 0, None)];
@@ -247,13 +260,5 @@ mod tests {
         assert_eq!(share(), Some(0.5));
         progress.items.lock()[1] = item("new", 100, 80, Some(10));
         assert_eq!(share(), Some(1.0));
-    }
-
-    #[test]
-    fn times_are_short() {
-        assert_eq!(
-            [5.4, 100.0, 5399.0, 7300.0].map(time),
-            ["5 s", "2 min", "90 min", "2 h 02 min"]
-        );
     }
 }

@@ -269,7 +269,8 @@ impl Runner {
             if let ControlFlow::Break(reason) = session.tick(trainer, &limits).into_diagnostic()? {
                 return Ok(reason != EndReason::Interrupted);
             }
-            at.progress.advance(at.job, length.done(&trainer.counters()));
+            let is_steady = trainer.pace().per_second(|counters| counters.updates).is_some();
+            at.progress.advance(at.job, length.done(&trainer.counters()), is_steady);
         }
     }
 

@@ -1,61 +1,134 @@
-//! The progress bar on standard error, if that is a terminal.
+//! How far a run is: a progress bar on standard error, if that is a terminal, and the time left.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::updates_per_second;
-use crate::host::progress_bar;
+use crate::host::progress_bar::{self, duration};
 use gdg::train::{Limits, Trainer};
 
-/// Shows training progress towards the limit.
+/// Parts that the bar is divided into.
+const BAR_PARTS: f64 = 1000.0;
+
+/// Minimum time between two changes of the bar.
+const BAR_INTERVAL: Duration = Duration::from_millis(250);
+
+/// Progress of training towards its limits.
 pub struct Progress {
     bar: ProgressBar,
-    /// Where the position is the training time in milliseconds instead of updates: the seconds
-    /// trained before.
-    from_seconds: Option<f64>,
-    started: bool,
+    limits: Limits,
+    /// Updates between evaluations, if there are any but that at the end.
+    eval_every_updates: Option<u64>,
+    /// Evaluations made by this process, and the time they took.
+    evaluations: (u32, Duration),
+    /// Seconds trained before: the bar of a limit of seconds begins there.
+    from_seconds: f64,
+    shown: Option<Instant>,
 }
 
 impl Progress {
-    /// Creates a bar towards the limit of updates, else of seconds, else without an end, for a run
-    /// that has been trained for `seconds` before.
-    pub fn new(limits: &Limits, seconds: f64) -> Self {
-        let from_seconds =
-            (limits.updates.is_none() && limits.seconds.is_some()).then_some(seconds);
-        let left = limits.seconds.map(|until| ((until - seconds) * 1000.0).round() as u64);
-        let length = limits.updates.or(left);
+    /// Creates the progress of a run that has been trained for `seconds` before.
+    pub fn new(limits: &Limits, eval_every_updates: Option<u64>, seconds: f64) -> Self {
+        let ends = *limits != Limits::default();
+        let length = ends.then_some(BAR_PARTS as u64);
         let bar = ProgressBar::with_draw_target(length, progress_bar::target());
-        let template = match length {
-            Some(_) => "{bar:32} {percent:>3} %  {msg}  {eta_precise} left",
-            None => "{spinner} {msg}  {elapsed_precise}",
+        let template = if ends {
+            "{bar:32} {percent:>3} %  {msg}"
+        } else {
+            "{spinner} {msg}  {elapsed_precise}"
         };
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
-        Self { bar, from_seconds, started: false }
+        Self {
+            bar,
+            limits: *limits,
+            eval_every_updates,
+            evaluations: (0, Duration::ZERO),
+            from_seconds: seconds,
+            shown: None,
+        }
     }
 
-    /// Updates the bar to the trainer's state.
+    /// Returns the estimated seconds until training ends and the run is evaluated, if that can be
+    /// told. Evaluations count once there has been one.
+    pub fn seconds_left(&self, trainer: &Trainer) -> Option<f64> {
+        let (pace, updates) = (trainer.pace(), trainer.counters().updates);
+        let left = pace.seconds_left(&self.limits)?;
+        let (made, took) = self.evaluations;
+        let updates_left = left * pace.per_second(|counters| counters.updates).unwrap_or(0.0);
+        let end = updates + updates_left.round() as u64;
+        let is_made = trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
+        let from = if is_made { updates + 1 } else { updates };
+        let due = evaluations_due(from, end, self.eval_every_updates);
+        Some(left + due as f64 * took.as_secs_f64() / f64::from(made.max(1)))
+    }
+
+    /// Counts an evaluation.
+    pub fn evaluated(&mut self, took: Duration) {
+        self.evaluations = (self.evaluations.0 + 1, self.evaluations.1 + took);
+    }
+
+    /// Updates the bar to the trainer's state, but not too often.
     pub fn show(&mut self, trainer: &Trainer) {
-        let updates = trainer.counters().updates;
-        self.bar.set_message(format!("{updates} updates, {:.0}/s", updates_per_second(trainer)));
-        let position =
-            self.from_seconds.map_or(updates, |from| ((trainer.seconds() - from) * 1000.0) as u64);
-        self.bar.set_position(position);
-        if !self.started {
-            // A resumed run's earlier progress says nothing about the remaining time.
-            self.started = true;
-            self.bar.reset_eta();
-            // Ticks need a thread, which may fail to start.
-            if !self.bar.is_hidden() {
-                self.bar.enable_steady_tick(Duration::from_millis(250));
-            }
+        if self.shown.is_some_and(|at| at.elapsed() < BAR_INTERVAL) {
+            return;
         }
+        let is_first = self.shown.replace(Instant::now()).is_none();
+        if self.bar.is_hidden() {
+            return;
+        }
+        if is_first {
+            // Ticks need a thread, which may fail to start.
+            self.bar.enable_steady_tick(BAR_INTERVAL);
+        }
+        let updates = trainer.counters().updates;
+        let left = self.seconds_left(trainer);
+        let left = left.map_or(String::new(), |left| format!("  {} left", duration(left)));
+        let rate = updates_per_second(trainer);
+        self.bar.set_message(format!("{updates} updates, {rate:.0}/s{left}"));
+        self.bar.set_position((BAR_PARTS * self.share(trainer)) as u64);
+    }
+
+    /// Returns the share of the limit that is nearest, from 0 to 1.
+    fn share(&self, trainer: &Trainer) -> f64 {
+        let Limits { updates, seconds, episodes, env_steps } = self.limits;
+        let counters = trainer.counters();
+        let of = |done: f64, all: f64| if all > 0.0 { done / all } else { 1.0 };
+        let from = self.from_seconds;
+        let shares = [
+            updates.map(|all| of(counters.updates as f64, all as f64)),
+            episodes.map(|all| of(counters.episodes as f64, all as f64)),
+            env_steps.map(|all| of(counters.env_steps as f64, all as f64)),
+            seconds.map(|until| of(trainer.seconds() - from, until - from)),
+        ];
+        shares.into_iter().flatten().fold(0.0, f64::max).min(1.0)
     }
 
     /// Removes the bar.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// Returns how many evaluations there are from an update to the end of training: some every so many
+/// updates, and one at the end.
+fn evaluations_due(from: u64, end: u64, every: Option<u64>) -> u64 {
+    let before = |updates: u64| every.map_or(0, |every| updates.saturating_sub(1) / every);
+    before(end).saturating_sub(before(from)) + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evaluations_are_counted_to_the_one_at_the_end() {
+        assert_eq!(evaluations_due(1_000, 8_000, Some(1_000)), 8, "that at 1,000 is still to come");
+        assert_eq!(evaluations_due(1_001, 8_000, Some(1_000)), 7);
+        assert_eq!(evaluations_due(7_001, 8_500, Some(1_000)), 2);
+        assert_eq!(evaluations_due(1_000, 8_000, None), 1);
+        assert_eq!(evaluations_due(8_000, 8_000, Some(1_000)), 1);
     }
 }

@@ -44,6 +44,7 @@ pub enum Record {
         env_steps: u64,
         episodes: u64,
         updates_per_second: f64,
+        left: Option<f64>,
         losses: LossRecord,
     },
     Evaluation {
@@ -110,7 +111,8 @@ impl Record {
         }
     }
 
-    pub fn progress(trainer: &Trainer) -> Self {
+    /// Creates the record of the trainer's state, with the estimated seconds `left`.
+    pub fn progress(trainer: &Trainer, left: Option<f64>) -> Self {
         let (counters, losses) = (trainer.counters(), trainer.losses());
         Self::Progress {
             seconds: round(trainer.seconds()),
@@ -118,6 +120,7 @@ impl Record {
             env_steps: counters.env_steps,
             episodes: counters.episodes,
             updates_per_second: round(updates_per_second(trainer)),
+            left: left.map(round),
             losses: LossRecord {
                 critic: Losses::known(losses.critic),
                 model: Losses::known(losses.model),

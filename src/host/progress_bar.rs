@@ -1,4 +1,4 @@
-//! Where progress bars are drawn.
+//! Where progress bars are drawn, and how they say how long something takes.
 
 #[cfg(unix)]
 use std::io::{self, Write};
@@ -21,6 +21,16 @@ pub fn target() -> ProgressDrawTarget {
 #[cfg(not(unix))]
 pub fn target() -> ProgressDrawTarget {
     ProgressDrawTarget::stderr()
+}
+
+/// Formats a time in seconds, in a word or two.
+pub fn duration(seconds: f64) -> String {
+    let minutes = (seconds / 60.0).round() as u64;
+    match seconds as u64 {
+        ..90 => format!("{seconds:.0} s"),
+        90..5400 => format!("{minutes} min"),
+        _ => format!("{} h {:02} min", minutes / 60, minutes % 60),
+    }
 }
 
 /// Frames of a progress bar, at most.
@@ -48,5 +58,18 @@ impl Write for Frames {
 impl std::os::fd::AsRawFd for Frames {
     fn as_raw_fd(&self) -> std::os::fd::RawFd {
         io::stderr().as_raw_fd()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+
+    #[test]
+    fn times_are_short() {
+        assert_eq!(
+            [5.4, 100.0, 5399.0, 7300.0].map(duration),
+            ["5 s", "2 min", "90 min", "2 h 02 min"]
+        );
     }
 }

@@ -51,4 +51,4 @@ pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score, Success};
 pub use session::{Due, EvaluateAt, Schedule, Session};
 pub use settings::{OutOfRange, SETTINGS, Settings, TrainSettings, UpdateWhen};
-pub use trainer::{KeptState, LeftOut, Recovery, Trainer, WorldChange};
+pub use trainer::{KeptState, LeftOut, Pace, Recovery, Trainer, WorldChange, resets_networks};

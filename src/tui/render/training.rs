@@ -56,7 +56,7 @@ pub fn lines(screen: &Screen, scene: &Scene, width: usize) -> Vec<Line<'static>>
     let explained = width >= EXPLAINED_WIDTH;
     let width = if explained { EXPLANATION_COLUMN } else { width };
     let mut lines = vec![fact("elapsed", clock(snapshot.seconds))];
-    lines.extend(seconds_left(screen).map(|seconds| fact("left", clock(seconds))));
+    lines.extend(snapshot.seconds_left.map(|seconds| fact("left", clock(seconds))));
     lines.push(fact("updates", updates));
     match &snapshot.data {
         Some(data) => {
@@ -108,24 +108,6 @@ fn losses(screen: &Screen) -> Vec<Line<'static>> {
         Losses::known(actor).map(|loss| fact("mu loss", format!("{loss:.1} steps"))),
     ];
     lines.into_iter().flatten().collect()
-}
-
-/// Returns the seconds until the run ends, if known.
-fn seconds_left(screen: &Screen) -> Option<f64> {
-    let (snapshot, limits) = (&screen.snapshot, &screen.snapshot.limits);
-    let updates = limits
-        .updates
-        .filter(|_| snapshot.rates.0 > 0.0)
-        .map(|limit| limit.saturating_sub(snapshot.counters.updates) as f64 / snapshot.rates.0);
-    let seconds = limits.seconds.map(|limit| (limit - snapshot.seconds).max(0.0));
-    let episodes = limits
-        .episodes
-        .filter(|_| snapshot.counters.episodes > 0 && snapshot.seconds > 0.0)
-        .map(|limit| {
-            limit.saturating_sub(snapshot.counters.episodes) as f64 * snapshot.seconds
-                / snapshot.counters.episodes as f64
-        });
-    [updates, seconds, episodes].into_iter().flatten().min_by(f64::total_cmp)
 }
 
 fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {

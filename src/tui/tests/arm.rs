@@ -86,7 +86,7 @@ fn staged_view(app: &App) -> ArmView {
 fn staged_snapshot(app: &App) -> Snapshot {
     let mut snapshot = (*app.screen.snapshot).clone();
     (snapshot.phase, snapshot.seconds, snapshot.rates) = (Phase::Running, 12.0, (80.0, 80.0));
-    snapshot.limits.updates = Some(1_000);
+    (snapshot.limits.updates, snapshot.seconds_left) = (Some(1_000), Some(0.0));
     (snapshot.counters.updates, snapshot.counters.env_steps, snapshot.counters.episodes) =
         (1_000, 1_200, 24);
     let score = |success: f64| {

@@ -58,6 +58,7 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
             counters,
             limits: Limits { updates: Some(20_000), ..Limits::default() },
             seconds: 12.0,
+            seconds_left: Some(12.3),
             rates: (812.0, 13_000.0),
             losses,
             replay: (15_000, 20_000),

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::Worker;
 use super::snapshot::{self, FollowedAgent, Networks};
 use crate::learn::Policy;
-use crate::train::{Counters, TrainError, Trainer};
+use crate::train::{Counters, Limits, TrainError, Trainer};
 
 /// Interval between snapshots while training.
 const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
@@ -43,6 +43,15 @@ impl PublishTimer {
     }
 }
 
+/// Returns the estimated seconds until a limit is reached, with at most so many updates per second.
+fn seconds_left(trainer: &Trainer, limits: &Limits, at_most: Option<f64>) -> Option<f64> {
+    let pace = trainer.pace();
+    // Time spent waiting is none of training.
+    let per_second = pace.per_second(|counters| counters.updates);
+    let slowed = per_second.zip(at_most).map_or(1.0, |(own, most)| (own / most).max(1.0));
+    Some(slowed * pace.seconds_left(limits)?)
+}
+
 impl Worker {
     /// Updates the rates and the snapshot.
     pub(super) fn report_progress(&mut self, timer: &mut PublishTimer) -> Result<(), TrainError> {
@@ -72,10 +81,11 @@ impl Worker {
     /// are slow to copy.
     pub(super) fn refresh_snapshot(&mut self, networks: bool) -> Result<(), TrainError> {
         self.current.next_evaluation = self.next_evaluation();
-        let trainer = &self.trainer;
+        let (trainer, pace) = (&self.trainer, self.pace());
         let current = &mut self.current;
         current.counters = trainer.counters();
         current.seconds = trainer.seconds();
+        current.seconds_left = seconds_left(trainer, &current.limits, pace);
         current.profile = *trainer.profile();
         current.losses = trainer.losses();
         current.curve = trainer.history().points().clone();

@@ -90,6 +90,8 @@ pub struct Snapshot {
     pub limits: Limits,
     /// Training time, in seconds.
     pub seconds: f64,
+    /// Estimated seconds until a limit is reached, if that can be told.
+    pub seconds_left: Option<f64>,
     /// Recent updates and environment steps per second.
     pub rates: (f64, f64),
     /// Maximum updates per second, if limited.
@@ -223,6 +225,7 @@ impl Snapshot {
             counters: trainer.counters(),
             limits: Limits::default(),
             seconds: trainer.seconds(),
+            seconds_left: None,
             rates: (0.0, 0.0),
             speed: None,
             profile: *trainer.profile(),

@@ -4,6 +4,7 @@
 mod change;
 mod data;
 mod graph;
+mod pace;
 mod persistence;
 mod recovery;
 mod undo;
@@ -31,9 +32,10 @@ use crate::learn::{
     Scratch, Stage, Threads, TrainingData,
 };
 use crate::pulse::{Parts, Pulse};
-pub use change::{KeptState, WorldChange};
+pub use change::{KeptState, WorldChange, resets_networks};
 use data::Data;
 pub use data::LeftOut;
+pub use pace::Pace;
 pub(super) use persistence::{FINGERPRINT, HISTORY, LEARNED, TrainerState};
 use recovery::LastGood;
 pub use recovery::Recovery;
@@ -78,6 +80,9 @@ pub struct Trainer {
     in_update: bool,
     /// How long the latest update took, without the copy for undoing it.
     update_took: Option<Duration>,
+    /// Counters and seconds at the first update in this process, or with these settings, that was
+    /// as slow as those to come.
+    paced_from: Option<(Counters, f64)>,
     pulse: Pulse,
 }
 
@@ -158,6 +163,7 @@ impl Trainer {
             recovery: None,
             in_update: false,
             update_took: None,
+            paced_from: None,
             pulse: Pulse::default(),
             learner,
             registry: registry.clone(),
@@ -307,6 +313,10 @@ impl Trainer {
             self.profile.lap(Stage::Explore, began);
         }
         self.seconds += began.elapsed().as_secs_f64();
+        // Before there is a bridge graph, updates are up to twice as fast.
+        if tick == Tick::Update && (self.graph().is_some() || !self.needs_graph()) {
+            self.paced_from.get_or_insert((self.counters, self.seconds));
+        }
         Ok(tick)
     }
 

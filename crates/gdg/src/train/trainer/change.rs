@@ -139,6 +139,7 @@ impl Trainer {
         }
         // The change may have fixed the cause of earlier divergence.
         self.counters.recoveries = 0;
+        self.paced_from = None;
         progress.begin(1, CHANGE_STAGES);
         self.fit_agents(&before, fresh_agents, &progress);
         progress.begin(2, CHANGE_STAGES);
@@ -250,6 +251,11 @@ fn keeps_agents(before: &Settings, now: &Settings) -> bool {
     keeps_replay(before, now)
         && now.train.restart == before.train.restart
         && now.train.goals == before.train.goals
+}
+
+/// Returns whether a change from one run to another gives up what the networks have learned.
+pub fn resets_networks(before: &Run, now: &Run) -> bool {
+    before.method.learner != now.method.learner || !keeps_networks(&before.settings, &now.settings)
 }
 
 /// Whether the networks can be kept after a change of settings. Matching shapes are not enough:
