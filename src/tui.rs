@@ -11,7 +11,7 @@
 //! * `sheet`, `graphics`: pictures in the terminal, where it shows them; `raster`, `canvas`,
 //!   `contours`, `glyphs`, `projection`: maps and arms as characters.
 //! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration.
-//! * `dialog`, `layout`, `log`, `offer`, `tour`: what a screen consists of besides the scene.
+//! * `clock`, `dialog`, `layout`, `log`, `offer`, `tour`: what a screen consists of besides the scene.
 //! * `screen`: all of that; `link`: the ways to trainer and viewer.
 //! * `scene`: what is drawn in the place of the map, and how it reacts: a folder for each kind of
 //!   world, with its state.
@@ -29,6 +29,7 @@ mod app;
 mod background;
 mod busy;
 mod canvas;
+mod clock;
 mod compare;
 mod config;
 mod contours;

@@ -18,7 +18,7 @@ use super::action::Action;
 use super::output::ExportKind;
 use super::theme::ThemeName;
 use gdg::map::{Grid, RandomMapKind};
-use gdg::train::{Method, Preset};
+use gdg::train::{Method, Preset, Run};
 use gdg::viewer::Field;
 
 /// A dialog on top of the screen.
@@ -49,8 +49,9 @@ impl From<Prompt> for Dialog {
 pub enum Choice {
     /// Saves the run, then does something else.
     SaveFirst(Box<Choice>),
-    /// Continues with a method that needs other networks, although this run is not saved.
-    MethodUnsaved(Method),
+    /// Continues with another method, preset or settings, without asking what becomes of the
+    /// networks.
+    Change(Box<Run>),
     /// Performs an action.
     Act(Action),
     /// Asks for a setting's new value.

@@ -14,11 +14,12 @@ use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ThemeName;
 use gdg::bridge::Planner;
+use gdg::engine::Snapshot;
 use gdg::files::has_extension;
 use gdg::map::{BUILTIN, Grid, RandomMapKind};
 use gdg::text::{fitted, grouped, padded};
 use gdg::train::{
-    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, Registry, SETTINGS,
+    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, Registry, Run, SETTINGS,
     Setting, list_settings,
 };
 use gdg::viewer::Field;
@@ -182,17 +183,9 @@ pub fn exports(kinds: &[ExportKind], noun: &str) -> Picker {
 }
 
 /// Asks whether to save before quitting.
-pub fn quit_choices(
-    unsaved_updates: u64,
-    is_map_edited: bool,
-    file: &Path,
-    autosaves: &[PathBuf],
-) -> Picker {
+pub fn quit_choices(snapshot: &Snapshot, is_map_edited: bool, file: &Path) -> Picker {
     let map = if is_map_edited { " and map edits" } else { "" };
-    let lost = match autosaves.last().and_then(|path| path.file_name()) {
-        Some(name) => format!("keeps autosave {}, loses what came later", name.to_string_lossy()),
-        None => format!("{} unsaved updates{map} are lost", grouped(unsaved_updates)),
-    };
+    let lost = lost(snapshot, map);
     let items = vec![
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true })
             .on('y'),
@@ -203,21 +196,29 @@ pub fn quit_choices(
 }
 
 /// Asks whether to load a checkpoint while training is unsaved.
-pub fn load_choices(unsaved_updates: u64, file: PathBuf) -> Picker {
-    let lost = format!("{} unsaved updates are lost", grouped(unsaved_updates));
-    let items = leave_items("load it", lost, Choice::LoadUnsaved(file));
+pub fn load_choices(snapshot: &Snapshot, file: PathBuf) -> Picker {
+    let items = leave_items("load it", lost(snapshot, ""), Choice::LoadUnsaved(file));
     Picker::new("load a checkpoint without saving this run?", items)
 }
 
-/// Asks whether to continue an unsaved run with `method`, which needs other networks.
-pub fn method_choices(unsaved_updates: u64, method: Method) -> Picker {
-    let lost = format!("{} unsaved updates are lost", grouped(unsaved_updates));
-    let items = leave_items(
-        &format!("continue with {}", method.name()),
-        lost,
-        Choice::MethodUnsaved(method),
-    );
-    Picker::new("discard the networks, which are not saved?", items)
+/// Asks whether to continue an unsaved run as `run`, which needs other networks.
+pub fn change_choices(snapshot: &Snapshot, run: Run) -> Picker {
+    let choice = Choice::Change(Box::new(run));
+    let items = leave_items("continue with new networks", lost(snapshot, ""), choice);
+    Picker::new("this resets the networks, which are not saved", items)
+}
+
+/// Says what is lost without saving: updates, and `also` something else.
+fn lost(snapshot: &Snapshot, also: &str) -> String {
+    let (unsaved, lost) = (snapshot.unsaved_updates(), snapshot.lost_updates());
+    let autosave = snapshot.autosaves.last().filter(|_| lost < unsaved);
+    match autosave.and_then(|(_, path)| path.file_name()) {
+        Some(name) => {
+            let name = name.to_string_lossy();
+            format!("keeps autosave {name}, loses {} updates after it{also}", grouped(lost))
+        }
+        None => format!("{} unsaved updates{also} are lost", grouped(lost)),
+    }
 }
 
 /// Returns the choices for leaving an unsaved run; `lost` says what would be lost.
@@ -231,13 +232,11 @@ fn leave_items(leave: &str, lost: String, choice: Choice) -> Vec<Item> {
 
 /// Asks whether to leave this run for the guided tour, and offers to save it if it
 /// `is_worth_saving`.
-pub fn tour_choices(unsaved_updates: u64, is_worth_saving: bool) -> Picker {
-    let lost = match unsaved_updates {
-        0 => "a new run on the four rooms, about 90 seconds".to_owned(),
-        n => format!(
-            "a new run on the four rooms, about 90 seconds; {} unsaved updates are lost",
-            grouped(n)
-        ),
+pub fn tour_choices(snapshot: &Snapshot, is_worth_saving: bool) -> Picker {
+    let run = "a new run on the four rooms, about 90 seconds";
+    let lost = match snapshot.unsaved_updates() {
+        0 => run.to_owned(),
+        _ => format!("{run}; {}", lost(snapshot, "")),
     };
     let mut items = vec![Item::new("take the tour", lost, Choice::Tour).on('y'), stay()];
     if is_worth_saving {

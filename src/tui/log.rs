@@ -2,11 +2,12 @@
 
 use std::time::{Duration, Instant};
 
+use super::clock;
 use gdg::train::{LogEntry, MAX_LOG_ENTRIES};
 
 /// How long a notice and an error are shown, and how long they then fade.
 const NOTICE_DURATION: Duration = Duration::from_secs(4);
-const ERROR_DURATION: Duration = Duration::from_secs(12);
+const ERROR_DURATION: Duration = Duration::from_secs(8);
 const FADE_DURATION: Duration = Duration::from_secs(2);
 
 /// A message to show.
@@ -51,7 +52,7 @@ impl Log {
 
     /// Shows a notice without logging it.
     pub fn show(&mut self, text: &str, is_error: bool) {
-        (self.notice, self.is_error) = (Some((Instant::now(), text.to_owned())), is_error);
+        (self.notice, self.is_error) = (Some((clock::now(), text.to_owned())), is_error);
     }
 
     /// Logs an event at a moment of the run, in seconds of training and updates.
@@ -71,7 +72,8 @@ impl Log {
     /// Returns the current notice.
     pub fn notice(&self) -> Option<Notice<'_>> {
         let (since, text) = self.notice.as_ref()?;
-        Some(Notice { text, fades: since.elapsed() > self.duration(), is_error: self.is_error })
+        let fades = clock::now().duration_since(*since) > self.duration();
+        Some(Notice { text, fades, is_error: self.is_error })
     }
 
     /// Removes the notice and returns its text.
@@ -97,7 +99,7 @@ impl Log {
     /// Handles the passing of time; returns whether the notice began to fade or disappeared.
     pub fn on_tick(&mut self) -> bool {
         let Some((since, _)) = &self.notice else { return false };
-        let age = since.elapsed();
+        let age = clock::now().duration_since(*since);
         if age > self.duration() + FADE_DURATION {
             self.notice = None;
             return true;

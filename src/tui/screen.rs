@@ -2,10 +2,11 @@
 
 use std::collections::HashSet;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::background::{self, Background};
 use super::busy::{Busy, Lasting};
+use super::clock;
 use super::config::{UiConfig, used_path};
 use super::dialog::Dialog;
 use super::graphics::{Graphics, Redraw};
@@ -13,7 +14,6 @@ use super::keymap::Keymap;
 use super::layers::Overlays;
 use super::layout::ScreenLayout;
 use super::log::Log;
-use super::offer::Offer;
 use super::panes::Pane;
 use super::reading::Read;
 use super::theme::{ColourDepth, Theme};
@@ -24,8 +24,13 @@ use gdg::bridge::SearchOutcome;
 use gdg::engine::{Phase, Snapshot};
 use gdg::files::write_atomically;
 use gdg::text::grouped;
-use gdg::train::{FilmFrame, Preset, Run, Settings, Success, changed_from, settings_in_world};
+use gdg::train::{
+    Description, FilmFrame, Preset, Run, Settings, Success, changed_from, settings_in_world,
+};
 use gdg::viewer::{Field, OnArrival};
+
+/// How long a line over the map is shown.
+const BANNER_DURATION: Duration = Duration::from_secs(10);
 
 /// Everything that the screen shows around the scene, and how it shows the scene.
 pub struct Screen {
@@ -84,7 +89,9 @@ pub struct Screen {
     /// The exploring agent followed instead of the walking one.
     pub following: Option<usize>,
     /// The saved run that is offered.
-    pub offer: Option<Offer>,
+    pub offer: Option<Description>,
+    /// Since when the line over the map is shown, until it goes away.
+    pub banner: Option<Instant>,
     /// The frame of the film shown instead of the present.
     pub past: Option<Arc<FilmFrame>>,
     /// The saved run whose curves are under those of this one.
@@ -132,6 +139,7 @@ impl Screen {
             least_contour_interval: 0.0,
             following: None,
             offer: None,
+            banner: Some(clock::now()),
             past: None,
             under: None,
             tour: None,
@@ -193,6 +201,19 @@ impl Screen {
             // Ignored: the hint would merely be shown again.
             let _ = write_atomically(&path, b"");
         }
+    }
+
+    /// Shows what there is to say in the line over the map, for a while.
+    pub fn show_banner(&mut self) {
+        self.banner = Some(clock::now());
+    }
+
+    /// Takes the line over the map away once it has been there for a while; returns whether it has.
+    pub fn drop_old_banner(&mut self) -> bool {
+        let is_old = |since: &mut Instant| clock::now().duration_since(*since) > BANNER_DURATION;
+        let dropped = self.banner.take_if(is_old).is_some();
+        self.offer.take_if(|_| dropped);
+        dropped
     }
 
     /// Returns how many of the updates shown are not saved in any checkpoint.

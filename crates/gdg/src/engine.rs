@@ -203,8 +203,8 @@ struct Worker {
     next_update_at: Option<Instant>,
     /// Path requested by the latest fresh save, and the file it was written to.
     new_file: Option<(PathBuf, PathBuf)>,
-    /// Autosaved files, oldest first.
-    autosaved: Vec<(PathBuf, Option<File>)>,
+    /// Autosaved files, oldest first, and the updates in each.
+    autosaved: Vec<(u64, PathBuf, Option<File>)>,
     pulse: Pulse,
     scratch: Scratch,
 }

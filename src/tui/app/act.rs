@@ -1,13 +1,12 @@
 //! Executes actions.
 
-use std::time::Instant;
-
 use crossterm::event::KeyEvent;
 
 use super::saving::{Saver, is_worth_saving};
 use super::{App, files, settings, time, view};
 use crate::host::runs::SAVES;
 use crate::tui::action::{Action, Mode, bindings};
+use crate::tui::clock;
 use crate::tui::dialog::{Choice, Dialog, Help, Prompt, Question};
 use crate::tui::interface::TerminalRequest;
 use crate::tui::link::Link;
@@ -31,7 +30,7 @@ impl App {
         if is_about_present(action) {
             self.in_scene(|_, screen, link| time::leave_past(screen, link));
         }
-        let (began, dialogs) = (Instant::now(), self.screen.dialogs.len());
+        let (began, dialogs) = (clock::now(), self.screen.dialogs.len());
         self.perform(action);
         if self.screen.dialogs.len() > dialogs {
             // An error that was there before says nothing about the new dialog.
@@ -51,13 +50,13 @@ impl App {
             return screen.open(dialog);
         }
         match action {
-            Action::ResetSetting => settings::reset(screen, link),
+            Action::ResetSetting => settings::reset(saver, scene, screen, link),
             Action::OpenMap => files::pick_map(None, scene, screen),
             Action::Save => drop(saver.save(scene, screen, link)),
             Action::Load => files::pick_checkpoint(saver.to.path(), scene, screen),
             Action::LayUnder => files::pick_under(saver.to.path(), scene, screen),
             Action::Resume => match screen.offer.take() {
-                Some(offer) => self.choose(Choice::Load(offer.found.file)),
+                Some(found) => self.choose(Choice::Load(found.file)),
                 None => self.act(Action::Load),
             },
             Action::ExportFilm => self.exports.request(ExportKind::Film),
@@ -116,10 +115,7 @@ fn dialog_for(action: Action, saver: &Saver, scene: &Scene, screen: &Screen) -> 
             Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now).into()
         }
         Action::Export => lists::exports(&ExportKind::ALL, scene.noun()).into(),
-        Action::Tour => {
-            let unsaved = screen.latest.unsaved_updates();
-            lists::tour_choices(unsaved, is_worth_saving(scene, screen)).into()
-        }
+        Action::Tour => lists::tour_choices(&screen.latest, is_worth_saving(scene, screen)).into(),
         Action::Palette => lists::actions(screen, scene).into(),
         Action::Help => Dialog::Help(Help::default()),
         _ => return None,
@@ -145,7 +141,7 @@ fn close_top(scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
     }
     if screen.following.is_some() {
         view::follow(None, screen, link);
-    } else if screen.first_run {
+    } else if screen.first_run && screen.banner.is_some() {
         screen.on_first_use();
     } else {
         scene.act(Action::ZoomOff, screen, link);

@@ -16,7 +16,7 @@ use crate::tui::scene::Scene;
 use gdg::files::check_name;
 use gdg::map::{Grid, format_for, is_size};
 use gdg::text::{NumberError, parse_count, parse_real};
-use gdg::train::{is_checkpoint, with_setting};
+use gdg::train::{Run, is_checkpoint, with_setting};
 
 impl App {
     /// Accepts the answer to the topmost dialog.
@@ -72,7 +72,17 @@ impl App {
         match choice {
             Choice::SaveFirst(then) => saver.save_then(*then, scene, screen, link),
             Choice::Act(action) => self.act(action),
-            Choice::Setting(name) => settings::ask(name, screen, link),
+            Choice::Setting(name) => settings::ask(name, saver, scene, screen, link),
+            Choice::Method(method) => {
+                let registry = screen.latest.registry.clone();
+                runs::change(|run| run.set_method(method, &registry), saver, scene, screen, link);
+            }
+            Choice::Preset(preset) => {
+                let settings = screen.settings_of(preset);
+                let change = |run: &mut Run| (run.preset, run.settings) = (preset, settings);
+                runs::change(change, saver, scene, screen, link);
+            }
+            Choice::Change(run) => runs::change_to(*run, saver, screen, link),
             Choice::Theme(name) => {
                 self.previewed_over = None;
                 view::set_theme(name, screen);
@@ -113,7 +123,7 @@ impl App {
         match question {
             Question::Setting(name) => {
                 let settings = with_setting(&screen.run().settings, name, typed)?;
-                runs::change(|run| run.settings = settings, screen, link);
+                runs::change(|run| run.settings = settings, saver, scene, screen, link);
             }
             Question::SaveAs => {
                 if typed.is_empty() {

@@ -49,6 +49,17 @@ impl App {
             || !self.in_scene(|scene, screen, link| scene.on_mouse(kind, at, screen, link))
         {
             self.on_wheel(kind);
+            self.on_click_outside(kind, at);
+        }
+    }
+
+    /// Says that a click beside what is drawn does nothing.
+    fn on_click_outside(&mut self, kind: MouseEventKind, at: Position) {
+        let is_click = matches!(kind, MouseEventKind::Down(MouseButton::Left | MouseButton::Right));
+        let expects_map = self.scene.is_editing() || self.screen.layout.map_pane.contains(at);
+        if is_click && expects_map && !self.screen.maximised {
+            let drawn = if self.scene.maze().is_some() { "map" } else { "picture" };
+            self.screen.say(&format!("a click outside of the {drawn} changes nothing"));
         }
     }
 

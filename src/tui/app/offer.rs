@@ -1,7 +1,7 @@
 //! The line over the map: the newest saved run of the map, or, the first time, what there is to
 //! see.
 
-use crate::tui::offer::{Offer, Search};
+use crate::tui::offer::Search;
 use crate::tui::screen::Screen;
 use gdg::text::grouped;
 use gdg::train::Description;
@@ -15,11 +15,12 @@ pub fn offer(found: Description, screen: &mut Screen) {
         found.file.display()
     );
     screen.log.record(&text, screen.snapshot.seconds, screen.snapshot.updates());
-    screen.offer = Some(Offer::new(found));
+    screen.offer = Some(found);
+    screen.show_banner();
 }
 
-/// Collects what the search has found and withdraws an old offer; returns whether the screen
-/// changes.
+/// Collects what the search has found, and withdraws an old line over the map; returns whether the
+/// screen changes.
 pub fn on_tick(search: &mut Option<Search>, screen: &mut Screen) -> bool {
     if let Some(search) = search.take_if(|search| search.is_finished()) {
         // A search that failed has nothing to offer.
@@ -28,5 +29,5 @@ pub fn on_tick(search: &mut Option<Search>, screen: &mut Screen) -> bool {
         found.into_iter().for_each(|found| offer(found, screen));
         return shown;
     }
-    screen.offer.take_if(|offer| offer.is_over()).is_some()
+    screen.drop_old_banner()
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::files::remember_map;
-use super::saving::is_worth_saving;
+use super::saving::{Saver, is_worth_saving};
 use crate::tui::dialog::Choice;
 use crate::tui::link::Link;
 use crate::tui::lists;
@@ -13,25 +13,11 @@ use crate::tui::screen::Screen;
 use gdg::engine::{Command, MakeWorld};
 use gdg::env::{WorldKind, maze};
 use gdg::map::Grid;
-use gdg::train::{Run, settings_in_world};
+use gdg::train::{Run, resets_networks, settings_in_world};
 
 /// Continues with another run, or this one changed.
 pub fn choose(choice: Choice, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
     match choice {
-        Choice::Method(method)
-            if method.learner != screen.run().method.learner && is_worth_saving(scene, screen) =>
-        {
-            let unsaved = screen.latest.unsaved_updates();
-            screen.open(lists::method_choices(unsaved, method));
-        }
-        Choice::Method(method) | Choice::MethodUnsaved(method) => {
-            let registry = screen.latest.registry.clone();
-            change(|run| run.set_method(method, &registry), screen, link);
-        }
-        Choice::Preset(preset) => {
-            let settings = screen.settings_of(preset);
-            change(|run| (run.preset, run.settings) = (preset, settings), screen, link);
-        }
         Choice::StartIn(name) => start_in(name, screen, link),
         Choice::Restart(seed) => restart(seed, scene, screen, link),
         Choice::StartOn(map, file) => {
@@ -46,8 +32,7 @@ pub fn choose(choice: Choice, scene: &mut Scene, screen: &mut Screen, link: &mut
             }
         }
         Choice::Load(path) if is_worth_saving(scene, screen) => {
-            let unsaved = screen.latest.unsaved_updates();
-            screen.open(lists::load_choices(unsaved, path));
+            screen.open(lists::load_choices(&screen.latest, path));
         }
         Choice::Load(path) | Choice::LoadUnsaved(path) => {
             screen.notify(&format!("loading {} ...", path.display()));
@@ -57,12 +42,33 @@ pub fn choose(choice: Choice, scene: &mut Scene, screen: &mut Screen, link: &mut
     }
 }
 
-/// Continues with the run as modified by `change`.
-pub fn change(change: impl FnOnce(&mut Run), screen: &mut Screen, link: &Link) {
+/// Continues with the run as modified by `change`; asks first if that discards much that the
+/// networks have learned.
+pub fn change(
+    change: impl FnOnce(&mut Run),
+    saver: &mut Saver,
+    scene: &Scene,
+    screen: &mut Screen,
+    link: &Link,
+) {
     let mut run = screen.run().clone();
     change(&mut run);
-    if run != *screen.run() {
-        link.command(Command::Change(Box::new(run)), screen);
+    if run == *screen.run() {
+        return;
+    }
+    if resets_networks(screen.run(), &run) && is_worth_saving(scene, screen) {
+        screen.open(lists::change_choices(&screen.latest, run));
+    } else {
+        change_to(run, saver, screen, link);
+    }
+}
+
+/// Continues as `run`. The file of what was learned before is not replaced by what new networks
+/// learn.
+pub fn change_to(run: Run, saver: &mut Saver, screen: &mut Screen, link: &Link) {
+    let resets = resets_networks(screen.run(), &run);
+    if link.command(Command::Change(Box::new(run)), screen) && resets {
+        saver.leave_file();
     }
 }
 

@@ -98,6 +98,11 @@ impl Saver {
         };
     }
 
+    /// Leaves the run's file as it is from now on, as the run goes on with new networks.
+    pub fn leave_file(&mut self) {
+        self.to = SaveTo::CreateNew(unused_path(self.to.path()));
+    }
+
     /// Returns the file of the next checkpoint: a new file, unless the run already has its own.
     fn next_file(&self) -> PathBuf {
         match &self.to {
@@ -175,8 +180,7 @@ impl Saver {
 
     /// Returns the question whether to save before quitting.
     pub fn quit_question(&self, scene: &Scene, screen: &Screen) -> Picker {
-        let (unsaved, autosaves) = (screen.latest.unsaved_updates(), &screen.latest.autosaves);
-        lists::quit_choices(unsaved, scene.has_unsaved_map(), &self.next_file(), autosaves)
+        lists::quit_choices(&screen.latest, scene.has_unsaved_map(), &self.next_file())
     }
 
     /// Quits once the run is saved.

@@ -32,8 +32,9 @@ impl Comparison {
         let cell = cell.and_then(|frame| frame.cell_at(at, &self.sides[own].maze().map));
         if mouse.kind == MouseEventKind::Down(MouseButton::Right) && !self.is_editing() {
             let start = cell.and_then(|cell| self.sides[own].maze().map.nearest_free(cell));
-            if let Some(start) = start {
-                self.start_race(start, self.race.goal());
+            match start {
+                Some(start) => self.start_race(start, self.race.goal()),
+                None => self.notify("a click outside of the map changes nothing"),
             }
             return;
         }

@@ -1,4 +1,5 @@
-//! The hint above the map: how to draw on it, a saved run to resume, or what the screen shows.
+//! The hint above the map: which moment is shown, or for a while how to draw on the map, a saved run
+//! to resume, or what the screen shows.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -28,7 +29,7 @@ pub fn draw(
     }
     let width = usize::from(area.width);
     let line = past(screen, scene, width);
-    if line.is_none() && screen.on_paper {
+    if line.is_none() && (screen.on_paper || screen.banner.is_none()) {
         return;
     }
     let line = line
@@ -104,7 +105,7 @@ fn plain(text: &str) -> ClickableLine {
 
 /// Offers the saved run, in at most `width` columns if possible.
 fn offer(screen: &Screen, width: usize) -> Option<ClickableLine> {
-    let found = &screen.offer.as_ref()?.found;
+    let found = screen.offer.as_ref()?;
     let method = found.run.method.name();
     let method =
         if found.run.method == screen.run().method { String::new() } else { format!("{method}: ") };

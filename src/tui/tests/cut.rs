@@ -7,7 +7,6 @@ use ratatui::layout::{Margin, Rect};
 use super::staged::staged_app;
 use super::*;
 use crate::tui::lists;
-use crate::tui::offer::Offer;
 use crate::tui::panes::Pane;
 use crate::tui::render::pane_lines;
 use gdg::train::Success;
@@ -166,12 +165,19 @@ type Ask<'a> = (&'a str, Box<dyn Fn() -> crate::tui::dialog::Picker + 'a>);
 #[test]
 fn no_question_cuts_what_it_asks_about() {
     let (path, map) = (long_path(), long_map());
-    let autosave = [path.with_file_name(format!("{LONG_NAME}-auto-123456789.safetensors"))];
-    let questions: [Ask; 6] = [
-        ("quit", Box::new(|| lists::quit_choices(123_456_789, true, &path, &[]))),
-        ("quit with autosave", Box::new(|| lists::quit_choices(1, true, &path, &autosave))),
-        ("load", Box::new(|| lists::load_choices(123_456_789, path.clone()))),
-        ("tour", Box::new(|| lists::tour_choices(123_456_789, true))),
+    let app = still();
+    let mut unsaved = Snapshot::clone(&app.screen.latest);
+    unsaved.counters.updates = 223_456_789;
+    let autosave = path.with_file_name(format!("{LONG_NAME}-auto-123456789.safetensors"));
+    let autosaves = Arc::new(vec![(123_456_789, autosave)]);
+    let autosaved = Snapshot { autosaves, ..unsaved.clone() };
+    let run = app.screen.run();
+    let questions: [Ask; 7] = [
+        ("quit", Box::new(|| lists::quit_choices(&unsaved, true, &path))),
+        ("quit with autosave", Box::new(|| lists::quit_choices(&autosaved, true, &path))),
+        ("load", Box::new(|| lists::load_choices(&unsaved, path.clone()))),
+        ("change", Box::new(|| lists::change_choices(&autosaved, run.clone()))),
+        ("tour", Box::new(|| lists::tour_choices(&unsaved, true))),
         ("restart", Box::new(|| lists::restart_choices(u64::MAX))),
         (
             "map",
@@ -194,7 +200,7 @@ fn no_question_cuts_what_it_asks_about() {
 #[test]
 fn no_line_cuts_text_without_saying_so() {
     let found = long_run();
-    check("offer", |app| app.screen.offer = Some(Offer::new(found.clone())));
+    check("offer", |app| app.screen.offer = Some(found.clone()));
     check("first run", |app| app.screen.first_run = true);
     check("error", |app| app.report(&format!("cannot write {LONG_NAME}: no such file")));
     check("notice", |app| app.screen.notify(&format!("saved {LONG_NAME}")));
@@ -217,7 +223,7 @@ fn an_offer_stays_within_the_map_and_says_how_to_resume() {
     let found = long_run();
     for (width, height) in SIZES {
         let mut app = staged_app(width, height);
-        app.screen.offer = Some(Offer::new(found.clone()));
+        app.screen.offer = Some(found.clone());
         let drawn = draw(&mut app, width, height);
         let map = app.screen.layout.map_pane;
         let row = text(&drawn).lines().nth(1).expect("a row").to_owned();

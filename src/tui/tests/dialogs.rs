@@ -149,7 +149,7 @@ fn a_registered_learner_that_needs_rewards_is_listed_and_brings_the_tuned_preset
     list.paste("own+sorb");
     let method: Method = "own+sorb".parse().expect("a method");
     assert_eq!(list.choice(), Some(&Choice::Method(method.clone())));
-    app.choose(Choice::MethodUnsaved(method.clone()));
+    app.choose(Choice::Method(method.clone()));
     app.obey();
     assert_eq!(app.screen.run().method, method);
     assert_eq!(app.screen.run().preset, Preset::Tuned);

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::host::runs::{self, SAVES};
+use crate::tui::clock;
 use gdg::engine::Command;
 use gdg::pulse::Progress;
 
@@ -103,6 +104,31 @@ fn the_first_run_says_what_there_is_to_see_until_it_is_used() {
     app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
     assert!(text(&draw(&mut app, 80, 24)).contains(" @ walks to G \u{b7}"));
     draw(&mut app, 5, 3);
+}
+
+#[test]
+fn lines_over_the_map_go_away_after_ten_seconds() {
+    type Shows<'a> = (&'a str, &'a dyn Fn(&mut App));
+    let folder = tempfile::tempdir().expect("a folder");
+    let shows: [Shows; 3] = [
+        ("click: a new goal", &|app| app.screen.first_run = true),
+        ("r resumes", &|app| offer(saved_run(folder.path(), app), &mut app.screen)),
+        ("drag: walls", &|app| app.act(Action::ToggleEdit)),
+    ];
+    for (line, show) in shows {
+        let mut app = still();
+        clock::advance(Duration::from_secs(5));
+        show(&mut app);
+        let is_shown = |app: &mut App| text(&draw(app, 80, 24)).contains(line);
+        assert!(is_shown(&mut app) && !app.on_tick(), "{line}");
+        clock::advance(Duration::from_millis(10_100));
+        assert!(app.on_tick() && !is_shown(&mut app), "{line}");
+        assert!(!app.on_tick(), "drawn once, not again and again");
+    }
+    let mut app = still();
+    app.report("the disk is full");
+    clock::advance(Duration::from_millis(10_100));
+    assert!(app.on_tick() && app.screen.log.notice().is_none(), "errors, too");
 }
 
 #[test]

@@ -82,7 +82,7 @@ fn a_frozen_screen_says_what_was_saved_and_that_the_limit_is_reached() {
     train_frozen(&mut app, 1.0, |latest| {
         latest.notice.number += 1;
         latest.notice.text = "autosaved kept-auto.safetensors".to_owned();
-        latest.autosaves = Arc::new(vec![PathBuf::from("kept-auto.safetensors")]);
+        latest.autosaves = Arc::new(vec![(0, PathBuf::from("kept-auto.safetensors"))]);
     });
     assert!(text(&draw(&mut app, 80, 24)).contains("autosaved kept-auto"));
     let mut done = (*app.screen.latest).clone();

@@ -198,3 +198,31 @@ fn the_middle_button_and_the_minimap_pan_the_map() {
     assert_eq!(window(&mut app)[..2], [0.0, 0.0], "the upper left corner");
     assert_eq!(app.maze().goal, goal, "no goal is set below the small map");
 }
+
+#[test]
+fn a_click_beside_the_map_says_that_it_does_nothing() {
+    let said = |app: &mut Still, button, at| {
+        app.screen.log.take();
+        mouse(app, MouseEventKind::Down(button), at);
+        mouse(app, MouseEventKind::Up(button), at);
+        app.screen.log.take().unwrap_or_default()
+    };
+    let mut app = still();
+    draw(&mut app, 80, 24);
+    let pane = app.screen.layout.map_pane;
+    let beside = Position::new(pane.x, pane.bottom() - 2);
+    let (left, right) = (MouseButton::Left, MouseButton::Right);
+    let text = "a click outside of the map changes nothing";
+    assert_eq!([left, right].map(|button| said(&mut app, button, beside)), [text; 2]);
+    let wall = character_of(&app, Cell::new(10, 1));
+    assert!(said(&mut app, left, wall).contains("10,1 is a wall: G is at"));
+    assert!(said(&mut app, right, wall).contains("10,1 is a wall: @ is at"));
+    for tool in Tool::ALL {
+        app.act(Action::Tool(tool));
+        draw(&mut app, 80, 24);
+        assert_eq!(said(&mut app, left, beside), text, "{tool:?}");
+    }
+    let map = app.maze().map.clone();
+    assert_eq!(said(&mut app, left, wall), "a goal needs floor");
+    assert!(Arc::ptr_eq(&app.maze().map, &map));
+}

@@ -2,6 +2,7 @@
 
 use super::staged::staged_app;
 use super::*;
+use crate::tui::dialog::Choice;
 use crate::tui::export::contents;
 use crate::tui::output::ExportKind;
 
@@ -19,7 +20,7 @@ fn autosaves_use_their_own_files_and_only_the_newest_are_kept() {
         let updates = app.screen.snapshot.counters.updates;
         app.on_tick();
         wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
-        all.extend(app.screen.snapshot.autosaves.iter().cloned());
+        all.extend(app.screen.snapshot.autosaves.iter().map(|(_, path)| path.clone()));
     }
     let there: Vec<_> = all.iter().filter(|path| path.is_file()).collect();
     assert!((1..=4).contains(&there.len()), "the newest are kept: {there:?}");
@@ -119,6 +120,107 @@ fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
     assert!(app.is_done() && app.saver.named.is_none(), "twice leaves without saving");
     app.on_signal();
     assert!(app.saver.named.as_ref().is_some_and(|path| path.starts_with("saves")));
+}
+
+/// Enters a value for a setting.
+fn set(app: &mut App, name: &str, value: &str) {
+    app.choose(Choice::Setting(name.to_owned()));
+    type_text(app, value);
+    press(app, KeyCode::Enter);
+}
+
+#[test]
+fn what_resets_trained_networks_is_asked_about_and_can_save_first() {
+    let mut app = staged_app(80, 24);
+    let asks = |app: &mut Still| {
+        let asked = text(&draw(app, 80, 24)).contains("this resets the networks");
+        assert_eq!(app.screen.dialogs.len(), usize::from(asked));
+        asked.then(|| press(app, KeyCode::Esc));
+        let sent = app.commands.try_iter().any(|command| matches!(command, Command::Change(_)));
+        assert_ne!(asked, sent, "nothing changes without the answer");
+        asked
+    };
+    set(&mut app, "hidden", "8");
+    assert!(asks(&mut app));
+    app.choose(Choice::Preset(Preset::Paper));
+    assert!(asks(&mut app));
+    app.choose(Choice::Method("her".parse().expect("a method")));
+    assert!(asks(&mut app));
+    set(&mut app, "learning_rate", "0.002");
+    assert!(!asks(&mut app), "the networks stay");
+    app.act(Action::Settings);
+    let Some(Dialog::Pick(list)) = app.screen.dialogs.last_mut() else { panic!("a list") };
+    list.search_names("hidden");
+    app.act(Action::ResetSetting);
+    assert_eq!(app.screen.dialogs.len(), 2, "its default resets them as well");
+    app.screen.dialogs.clear();
+    set(&mut app, "hidden", "8");
+    press(&mut app, KeyCode::Char('s'));
+    let sent: Vec<Command> = app.commands.try_iter().collect();
+    assert!(matches!(sent[..], [Command::Save(..)]), "the change waits for the checkpoint");
+    app.change_snapshot(|snapshot| snapshot.saved = Some((10_000, Arc::new("own".into()))));
+    assert!(
+        matches!(app.commands.try_recv(), Ok(Command::Change(run)) if run.settings.learn.hidden == 8)
+    );
+    // A run that has hardly been trained is changed at once.
+    let mut app = still();
+    set(&mut app, "hidden", "8");
+    assert!(matches!(app.commands.try_recv(), Ok(Command::Change(_))));
+}
+
+#[test]
+fn new_networks_do_not_replace_the_checkpoint_of_those_before() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("own.safetensors");
+    let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path.clone()));
+    wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
+    app.act(Action::Save);
+    wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
+    let before = std::fs::read(&path).expect("saved");
+    set(&mut app, "hidden", "8");
+    app.act(Action::Save);
+    wait_until(&mut app, |app| {
+        app.screen.snapshot.saved.as_ref().is_some_and(|(_, saved)| **saved != path)
+    });
+    assert!(folder.path().join("own-2.safetensors").is_file());
+    assert_eq!(std::fs::read(&path).expect("still there"), before);
+}
+
+#[test]
+fn closing_says_of_one_moment_what_is_saved_and_what_is_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("own.safetensors");
+    let trainer = trainer_in(&PointMaze::new(Arc::new(rooms()), 0), gdg(), &Registry::builtin());
+    let engine = Engine::start(trainer, Limits::default()).expect("an engine");
+    let viewer = Viewer::start(&engine).expect("a viewer");
+    let mut app = App::new(engine.link(), viewer, &UiConfig::default(), keymap(), Files::default());
+    app.saver.to = SaveTo::CreateNew(path.clone());
+    let further = |app: &mut App| {
+        let now = app.screen.snapshot.updates();
+        wait_until(app, |app| app.screen.snapshot.updates() > now);
+    };
+    further(&mut app);
+    app.act(Action::Save);
+    wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
+    further(&mut app);
+    app.command(Command::Autosave(path, train::Notes::default()));
+    wait_until(&mut app, |app| !app.screen.snapshot.autosaves.is_empty());
+    further(&mut app);
+    // Worth keeping: an edit.
+    let cell = app.maze().map.free_cells().next().expect("a free cell");
+    app.change_map(app.maze().map.with_cells([(cell, false)]).map(Arc::new));
+    let (saved, autosaved) =
+        (app.screen.snapshot.saved.clone().expect("saved").0, app.screen.snapshot.autosaves[0].0);
+    let summary = app.close(engine, true).summary.replace(',', "");
+    let number = |before: &str| {
+        let digits = summary.split(before).nth(1).unwrap_or_else(|| panic!("{before}: {summary}"));
+        let end = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
+        digits[..end].parse::<u64>().unwrap_or_else(|_| panic!("{before}: {summary}"))
+    };
+    assert_eq!(number("own.safetensors at update "), saved);
+    assert_eq!(number(".safetensors at update ").max(autosaved), autosaved);
+    assert!(summary.contains(&format!("auto-{autosaved}.safetensors at update {autosaved}")));
+    assert_eq!(number("seed 1: ") - autosaved, number("not saved: the last "), "{summary}");
 }
 
 #[test]

@@ -140,6 +140,12 @@ impl Worker {
         memory::check(&run, self.trainer.world(), self.trainer.registry())?;
         let what = changes(self.trainer.run(), &run);
         let kept = self.trainer.change_run(run)?;
+        if !kept.networks {
+            // What has been learned before stays in the files that were written.
+            self.new_file = None;
+            self.autosaved.clear();
+            self.current.autosaves = Arc::default();
+        }
         self.current.run = Arc::new(self.trainer.run().clone());
         (self.current.methods, self.current.learns) =
             (self.trainer.history().methods().clone(), self.trainer.learns());
@@ -223,14 +229,14 @@ impl Worker {
             self.lost_data()
         );
         let mark = files::mark_in_use(&path);
-        self.autosaved.push((path, mark));
+        self.autosaved.push((updates, path, mark));
         while self.autosaved.len() > MAX_AUTOSAVES {
-            let (oldest, mark) = self.autosaved.remove(0);
+            let (_, oldest, mark) = self.autosaved.remove(0);
             drop(mark);
             train::remove_own(&oldest);
         }
         self.current.autosaves =
-            Arc::new(self.autosaved.iter().map(|(path, _)| path.clone()).collect());
+            Arc::new(self.autosaved.iter().map(|(at, path, _)| (*at, path.clone())).collect());
         Ok(text)
     }
 

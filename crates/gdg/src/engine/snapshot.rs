@@ -136,8 +136,8 @@ pub struct Snapshot {
     pub saved_seconds: f64,
     /// Number of failed saves, and the latest reason.
     pub save_failed: (u64, String),
-    /// Autosaved files that are still kept.
-    pub autosaves: Arc<Vec<PathBuf>>,
+    /// Autosaved files that are still kept, oldest first, and the updates in each.
+    pub autosaves: Arc<Vec<(u64, PathBuf)>>,
     /// When the next evaluation comes.
     pub next_evaluation: NextEvaluation,
     /// How far the latest evaluation is.
@@ -268,10 +268,16 @@ impl Snapshot {
         self.learned(self.counters.updates)
     }
 
-    /// Returns the number of updates not saved in any checkpoint.
+    /// Returns the number of updates not saved in a checkpoint that the user has asked for.
     pub fn unsaved_updates(&self) -> u64 {
         let saved = self.saved.as_ref().map_or(0, |(updates, _)| self.learned(*updates));
         self.updates().saturating_sub(saved)
+    }
+
+    /// Returns the number of updates that are in no file, not even an autosaved one.
+    pub fn lost_updates(&self) -> u64 {
+        let autosaved = self.autosaves.last().map_or(0, |(updates, _)| self.learned(*updates));
+        self.unsaved_updates().min(self.updates().saturating_sub(autosaved))
     }
 
     /// Returns the seconds of training not saved in any checkpoint.

@@ -121,11 +121,11 @@ impl GoalsState {
         let shown = screen.layout.goals.clone();
         let Some(shown) = shown.filter(|shown| shown.frame.area.contains(at)) else { return false };
         match kind {
-            MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left)
-                if !self.goal.is_empty() =>
-            {
+            MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => {
                 screen.on_first_use();
-                self.set_goal(shown.point_at(at, &self.goal), screen, link);
+                if !self.goal.is_empty() {
+                    self.set_goal(shown.point_at(at, &self.goal), screen, link);
+                }
             }
             MouseEventKind::Down(MouseButton::Right) => link.request(Request::Restart),
             _ => return false,

@@ -90,6 +90,9 @@ impl MazeState {
     /// Performs an action of the editor.
     fn edit(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
         let map = self.map.clone();
+        if matches!(action, Action::ToggleEdit | Action::Tool(_)) {
+            screen.show_banner();
+        }
         match action {
             Action::ToggleEdit => self.toggle_edit(link),
             Action::Tool(tool) => {
@@ -150,8 +153,16 @@ impl MazeState {
         self.set_goal(clicked, screen, link);
         let goal = self.goal;
         if goal != clicked {
-            let wall = format!("{},{} is a wall", clicked.x, clicked.y);
-            screen.notify(&format!("{wall}: G is at the nearest free cell, {},{}", goal.x, goal.y));
+            say_wall(clicked, 'G', goal, screen);
+        }
+    }
+
+    /// Puts the walking agent where the user has clicked, or near it with a notice if that is a
+    /// wall.
+    pub fn place_walker_by_click(&self, clicked: Cell, screen: &mut Screen, link: &Link) {
+        place_walker(Some(clicked), screen, link);
+        if let Some(start) = self.map.nearest_free(clicked).filter(|start| *start != clicked) {
+            say_wall(clicked, '@', start, screen);
         }
     }
 
@@ -304,6 +315,12 @@ impl MazeState {
             screen.notify("no path leads from @ to G: walls separate them");
         }
     }
+}
+
+/// Says that what was clicked is a wall, and where `mark` is instead.
+fn say_wall(clicked: Cell, mark: char, at: Cell, screen: &mut Screen) {
+    let wall = format!("{},{} is a wall", clicked.x, clicked.y);
+    screen.notify(&format!("{wall}: {mark} is at the nearest free cell, {},{}", at.x, at.y));
 }
 
 /// Puts the walking agent at a cell, or at a random place.

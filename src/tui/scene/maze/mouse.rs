@@ -4,7 +4,6 @@ use crossterm::event::{MouseButton, MouseEventKind};
 use ratatui::layout::{Position, Rect};
 
 use super::MazeState;
-use super::act::place_walker;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::link::Link;
 use crate::tui::raster::{MapFrame, Viewport};
@@ -67,14 +66,12 @@ impl MazeState {
                 self.change_map_or_say(new, refusal, screen, link);
             }
             MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => {
-                if let Some(cell) = cell {
-                    self.on_click(cell, screen, link);
-                }
+                let Some(cell) = cell else { return false };
+                self.on_click(cell, screen, link);
             }
             MouseEventKind::Down(MouseButton::Right) => {
-                if cell.is_some() {
-                    place_walker(cell, screen, link);
-                }
+                let Some(cell) = cell else { return false };
+                self.place_walker_by_click(cell, screen, link);
             }
             _ => return false,
         }
