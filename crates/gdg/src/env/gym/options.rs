@@ -40,6 +40,9 @@ impl FromStr for Address {
                 truncated(package, MAX_CHARS)
             ));
         }
+        if let Some(module) = package.and_then(|package| package.strip_suffix(".py")) {
+            return Err(format!("a Python module is named without .py: give gym:{module}:{id}"));
+        }
         let is_id = |c: char| c.is_ascii_alphanumeric() || "_-./".contains(c);
         if id.is_empty() || id.len() > MAX_CHARS || !id.chars().all(is_id) {
             return Err(format!(
@@ -126,6 +129,7 @@ mod tests {
             ("os;x:Maze-v0", "is not the name of a Python package"),
             ("package:", "is not the ID"),
             ("package:two:Maze-v0", "is not the ID"),
+            ("mazes.py:Maze-v0", "is named without .py: give gym:mazes:Maze-v0"),
             ("\u{1b}[2J", "is not the ID"),
         ] {
             let error = text.parse::<Address>().expect_err(text);

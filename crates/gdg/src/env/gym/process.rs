@@ -26,17 +26,55 @@ const SOURCE: &str = include_str!("worker.py");
 /// Reads that source from the socket, which is the standard input, and leaves an empty one: what is
 /// listed as the command of the process stays short. Files in the present folder do not take the
 /// place of Python's own.
+///
+/// Its first lines are Python of any version, which they check.
 const BOOTSTRAP: &str = "\
 import sys
 if sys.path[0] == '':
     del sys.path[0]
-import os, socket
+import os, socket, struct
+if sys.version_info < (3, 8):
+    problem = 'Python 3.8 or later is needed, and this is %d.%d' % sys.version_info[:2]
+    reply = '{\"unsupported\": true, \"error\": \"%s: --python PATH names another one\"}' % problem
+    os.write(0, struct.pack('<II', 1, len(reply)) + reply.encode())
+    os.read(0, 8)
+    sys.exit(problem)
 channel = socket.socket(fileno=os.dup(0))
 os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
 stream = channel.makefile('rb')
 header = stream.read(8)
 exec(compile(stream.read(int.from_bytes(header[4:], 'little')), '<worker>', 'exec'))
 ";
+
+/// Modules that environments need, and what installs them. Any other name may be that of anybody's
+/// package.
+const KNOWN_PACKAGES: [(&str, &str); 25] = [
+    ("Box2D", "box2d"),
+    ("PIL", "pillow"),
+    ("cv2", "opencv-python"),
+    ("dm_control", "dm-control"),
+    ("gymnasium", "gymnasium"),
+    ("gymnasium_robotics", "gymnasium-robotics"),
+    ("h5py", "h5py"),
+    ("imageio", "imageio"),
+    ("jax", "jax"),
+    ("matplotlib", "matplotlib"),
+    ("minari", "minari"),
+    ("mujoco", "mujoco"),
+    ("networkx", "networkx"),
+    ("numba", "numba"),
+    ("numpy", "numpy"),
+    ("ogbench", "ogbench"),
+    ("panda_gym", "panda-gym"),
+    ("pandas", "pandas"),
+    ("pybullet", "pybullet"),
+    ("pygame", "pygame"),
+    ("scipy", "scipy"),
+    ("skimage", "scikit-image"),
+    ("sklearn", "scikit-learn"),
+    ("torch", "torch"),
+    ("yaml", "PyYAML"),
+];
 
 /// Lines of the worker's output that errors quote.
 const QUOTED_LINES: usize = 8;
@@ -90,11 +128,16 @@ struct Exception {
     /// Whether the environment is one that the program does not support.
     unsupported: bool,
     /// The module that is missing, if that is the problem.
+    #[serde(default)]
     missing: Option<String>,
     /// The exception and its message.
     error: String,
     /// Files and lines, the innermost last.
+    #[serde(default)]
     places: Vec<String>,
+    /// Where Python looks for modules.
+    #[serde(default)]
+    searched: Vec<String>,
 }
 
 impl Worker {
@@ -273,12 +316,18 @@ impl Worker {
         };
         let shown = |text: &str| truncated(text, 3 * MAX_SHOWN_CHARS);
         if let Some(module) = found.missing {
-            let module = shown(module.split('.').next().unwrap_or_default());
-            let package = module.replace('_', "-");
-            return self.fail(format!(
-                "the Python package {module} is missing: python -m pip install {package}, in the \
-                 virtual environment that is active or that --python PATH names"
-            ));
+            let package = KNOWN_PACKAGES.iter().find(|(name, _)| *name == module);
+            return self.fail(match package {
+                Some((_, package)) => format!(
+                    "the Python package {module} is missing: python -m pip install {package}, in \
+                     the virtual environment that is active or that --python PATH names"
+                ),
+                None => format!(
+                    "there is no Python module {}: looked for in {}; PYTHONPATH names more folders",
+                    shown(&module),
+                    shown(&found.searched.join(", "))
+                ),
+            });
         }
         if found.unsupported {
             return self.fail(shown(&found.error));
