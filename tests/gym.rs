@@ -181,6 +181,19 @@ fn an_interpreter_that_writes_garbage_or_huge_lengths_is_none() {
 }
 
 #[test]
+fn packages_are_named_only_where_they_are_known() {
+    let error = |module: &str| {
+        let reply = format!(r#"{{"unsupported":false,"missing":"{module}","error":""}}"#);
+        let length = format!(r"\001\000\000\000\{:03o}\000\000\000", reply.len());
+        error_with(&format!("printf '{length}{reply}' >&0; sleep 9")).0
+    };
+    assert_says(&error("cv2"), "python -m pip install opencv-");
+    let local = error("my_mazes");
+    assert_says(&local, "there is no Python module my_mazes: looked for in");
+    assert!(!local.contains("pip"), "it may be anybody's: {local}");
+}
+
+#[test]
 fn an_interpreter_that_hangs_is_given_up_after_the_time_limit() {
     let (error, took) = error_with("exec sleep 1000");
     assert_says(&error, "took more than 2 seconds to be opened (--env-timeout sets the limit)");
@@ -211,6 +224,12 @@ fn what_is_missing_or_unsupported_is_said() {
         ("Goalless", "it has no goals: its observations need observation, achieved_goal and"),
         ("Dense", "does not say when a goal is reached: give --goal-radius"),
         ("Absent", "Environment `Absent` doesn't exist"),
+        ("Whole", "its actions are whole numbers"),
+        ("OldStep", "change it to return observation, reward, terminated, truncated, info"),
+        ("OldReset", "change it to reset(self, *, seed=None, options=None)"),
+        ("NoInfo", "change it to return observation, info"),
+        ("Zero", "does not say when a goal is reached: give --goal-radius"),
+        ("Refuses", "give --goal-radius; it raised KeyError: 'distance'"),
     ] {
         let output = train(folder.path(), name, &["--max-updates", "10"]).output().unwrap();
         assert_eq!(output.status.code(), Some(2), "{name}: {}", stderr(&output));
@@ -221,8 +240,11 @@ fn what_is_missing_or_unsupported_is_said() {
         .arg(python())
         .output()
         .unwrap();
-    assert_says(&stderr(&output), "the Python package no_such_package is missing");
-    assert_says(&stderr(&output), "pip install no-such-package");
+    assert_says(&stderr(&output), "there is no Python module no_such_package: looked for in ");
+    assert!(!stderr(&output).contains("pip"), "{}", stderr(&output));
+    let old = "import sys; sys.version_info = (3, 7, 9); exec(sys.argv[1])";
+    let (error, _) = error_with(&format!("exec '{}' -c '{old}' \"$3\"", python().display()));
+    assert_says(&error, "Python 3.8 or later is needed, and this is 3.7: --python PATH names");
     // What is not found out can be given.
     let args = ["--max-updates", "10", "--goal-radius", "0.7"];
     let output = train(folder.path(), "Dense", &args).output().unwrap();
@@ -332,15 +354,19 @@ fn the_example_of_an_environment_of_ones_own_trains_and_its_tasks_are_far() {
 #[ignore = "needs Python with numpy and gymnasium"]
 fn a_maze_has_goals_everywhere_and_its_walls_are_drawn() {
     let folder = tempfile::tempdir().unwrap();
-    let world = open(folder.path(), "Maze");
-    let Scene::Goals(space) = world.abilities().drawn.unwrap().scene(&Arc::default()) else {
-        panic!("a space of goals")
-    };
-    assert_eq!([0, 1].map(|i| space.range(i)), [[-5.0, 5.0], [-1.0, 5.0]]);
     let free = [[-4.0, 4.0], [0.0, 2.0], [0.9, 2.9], [4.0, 0.0], [-4.9, -0.9]];
     let walls = [[-4.0, 2.0], [2.0, 0.0], [-1.1, 1.1], [5.1, 4.0], [0.0, -1.1]];
-    assert_eq!(free.map(|at| space.is_wall(at)), [false; 5]);
-    assert_eq!(walls.map(|at| space.is_wall(at)), [true; 5], "also outside");
+    // Walls are what the environment takes for walls, also as floats or booleans.
+    for name in ["FloatMaze", "BoolMaze", "Maze"] {
+        let world = open(folder.path(), name);
+        let Scene::Goals(space) = world.abilities().drawn.unwrap().scene(&Arc::default()) else {
+            panic!("a space of goals")
+        };
+        assert_eq!([0, 1].map(|i| space.range(i)), [[-5.0, 5.0], [-1.0, 5.0]]);
+        assert_eq!(free.map(|at| space.is_wall(at)), [false; 5], "{name}");
+        assert_eq!(walls.map(|at| space.is_wall(at)), [true; 5], "{name}, also outside");
+    }
+    let world = open(folder.path(), "Maze");
     // Its five tasks would be three goals and one start.
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let (mut goal, mut cells) = ([0.0; 2], BTreeSet::new());
@@ -426,6 +452,84 @@ fn no_transition_leads_from_where_the_environment_ends_an_episode_to_the_next_st
         last[agent] = at;
     });
     assert!(longest < 1.0, "a step is at most 0.5 along each axis: {longest}");
+}
+
+/// Returns two agents of an environment of `awkward.py`, at the starts of episodes.
+fn two_agents(folder: &Path, name: &str) -> Box<dyn Environment> {
+    let mut agents = open(folder, name).fork(2).unwrap();
+    for i in 0..2 {
+        agents.restart(i, &mut ChaCha8Rng::seed_from_u64(i as u64)).unwrap();
+    }
+    agents
+}
+
+/// Walks on; returns all states.
+fn walk(agents: &mut dyn Environment, steps: usize) -> Vec<Vec<f32>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let step = |i: usize| {
+        let wave = (i as f32).sin();
+        agents.step(&[0.7, wave, -0.3, 0.9 * wave], &mut rng).unwrap();
+        agents.states().to_vec()
+    };
+    (0..steps).map(step).collect()
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn full_states_bring_back_everything_or_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    for before in [0, 20, 30] {
+        let mut agents = two_agents(folder.path(), "Precise");
+        walk(&mut *agents, before);
+        let saved = [0, 1].map(|i| agents.full_state(i));
+        assert_eq!(saved[0].len(), saved[1].len());
+        let next = walk(&mut *agents, 15);
+        for (i, state) in saved.iter().enumerate() {
+            agents.restart(i, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
+            assert!(agents.set_full_state(i, state).unwrap());
+        }
+        assert_eq!(walk(&mut *agents, 15), next, "after {before} steps");
+    }
+    for name in ["Hidden", "Counts"] {
+        let agents = two_agents(folder.path(), name);
+        let facts = agents.abilities().recorded.unwrap().facts();
+        assert_eq!(facts["gym"]["resumes"], "with new episodes", "{name}");
+        assert_eq!(agents.full_state(0).len(), agents.spec().state_dim());
+    }
+    // What cannot be saved, or not be put back, ends nothing, and is said once.
+    for (name, length, warnings) in [("Late", 4.., 0), ("Locked", 3.., 1)] {
+        let mut agents = two_agents(folder.path(), name);
+        let early = agents.full_state(0);
+        assert!(agents.set_full_state(0, &early).unwrap(), "{name}");
+        walk(&mut *agents, 30);
+        let late = agents.full_state(0);
+        assert!(length.contains(&late.len()) && (name == "Late" || late.len() == 3));
+        let said = agents.take_warnings();
+        assert_eq!(said.len(), warnings, "{said:?}");
+        assert!(said.iter().all(|text| text.contains("new episodes on resuming: its attribute")));
+        assert!(!agents.set_full_state(0, &late).unwrap(), "{name}");
+        agents.restart(0, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
+        walk(&mut *agents, 30);
+        assert_eq!((agents.full_state(0).len(), agents.take_warnings()), (late.len(), vec![]));
+    }
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn an_episode_ends_where_the_environment_says_so_but_not_at_its_time_limit() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cut = two_agents(folder.path(), "Cut");
+    walk(&mut *cut, 6);
+    assert!(!cut.has_ended(0));
+    walk(&mut *cut, 1);
+    assert!(cut.has_ended(0) && cut.has_ended(1));
+    let mut point = two_agents(folder.path(), "Point");
+    walk(&mut *point, 50);
+    assert!(!point.has_ended(0), "agents have other goals than the environment");
+    let endless = open(folder.path(), "Endless");
+    assert_eq!(endless.abilities().episodes.unwrap().episode_steps(), None);
+    let warnings = endless.take_warnings();
+    assert!(warnings[0].contains("counts as none: episodes have at most 60000"), "{warnings:?}");
 }
 
 #[test]
@@ -578,7 +682,7 @@ fn a_run_is_refused_where_its_environment_is_missing_or_another() {
         assert_eq!(output.status.code(), Some(2), "{}", stderr(output));
         assert_eq!(before, std::fs::read(folder.path().join("run.safetensors")).unwrap());
     }
-    assert_says(&stderr(&elsewhere), "the Python package awkward is missing");
+    assert_says(&stderr(&elsewhere), "there is no Python module awkward");
     assert!(stderr(&elsewhere).contains("the checkpoint itself is sound"));
     assert!(stderr(&other).contains("other observations, goals or"), "{}", stderr(&other));
     assert!(resumed(&|_| {}).status.success());

@@ -54,6 +54,7 @@ impl Saver {
             eprint_line(&error.to_string());
         }
         let path: PathBuf = train::save(trainer, &self.to).map_err(from_checkpoint_error)?;
+        trainer.world().take_warnings().iter().for_each(|warning| eprint_line(warning));
         let requested = self.to.path();
         if path != requested {
             let may_replace =
@@ -64,7 +65,7 @@ impl Saver {
             eprint_line(&format!("{requested} {}{help}: saving to {path}", self.to.obstacle()));
         }
         if let Some(lost) = trainer.lost_data().filter(|_| !self.has_warned) {
-            eprint_line(&sanitized(&format!("warning: {lost}")));
+            eprint_line(&format!("warning: {lost}"));
             self.has_warned = true;
         }
         self.to = SaveTo::Replace(path.clone());

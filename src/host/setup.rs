@@ -173,6 +173,7 @@ pub fn prepare(
              saved to another name"
         ));
     }
+    warnings.extend(trainer.world().take_warnings());
     if trainer.rollout().has_restarted() {
         let title = sanitized(trainer.world().title());
         warnings.push(format!(

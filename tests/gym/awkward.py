@@ -12,7 +12,9 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+import types
 
 import gymnasium as gym
 import numpy as np
@@ -191,6 +193,82 @@ class Global(Point):
         return super().step(action * np.random.uniform(0.5, 1.0))
 
 
+class Precise(Point):
+    """Keeps its state in numbers of many kinds, which matter late."""
+
+    def reset(self, seed=None, options=None):
+        self.charge, self.count, self.path = np.float32(1.0), 2**60, np.zeros(1)
+        self.last = self.kept = self.path
+        self.__dict__.pop("late", None)
+        return super().reset(seed=seed)
+
+    def step(self, action):
+        self.charge = np.float32(self.charge - np.float32(0.03))
+        self.count += 1
+        self.last, self.path = self.path, np.append(self.path, 0.0)
+        if len(self.path) > 25:
+            # Was a number, then an array, and is new.
+            self.kept, self.late = float(self.last.size), np.bool_(True)
+        factor = 1.0 if self.charge > 0.1 else 0.5
+        return super().step(action * factor * (0.5 if self.count % 30 > 20 else 1.0))
+
+
+class Hidden(Point):
+    """Keeps what matters late in an object."""
+
+    def reset(self, seed=None, options=None):
+        self.world = types.SimpleNamespace(steps=0)
+        return super().reset(seed=seed)
+
+    def step(self, action):
+        self.world.steps += 1
+        return super().step(action * (0.5 if self.world.steps > 25 else 1.0))
+
+
+class Counts(Point):
+    """Where it begins depends on how often it has begun."""
+
+    def reset(self, seed=None, options=None):
+        self.log = [*getattr(self, "log", []), seed]
+        super().reset(seed=seed)
+        self.at = self.at / (1 + len(self.log) % 2)
+        return self.observe(), {}
+
+
+class Late(Point):
+    """What was a number becomes something else late in an episode."""
+
+    becomes = "late"
+
+    def reset(self, seed=None, options=None):
+        self.phase, self.left = 0, 25
+        return super().reset(seed=seed)
+
+    def step(self, action):
+        self.left -= 1
+        if self.left < 0:
+            self.phase = self.becomes
+        return super().step(action)
+
+
+class Locked(Late):
+    becomes = threading.Lock()
+
+
+class Cut(Point):
+    """Truncates its episodes itself, and is not stepped any more then."""
+
+    def reset(self, seed=None, options=None):
+        self.left = 7
+        return super().reset(seed=seed)
+
+    def step(self, action):
+        assert self.left > 0, "the episode is over"
+        self.left -= 1
+        observation, reward, terminated, _, info = super().step(action)
+        return observation, reward, terminated, self.left == 0, info
+
+
 class Tasks(Point):
     """Has its goal in `info` and three tasks, as OGBench has."""
 
@@ -231,6 +309,40 @@ class Maze(Tasks):
         return self._terminate_at_goal and bool(np.linalg.norm(self.at - self.goal) <= RADIUS)
 
 
+class FloatMaze(Maze):
+    maze_map = Maze.maze_map.astype(float)
+
+
+class BoolMaze(Maze):
+    maze_map = Maze.maze_map.astype(bool)
+
+
+class Whole(Point):
+    def __init__(self, **how):
+        super().__init__(**how)
+        self.action_space = gym.spaces.Box(-1, 1, (2,), np.int64)
+
+
+class OldStep(Point):
+    def step(self, action):
+        return (*super().step(action)[:3], {})
+
+
+class OldReset(Point):
+    def reset(self):
+        return super().reset()[0]
+
+
+class NoInfo(Point):
+    def reset(self, seed=None, options=None):
+        return super().reset(seed=seed)[0]
+
+
+class Refuses(Point):
+    def compute_reward(self, achieved, desired, info):
+        return -float(info["distance"] > RADIUS)
+
+
 class Discrete(Point):
     def __init__(self, **how):
         super().__init__(**how)
@@ -264,6 +376,10 @@ class Dense(Point):
         return -float(np.linalg.norm(np.subtract(achieved, desired)))
 
 
+class Zero(Dense):
+    distance_threshold = 0.0
+
+
 class Dawdles(Point):
     """Hangs in the processes that AWKWARD_SLOW counts, from 1 for the first one of a folder."""
 
@@ -291,3 +407,4 @@ class Slow(Point):
 for kind in list(globals().values()):
     if isinstance(kind, type) and issubclass(kind, Point):
         gym.register(f"{kind.__name__}-v0", kind, max_episode_steps=40)
+gym.register("Endless-v0", Point, max_episode_steps=sys.maxsize)

@@ -277,7 +277,7 @@ pub trait Environment: Any + Send + Sync {
     }
 
     /// Puts `agent` into a full state, or as close to it as the world allows if the state itself is
-    /// not allowed. The numbers are finite and as many as [`Self::full_state`] returns, but come
+    /// not allowed. The numbers are finite and as many as [`Self::takes_full_state`] says, but come
     /// from a file: they may be out of range.
     ///
     /// Returns whether the world can do this, which the default cannot. In a world that cannot,
@@ -287,6 +287,12 @@ pub trait Environment: Any + Send + Sync {
     /// The world fails.
     fn set_full_state(&mut self, _agent: usize, _full_state: &[f64]) -> Result<bool, EnvError> {
         Ok(false)
+    }
+
+    /// Returns whether [`Self::set_full_state`] takes `length` numbers from a file: by default as
+    /// many as [`Self::full_state`] returns.
+    fn takes_full_state(&self, length: usize) -> bool {
+        length == self.full_state(0).len()
     }
 
     /// Returns what the world offers beyond training; nothing by default.
@@ -332,6 +338,11 @@ impl dyn Environment {
     /// Returns what tells the world apart from others of its title, if there are any.
     pub fn fingerprint(&self) -> Option<String> {
         self.abilities().recorded.and_then(Recorded::fingerprint)
+    }
+
+    /// Returns what users should know of the world now, and have not been told yet.
+    pub fn take_warnings(&self) -> Vec<String> {
+        self.abilities().recorded.map_or_else(Vec::new, Recorded::take_warnings)
     }
 
     /// Returns evaluation tasks, `per_group` in each group: the world's own, or else random starts

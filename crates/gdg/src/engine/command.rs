@@ -197,15 +197,12 @@ impl Worker {
             self.current.save_failed = (self.current.save_failed.0 + 1, error.to_string());
         })?;
         let updates = self.trainer.counters().updates;
-        let mut text = format!(
-            "saved {} at update {}",
-            path.display(),
-            grouped(self.trainer.learned_updates())
-        );
-        if to.path() != path {
-            text += &format!(" ({} {})", to.path().display(), to.obstacle());
-        }
-        text += &self.lost_data();
+        let why = if to.path() == path {
+            String::new()
+        } else {
+            format!(" ({} {})", to.path().display(), to.obstacle())
+        };
+        let text = self.saved_text("saved", &path, &why);
         if let SaveTo::CreateNew(requested) = to {
             self.new_file = Some((requested, path.clone()));
         }
@@ -222,12 +219,7 @@ impl Worker {
         let folder = named_after.parent().unwrap_or(Path::new(""));
         let requested = files::named(folder, stem, &format!("-auto-{updates}.safetensors"));
         let path = self.write(&SaveTo::CreateNew(requested), notes)?;
-        let text = format!(
-            "autosaved {} at update {}{}",
-            path.display(),
-            grouped(self.trainer.learned_updates()),
-            self.lost_data()
-        );
+        let text = self.saved_text("autosaved", &path, "");
         let mark = files::mark_in_use(&path);
         self.autosaved.push((updates, path, mark));
         while self.autosaved.len() > MAX_AUTOSAVES {
@@ -240,11 +232,6 @@ impl Worker {
         Ok(text)
     }
 
-    /// Says what has become of recorded data, after what else is said of a save.
-    fn lost_data(&self) -> String {
-        self.trainer.lost_data().map_or(String::new(), |lost| format!("; {lost}"))
-    }
-
     fn write(&mut self, to: &SaveTo, notes: Notes) -> Result<PathBuf, CommandError> {
         // Even when no rollbacks are left, the networks are good and can be saved.
         let diverged = self.trainer.ensure_finite().err();
@@ -255,6 +242,15 @@ impl Worker {
             self.current.phase = Phase::Failed(error.to_string());
         }
         Ok(path)
+    }
+
+    /// Returns a notice about a checkpoint, with what the world and recorded data warn of.
+    fn saved_text(&self, how: &str, path: &Path, why: &str) -> String {
+        let at = grouped(self.trainer.learned_updates());
+        let saved = format!("{how} {} at update {at}{why}", path.display());
+        let warnings = self.trainer.world().take_warnings();
+        let all = std::iter::once(saved).chain(warnings).chain(self.trainer.lost_data());
+        all.collect::<Vec<_>>().join("; ")
     }
 
     /// Runs a command. A panic is reported, and the run is repaired as far as possible.

@@ -47,6 +47,11 @@ pub trait Recorded {
         Map::new()
     }
 
+    /// Returns what users should know of the world now, and have not been told yet.
+    fn take_warnings(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Returns how observations and actions of its own become states, goals and actions of the
     /// learner, for programs that run exported policies in it; `None` if they are the same.
     fn interface(&self) -> Option<Value> {

@@ -29,7 +29,6 @@ use crate::pulse::Pulse;
 use crate::store::{Store, StoreError};
 use description::Description;
 use facts::Found;
-use frames::{Expected, Request, f64_bytes, f64_numbers};
 pub use options::{Address, GymOptions};
 use pool::Pool;
 use process::{Worker, failed};
@@ -57,9 +56,10 @@ const TASKS_AT_ONCE: usize = 16;
 /// Largest answer with full states.
 const MAX_STATE_BYTES: usize = 64 << 20;
 
-/// What follows the state in a full state: numbers that restore it, or a seed and a task to begin
-/// with. A full state without either is only a state, which no environment can be put into.
-const RESTORED: f64 = 1.0;
+/// What follows the state in a full state: bytes that restore it, or a seed and a task to begin
+/// with. A full state without either is only a state, which no environment can be put into. Earlier
+/// versions wrote 1 before numbers of another form.
+const RESTORED: f64 = 3.0;
 const SEEDED: f64 = 2.0;
 
 /// Tasks count from 1.
@@ -87,7 +87,7 @@ pub struct Gym {
     ended: Vec<bool>,
     /// Agents whose environments need not be stepped.
     retired: Vec<bool>,
-    /// The numbers that restore each agent's environment, once asked for; none if that cannot be.
+    /// What restores each agent's environment, once asked for; none if that cannot be.
     saved: Mutex<Option<Vec<Vec<f64>>>>,
     /// Whether the workers compute a step.
     is_stepping: bool,
@@ -209,29 +209,24 @@ impl Gym {
         Ok((rows, ended))
     }
 
-    /// Returns the numbers that restore each agent's environment; none if that cannot be.
+    /// Returns what restores each agent's environment, as numbers; none if that cannot be, which a
+    /// warning says once.
     fn save_all(&self) -> Vec<Vec<f64>> {
         if self.has_failed() || !self.resumes_exactly() {
             return Vec::new();
         }
         let mut all = Vec::new();
         for (worker, agents) in self.workers.lock().iter_mut() {
-            let count = (agents.len() as u32).to_le_bytes();
-            let numbers: Vec<f64> =
-                match worker.ask(Request::Save, &count, Expected::AtMost(MAX_STATE_BYTES)) {
-                    Ok(reply) => f64_numbers(&reply).collect(),
-                    Err(error) => {
-                        log::warn!("agents will restart when the run is resumed: {error}");
-                        return Vec::new();
-                    }
-                };
-            let each = numbers.len() / agents.len();
-            all.extend((0..agents.len()).map(|i| numbers[i * each..(i + 1) * each].to_vec()));
+            match slots::save(worker, agents.len()) {
+                Ok(states) => all.extend(states),
+                Err(why) => {
+                    self.pool.warn_of_states(&why);
+                    return Vec::new();
+                }
+            }
         }
-        let is_sound = |numbers: &Vec<f64>| {
-            numbers.len() == all[0].len() && numbers.iter().all(|number| number.is_finite())
-        };
-        if all.iter().all(is_sound) { all } else { Vec::new() }
+        let longest = all.iter().map(Vec::len).max().unwrap_or(0);
+        all.iter().map(|bytes| frames::packed(bytes, longest)).collect()
     }
 
     /// Returns the state of `agent`.
@@ -366,17 +361,25 @@ impl Environment for Gym {
                 self.begin(agent, *seed as u32, task)?;
                 Ok(true)
             }
-            [RESTORED, numbers @ ..] if self.full_state(agent).len() == full_state.len() => {
-                let numbers = f64_bytes(numbers);
-                self.with_worker(agent, |worker, environment| {
-                    let body = [&(environment as u32).to_le_bytes(), &numbers[..]].concat();
-                    worker.ask(Request::Restore, &body, Expected::Exactly(0))
+            [RESTORED, numbers @ ..] if self.resumes_exactly() => {
+                let Some(bytes) = frames::unpacked(numbers) else { return Ok(false) };
+                let restored = self.with_worker(agent, |worker, environment| {
+                    slots::restore(worker, environment, &bytes)
                 })?;
+                if let Err(why) = restored {
+                    log::warn!("{}: agent {agent} begins a new episode: {why}", KIND.name);
+                    return Ok(false);
+                }
                 self.set_state(agent, &state.iter().map(|v| *v as f32).collect::<Vec<_>>());
                 Ok(true)
             }
             _ => Ok(false),
         }
+    }
+
+    /// Takes those of any length: what no environment can be put into begins anew.
+    fn takes_full_state(&self, length: usize) -> bool {
+        length >= self.spec().state_dim()
     }
 
     fn abilities(&self) -> Abilities<'_> {
@@ -386,7 +389,7 @@ impl Environment for Gym {
             evaluated: Some(self),
             explored: self.maze().map(|_| self as _),
             drawn: Some(self),
-            rendered: (self.pool.about.renders && self.resumes_exactly()).then_some(self as _),
+            rendered: self.pool.about.renders.then_some(self as _),
             ..Abilities::default()
         }
     }

@@ -37,7 +37,7 @@ impl Recorded for Gym {
             "actions": spec.action_dim,
             "achieved": spec.achieved,
             "goal_radius": spec.goal_radius,
-            "episode_steps": about.time_limit,
+            "episode_steps": about.episode_steps(),
             "tasks": about.tasks,
             "centre": spec.state_centre,
             "half_range": spec.state_half_range,
@@ -66,6 +66,10 @@ impl Recorded for Gym {
         }))
     }
 
+    fn take_warnings(&self) -> Vec<String> {
+        std::mem::take(&mut *self.pool.warnings.lock())
+    }
+
     fn save(&self, store: &mut Store) {
         let Pool { address, found, about, .. } = &*self.pool;
         let full_state = if self.states.is_empty() { 0 } else { self.full_state(0).len() };
@@ -78,7 +82,7 @@ impl Recorded for Gym {
 
 impl Episodes for Gym {
     fn episode_steps(&self) -> Option<u32> {
-        self.pool.about.time_limit
+        self.pool.about.episode_steps()
     }
 }
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::frames::{Expected, MAX_TEXT_BYTES, Request};
 use super::process::Worker;
+use crate::env::task::MAX_BUDGET_STEPS;
 use crate::env::{EnvError, Walls};
 
 /// What a worker says of its environment. A checkpoint keeps it.
@@ -59,6 +60,20 @@ impl Description {
             (None, Some(high)) => [high - 2.0, *high],
             (None, None) => [-1.0, 1.0],
         })
+    }
+
+    /// Returns the length of an episode, unless it is none: longer than evaluations may be.
+    pub fn episode_steps(&self) -> Option<u32> {
+        self.time_limit.filter(|limit| *limit <= MAX_BUDGET_STEPS)
+    }
+
+    /// Returns warnings for its users.
+    pub fn warnings(&self) -> Vec<String> {
+        let huge = self.time_limit.is_some() && self.episode_steps().is_none();
+        let huge = huge.then(|| {
+            format!("its time limit counts as none: episodes have at most {MAX_BUDGET_STEPS} steps")
+        });
+        self.unbounded_actions().into_iter().chain(huge).collect()
     }
 
     /// Returns a warning if some component of actions lacks a bound.

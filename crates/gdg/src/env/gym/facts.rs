@@ -159,7 +159,7 @@ fn walk(
 ) -> Result<Vec<Vec<f32>>, EnvError> {
     let mut rows = vec![reset(worker, about, 0, rng.random(), None)?.row];
     let mut action = vec![0.0; about.low.len()];
-    for i in 0..about.time_limit.map_or(WALK_STEPS, |limit| limit.min(WALK_STEPS)) {
+    for i in 0..about.episode_steps().map_or(WALK_STEPS, |limit| limit.min(WALK_STEPS)) {
         if i == 0 || rng.random::<f32>() < 1.0 / HOLD_STEPS {
             action.fill_with(|| rng.random_range(-1.0..=1.0));
         }

@@ -111,6 +111,30 @@ pub fn f64_numbers(bytes: &[u8]) -> impl Iterator<Item = f64> + '_ {
     bytes.as_chunks().0.iter().map(|number| f64::from_le_bytes(*number))
 }
 
+/// Bytes that one number of a full state keeps exactly.
+const PACKED_BYTES: usize = 6;
+
+/// Returns bytes as their number and whole numbers, as many as `longest` bytes need.
+pub fn packed(bytes: &[u8], longest: usize) -> Vec<f64> {
+    let number = |chunk: &[u8]| chunk.iter().rev().fold(0, |all, byte| all << 8 | u64::from(*byte));
+    let numbers = bytes.chunks(PACKED_BYTES).map(|chunk| number(chunk) as f64);
+    let mut all: Vec<f64> = std::iter::once(bytes.len() as f64).chain(numbers).collect();
+    all.resize(1 + longest.div_ceil(PACKED_BYTES), 0.0);
+    all
+}
+
+/// Returns the bytes that [`packed`] was given, if these numbers are some.
+pub fn unpacked(numbers: &[f64]) -> Option<Vec<u8>> {
+    let (length, numbers) = numbers.split_first()?;
+    let mut bytes: Vec<u8> = numbers
+        .iter()
+        .flat_map(|number| (*number as u64).to_le_bytes().into_iter().take(PACKED_BYTES))
+        .collect();
+    let is_sound = *length >= 0.0 && *length <= bytes.len() as f64;
+    bytes.truncate(*length as usize);
+    is_sound.then_some(bytes)
+}
+
 /// Reads width and height, u32 each, and the pixels; or 0, 0 and a text.
 ///
 /// # Errors
@@ -162,5 +186,14 @@ mod tests {
         assert!(f32_numbers(&f32_bytes(&single)).eq(single));
         assert!(f64_numbers(&f64_bytes(&double)).eq(double));
         assert_eq!(request(Request::Make, &[5, 0, 0, 0]), [2, 0, 0, 0, 4, 0, 0, 0, 5, 0, 0, 0]);
+        let bytes: Vec<u8> = (0..=255).collect();
+        for length in [0, 1, 6, 255] {
+            let numbers = packed(&bytes[..length], 256);
+            assert_eq!(numbers.len(), 44, "all of one length");
+            assert_eq!(unpacked(&numbers).as_deref(), Some(&bytes[..length]));
+        }
+        for damaged in [&[][..], &[7.0, 0.0], &[-1.0, 0.0], &[f64::NAN, 0.0]] {
+            assert_eq!(unpacked(damaged), None);
+        }
     }
 }

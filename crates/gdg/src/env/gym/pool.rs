@@ -1,6 +1,7 @@
 //! The workers of one environment that no world uses at the moment.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use parking_lot::Mutex;
 
@@ -25,6 +26,10 @@ pub struct Pool {
     pub only_read: Option<usize>,
     /// Says when training is to stop.
     pub pulse: Arc<Mutex<Pulse>>,
+    /// What its users should know and have not been told yet.
+    pub warnings: Mutex<Vec<String>>,
+    /// Whether it has been said that states cannot be saved.
+    said_of_states: AtomicBool,
     idle: Mutex<Vec<Worker>>,
 }
 
@@ -36,12 +41,11 @@ impl Pool {
     pub fn open(address: &Address, options: &GymOptions) -> Result<Self, EnvError> {
         let pulse = Arc::default();
         let (mut worker, about) = start(address, options, &pulse)?;
-        if let Some(unbounded) = about.unbounded_actions() {
-            log::warn!("{}: {unbounded}", address.id);
-        }
         let found = facts::find(&mut worker, &about, options)?;
         found.check(&about)?;
-        Ok(Self::new(address, options, (about, found), Some(worker), pulse))
+        let pool = Self::new(address, options, (about, found), Some(worker), pulse);
+        pool.about.warnings().into_iter().for_each(|warning| pool.warn(&warning));
+        Ok(pool)
     }
 
     /// Opens an environment that has been found out about before.
@@ -85,7 +89,30 @@ impl Pool {
     ) -> Self {
         let (address, options) = (address.clone(), options.clone());
         let idle = Mutex::new(Vec::from_iter(worker));
-        Self { address, options, about, found, only_read: None, pulse, idle }
+        Self {
+            address,
+            options,
+            about,
+            found,
+            only_read: None,
+            pulse,
+            warnings: Mutex::default(),
+            said_of_states: AtomicBool::new(false),
+            idle,
+        }
+    }
+
+    /// Adds a warning for whoever asks next.
+    fn warn(&self, warning: &str) {
+        log::warn!("{}: {warning}", self.address.id);
+        self.warnings.lock().push(format!("warning: {}: {warning}", self.address.id));
+    }
+
+    /// Warns, once, that and why states cannot be saved.
+    pub fn warn_of_states(&self, why: &str) {
+        if !self.said_of_states.swap(true, Ordering::Relaxed) {
+            self.warn(&format!("agents begin new episodes on resuming: {why}"));
+        }
     }
 
     /// Returns a worker with at least this number of environments.

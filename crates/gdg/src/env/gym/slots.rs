@@ -1,12 +1,17 @@
 //! What a worker's environments are asked for: to begin episodes and to step.
 
+use super::MAX_STATE_BYTES;
 use super::description::Description;
-use super::frames::{Expected, Request, f32_bytes, f32_numbers};
+use super::frames::{Expected, MAX_TEXT_BYTES, Request, f32_bytes, f32_numbers};
 use super::process::Worker;
 use crate::env::{EnvError, MAX_MAGNITUDE};
+use crate::text::truncated;
 
 /// An action of environments that are left as they are.
 pub const REST: f32 = f32::NAN;
+
+/// Most characters of a reason that are shown.
+const MAX_REASON_CHARS: usize = 600;
 
 /// How an episode begins.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,6 +119,49 @@ pub fn end_step(
         check(worker, about, "step", row)?;
     }
     Ok((rows, ended.iter().map(|ended| *ended != 0).collect()))
+}
+
+/// Returns the full states of the first `count` environments, or why they cannot be saved: then the
+/// worker goes on, unless it has failed.
+///
+/// # Errors
+/// The reason, for the user.
+pub fn save(worker: &mut Worker, count: usize) -> Result<Vec<Vec<u8>>, String> {
+    let body = [count as u32, MAX_STATE_BYTES as u32].map(u32::to_le_bytes).concat();
+    let most = Expected::AtMost(1 + 4 * count + MAX_STATE_BYTES);
+    let reply = worker.ask(Request::Save, &body, most).map_err(|error| error.to_string())?;
+    let mut rest = attempted(&reply)?;
+    let mut states = Vec::new();
+    while let Some((length, after)) = rest.split_first_chunk() {
+        let parts = after.split_at_checked(u32::from_le_bytes(*length) as usize);
+        let (state, after) = parts.ok_or("its worker answers something else than asked")?;
+        states.push(state.to_vec());
+        rest = after;
+    }
+    if states.len() == count { Ok(states) } else { Err("states are missing".to_owned()) }
+}
+
+/// Puts an environment of a worker into a full state; returns why that cannot be.
+///
+/// # Errors
+/// The worker fails.
+pub fn restore(
+    worker: &mut Worker,
+    environment: usize,
+    state: &[u8],
+) -> Result<Result<(), String>, EnvError> {
+    let body = [&(environment as u32).to_le_bytes(), state].concat();
+    let reply = worker.ask(Request::Restore, &body, Expected::AtMost(MAX_TEXT_BYTES))?;
+    Ok(attempted(&reply).map(drop))
+}
+
+/// Returns what follows the first byte of a reply: what was asked for, or why it cannot be done.
+fn attempted(reply: &[u8]) -> Result<&[u8], String> {
+    match reply {
+        [1, done @ ..] => Ok(done),
+        [_, why @ ..] => Err(truncated(&String::from_utf8_lossy(why), MAX_REASON_CHARS)),
+        [] => Err("its worker answers something else than asked".to_owned()),
+    }
 }
 
 /// Checks that numbers are finite and can be computed with.

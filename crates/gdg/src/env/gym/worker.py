@@ -6,9 +6,11 @@ in bytes, both u32, and that many bytes; all numbers are little-endian. Each req
 OK with what was asked for, or FAILED with JSON that says why.
 """
 
+import hashlib
 import importlib
 import json
 import os
+import pickle
 import random
 import select
 import signal
@@ -16,6 +18,7 @@ import struct
 import sys
 import time
 import traceback
+import types
 
 OK, FAILED = 0, 1
 OPEN, MAKE, RESET, STEP, SAVE, RESTORE, REWARD, PICTURE = range(1, 9)
@@ -23,7 +26,7 @@ OPEN, MAKE, RESET, STEP, SAVE, RESTORE, REWARD, PICTURE = range(1, 9)
 # Modules that register well-known environments, for IDs without a package.
 KNOWN_PACKAGES = ("gymnasium_robotics", "ogbench")
 
-# Most numbers of a state: an observation with more is an image or the like.
+# Most numbers of an observation, or of an array of a state: more are an image or the like.
 MAX_NUMBERS = 4096
 
 # Most characters of an exception that are told.
@@ -112,9 +115,12 @@ class Slot:
     """One environment, and what is known of its state."""
 
     def __init__(self, **how):
-        self.env = make(**how)
+        self.env, self.time_limit = make(**how)
         self.ended = False
-        self.layout = None
+        # Seed and task of its episode.
+        self.begun = None
+        # Digests of what its latest full state leaves out, by attribute.
+        self.others = {}
 
 
 class Goals:
@@ -122,7 +128,7 @@ class Goals:
 
     def __init__(self, slot):
         space = slot.env.observation_space
-        observation, info = reset(slot, 0, None)
+        observation, info = reset(slot, 0)
         self.in_observation = isinstance(space, gym.spaces.Dict) and {
             "observation",
             "achieved_goal",
@@ -170,10 +176,25 @@ def vector(numbers, length, what):
 
 
 def make(**how):
-    env = gym.make(environment_id, disable_env_checker=True, **how)
+    """Makes an environment; returns it without a time limit, and that limit.
+
+    Agents may go on beyond it, so only what the environment itself truncates has ended.
+    """
+    limits = []
+    env = without_limits(gym.make(environment_id, disable_env_checker=True, **how), limits)
     # OGBench's end at their own goal, but agents also have others: they have to see what is beyond.
     if hasattr(env.unwrapped, "_terminate_at_goal"):
         env.unwrapped._terminate_at_goal = False
+    return env, min(limits, default=None)
+
+
+def without_limits(env, limits):
+    """Takes the wrappers TimeLimit off an environment, and adds their limits to `limits`."""
+    while isinstance(env, gym.wrappers.TimeLimit):
+        limits.append(env._max_episode_steps)
+        env = env.env
+    if isinstance(env, gym.Wrapper):
+        env.env = without_limits(env.env, limits)
     return env
 
 
@@ -191,7 +212,7 @@ def find_maze(own):
         at = lambda *cell: np.asarray(place(np.array(cell)), dtype=np.float64)
         first, right, below = at(0, 0), at(0, 1), at(1, 0)
         return {
-            "is_wall": [[str(cell) == "1" for cell in row] for row in cells],
+            "is_wall": [[bool(cell == 1) for cell in row] for row in cells],
             "first": first.tolist(),
             "cell": [(right - first)[0], (below - first)[1]],
         }
@@ -200,155 +221,252 @@ def find_maze(own):
         return None
 
 
-def reset(slot, seed, task):
-    """Begins an episode; everything random in it follows from `seed`."""
+def reset(slot, seed, task=-1):
+    """Begins an episode, of a task unless that is negative; all randomness follows from `seed`."""
     random.seed(seed)
     np.random.seed(seed)
-    slot.ended = False
-    options = None if task is None else {"task_id": task}
-    begun = slot.env.reset(seed=seed, options=options)
-    if slot.layout is None:
-        slot.layout = find_layout(slot.env)
+    # OGBench draws actions from it.
+    slot.env.unwrapped.action_space.seed(seed)
+    slot.ended, slot.begun = False, (seed, task)
+    try:
+        begun = slot.env.reset(seed=seed, options=None if task < 0 else {"task_id": task})
+    except TypeError as error:
+        if "reset() got an unexpected keyword argument" in str(error):
+            raise Unsupported(
+                "its reset takes no seed or options, as in the old gym: change it to"
+                " reset(self, *, seed=None, options=None) of Gymnasium"
+            ) from error
+        raise
+    if not isinstance(begun, tuple) or len(begun) != 2:
+        raise Unsupported(
+            "its reset returns no info, as in the old gym: change it to return observation, info"
+        )
     return begun
 
 
+def step(slot, action):
+    """Steps an environment and returns what it observes."""
+    stepped = slot.env.step(action)
+    if not isinstance(stepped, tuple) or len(stepped) != 5:
+        raise Unsupported(
+            "its step does not return five values, as in the old gym: change it to return"
+            " observation, reward, terminated, truncated, info"
+        )
+    observation, _, terminated, truncated, _ = stepped
+    slot.ended = bool(terminated or truncated)
+    return observation
+
+
 def objects(env):
-    """Returns the environment and those in it that may have a state of their own."""
-    own = env.unwrapped
-    inner = [value for value in vars(own).values() if isinstance(value, gym.Env)]
-    return [own] + inner
+    """Returns an environment, its wrappers and the environments in it: what has attributes."""
+    found, rest = [], [env]
+    while rest:
+        item = rest.pop()
+        if not any(item is other for other in found):
+            found.append(item)
+            inner = [value for _, value in sorted(vars(item).items())]
+            rest += [value for value in inner if isinstance(value, gym.Env)]
+    return found
 
 
-def pcg64(generator):
-    """Returns a generator's state as numbers of 32 bits, if it is numpy's usual one."""
-    state = generator.bit_generator.state
-    if state["bit_generator"] != "PCG64":
-        raise Unsupported("random numbers of an unusual kind")
-    words = [
-        state["state"][name] >> shift & 0xFFFFFFFF
-        for name in ("state", "inc")
-        for shift in range(0, 128, 32)
-    ]
-    return words + [state["has_uint32"], state["uinteger"]]
+def is_mujocos(value, name):
+    return type(value).__name__ == name and type(value).__module__.startswith("mujoco.")
 
 
-def set_pcg64(generator, words):
-    words = [int(word) for word in words]
-    whole = lambda part: sum(word << 32 * i for i, word in enumerate(part))
-    generator.bit_generator.state = {
-        "bit_generator": "PCG64",
-        "state": {"state": whole(words[:4]), "inc": whole(words[4:8])},
-        "has_uint32": words[8],
-        "uinteger": words[9],
-    }
+def describe(value):
+    """Returns what a full state has of a value: what JSON can say, and an array; otherwise None."""
+    kind, numbers = type(value), (bool, int, float)
+    if value is None or kind in numbers:
+        return ["number", value], None
+    if kind is tuple and all(type(number) in numbers for number in value):
+        return ["tuple", *value], None
+    if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in "fiubcmM":
+        if kind is np.ndarray and value.size <= MAX_NUMBERS:
+            return ["array", value.dtype.str, *value.shape], value
+        if isinstance(value, np.generic):
+            return ["scalar", value.dtype.str], value
+    if kind is np.random.Generator and type(value.bit_generator) is np.random.PCG64:
+        return ["generator", value.bit_generator.state], None
+    if is_mujocos(value, "MjData"):
+        mujoco = importlib.import_module("mujoco")
+        whole = mujoco.mjtState.mjSTATE_INTEGRATION
+        numbers = np.empty(mujoco.mj_stateSize(value.model, whole))
+        mujoco.mj_getState(value.model, value, numbers, whole)
+        return ["mujoco", "<f8", len(numbers)], numbers
+    return None
 
 
-def find_layout(env):
-    """Returns the parts of an environment's full state: MuJoCo's, random numbers, attributes."""
-    parts = []
-    for item in objects(env):
-        model, data = getattr(item, "model", None), getattr(item, "data", None)
-        if type(model).__name__ == "MjModel" and not any(part[1] is data for part in parts):
-            parts.append(("mujoco", data, model))
-        if getattr(item, "_np_random", None) is not None:
-            parts.append(("random", item, None))
+def numbers_of(slot):
+    """Returns the attributes that are numbers: a line of JSON, and the arrays that it names."""
+    head, arrays = [], []
+    for i, item in enumerate(objects(slot.env)):
         for name, value in sorted(vars(item).items()):
-            if isinstance(value, (bool, int, float)):
-                parts.append(("number", item, name))
-            elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
-                if value.size <= MAX_NUMBERS:
-                    parts.append(("array", item, name))
-            elif isinstance(value, tuple) and all(isinstance(v, (int, float)) for v in value):
-                parts.append(("tuple", item, name))
-    return parts
+            found = describe(value)
+            if found is not None:
+                head.append([i, name, *found[0]])
+                arrays += [] if found[1] is None else [found[1].tobytes()]
+    return json.dumps(head).encode() + b"\n" + b"".join(arrays)
+
+
+def put(slot, body):
+    """Gives an environment the attributes that `numbers_of` returned."""
+    items, written = objects(slot.env), []
+    head, arrays = body.split(b"\n", 1)
+    for i, name, kind, *about in json.loads(head):
+        own = vars(items[i])
+        old = own.get(name)
+        if kind == "number":
+            # None takes no object's place: what renders has more of those.
+            if about[0] is not None or describe(old) is not None:
+                own[name] = about[0]
+        elif kind == "tuple":
+            own[name] = tuple(about)
+        elif kind == "generator":
+            if type(old) is not np.random.Generator:
+                old = own[name] = np.random.Generator(np.random.PCG64())
+            old.bit_generator.state = about[0]
+        else:
+            new = np.frombuffer(arrays, about[0], int(np.prod(about[1:])))
+            new, arrays = new.reshape(about[1:]).copy(), arrays[new.nbytes :]
+            if kind == "mujoco":
+                mujoco = importlib.import_module("mujoco")
+                whole = mujoco.mjtState.mjSTATE_INTEGRATION
+                mujoco.mj_setState(old.model, old, new, whole)
+                # Computes what follows from the state, and changes where the solver begins.
+                mujoco.mj_forward(old.model, old)
+                mujoco.mj_setState(old.model, old, new, whole)
+            elif kind == "scalar":
+                own[name] = new[()]
+            elif (
+                type(old) is np.ndarray
+                and (old.dtype, old.shape, old.flags.writeable) == (new.dtype, new.shape, True)
+                # One array of two attributes may have become two.
+                and not any(old is other for other in written)
+            ):
+                # In place: others may look at it.
+                old[...] = new
+                written.append(old)
+            else:
+                own[name] = new
+
+
+class Digest(pickle.Pickler):
+    """Digests what it is given. The pickle itself is not kept, and nothing is ever unpickled."""
+
+    def __init__(self, known):
+        self.hash = hashlib.blake2b(digest_size=8)
+        self.known = {id(value): i for i, value in enumerate(known)}
+        super().__init__(types.SimpleNamespace(write=self.hash.update), 5)
+
+    def persistent_id(self, value):
+        """Returns what stands for a value: its contents count elsewhere, or not at all."""
+        if id(value) in self.known:
+            return f"known {self.known[id(value)]}"
+        if isinstance(value, (type, types.ModuleType)):
+            return f"{getattr(value, '__module__', '')}.{value.__name__}"
+        if isinstance(value, (set, frozenset)):
+            # In an order that is the same in every process.
+            return f"set {sorted(map(repr, value))}"
+        if type(value).__name__.startswith("Mjv"):
+            return "what MuJoCo shows"
+        return None
+
+    def reducer_override(self, value):
+        if isinstance(value, types.FunctionType):
+            kept = [cell.cell_contents for cell in value.__closure__ or ()]
+            return tuple, ([value.__module__, value.__qualname__] + kept,)
+        if is_mujocos(value, "MjModel"):
+            # Without what it only looks like, which may be large.
+            names = [name for name in dir(value) if not name.startswith(("_", "tex_", "mesh_"))]
+            arrays = [(name, getattr(value, name)) for name in names]
+            return tuple, ([pair for pair in arrays if isinstance(pair[1], np.ndarray)],)
+        return NotImplemented
+
+
+def digests(slot):
+    """Returns digests of all attributes that are not numbers, by name."""
+    items, found = objects(slot.env), {}
+    values = [value for item in items for _, value in sorted(vars(item).items())]
+    datas = [value for value in values if is_mujocos(value, "MjData")]
+    for i, item in enumerate(items):
+        for name, value in vars(item).items():
+            if describe(value) is None:
+                digest = Digest(items + datas)
+                try:
+                    digest.dump(value)
+                except Exception as error:
+                    raise Unsupported(
+                        f"its attribute {name} cannot be compared with what it is later: {error}"
+                    ) from error
+                found[f"{i} {name}"] = digest.hash.hexdigest()
+    return found
 
 
 def save(slot):
-    """Returns the full state of an environment as numbers."""
-    numbers = []
-    for kind, item, name in slot.layout:
-        if kind == "mujoco":
-            mujoco = importlib.import_module("mujoco")
-            whole = mujoco.mjtState.mjSTATE_INTEGRATION
-            state = np.empty(mujoco.mj_stateSize(name, whole))
-            mujoco.mj_getState(name, item, state, whole)
-            numbers.append(state)
-        elif kind == "random":
-            numbers.append(np.array(pcg64(item.np_random), dtype=np.float64))
-        else:
-            numbers.append(np.asarray(vars(item)[name], dtype=np.float64).reshape(-1))
-    return np.concatenate(numbers) if numbers else np.empty(0)
+    """Returns the full state of an environment as bytes.
+
+    That is how its episode began, its attributes that are numbers, and a digest of all others.
+    """
+    slot.others = digests(slot)
+    others = hashlib.blake2b(repr(sorted(slot.others.items())).encode(), digest_size=8).digest()
+    return struct.pack("<Ii", *slot.begun) + others + numbers_of(slot)
 
 
-def restore(slot, numbers):
-    """Puts an environment into the full state that `save` returned."""
-    rest = numbers
+def restore(slot, state):
+    """Puts an environment into the full state that `save` returned.
 
-    def take(count):
-        nonlocal rest
-        if len(rest) < count:
-            raise Unsupported("its stored state is of another version of the environment")
-        part, rest = rest[:count], rest[count:]
-        return part
-
-    for kind, item, name in slot.layout:
-        if kind == "mujoco":
-            mujoco = importlib.import_module("mujoco")
-            whole = mujoco.mjtState.mjSTATE_INTEGRATION
-            # MuJoCo takes no array that is read-only.
-            state = take(mujoco.mj_stateSize(name, whole)).copy()
-            mujoco.mj_setState(name, item, state, whole)
-            # Computes what follows from the state, and changes where the solver begins.
-            mujoco.mj_forward(name, item)
-            mujoco.mj_setState(name, item, state, whole)
-        elif kind == "random":
-            set_pcg64(item.np_random, take(10))
-        elif kind == "number":
-            setattr(item, name, type(vars(item)[name])(take(1)[0]))
-        elif kind == "tuple":
-            setattr(item, name, tuple(take(len(vars(item)[name])).tolist()))
-        else:
-            value = vars(item)[name]
-            value[...] = take(value.size).reshape(value.shape)
-    if len(rest):
-        raise Unsupported("its stored state is of another version of the environment")
-    slot.ended = False
+    What is no number has to come back by beginning the same episode.
+    """
+    reset(slot, *struct.unpack("<Ii", state[:8]))
+    put(slot, state[16:])
+    if save(slot) != state:
+        raise Unsupported("it has attributes that are no numbers and change, or is another version")
 
 
-def is_restorable(slot):
-    """Finds out by trying whether full states bring back exactly what follows."""
+def try_states():
+    """Finds out by trying whether full states bring back exactly what follows.
+
+    Returns whether that is so of what is observed, and of all that is known of the environment.
+    """
 
     def walk():
         rows = []
         for action in actions:
-            observation, _, terminated, _, _ = slot.env.step(action.copy())
-            row = np.empty(goals.observed + goals.achieved, dtype=np.float64)
-            goals.write(observation, row)
-            rows.append(row)
-            if terminated:
+            if slot.ended:
                 break
+            row = np.empty(goals.observed + goals.achieved, dtype=np.float64)
+            goals.write(step(slot, action.copy()), row)
+            rows.append(row)
         return np.array(rows)
 
     used = lambda: (random.getstate(), str(np.random.get_state(legacy=False)))
+    slot = slots[0]
     try:
         space = slot.env.action_space
         low, high = filled_bounds(space)
         draws = np.random.default_rng(0).random((TRIAL_STEPS, len(low)))
         actions = (low + draws * (high - low)).astype(space.dtype)
-        reset(slot, 1, None)
+        reset(slot, 1)
         before = used()
-        slot.env.step(actions[0])
-        state = save(slot)
+        step(slot, actions[0])
+        state, others = save(slot), slot.others
         first = walk()
         # Other random numbers than the environment's own are no part of its state.
         own_randomness = used() == before
-        reset(slot, 2, None)
-        restore(slot, state)
-        is_same = np.array_equal(first, walk())
-        return is_same and own_randomness and bool(np.isfinite(state).all())
+        reset(slot, 2)
+        try:
+            restore(slot, state)
+            is_whole = True
+        except Unsupported as why:
+            names = sorted(others.keys() | slot.others.keys())
+            names = [name for name in names if others.get(name) != slot.others.get(name)]
+            print(f"agents will begin new episodes on resuming: {why}", *names)
+            is_whole = False
+        is_same = own_randomness and np.array_equal(first, walk())
+        return is_same, is_same and is_whole
     except Exception:  # Whatever it is, states cannot be saved.
         traceback.print_exc()
-        return False
+        return False, False
 
 
 def bounds(values):
@@ -396,23 +514,32 @@ def open_environment(config):
     if not isinstance(actions, gym.spaces.Box):
         raise Unsupported(f"its actions are {actions}: only continuous ones (Box) are supported")
     actions_length = flat_numbers(actions, "its actions are")
+    if actions.dtype.kind != "f":
+        raise Unsupported(
+            f"its actions are whole numbers, {actions}: only continuous ones (a Box of floats)"
+            " are supported"
+        )
     goals = Goals(slot)
     own = slot.env.unwrapped
     radius = getattr(own, "distance_threshold", getattr(own, "_goal_tol", None))
+    says_radius = isinstance(radius, (int, float, np.number)) and 0 < radius < float("inf")
     tasks = getattr(own, "num_tasks", None) if not goals.in_observation else None
+    is_same, is_whole = try_states()
     return {
         "observed": goals.observed,
         "achieved": goals.achieved,
         "goal": goals.goal,
         "low": bounds(actions.low),
         "high": bounds(actions.high),
-        "time_limit": slot.env.spec.max_episode_steps,
+        # The program takes it for none if it is huge.
+        "time_limit": None if slot.time_limit is None else int(min(slot.time_limit, 2**32 - 1)),
         "tasks": tasks,
-        "goal_radius": float(radius) if isinstance(radius, (int, float, np.number)) else None,
+        "goal_radius": float(radius) if says_radius else None,
         "has_reward": hasattr(own, "compute_reward"),
         "maze": find_maze(own),
-        "restorable": is_restorable(slot),
-        "renders": "rgb_array" in (slot.env.metadata or {}).get("render_modes", ()),
+        "restorable": is_whole,
+        # Pictures are of another environment in the same state.
+        "renders": is_same and "rgb_array" in (slot.env.metadata or {}).get("render_modes", ()),
         "versions": versions(config["package"]),
     }
 
@@ -435,36 +562,43 @@ def step_all(body):
     for i, (slot, action) in enumerate(zip(slots, actions)):
         # Not a number is the action of those that rest.
         if not slot.ended and action[0] == action[0]:
-            observation, _, slot.ended, _, _ = slot.env.step(action.astype(space.dtype))
-            goals.write(observation, rows[i])
+            goals.write(step(slot, action.astype(space.dtype)), rows[i])
             slot.last = rows[i]
         else:
             rows[i] = slot.last
-        ended[i] = bool(slot.ended)
+        ended[i] = slot.ended
     return rows.tobytes() + bytes(ended)
 
 
 def reset_one(body):
     index, seed, task = struct.unpack("<IIi", body)
     slot = slots[index]
-    observation, info = reset(slot, seed, None if task < 0 else task)
+    observation, info = reset(slot, seed, task)
     row = np.empty(goals.observed + goals.achieved, dtype="<f4")
     goals.write(observation, row)
     slot.last = row
     return row.tobytes() + goals.desired(observation, info).astype("<f4").tobytes()
 
 
+def attempted(act):
+    """Returns what `act` does, or why it cannot be done: states that are lost end no run."""
+    try:
+        return b"\1" + act()
+    except BaseException as error:  # Also what would end this process.
+        traceback.print_exc()
+        return b"\0" + said(error)[:MAX_TEXT].encode()
+
+
 def save_all(body):
-    (count,) = struct.unpack("<I", body)
-    return np.array([save(slot) for slot in slots[:count]], dtype="<f8").tobytes()
+    count, most = struct.unpack("<II", body)
+    states = [save(slot) for slot in slots[:count]]
+    if sum(map(len, states)) > most:
+        raise Unsupported(f"its states have more than {most >> 20} MiB")
+    return b"".join(struct.pack("<I", len(state)) + state for state in states)
 
 
 def restore_one(body):
-    (index,) = struct.unpack("<I", body[:4])
-    slot = slots[index]
-    if slot.layout is None:
-        reset(slot, 0, None)
-    restore(slot, np.frombuffer(body[4:], dtype="<f8"))
+    restore(slots[struct.unpack("<I", body[:4])[0]], body[4:])
     return b""
 
 
@@ -479,7 +613,14 @@ def reward(body):
     """Returns the reward for pairs of achieved and desired goals."""
     achieved, desired = np.frombuffer(body, dtype="<f8").reshape(2, -1, goals.goal)
     own = slots[0].env.unwrapped
-    rewards = [float(np.asarray(own.compute_reward(a, d, {}))) for a, d in zip(achieved, desired)]
+    try:
+        rewards = [float(np.asarray(own.compute_reward(a, d, {}))) for a, d in zip(achieved, desired)]
+    except Exception as error:
+        traceback.print_exc()
+        raise Unsupported(
+            f"its compute_reward does not say when a goal is reached: give --goal-radius; it"
+            f" raised {said(error)}"
+        ) from error
     return np.array(rewards, dtype="<f8").tobytes()
 
 
@@ -502,10 +643,10 @@ def picture(body):
     index, width, height = struct.unpack("<III", body[:12])
     try:
         if renderer is None:
-            made = Slot(render_mode="rgb_array")
-            reset(made, 0, None)
-            renderer = made
-        restore(renderer, save(slots[index]))
+            renderer = Slot(render_mode="rgb_array")
+        if renderer.begun != slots[index].begun:
+            reset(renderer, *slots[index].begun)
+        put(renderer, numbers_of(slots[index]))
         show_goal(renderer.env.unwrapped, np.frombuffer(body[12:], dtype="<f4"))
         whole = np.asarray(renderer.env.render())
         if whole.ndim != 3 or whole.shape[2] != 3 or whole.dtype != np.uint8:
@@ -518,10 +659,10 @@ def picture(body):
         pixels = squares.mean(axis=(1, 3)).astype(np.uint8).tobytes()
         return struct.pack("<II", columns, rows) + pixels
     except Exception as error:  # Nothing else depends on a picture.
-        text = "".join(traceback.format_exception_only(type(error), error)).strip()[-1000:]
+        text = said(error)[-1000:]
         if "GL" in text and "MUJOCO_GL" not in os.environ:
             text = f"MUJOCO_GL=egl or osmesa may help without a display; {text}"
-        return struct.pack("<II", 0, 0) + safe(text).encode()
+        return struct.pack("<II", 0, 0) + text.encode()
 
 
 def safe(text):
@@ -529,10 +670,16 @@ def safe(text):
     return text.encode(errors="replace").decode()
 
 
+def said(error):
+    """Returns what an exception says."""
+    if isinstance(error, Unsupported):
+        return safe(str(error))
+    return safe("".join(traceback.format_exception_only(type(error), error)).strip())
+
+
 def why(error):
     """Describes an exception: what it is, and the last places outside this file."""
-    lines = traceback.format_exception_only(type(error), error)
-    text = str(error) if isinstance(error, Unsupported) else "".join(lines).strip()
+    text = said(error)
     if len(text) > MAX_TEXT:
         text = text[: MAX_TEXT // 2] + " ... " + text[-MAX_TEXT // 2 :]
     places = [
@@ -544,8 +691,9 @@ def why(error):
         {
             "unsupported": isinstance(error, Unsupported),
             "missing": error.name if isinstance(error, ModuleNotFoundError) else None,
-            "error": safe(text),
+            "error": text,
             "places": [safe(place) for place in places[-4:]],
+            "searched": [safe(folder or os.getcwd()) for folder in sys.path],
         }
     ).encode()
 
@@ -556,8 +704,8 @@ def serve():
         MAKE: make_all,
         RESET: reset_one,
         STEP: step_all,
-        SAVE: save_all,
-        RESTORE: restore_one,
+        SAVE: lambda body: attempted(lambda: save_all(body)),
+        RESTORE: lambda body: attempted(lambda: restore_one(body)),
         REWARD: reward,
         PICTURE: picture,
     }

@@ -92,12 +92,9 @@ impl Rollout {
     ) -> Result<(), TrainError> {
         let (s, g) = (self.env.spec().state_dim(), self.env.spec().goal_dim());
         let a = self.env.spec().action_dim;
+        let size = state.states.len() / self.agents.len().max(1);
         // Only the states of a world that failed.
-        let size = if state.states.len() == self.agents.len() * s {
-            s
-        } else {
-            self.env.full_state(0).len()
-        };
+        let takes_size = size == s || self.env.takes_full_state(size);
         let within = |numbers: &[f32]| numbers.iter().all(|v| v.abs() <= MAX_MAGNITUDE);
         let sound = |numbers: &[f32], length: usize| numbers.len() == length && within(numbers);
         let agents = state.agents.iter().all(|agent| {
@@ -106,7 +103,8 @@ impl Rollout {
                 && agent.held.as_ref().is_none_or(|(action, steps)| sound(action, a) && *steps > 0)
         });
         let plans = state.plans.iter().flatten().all(|plan| sound(&plan.goal, g));
-        let states = state.states.len() == self.agents.len() * size
+        let states = takes_size
+            && state.states.len() == self.agents.len() * size
             && state.states.iter().all(|v| v.is_finite());
         let round = state.round.as_ref().is_none_or(|round| {
             let count = self.agents.len();
