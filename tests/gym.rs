@@ -706,13 +706,16 @@ fn all_that_environments_start_ends_with_the_program_however_that_ends() {
             let text = std::fs::read_to_string(folder.path().join("started")).unwrap_or_default();
             text.lines().map(str::to_owned).collect::<Vec<_>>()
         };
-        let program =
-            train(folder.path(), "Simulator", &["--max-updates", updates, "--save", "run"])
-                .env("AWKWARD_AFTER", after)
-                .stdout(Stdio::piped())
-                .stderr(Stdio::piped())
-                .spawn()
-                .unwrap();
+        let program = train(
+            folder.path(),
+            "Simulator",
+            &["--max-updates", updates, "--save", "run.safetensors"],
+        )
+        .env("AWKWARD_AFTER", after)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
         if let Some(name) = signal {
             while !started().iter().any(|line| line == "hangs") {
                 std::thread::sleep(Duration::from_millis(20));
@@ -754,7 +757,7 @@ fn files_in_the_present_folder_are_imported_only_as_the_package_that_is_named() 
     let open = |world: &str| {
         let mut command = program(folder.path());
         command.env_remove("PYTHONPATH").args(["--no-ui", world, "--python"]).arg(python());
-        let args = ["--max-updates", "5", "--eval-tasks", "2", "--save", "run"];
+        let args = ["--max-updates", "5", "--eval-tasks", "2", "--save", "run.safetensors"];
         command.args(SMALL).args(args).output().unwrap()
     };
     let output = open("gym:my_package:Point-v0");
@@ -763,7 +766,7 @@ fn files_in_the_present_folder_are_imported_only_as_the_package_that_is_named() 
     // To print settings, nothing is imported.
     let python = fake_python(folder.path(), "echo no >&2");
     let mut command = program(folder.path());
-    command.args(["--print-config", "--resume", "run", "--python"]).arg(python);
+    command.args(["--print-config", "--resume", "run.safetensors", "--python"]).arg(python);
     let output = command.output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
 }

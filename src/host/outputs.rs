@@ -28,7 +28,7 @@ pub fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<S
         let name = path.with_file_name(format!("{stem}.safetensors"));
         return Err(miette!(
             help = format!("--save {}", name.display()),
-            "{}: a checkpoint's name ends in .safetensors, or nothing would list it",
+            "{}: checkpoints end in .safetensors; gdg-tui runs lists no others",
             path.display()
         ));
     }
