@@ -529,7 +529,7 @@ fn an_episode_ends_where_the_environment_says_so_but_not_at_its_time_limit() {
     let endless = open(folder.path(), "Endless");
     assert_eq!(endless.abilities().episodes.unwrap().episode_steps(), None);
     let warnings = endless.take_warnings();
-    assert!(warnings[0].contains("counts as none: episodes have at most 60000"), "{warnings:?}");
+    assert!(warnings[0].contains("is ignored: episodes have at most 60,000"), "{warnings:?}");
 }
 
 #[test]

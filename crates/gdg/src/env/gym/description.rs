@@ -8,6 +8,7 @@ use super::frames::{Expected, MAX_TEXT_BYTES, Request};
 use super::process::Worker;
 use crate::env::task::MAX_BUDGET_STEPS;
 use crate::env::{EnvError, Walls};
+use crate::text::grouped;
 
 /// What a worker says of its environment. A checkpoint keeps it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,7 +24,7 @@ pub struct Description {
     /// See `low`.
     pub high: Vec<Option<f32>>,
     /// Length of an episode, if it is limited.
-    pub time_limit: Option<u32>,
+    pub time_limit: Option<u64>,
     /// Number of tasks of its own, chosen by `task_id` from 1.
     pub tasks: Option<u32>,
     /// Distance below which a goal is reached, if it says so.
@@ -64,14 +65,16 @@ impl Description {
 
     /// Returns the length of an episode, unless it is none: longer than evaluations may be.
     pub fn episode_steps(&self) -> Option<u32> {
-        self.time_limit.filter(|limit| *limit <= MAX_BUDGET_STEPS)
+        let limit = u32::try_from(self.time_limit?).ok()?;
+        (limit <= MAX_BUDGET_STEPS).then_some(limit)
     }
 
     /// Returns warnings for its users.
     pub fn warnings(&self) -> Vec<String> {
         let huge = self.time_limit.is_some() && self.episode_steps().is_none();
         let huge = huge.then(|| {
-            format!("its time limit counts as none: episodes have at most {MAX_BUDGET_STEPS} steps")
+            let most = grouped(MAX_BUDGET_STEPS.into());
+            format!("its time limit is ignored: episodes have at most {most} steps")
         });
         self.unbounded_actions().into_iter().chain(huge).collect()
     }

@@ -44,6 +44,8 @@ impl Worker {
 
     pub fn begin_to_end(&mut self) {}
 
+    pub fn forget_output(&mut self) {}
+
     pub fn fail(&mut self, problem: String) -> EnvError {
         failed(&self.title, problem, Vec::new())
     }

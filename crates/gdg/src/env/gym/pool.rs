@@ -158,5 +158,6 @@ fn start(
     let (python, timeout) = (options.interpreter(), options.timeout);
     let mut worker = Worker::start(&python, &address.id, timeout, pulse.clone())?;
     let about = describe(&mut worker, address.package.as_deref(), &address.id)?;
+    worker.forget_output();
     Ok((worker, about))
 }

@@ -49,6 +49,8 @@ class Unsupported(Exception):
 def begin():
     """Leaves the terminal, and keeps the channel from processes that environments fork."""
     os.setsid()
+    # Ignored by whoever has started the program, it would hide how children end.
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     be_watched_over()
     nothing = os.open(os.devnull, os.O_RDWR)
     cut = lambda: os.dup2(nothing, channel.fileno(), inheritable=False)
@@ -115,12 +117,10 @@ class Slot:
     """One environment, and what is known of its state."""
 
     def __init__(self, **how):
-        self.env, self.time_limit = make(**how)
+        self.env = make(**how)
         self.ended = False
         # Seed and task of its episode.
         self.begun = None
-        # Digests of what its latest full state leaves out, by attribute.
-        self.others = {}
 
 
 class Goals:
@@ -176,25 +176,13 @@ def vector(numbers, length, what):
 
 
 def make(**how):
-    """Makes an environment; returns it without a time limit, and that limit.
-
-    Agents may go on beyond it, so only what the environment itself truncates has ended.
-    """
-    limits = []
-    env = without_limits(gym.make(environment_id, disable_env_checker=True, **how), limits)
-    # OGBench's end at their own goal, but agents also have others: they have to see what is beyond.
+    # Agents may go on beyond the time limit of the registration, as they have other goals: what
+    # still is truncated, the environment itself ends.
+    how["max_episode_steps"] = sys.maxsize
+    env = gym.make(environment_id, disable_env_checker=True, **how)
+    # OGBench's end at their own goal: agents have to see what is beyond.
     if hasattr(env.unwrapped, "_terminate_at_goal"):
         env.unwrapped._terminate_at_goal = False
-    return env, min(limits, default=None)
-
-
-def without_limits(env, limits):
-    """Takes the wrappers TimeLimit off an environment, and adds their limits to `limits`."""
-    while isinstance(env, gym.wrappers.TimeLimit):
-        limits.append(env._max_episode_steps)
-        env = env.env
-    if isinstance(env, gym.Wrapper):
-        env.env = without_limits(env.env, limits)
     return env
 
 
@@ -405,22 +393,32 @@ def digests(slot):
 def save(slot):
     """Returns the full state of an environment as bytes.
 
-    That is how its episode began, its attributes that are numbers, and a digest of all others.
+    That is how its episode began, digests of its attributes that are no numbers, each with that in
+    the trial of this process, and those that are numbers.
     """
-    slot.others = digests(slot)
-    others = hashlib.blake2b(repr(sorted(slot.others.items())).encode(), digest_size=8).digest()
-    return struct.pack("<Ii", *slot.begun) + others + numbers_of(slot)
+    others = {name: [digest, trial.get(name)] for name, digest in digests(slot).items()}
+    return struct.pack("<Ii", *slot.begun) + json.dumps(others).encode() + b"\n" + numbers_of(slot)
 
 
 def restore(slot, state):
     """Puts an environment into the full state that `save` returned.
 
-    What is no number has to come back by beginning the same episode.
+    What is no number has to come back by beginning the same episode. What differs from process to
+    process, such as the name of a temporary file, also differs in the trials.
     """
     reset(slot, *struct.unpack("<Ii", state[:8]))
-    put(slot, state[16:])
-    if save(slot) != state:
-        raise Unsupported("it has attributes that are no numbers and change, or is another version")
+    others, numbers = state[8:].split(b"\n", 1)
+    put(slot, numbers)
+    now = digests(slot)
+    changed = [
+        name
+        for name, (digest, tried) in json.loads(others).items()
+        if tried == trial.get(name) and digest != now.get(name)
+    ]
+    if changed or numbers_of(slot) != numbers:
+        names = ", ".join(name.split()[-1] for name in changed)
+        why = f"attributes that are no numbers change: {names}" if changed else "it has changed"
+        raise Unsupported(why)
 
 
 def try_states():
@@ -439,6 +437,7 @@ def try_states():
             rows.append(row)
         return np.array(rows)
 
+    global trial
     used = lambda: (random.getstate(), str(np.random.get_state(legacy=False)))
     slot = slots[0]
     try:
@@ -449,7 +448,8 @@ def try_states():
         reset(slot, 1)
         before = used()
         step(slot, actions[0])
-        state, others = save(slot), slot.others
+        trial = digests(slot)
+        state = save(slot)
         first = walk()
         # Other random numbers than the environment's own are no part of its state.
         own_randomness = used() == before
@@ -458,14 +458,12 @@ def try_states():
             restore(slot, state)
             is_whole = True
         except Unsupported as why:
-            names = sorted(others.keys() | slot.others.keys())
-            names = [name for name in names if others.get(name) != slot.others.get(name)]
-            print(f"agents will begin new episodes on resuming: {why}", *names)
+            print(f"agents will begin new episodes on resuming: {why}")
             is_whole = False
         is_same = own_randomness and np.array_equal(first, walk())
         return is_same, is_same and is_whole
-    except Exception:  # Whatever it is, states cannot be saved.
-        traceback.print_exc()
+    except Exception as error:  # Whatever it is, states cannot be saved.
+        print(f"its states cannot be saved: {said(error)}")
         return False, False
 
 
@@ -524,6 +522,7 @@ def open_environment(config):
     radius = getattr(own, "distance_threshold", getattr(own, "_goal_tol", None))
     says_radius = isinstance(radius, (int, float, np.number)) and 0 < radius < float("inf")
     tasks = getattr(own, "num_tasks", None) if not goals.in_observation else None
+    limit = gym.spec(slot.env.spec.id).max_episode_steps
     is_same, is_whole = try_states()
     return {
         "observed": goals.observed,
@@ -531,8 +530,7 @@ def open_environment(config):
         "goal": goals.goal,
         "low": bounds(actions.low),
         "high": bounds(actions.high),
-        # The program takes it for none if it is huge.
-        "time_limit": None if slot.time_limit is None else int(min(slot.time_limit, 2**32 - 1)),
+        "time_limit": None if limit is None else int(limit),
         "tasks": tasks,
         "goal_radius": float(radius) if says_radius else None,
         "has_reward": hasattr(own, "compute_reward"),
@@ -721,6 +719,8 @@ def serve():
 
 slots = []
 renderer = None
+# Digests of what is no number, in the trial of this process.
+trial = {}
 begin()
 worker = os.getpid()
 try:
