@@ -37,6 +37,8 @@ pub struct Saver {
     /// When the run is saved automatically.
     pub autosave: Autosave,
     quit_state: QuitState,
+    /// Whether a checkpoint is asked for and not written yet.
+    is_awaited: bool,
     /// Whether the program is to quit.
     pub is_done: bool,
     /// What to do once the checkpoint is written.
@@ -71,6 +73,7 @@ impl Saver {
             folder: SAVES.into(),
             autosave: Autosave::every(autosave_minutes),
             quit_state: QuitState::No,
+            is_awaited: false,
             is_done: false,
             then: None,
             was_training: false,
@@ -120,13 +123,15 @@ impl Saver {
 /// Saving.
 impl Saver {
     /// Saves the run; returns whether the trainer accepted the command.
-    pub fn save(&self, scene: &Scene, screen: &mut Screen, link: &Link) -> bool {
+    pub fn save(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) -> bool {
         screen.notify(&format!("saving {} ...", self.next_file().display()));
         self.request_save(scene, screen, link)
     }
 
-    fn request_save(&self, scene: &Scene, screen: &mut Screen, link: &Link) -> bool {
-        link.command(Command::Save(self.to.clone(), notes(scene, screen)), screen)
+    fn request_save(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) -> bool {
+        self.is_awaited =
+            link.command(Command::Save(self.to.clone(), notes(scene, screen)), screen);
+        self.is_awaited
     }
 
     /// Saves the run, and then does something else unless that fails.
@@ -143,7 +148,7 @@ impl Saver {
     }
 
     /// Saves a run that has reached its limit, if the command line names a file.
-    pub fn save_at_limit(&self, scene: &Scene, screen: &mut Screen, link: &Link) {
+    pub fn save_at_limit(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) {
         if self.named.is_some() {
             self.request_save(scene, screen, link);
         }
@@ -165,9 +170,11 @@ impl Saver {
 
 /// Quitting.
 impl Saver {
-    /// Handles a request to quit. A second request does not wait for the checkpoint.
+    /// Handles a request to quit. A checkpoint that is asked for and not written yet, as the
+    /// environment may hang, is written on closing.
     pub fn quit(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) {
-        if self.quit_state == QuitState::Saving {
+        if self.is_awaited {
+            self.named.get_or_insert_with(|| self.to.path().to_owned());
             self.is_done = true;
         } else if self.named.is_some() {
             self.save_and_quit(scene, screen, link);
@@ -222,11 +229,13 @@ impl Saver {
             && before.saved.as_ref().is_none_or(|(_, earlier)| !Arc::ptr_eq(earlier, path))
         {
             self.to = SaveTo::Replace(path.to_path_buf());
+            self.is_awaited = false;
             scene.keep_map();
             self.is_done |= self.quit_state == QuitState::Saving;
             then = self.then.take();
         }
         if now.save_failed.0 > before.save_failed.0 {
+            self.is_awaited = false;
             self.then = None;
             if self.quit_state == QuitState::Saving {
                 self.quit_state = QuitState::Asking;

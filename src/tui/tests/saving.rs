@@ -122,6 +122,22 @@ fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
     assert!(app.saver.named.as_ref().is_some_and(|path| path.starts_with("saves")));
 }
 
+#[test]
+fn a_checkpoint_that_is_not_written_yet_is_written_on_closing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.safetensors");
+    for ask in [&[Action::Save][..], &[Action::Quit]] {
+        let named = (ask == [Action::Quit]).then(|| path.clone());
+        let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), named);
+        app.saver.to = SaveTo::CreateNew(path.clone());
+        // The trainer's answer is not looked at, as if it hung.
+        ask.iter().for_each(|action| app.act(*action));
+        assert!(!app.is_done());
+        app.act(Action::Quit);
+        assert!(app.is_done() && app.saver.named.as_ref() == Some(&path));
+    }
+}
+
 /// Enters a value for a setting.
 fn set(app: &mut App, name: &str, value: &str) {
     app.choose(Choice::Setting(name.to_owned()));
