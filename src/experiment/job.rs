@@ -163,11 +163,11 @@ pub struct MapFacts {
 
 impl MapFacts {
     fn of(world: &JobWorld) -> Option<Self> {
-        let map = world.map()?;
+        let JobWorld::Maze { map, start_drawn } = world else { return None };
         Some(Self {
             free_cells: map.free_count(),
             starts: map.starts().iter().map(|start| [start.x, start.y]).collect(),
-            start_drawn: map.is_start_drawn(),
+            start_drawn: *start_drawn,
             fingerprint: Some(fingerprint(map)),
         })
     }

@@ -18,6 +18,8 @@ pub enum JobWorld {
     Maze {
         /// The map, with a start.
         map: Arc<Grid>,
+        /// Whether that start was drawn, as the map itself has none.
+        start_drawn: bool,
     },
     /// A world that needs no file, by the name of its kind.
     Named(String),
@@ -26,7 +28,10 @@ pub enum JobWorld {
 impl JobWorld {
     /// Returns the maze on `map`. A map without a start gets one drawn by `seed`.
     pub fn maze(map: &Grid, seed: u64) -> Self {
-        Self::Maze { map: Arc::new(with_start(map.clone(), seed)) }
+        Self::Maze {
+            start_drawn: map.starts().is_empty(),
+            map: Arc::new(with_start(map.clone(), seed)),
+        }
     }
 
     /// Returns the world that `name` opens, as [`JobWorld::maze`] if that is a map.

@@ -41,9 +41,6 @@ const NAME: &str = "maze";
 /// Where checkpoints have the map's scale, unless that is the default.
 const SCALE: &str = "map_scale";
 
-/// What checkpoints have if the map's start was drawn.
-const START_DRAWN: &str = "map_start_drawn";
-
 /// Sub-steps per step; each moves one axis after the other.
 const SUBSTEPS: usize = 10;
 
@@ -202,8 +199,7 @@ impl PointMaze {
         if !scale.is_valid() {
             return Err(StoreError::inconsistent("the map has an impossible scale"));
         }
-        let is_start_drawn = store.texts().contains_key(START_DRAWN);
-        Ok(Self::new(Arc::new(map.with_scale(scale).with_start_drawn(is_start_drawn)), 0))
+        Ok(Self::new(Arc::new(map.with_scale(scale)), 0))
     }
 
     /// Returns the component of the cell that `agent` is in.
@@ -411,9 +407,6 @@ impl Recorded for PointMaze {
         let scale = self.map.scale();
         if scale != MapScale::default() {
             store.put_text(SCALE, json!(scale).to_string());
-        }
-        if self.map.is_start_drawn() {
-            store.put_text(START_DRAWN, "true");
         }
     }
 

@@ -53,18 +53,16 @@ pub struct Grid {
     free: Vec<bool>,
     starts: Vec<Cell>,
     goals: Vec<Cell>,
-    /// Whether the start was drawn at random, as the file has none.
-    is_start_drawn: bool,
     /// How its cells relate to the maze that it was read from.
     scale: MapScale,
     /// Warning that other programs read its file differently.
     doubt: Option<&'static str>,
 }
 
-/// Maps are equal whatever the warning about their file, and wherever their start is from.
+/// Maps are equal whatever the warning about their file.
 impl PartialEq for Grid {
     fn eq(&self, other: &Self) -> bool {
-        let Self { name, width, height, free, starts, goals, scale, .. } = self;
+        let Self { name, width, height, free, starts, goals, scale, doubt: _ } = self;
         scale == &other.scale
             && (name, width, height) == (&other.name, &other.width, &other.height)
             && (free, starts, goals) == (&other.free, &other.starts, &other.goals)
@@ -88,8 +86,7 @@ impl Grid {
         let height = free.len().checked_div(width).unwrap_or(0);
         assert_eq!(free.len(), width * height, "a grid needs whole rows");
         let (name, scale) = (name.to_owned(), MapScale::default());
-        let (is_start_drawn, doubt) = (false, None);
-        let grid = Self { name, width, height, free, starts, goals, is_start_drawn, scale, doubt };
+        let grid = Self { name, width, height, free, starts, goals, scale, doubt: None };
         assert!(
             grid.starts.iter().chain(&grid.goals).all(|&c| grid.is_free(c)),
             "starts and goals must be on free cells"
@@ -178,19 +175,7 @@ impl Grid {
             marks.dedup();
             marks
         };
-        let (starts, goals) = (on_floor(starts), on_floor(goals));
-        Self { starts, goals, is_start_drawn: false, ..self.clone() }
-    }
-
-    /// Returns the map, with its start as one that was drawn at random.
-    #[must_use]
-    pub fn with_start_drawn(self, is_start_drawn: bool) -> Self {
-        Self { is_start_drawn, ..self }
-    }
-
-    /// Returns whether the start was drawn at random, as the map itself has none.
-    pub fn is_start_drawn(&self) -> bool {
-        self.is_start_drawn
+        Self { starts: on_floor(starts), goals: on_floor(goals), ..self.clone() }
     }
 
     /// Creates a map of free cells only.

@@ -16,7 +16,7 @@ pub fn with_start(grid: Grid, seed: u64) -> Grid {
     let components = StepSearch::new(&grid).components(&grid);
     let cells: Vec<Cell> = components.largest_cells(&grid).collect();
     let start = cells[ChaCha8Rng::seed_from_u64(seed).random_range(0..cells.len())];
-    grid.with_marks(vec![start], grid.goals().to_vec()).with_start_drawn(true)
+    grid.with_marks(vec![start], grid.goals().to_vec())
 }
 
 #[cfg(test)]
