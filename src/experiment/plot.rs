@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Report, miette};
 
 use super::job::EvaluationAt;
-use super::runs::{self, SavedRun};
+use super::runs::{self, SavedRun, join_resumed};
 use crate::figure::{Format, MILLIMETRE, Page, Sheet};
 use crate::host::outputs::refuse_existing;
 use crate::host::waiting::Working;
@@ -203,6 +203,7 @@ pub struct Drawn {
 /// # Errors
 /// Nothing is known of what is asked for, or the table cannot be written.
 pub fn draw(runs: &[SavedRun], options: &Options) -> Result<Drawn, Report> {
+    let runs = &join_resumed(runs)[..];
     let grouping = Grouping::new(runs, &options.by);
     let Panels { charts, table, seeds, notes } = lines::panels(runs, &grouping, options)?;
     let columns = (options.width / PANEL_WIDTH).floor().max(1.0) as usize;

@@ -21,6 +21,7 @@ use gdg::files::{has_extension, is_hidden};
 use gdg::pulse::Progress;
 use gdg::text::{counted, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
+pub use join::join_resumed;
 use join::{join, whole};
 pub use line::RunLine;
 pub use reader::{Found, Reader};
@@ -28,6 +29,9 @@ pub use records::{Ending, Skipped};
 
 /// Records that have not grown for this long are not of a running run.
 const QUIET: Duration = Duration::from_mins(1);
+
+/// The fingerprint of the world of a run whose map was edited: there were several.
+pub const EDITED: &str = "edited";
 
 /// What can be given.
 const HELP: &str = "give a folder of gdg-tui suite, reproduce or ablate, a folder of checkpoints, \
@@ -42,7 +46,7 @@ pub struct SavedRun {
     pub kind: Kind,
     /// Its map, or the world if there is none.
     pub map: String,
-    /// What tells that apart from others of its name, if it is known and the same all along.
+    /// What tells that apart from others of its name, if it is known; [`EDITED`] if it changed.
     pub fingerprint: Option<String>,
     /// Its method.
     pub method: String,
@@ -295,8 +299,10 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
         source: path.to_owned(),
         kind: Kind::Checkpoint,
         map: if found.title.is_empty() { found.world } else { found.title },
-        // That of the map as it is by now.
-        fingerprint: found.fingerprint.filter(|_| history.edits().is_empty()),
+        fingerprint: match history.edits() {
+            [] => found.fingerprint,
+            _ => Some(EDITED.to_owned()),
+        },
         method: found.run.method.name(),
         variant: None,
         settings: with_preset(found.run.preset.name(), settings),

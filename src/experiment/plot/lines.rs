@@ -158,7 +158,7 @@ fn lines(
     let mut lines: Lines = Vec::new();
     for (i, run) in of_seeds(runs, grouping, notes) {
         let (chart, curve) = grouping.names(i);
-        let points = points(&run, options)?;
+        let points = points(run, options)?;
         if points.is_empty() {
             let (y, source) = (options.y.label(), run.source.display());
             notes.push(format!("{source}: {} has no {y}: left out", run.method));
@@ -181,35 +181,22 @@ fn lines(
     Ok(lines)
 }
 
-/// Returns a run for each seed of each curve, with the index of one of its parts. Parts of a run that
-/// was resumed are one; of several runs, the longest counts.
-fn of_seeds(
-    runs: &[SavedRun],
+/// Returns a run for each seed of each curve, with its index: of several, the longest counts.
+fn of_seeds<'a>(
+    runs: &'a [SavedRun],
     grouping: &Grouping,
     notes: &mut Vec<String>,
-) -> Vec<(usize, SavedRun)> {
+) -> Vec<(usize, &'a SavedRun)> {
     let mut seeds: BTreeMap<(&[String; 3], u64), Vec<usize>> = BTreeMap::new();
     for (i, run) in runs.iter().enumerate() {
         seeds.entry((&grouping.parts[i], run.seed)).or_default().push(i);
     }
     let (mut all, mut left_out) = (Vec::new(), Vec::new());
-    for mut parts in seeds.into_values() {
-        let first = parts[0];
-        parts.sort_by_key(|i| runs[*i].place());
-        let mut found: Vec<SavedRun> = Vec::new();
-        for run in parts.into_iter().map(|i| &runs[i]) {
-            if let Some(part) = found.iter_mut().find(|part| run.is_resumed_from(part)) {
-                let before = std::mem::replace(part, run.clone());
-                part.continue_from(before);
-            } else {
-                found.push(run.clone());
-            }
-        }
-        // The first of the longest.
-        found.sort_by_key(|run| (run.begun, Reverse(run.updates)));
-        let mut found = found.into_iter();
-        all.extend(found.next().map(|run| (first, run)));
-        left_out.extend(found.map(|run| run.source.display().to_string()));
+    for mut found in seeds.into_values() {
+        found.sort_by_key(|i| (runs[*i].begun, Reverse(runs[*i].updates)));
+        let mut found = found.into_iter().map(|i| (i, &runs[i]));
+        all.extend(found.next());
+        left_out.extend(found.map(|(_, run)| run.source.display().to_string()));
     }
     all.sort_by_key(|(i, _)| *i);
     if !left_out.is_empty() {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-use super::{Ending, Kind, SavedRun};
+use super::{EDITED, Ending, Kind, SavedRun};
 use gdg::text::safe_file_name;
 
 /// A run, and when its file was written.
@@ -29,6 +29,24 @@ pub fn join(mut runs: Vec<Dated>) -> Vec<Dated> {
     }
     let kept = runs.into_iter().zip(into).filter(|(_, into)| into.is_none());
     kept.map(|(run, _)| run).collect()
+}
+
+/// Joins records that were resumed from others, whatever checkpoints they name.
+pub fn join_resumed(runs: &[SavedRun]) -> Vec<SavedRun> {
+    let mut joined: Vec<(usize, SavedRun)> = Vec::new();
+    let mut parts: Vec<(usize, &SavedRun)> = runs.iter().enumerate().collect();
+    parts.sort_by_key(|(_, run)| run.place());
+    for (i, run) in parts {
+        let before = joined.iter_mut().find(|(_, part)| run.is_resumed_from(part));
+        if let Some((_, part)) = before.filter(|(_, part)| part.settings == run.settings) {
+            let before = std::mem::replace(part, run.clone());
+            part.continue_from(before);
+        } else {
+            joined.push((i, run.clone()));
+        }
+    }
+    joined.sort_by_key(|(i, _)| *i);
+    joined.into_iter().map(|(_, run)| run).collect()
 }
 
 /// Returns, for each run that is part of another, the index of that one.
@@ -74,9 +92,16 @@ impl SavedRun {
     /// Whether `other` is the same run at another time.
     pub fn is_same(&self, other: &Self) -> bool {
         // A checkpoint has its map's name as files have it.
-        let facts = |run: &Self| (safe_file_name(&run.map), run.method.clone(), run.seed);
         let fingerprints = self.fingerprint.as_ref().zip(other.fingerprint.as_ref());
-        facts(self) == facts(other) && fingerprints.is_none_or(|(own, other)| own == other)
+        let has_same_map = safe_file_name(&self.map) == safe_file_name(&other.map)
+            && fingerprints.is_none_or(|(own, other)| own == other);
+        (&self.method, self.seed) == (&other.method, other.seed)
+            && (has_same_map || self.is_edited() || other.is_edited())
+    }
+
+    /// Whether its map was edited while it trained.
+    pub fn is_edited(&self) -> bool {
+        self.fingerprint.as_deref() == Some(EDITED)
     }
 
     /// Whether these records go on from a checkpoint of `other`.

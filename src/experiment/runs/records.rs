@@ -9,7 +9,7 @@ use miette::{Report, miette};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::{HELP, Kind, SavedRun, unreadable, with_preset};
+use super::{EDITED, HELP, Kind, SavedRun, unreadable, with_preset};
 use crate::experiment::job::{EvaluationAt, setting_text};
 use gdg::files::{Format, Mismatch, Wanted, open};
 use gdg::text::sanitized;
@@ -135,6 +135,9 @@ impl SavedRun {
         let from = self.evaluations.first().map(|at| at.updates);
         let from = from.or((self.begun > 0).then_some(self.begun + 1));
         before.evaluations.retain(|at| from.is_none_or(|from| at.updates < from));
+        if before.is_edited() {
+            (self.map, self.fingerprint) = (before.map, before.fingerprint);
+        }
         self.evaluations.splice(0..0, before.evaluations);
         (self.begun, self.resumed) = (before.begun, before.resumed);
         self.checkpoint = self.checkpoint.take().or(before.checkpoint);
@@ -150,8 +153,7 @@ impl SavedRun {
                 self.updates = at.updates;
                 self.evaluations.push(*at);
             }
-            // It is of two maps from now on.
-            Record::Edit {} => self.fingerprint = None,
+            Record::Edit {} => self.fingerprint = Some(EDITED.to_owned()),
             Record::Saved { path } => self.checkpoint = Some(found_from(&self.source, path)),
             Record::End { reason, updates } => {
                 let interrupted = reason == "interrupted";
