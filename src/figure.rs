@@ -60,7 +60,7 @@ impl Format {
         match self {
             // Near the beginning: pictures of other programs may contain ours.
             Self::Svg => has(b"<svg", b"<!-- gdg-tui -->", 4096),
-            Self::Png => has(b"\x89PNG", b"tEXtSoftware\0gdg-tui", 256),
+            Self::Png => has(b"\x89PNG", b"tEXtSoftware\0gdg-tui plot", 256),
             Self::Pdf => has(b"%PDF", b"/Producer (gdg-tui)", usize::MAX),
         }
     }
@@ -70,7 +70,7 @@ impl Format {
         let lacking = letters::lacking(sheet);
         (self != Self::Svg && !lacking.is_empty()).then(|| {
             let name = self.extension().to_uppercase();
-            format!("the font of {name} lacks {lacking}: boxes in their place; SVG shows them")
+            format!("{name} has no letters for {lacking} and shows boxes; SVG shows them")
         })
     }
 
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(Format::Svg.lacking(&both), None);
         for format in [Format::Png, Format::Pdf] {
             let note = format.lacking(&both).expect("a note");
-            assert!(note.contains("lacks \u{5bae}\u{8ff7}:"), "{note}");
+            assert!(note.contains("for \u{5bae}\u{8ff7} "), "{note}");
             assert_eq!(format.lacking(&sheet("größe, α²")), None);
         }
         let file = Format::Svg.encode(&sheet("a\u{1}\u{9b}\u{202e}<b")).expect("a file");

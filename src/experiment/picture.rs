@@ -37,7 +37,7 @@ pub fn draw(trainer: &Trainer, map: &Arc<Grid>) -> Result<Vec<u8>, Report> {
     let raster = Raster::of_map(map, MAX_PIXELS, MAX_PIXELS_PER_CELL);
     let mut picture = field(map, raster, &task.goal, job.policy());
     paths(&mut picture, raster, &task, &job).into_diagnostic()?;
-    picture.to_png().into_diagnostic()
+    picture.to_png("gdg-tui").into_diagnostic()
 }
 
 /// Colours the free ground by D to `goal`, light near and dark far, with contour lines.

@@ -32,7 +32,7 @@ pub fn encode(sheet: &Sheet) -> Result<Vec<u8>, Report> {
     // The background is opaque, so premultiplication changes nothing.
     let pixels = pixmap.pixels().iter().map(|pixel| (pixel.red(), pixel.green(), pixel.blue()));
     picture.pixels_mut().iter_mut().zip(pixels).for_each(|(to, from)| *to = from);
-    picture.to_png().into_diagnostic()
+    picture.to_png("gdg-tui plot").into_diagnostic()
 }
 
 fn paint(pixmap: &mut Pixmap, mark: &Mark, zoom: Transform) {

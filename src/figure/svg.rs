@@ -43,7 +43,7 @@ pub fn encode(sheet: &Sheet) -> Result<String, Report> {
             }
             Mark::Text(text) => document.add(letters(text)),
             Mark::Picture { at, size, picture } => {
-                let data = STANDARD.encode(picture.to_png().into_diagnostic()?);
+                let data = STANDARD.encode(picture.to_png("gdg-tui").into_diagnostic()?);
                 document.add(
                     Image::new()
                         .set("x", at[0])

@@ -22,7 +22,7 @@ pub fn png_of(
     area: Rect,
     page: PageColours,
 ) -> Result<Vec<u8>, png::EncodingError> {
-    picture_of(screen, area, page).to_png()
+    picture_of(screen, area, page).to_png("gdg-tui")
 }
 
 /// Renders a part of the screen, 8 x 16 pixels a character.

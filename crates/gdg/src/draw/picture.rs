@@ -96,18 +96,18 @@ impl Picture {
         }
     }
 
-    /// Encodes the picture as a PNG file.
+    /// Encodes the picture as a PNG file that names the `software` that has made it.
     ///
     /// # Errors
     /// Errors of the encoder.
-    pub fn to_png(&self) -> Result<Vec<u8>, png::EncodingError> {
+    pub fn to_png(&self, software: &str) -> Result<Vec<u8>, png::EncodingError> {
         let (columns, rows) = self.size();
         let mut file = Vec::new();
         let mut encoder = png::Encoder::new(&mut file, columns as u32, rows as u32);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_compression(png::Compression::High);
-        encoder.add_text_chunk("Software".to_owned(), "gdg-tui".to_owned())?;
+        encoder.add_text_chunk("Software".to_owned(), software.to_owned())?;
         let mut writer = encoder.write_header()?;
         let bytes: Vec<u8> = self.pixels.iter().flat_map(|(r, g, b)| [*r, *g, *b]).collect();
         writer.write_image_data(&bytes)?;

@@ -117,7 +117,7 @@ pub fn still(run: &Snapshot, width: Option<usize>) -> Result<Vec<u8>, FilmError>
     let range = format!("D to the goal from 0 (light) to {farthest:.0} steps (dark)");
     let lines = format!("{range}, a line every {interval:.0}");
     write_below(&mut picture, &[lines, range, format!("D: 0 to {farthest:.0}")], rows + line);
-    Ok(picture.to_png()?)
+    Ok(picture.to_png("gdg-tui")?)
 }
 
 /// Returns what draws the frames of a run.

@@ -89,7 +89,7 @@ fn check_separators(text: &Text, rows: &[(usize, &str)]) -> MapResult<()> {
     match rows.iter().find_map(place) {
         None => Ok(()),
         Some(place) => {
-            let problem = "there are commas and semicolons: which of them separate cells?";
+            let problem = "rows have both commas and semicolons";
             let help = "cells are separated by one of them, and decimals have a point";
             Err(text.error_at(place, problem, help))
         }

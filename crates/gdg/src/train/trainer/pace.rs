@@ -21,7 +21,8 @@ impl Pace {
         (done > 0.0 && seconds > 0.0).then(|| done / seconds)
     }
 
-    /// Returns the seconds of training until the first of `limits`, if that can be told.
+    /// Returns the seconds of training until the first of `limits`, if that can be told: of
+    /// episodes it cannot, as they become shorter the more is learned.
     pub fn seconds_left(&self, limits: &Limits) -> Option<f64> {
         let (counters, seconds) = &self.now;
         let until = |limit: Option<u64>, count: fn(&Counters) -> u64| {
@@ -31,7 +32,6 @@ impl Pace {
         let all = [
             limits.seconds.map(|limit| (limit - seconds).max(0.0)),
             until(limits.updates, |counters| counters.updates),
-            until(limits.episodes, |counters| counters.episodes),
             until(limits.env_steps, |counters| counters.env_steps),
         ];
         all.into_iter().flatten().min_by(f64::total_cmp)
@@ -62,7 +62,7 @@ mod tests {
         assert_eq!(pace.seconds_left(&updates), Some(7_000.0 / 99.9));
         let left = |limits| pace.seconds_left(&limits);
         assert_eq!(left(Limits { seconds: Some(100.0), ..updates }), Some(30.0), "whichever first");
-        assert_eq!(left(Limits { episodes: Some(80), ..updates }), Some(5.0));
+        assert_eq!(left(Limits { episodes: Some(80), ..Limits::default() }), None);
         assert_eq!(left(Limits { updates: Some(500), ..updates }), Some(0.0));
         assert_eq!(left(Limits::default()), None);
         // A run that was resumed half-way, at its first update.
