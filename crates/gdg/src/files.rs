@@ -1,6 +1,7 @@
 //! File access: regular files only, within size limits, replaced atomically.
 
 mod derived;
+mod facts;
 mod kind;
 mod lock;
 mod names;
@@ -9,6 +10,7 @@ mod verified;
 mod write;
 
 pub use derived::{backup_path, named};
+pub use facts::FileFacts;
 pub use kind::{Format, Mismatch, Wanted};
 pub use lock::{LockFile, is_in_use, mark_in_use, while_locked};
 pub use names::{has_extension, is_hidden};

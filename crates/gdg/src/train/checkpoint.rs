@@ -27,7 +27,7 @@ use super::run::Run;
 use super::score::Success;
 use super::trainer::{FINGERPRINT, HISTORY, LEARNED, Trainer, TrainerState};
 use crate::env::EnvError;
-use crate::files::{self, Format, Mismatch, Wanted};
+use crate::files::{self, FileFacts, Format, Mismatch, Wanted};
 use crate::learn::Threads;
 use crate::pulse::Progress;
 use crate::store::{Store, StoreError};
@@ -245,26 +245,6 @@ struct FileIdentity {
     facts: FileFacts,
     /// Checksum of its contents.
     contents: u32,
-}
-
-/// Metadata that identifies a file. It differs between files; for the same file, it may change
-/// where inodes are not stable or times are rounded later.
-#[derive(Clone, Copy, PartialEq, Eq)]
-struct FileFacts {
-    bytes: u64,
-    modified: Option<SystemTime>,
-    inode: u64,
-}
-
-impl FileFacts {
-    fn of(path: &Path) -> Option<Self> {
-        let facts = std::fs::metadata(path).ok()?;
-        #[cfg(unix)]
-        let inode = std::os::unix::fs::MetadataExt::ino(&facts);
-        #[cfg(not(unix))]
-        let inode = 0;
-        Some(Self { bytes: facts.len(), modified: facts.modified().ok(), inode })
-    }
 }
 
 impl FileIdentity {
