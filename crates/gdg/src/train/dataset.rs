@@ -1,20 +1,22 @@
 //! Recorded transitions, to learn from without acting: files as of OGBench, and the program's own.
 
-mod npz;
-
+use std::fs::File;
+use std::io::{self, BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-use candle_core::{Device, Tensor};
+use candle_core::npy::NpzTensors;
+use candle_core::{DType, Device, Tensor};
+use flate2::Crc;
 use serde::{Deserialize, Serialize};
+use zip::ZipArchive;
 
 use super::error::{DataError, TrainError};
 use super::memory;
 use crate::env::{Environment, MAX_MAGNITUDE};
+use crate::files::{self, FileFacts, Format, Wanted};
 use crate::learn::{Replay, ReplaySizes};
 use crate::pulse::Progress;
 use crate::store::StoreError;
-pub(super) use npz::Stamp;
-use npz::{Arrays, Opened};
 
 /// Names of the arrays.
 const STATES: &str = "observations";
@@ -25,6 +27,15 @@ const ENDS: &str = "terminals";
 /// each action leads.
 const OTHER_ENDS: [&str; 2] = ["timeouts", "truncations"];
 const NEXT: &str = "next_observations";
+
+/// Most numbers of an array: 4 GB of memory.
+const MOST_NUMBERS: usize = 1 << 30;
+
+/// No file is packed more tightly than this: the limit of Deflate.
+const MOST_PACKED: u64 = 1_040;
+
+/// Bytes that are read at a time.
+const CHUNK: usize = 1 << 20;
 
 /// How far actions may lie beyond [-1, 1], by rounding.
 const ACTION_TOLERANCE: f32 = 1e-3;
@@ -43,17 +54,12 @@ pub struct DataSource {
 }
 
 impl DataSource {
-    /// Says what has become of the file that was read with this stamp, if it cannot be read again.
-    pub(super) fn loss(&self, stamp: &Stamp) -> Option<&'static str> {
-        if stamp.is_of(&self.file) {
+    /// Says what has become of the file that had these facts when it was read, if it is another one.
+    pub(super) fn loss(&self, facts: FileFacts) -> Option<&'static str> {
+        if FileFacts::of(&self.file) == Some(facts) {
             return None;
         }
-        // It may have been copied or touched.
-        match Opened::new(&self.file, [0, 1], &Progress::default()) {
-            Ok(found) if found.checksum == self.checksum => None,
-            Ok(_) => Some("has changed"),
-            Err(_) => Some("can no longer be read"),
-        }
+        Some(if self.file.is_file() { "has changed" } else { "can no longer be read" })
     }
 }
 
@@ -61,7 +67,8 @@ impl DataSource {
 #[derive(Clone, Debug)]
 pub struct Dataset {
     source: DataSource,
-    stamp: Stamp,
+    /// Those of the file before it was read.
+    facts: Option<FileFacts>,
     sizes: ReplaySizes,
     /// `(rows, state_dim)`.
     states: Vec<f32>,
@@ -85,42 +92,51 @@ impl Dataset {
         world: &dyn Environment,
         progress: &Progress,
     ) -> Result<Self, DataError> {
-        let opened = open(file, [0, 2], progress)?;
-        Self::read_opened(file, opened, world, 2, progress)
+        let checked = checksum(file, [0, 2], progress)?;
+        Self::read_checked(file, checked, world, 2, progress)
     }
 
-    /// Reads a file that has been opened, and reports progress as the last of `parts`.
-    fn read_opened(
+    /// Reads a file of known CRC-32 and facts, and reports progress as the last of `parts`.
+    fn read_checked(
         file: &Path,
-        opened: Opened,
+        (checksum, facts): (u32, Option<FileFacts>),
         world: &dyn Environment,
         parts: usize,
         progress: &Progress,
     ) -> Result<Self, DataError> {
-        let (sizes, checksum) = (ReplaySizes::of(world.spec()), opened.checksum);
+        let sizes = ReplaySizes::of(world.spec());
         let read = || -> Result<Self, String> {
-            let mut arrays = Arrays::new(file, opened)?;
-            let shapes = Shapes::of(&mut arrays)?;
-            let rows = shapes.rows(sizes)?;
+            let arrays = Arrays::open(file, facts)?;
+            let rows = arrays.rows(sizes)?;
             // The arrays are by far the most of it.
             let tell = |thirds| progress.set(3 * (parts - 1) + thirds, 3 * parts);
             tell(0);
-            let mut states = shapes.states(STATES, &mut arrays, sizes, world)?;
+            let mut states = arrays.numbers(STATES, &[rows, sizes.state])?;
             tell(1);
-            let columns = (sizes.action, "the world's actions");
-            let mut actions = shapes.table(ACTIONS, &mut arrays, columns)?;
-            let mut is_last = shapes.ends(&mut arrays)?;
+            let mut actions = arrays.numbers(ACTIONS, &[rows, sizes.action])?;
+            let mut is_last = arrays.ends(rows)?;
+            let next = arrays.has(NEXT).then(|| arrays.numbers(NEXT, &[rows, sizes.state]));
+            let mut next = next.transpose()?;
+            // Written over or replaced, it may have parts of two files, or another checksum.
+            if FileFacts::of(file) != facts {
+                return Err(CHANGED.to_owned());
+            }
             tell(2);
             check(ACTIONS, &actions, sizes.action, 1.0 + ACTION_TOLERANCE, "in [-1, 1]")?;
             actions.iter_mut().for_each(|action| *action = action.clamp(-1.0, 1.0));
+            for (name, states) in [(STATES, Some(&mut states)), (NEXT, next.as_mut())] {
+                let Some(states) = states else { continue };
+                check(name, states, sizes.state, MAX_MAGNITUDE, "finite, and at most 1e9 in size")?;
+                if let Some(recorded) = world.abilities().recorded {
+                    states.chunks_exact_mut(sizes.state).for_each(|s| recorded.own_state(s));
+                }
+            }
             if let Some(last) = is_last.last_mut() {
                 *last = true;
             }
-            if shapes.has(NEXT) {
-                let next = shapes.states(NEXT, &mut arrays, sizes, world)?;
+            if let Some(next) = next {
                 (states, actions, is_last) = with_next(&states, &actions, &is_last, &next, sizes);
             }
-            let stamp = arrays.close()?;
             let all = is_last.len();
             let ends: Vec<usize> = (1..=all).filter(|row| is_last[row - 1]).collect();
             let (transitions, episodes) = (all - ends.len(), ends.len());
@@ -130,7 +146,7 @@ impl Dataset {
             // Resumed from anywhere.
             let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
             let source = DataSource { file, checksum, transitions, episodes };
-            Ok(Self { source, stamp, sizes, states, actions, ends })
+            Ok(Self { source, facts, sizes, states, actions, ends })
         };
         read().map_err(|problem| unfit(file, problem))
     }
@@ -141,11 +157,9 @@ impl Dataset {
     /// # Errors
     /// See [`Self::read`].
     pub fn check_file(file: &Path, progress: &Progress) -> Result<u32, DataError> {
-        let opened = open(file, [0, 1], progress)?;
-        let checksum = opened.checksum;
-        let checked =
-            Arrays::new(file, opened).and_then(|mut arrays| Shapes::of(&mut arrays).map(drop));
-        checked.map(|()| checksum).map_err(|problem| unfit(file, problem))
+        let (checksum, facts) = checksum(file, [0, 1], progress)?;
+        Arrays::open(file, facts).map_err(|problem| unfit(file, problem))?;
+        Ok(checksum)
     }
 
     /// Reads the file that a run has learned from: `moved` if it is elsewhere now.
@@ -169,9 +183,9 @@ impl Dataset {
         };
         let mut problem = other();
         for (part, file) in places.enumerate() {
-            problem = match open(file, [part, parts], progress) {
-                Ok(opened) if opened.checksum == source.checksum => {
-                    return Self::read_opened(file, opened, world, parts, progress);
+            problem = match checksum(file, [part, parts], progress) {
+                Ok(checked) if checked.0 == source.checksum => {
+                    return Self::read_checked(file, checked, world, parts, progress);
                 }
                 Ok(_) => other(),
                 Err(error) => error,
@@ -186,8 +200,8 @@ impl Dataset {
     }
 
     /// Returns what tells whether the file is still the same.
-    pub(super) fn stamp(&self) -> &Stamp {
-        &self.stamp
+    pub(super) fn facts(&self) -> Option<FileFacts> {
+        self.facts
     }
 
     /// Returns the number of rows.
@@ -278,6 +292,40 @@ pub fn data_file(
     Ok(std::fs::read(file.path())?)
 }
 
+/// Returns a file's CRC-32 and its facts before it was read, and reports progress as one of several
+/// parts.
+fn checksum(
+    path: &Path,
+    [part, parts]: [usize; 2],
+    progress: &Progress,
+) -> Result<(u32, Option<FileFacts>), DataError> {
+    let facts = FileFacts::of(path);
+    let all = facts.map_or(0, |facts| facts.bytes as usize);
+    let tell = |bytes| progress.set(part * all + bytes as usize, parts * all);
+    let read = files::open(path).and_then(|file| checksum_of(file, tell));
+    let unread = |error| DataError::Unread { file: path.to_string_lossy().into(), error };
+    Ok((read.map_err(unread)?, facts))
+}
+
+/// Returns the CRC-32 of all bytes; calls `tell` with how many have been read.
+fn checksum_of(mut bytes: impl Read, tell: impl Fn(u64)) -> io::Result<u32> {
+    let (mut crc, mut done, mut chunk) = (Crc::new(), 0, vec![0; CHUNK]);
+    tell(done);
+    loop {
+        match bytes.read(&mut chunk) {
+            Ok(0) => return Ok(crc.sum()),
+            Ok(read) => {
+                crc.update(&chunk[..read]);
+                done += read as u64;
+                tell(done);
+            }
+            // By a signal that is handled.
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+}
+
 /// Checks the size of every number; the text says what it must be.
 fn check(
     name: &str,
@@ -295,55 +343,67 @@ fn check(
     }
 }
 
-fn open(file: &Path, part: [usize; 2], progress: &Progress) -> Result<Opened, DataError> {
-    let unread = |error| DataError::Unread { file: file.to_string_lossy().into(), error };
-    Opened::new(file, part, progress).map_err(unread)
-}
-
 fn unfit(file: &Path, problem: String) -> DataError {
     DataError::Unfit { file: file.to_string_lossy().into(), problem }
 }
 
-/// The arrays that a file has, and their shapes.
-struct Shapes(Vec<(&'static str, Vec<usize>)>);
+/// What is read as data.
+const DATA: Wanted =
+    Wanted { name: "an .npz file of NumPy", help: "numpy.savez writes one", own: &[Format::Npz] };
 
-impl Shapes {
-    fn of(arrays: &mut Arrays) -> Result<Self, String> {
-        let names = arrays.names();
-        let has = |name: &str| names.iter().any(|known| known == name);
-        if let Some(missing) = [STATES, ACTIONS, ENDS].iter().find(|name| !has(name)) {
-            return Err(format!(
-                "has no array {missing}, but {}: data are {STATES}, {ACTIONS} and {ENDS}",
-                names.join(", ")
-            ));
-        }
-        let all = [STATES, ACTIONS, ENDS].into_iter().chain(OTHER_ENDS).chain([NEXT]);
-        let there = all.filter(|name| has(name));
-        there.map(|name| Ok((name, arrays.shape(name)?))).collect::<Result<_, _>>().map(Self)
+/// What is wrong with an archive that is recognised as one.
+const CUT_OFF: &str = "is no .npz file of NumPy, or its end is missing";
+
+/// What is wrong with a file that another program has written over.
+const CHANGED: &str = "has changed while it was read";
+
+/// Says why an array cannot be read, and what to do in NumPy.
+fn unread_array(name: &str, error: &candle_core::Error) -> String {
+    let said = error.to_string();
+    if said.contains("fortran order") {
+        return format!(
+            "{name} is stored column by column (Fortran order): save \
+             numpy.ascontiguousarray({name})"
+        );
+    }
+    let is_type = said.contains("descr") || said.contains("unsupported dtype");
+    if is_type {
+        return format!(
+            "{name} has numbers of a kind that cannot be read: save {name}.astype('float32')"
+        );
+    }
+    format!("{name} cannot be read, as if the file were damaged: {said}")
+}
+
+/// The arrays of a file.
+struct Arrays<'a> {
+    path: &'a Path,
+    file: NpzTensors,
+    /// The length of the file.
+    bytes: u64,
+}
+
+impl<'a> Arrays<'a> {
+    /// Opens a file that has the arrays.
+    fn open(path: &'a Path, facts: Option<FileFacts>) -> Result<Self, String> {
+        let explained = |error| {
+            log::debug!("{}: {error}", path.display());
+            DATA.mismatch(path).map_or(CUT_OFF.to_owned(), |found| found.problem)
+        };
+        let file = NpzTensors::new(path).map_err(explained)?;
+        let arrays = Self { path, file, bytes: facts.map_or(0, |facts| facts.bytes) };
+        [STATES, ACTIONS, ENDS].iter().try_for_each(|name| arrays.shape(name).map(drop))?;
+        Ok(arrays)
     }
 
     fn has(&self, name: &str) -> bool {
-        self.0.iter().any(|(own, _)| *own == name)
+        self.file.names().iter().any(|known| *known == name)
     }
 
-    fn shape(&self, name: &str) -> &[usize] {
-        self.0.iter().find(|(own, _)| *own == name).map_or(&[], |(_, shape)| shape)
-    }
-
-    /// Returns the number of rows, which is the same in all arrays, if the data fit into memory: as
-    /// they are read, and in the replay buffer.
+    /// Returns the number of rows, if the data fit into memory: as they are read, and in the replay
+    /// buffer.
     fn rows(&self, sizes: ReplaySizes) -> Result<usize, String> {
-        let rows_of = |shape: &[usize]| shape.first().copied().unwrap_or(0);
-        let rows = rows_of(self.shape(STATES));
-        if self.0.iter().any(|(_, shape)| rows_of(shape) != rows) {
-            let (names, counts): (Vec<_>, Vec<_>) =
-                self.0.iter().map(|(name, shape)| (*name, rows_of(shape).to_string())).unzip();
-            return Err(format!(
-                "{} have {} rows: they must have as many",
-                listed(&names),
-                listed(&counts)
-            ));
-        }
+        let rows = self.shape(STATES)?.first().copied().unwrap_or(0);
         // In the worst case, each transition is an episode of two rows.
         let most = if self.has(NEXT) { 2 * rows } else { rows };
         let (needed, available) = (2 * sizes.bytes(most), memory::available_bytes());
@@ -358,66 +418,68 @@ impl Shapes {
         ))
     }
 
-    /// Returns the numbers of an array of two dimensions with this number of columns.
-    fn table(
-        &self,
-        name: &str,
-        arrays: &mut Arrays,
-        (columns, of): (usize, &str),
-    ) -> Result<Vec<f32>, String> {
-        match *self.shape(name) {
-            [rows, own] if own == columns && rows > 0 => arrays.numbers(name, self.shape(name)),
-            [rows, own] if rows > 0 => {
-                Err(format!("{name} have {own} numbers a row, but {of} {columns}"))
+    /// Returns the shape of an array, if the file can hold it.
+    fn shape(&self, name: &str) -> Result<Vec<usize>, String> {
+        if !self.has(name) {
+            let mut names: Vec<&str> = self.file.names().into_iter().map(String::as_str).collect();
+            names.sort_unstable();
+            return Err(format!(
+                "has no array {name}, but {}: data are {STATES}, {ACTIONS} and {ENDS}",
+                names.join(", ")
+            ));
+        }
+        let read = self.file.get_shape_and_dtype(name);
+        let (shape, kind) = read.map_err(|error| unread_array(name, &error))?;
+        let count = shape.dims().iter().try_fold(1_usize, |count, n| count.checked_mul(*n));
+        let most = self.bytes.saturating_mul(MOST_PACKED) / kind.size_in_bytes().max(1) as u64;
+        match count {
+            Some(count) if count <= MOST_NUMBERS && count as u64 <= most => {
+                Ok(shape.dims().to_vec())
             }
-            ref shape => Err(format!("{name} have shape {shape:?}: it must be (rows, {columns})")),
+            _ => Err(format!(
+                "{name} has shape {:?}: more than the file holds, or than {MOST_NUMBERS} numbers",
+                shape.dims()
+            )),
         }
     }
 
-    /// Returns states of the world.
-    fn states(
-        &self,
-        name: &str,
-        arrays: &mut Arrays,
-        sizes: ReplaySizes,
-        world: &dyn Environment,
-    ) -> Result<Vec<f32>, String> {
-        let mut states = self.table(name, arrays, (sizes.state, "the world's states"))?;
-        check(name, &states, sizes.state, MAX_MAGNITUDE, "finite, and at most 1e9 in size")?;
-        if let Some(recorded) = world.abilities().recorded {
-            states.chunks_exact_mut(sizes.state).for_each(|state| recorded.own_state(state));
+    /// Returns the numbers of an array of the `wanted` shape, which may have a last length of 1 more.
+    fn numbers(&self, name: &str, wanted: &[usize]) -> Result<Vec<f32>, String> {
+        let shape = self.shape(name)?;
+        if shape != wanted && shape != [wanted, &[1]].concat() {
+            return Err(format!(
+                "{name} have shape {shape:?}: to fit the world and the other arrays, it must be \
+                 {wanted:?}"
+            ));
         }
-        Ok(states)
+        let read = || {
+            let flat = |array: Tensor| array.to_dtype(DType::F32)?.flatten_all()?.to_vec1();
+            let numbers = self.file.get(name)?.map_or(Ok(Vec::new()), flat)?;
+            // The archive compares the CRC-32 of an array where that ends, before which candle stops.
+            let mut archive = ZipArchive::new(BufReader::new(File::open(self.path)?))?;
+            io::copy(&mut archive.by_name(&format!("{name}.npy"))?, &mut io::sink())?;
+            Ok(numbers)
+        };
+        match read() {
+            Ok(numbers) if numbers.len() == wanted.iter().product::<usize>() => Ok(numbers),
+            Ok(_) => Err(CHANGED.to_owned()),
+            Err(error) => Err(unread_array(name, &error)),
+        }
     }
 
     /// Returns whether each row is the last one of an episode by any of the arrays.
-    fn ends(&self, arrays: &mut Arrays) -> Result<Vec<bool>, String> {
-        let mut is_last = Vec::new();
+    fn ends(&self, rows: usize) -> Result<Vec<bool>, String> {
+        let mut is_last = vec![false; rows];
         for name in [ENDS].into_iter().chain(OTHER_ENDS).filter(|name| self.has(name)) {
-            let ends = match *self.shape(name) {
-                [_] | [_, 1] => arrays.numbers(name, self.shape(name))?,
-                ref shape => {
-                    return Err(format!("{name} have shape {shape:?}: it must be (rows,)"));
-                }
-            };
+            let ends = self.numbers(name, &[rows])?;
             if let Some(row) = ends.iter().position(|end| end.is_nan()) {
                 return Err(format!(
                     "{name}[{row}] is NaN: it must be 1 in the last row of an episode, and else 0"
                 ));
             }
-            is_last.resize(ends.len(), false);
             is_last.iter_mut().zip(ends).for_each(|(is_last, end)| *is_last |= end != 0.0);
         }
         Ok(is_last)
-    }
-}
-
-/// Returns names or numbers as text: `a, b and c`.
-fn listed(all: &[impl AsRef<str>]) -> String {
-    let all: Vec<&str> = all.iter().map(AsRef::as_ref).collect();
-    match &*all {
-        [start @ .., last] if !start.is_empty() => format!("{} and {last}", start.join(", ")),
-        all => all.join(""),
     }
 }
 
@@ -448,4 +510,53 @@ fn with_next(
         }
     }
     (all_states, all_actions, all_last)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::env::PointMaze;
+
+    /// Bytes whose every other read is interrupted by a signal.
+    struct Interrupted(&'static [u8], bool);
+
+    impl Read for Interrupted {
+        fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+            self.1 = !self.1;
+            if self.1 { Err(ErrorKind::Interrupted.into()) } else { self.0.read(&mut into[..2]) }
+        }
+    }
+
+    #[test]
+    fn a_checksum_goes_on_where_a_signal_interrupts_it() {
+        let told = RefCell::new(Vec::new());
+        let found = checksum_of(Interrupted(b"12345", false), |done| told.borrow_mut().push(done));
+        assert_eq!(found.expect("a checksum"), crc32fast::hash(b"12345"));
+        assert_eq!(told.into_inner(), [0, 2, 4, 5]);
+    }
+
+    #[test]
+    fn a_file_that_changes_while_it_is_read_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("d.npz");
+        let write = |rows: usize| {
+            let array = |columns| Tensor::zeros((rows, columns), DType::F32, &Device::Cpu);
+            let arrays = [(STATES, 2), (ACTIONS, 2), (ENDS, 1)];
+            let arrays = arrays.map(|(name, columns)| (name, array(columns).expect("an array")));
+            Tensor::write_npz(&arrays, &file).expect("written");
+        };
+        let map = Arc::new(crate::map::builtin("trap").expect("built in"));
+        let (world, progress) = (PointMaze::new(map, 0), Progress::default());
+        write(4);
+        let checked = checksum(&file, [0, 2], &progress).expect("a checksum");
+        let read = || Dataset::read_checked(&file, checked, &world, 2, &progress);
+        assert_eq!(read().expect("data").rows(), 4);
+        let arrays = Arrays::open(&file, checked.1).expect("arrays");
+        write(3);
+        assert!(arrays.numbers(STATES, &[4, 2]).is_err(), "no row is missing");
+        assert!(read().expect_err("another file").to_string().ends_with(CHANGED));
+    }
 }

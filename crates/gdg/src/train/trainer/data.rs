@@ -6,10 +6,11 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::{Result, Stream, Trainer, stream};
+use crate::files::FileFacts;
 use crate::learn::{Replay, ReplaySizes, ReplayState};
 use crate::pulse::Progress;
 use crate::store::{Store, StoreError};
-use crate::train::dataset::{DataSource, Dataset, Stamp};
+use crate::train::dataset::{DataSource, Dataset};
 use crate::train::error::{DataError, TrainError};
 use crate::train::memory;
 
@@ -26,7 +27,7 @@ pub(super) struct Data {
     own_replay: Option<usize>,
     /// What the file was like when it was read.
     #[serde(skip)]
-    stamp: Option<Stamp>,
+    facts: Option<FileFacts>,
     /// Why no file can be read again.
     #[serde(skip)]
     missing: Option<Arc<DataError>>,
@@ -61,8 +62,8 @@ impl Trainer {
         self.revisit_everything(&Progress::default());
         let source = data.source().clone();
         let own_replay = (removed > 0).then(|| self.replay.capacity());
-        let stamp = Some(data.stamp().clone());
-        self.data = Some(Data { source, acts: false, own_replay, stamp, missing: None });
+        let facts = data.facts();
+        self.data = Some(Data { source, acts: false, own_replay, facts, missing: None });
         LeftOut { impossible, by_chance }
     }
 
@@ -165,8 +166,8 @@ impl Trainer {
     /// Says what has become of the file that checkpoints would read their transitions from, if it
     /// is no longer there: they contain the transitions then.
     pub fn lost_data(&self) -> Option<String> {
-        let Data { source, stamp, .. } = self.data.as_ref().filter(|_| self.reads_data())?;
-        let loss = source.loss(stamp.as_ref()?)?;
+        let Data { source, facts, .. } = self.data.as_ref().filter(|_| self.reads_data())?;
+        let loss = source.loss((*facts)?)?;
         let file = source.file.display();
         Some(format!("{file} {loss}: checkpoints contain the data from now on"))
     }
@@ -196,7 +197,7 @@ impl Trainer {
                     Ok(read) => {
                         self.replay = self.replay_of(&read);
                         data.source = read.source().clone();
-                        data.stamp = Some(read.stamp().clone());
+                        data.facts = read.facts();
                     }
                     Err(error) => data.missing = Some(Arc::new(error)),
                 }
