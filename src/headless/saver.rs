@@ -25,14 +25,12 @@ pub struct Saver {
     to: SaveTo,
     /// The state saved last: updates, steps and evaluations.
     last_saved_state: Option<(u64, u64, usize)>,
-    /// Whether it has been said that recorded data are lost.
-    has_warned: bool,
 }
 
 impl Saver {
     /// Creates a saver to `to`.
     pub fn new(to: SaveTo) -> Self {
-        Self { to, last_saved_state: None, has_warned: false }
+        Self { to, last_saved_state: None }
     }
 
     /// Returns the path of the checkpoints.
@@ -54,7 +52,7 @@ impl Saver {
             eprint_line(&error.to_string());
         }
         let path: PathBuf = train::save(trainer, &self.to).map_err(from_checkpoint_error)?;
-        trainer.world().take_warnings().iter().for_each(|warning| eprint_line(warning));
+        trainer.take_warnings().iter().for_each(|warning| eprint_line(warning));
         let requested = self.to.path();
         if path != requested {
             let may_replace =
@@ -63,10 +61,6 @@ impl Saver {
             let (requested, path) =
                 (sanitized(&requested.to_string_lossy()), sanitized(&path.to_string_lossy()));
             eprint_line(&format!("{requested} {}{help}: saving to {path}", self.to.obstacle()));
-        }
-        if let Some(lost) = trainer.lost_data().filter(|_| !self.has_warned) {
-            eprint_line(&format!("warning: {lost}"));
-            self.has_warned = true;
         }
         self.to = SaveTo::Replace(path.clone());
         self.last_saved_state = Some(state(trainer));

@@ -248,8 +248,7 @@ impl Worker {
     fn saved_text(&self, how: &str, path: &Path, why: &str) -> String {
         let at = grouped(self.trainer.learned_updates());
         let saved = format!("{how} {} at update {at}{why}", path.display());
-        let warnings = self.trainer.world().take_warnings();
-        let all = std::iter::once(saved).chain(warnings).chain(self.trainer.lost_data());
+        let all = std::iter::once(saved).chain(self.trainer.take_warnings());
         all.collect::<Vec<_>>().join("; ")
     }
 

@@ -165,11 +165,17 @@ impl Trainer {
 
     /// Says what has become of the file that checkpoints would read their transitions from, if it
     /// is no longer there: they contain the transitions then.
-    pub fn lost_data(&self) -> Option<String> {
+    fn lost_data(&self) -> Option<String> {
         let Data { source, facts, .. } = self.data.as_ref().filter(|_| self.reads_data())?;
         let loss = source.loss((*facts)?)?;
         let file = source.file.display();
-        Some(format!("{file} {loss}: checkpoints contain the data from now on"))
+        Some(format!("warning: {file} {loss}: checkpoints contain the data from now on"))
+    }
+
+    /// Returns what to tell the user of when a checkpoint is saved: what the world warns of, once,
+    /// and that recorded data are lost.
+    pub fn take_warnings(&self) -> Vec<String> {
+        self.world().take_warnings().into_iter().chain(self.lost_data()).collect()
     }
 
     /// Writes the replay buffer, or which file fills it.
