@@ -56,23 +56,11 @@ fn check_attributes(text: &Text) -> MapResult<()> {
     if let Some((at, _)) = text.source.match_indices("xmlns").nth(MOST) {
         return fault(at, "namespaces");
     }
-    for (start, _) in text.source.match_indices('<') {
-        let (mut quote, mut attributes) = (None, 0);
-        for c in text.source[start + 1..].chars() {
-            match (quote, c) {
-                // Comments and the like have none.
-                (None, '>' | '<' | '!' | '?') => break,
-                (None, '=') => attributes += 1,
-                (None, '"' | '\'') => quote = Some(c),
-                (Some(quoted), c) if c == quoted => quote = None,
-                _ => {}
-            }
-        }
-        if attributes > MOST {
-            return fault(start, "attributes of one element");
-        }
-    }
-    Ok(())
+    // Comments have none.
+    let is_full = |tag: &&str| tag.matches('=').count() > MOST && !tag.starts_with('!');
+    let Some(tag) = text.source.split('<').find(is_full) else { return Ok(()) };
+    let after = tag.as_ptr() as usize - text.source.as_ptr() as usize;
+    fault(after.saturating_sub(1), "attributes of one element")
 }
 
 fn read(source: &Source) -> MapResult<Grid> {
