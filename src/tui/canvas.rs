@@ -355,26 +355,6 @@ mod tests {
     }
 
     #[test]
-    fn four_pixels_are_grouped_by_similarity() {
-        let pixels = [(0, 0, 0), (250, 250, 250), (10, 10, 10), (255, 255, 255)].map(Some);
-        let (mask, front, back) = two_colours(&pixels, mean);
-        assert_eq!(mask, 0b0101);
-        assert_eq!((front, back), (Some((5, 5, 5)), Some((252, 252, 252))));
-        assert_eq!(glyph(Marker::Quadrant, mask), '\u{258c}');
-    }
-
-    #[test]
-    fn lines_of_dots_are_in_front() {
-        let (line, ground) = (0b1010_1010, 0b0101_0101);
-        assert_eq!([line, ground].map(|mask| is_inside_out(mask, line)), [false, true]);
-        assert!(
-            is_inside_out(0b1110_1111, 0)
-                && !is_inside_out(0b0001_0000, 0)
-                && !is_inside_out(u8::MAX, 0)
-        );
-    }
-
-    #[test]
     fn braille_dots_match_their_pixels() {
         assert_eq!(glyph(Marker::Braille, 0b0000_0001), '\u{2801}');
         assert_eq!(glyph(Marker::Braille, 0b0000_0010), '\u{2808}');

@@ -191,32 +191,4 @@ mod tests {
             "nearest to the upper left corner"
         );
     }
-
-    #[test]
-    fn the_interval_changes_only_if_it_has_to() {
-        let interval_after = |slope: f32, before: Option<f32>| {
-            let field: Vec<f32> = (0..600).map(|i| slope * (i % 60) as f32).collect();
-            interval(&[(&field, 60)], SPACING, before)
-        };
-        assert_eq!([0.8, 0.9].map(|slope| interval_after(slope, None)), [5.0, 10.0].map(Some));
-        assert_eq!([0.8, 0.9].map(|slope| interval_after(slope, Some(5.0))), [5.0, 5.0].map(Some));
-        assert_eq!(
-            [0.8, 0.9].map(|slope| interval_after(slope, Some(10.0))),
-            [10.0, 10.0].map(Some)
-        );
-        assert_eq!(interval_after(0.4, Some(10.0)), Some(5.0));
-    }
-
-    #[test]
-    fn labels_avoid_walls_and_other_lines() {
-        assert_eq!(labels(|x, _| 100.0 + 10.0 * x as f32).0, [], "a line in each column");
-        // Three digits reach the walls beside the lines.
-        let (beside_wall, _) =
-            labels(|x, y| if x % 10 == 1 && y < 20 { f32::NAN } else { 100.0 + x as f32 });
-        assert_eq!(beside_wall.len(), 5);
-        assert!(
-            beside_wall.iter().all(|label| label.area.y >= AREA.y + 10),
-            "below the walls: {beside_wall:?}"
-        );
-    }
 }

@@ -256,15 +256,6 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_is_never_larger_than_the_largest_screen() {
-        let (_folder, path, recorder) = recorder((65535, 65535));
-        drop(recorder);
-        let text = std::fs::read_to_string(&path).expect("a recording");
-        let head: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-        assert_eq!((&head["width"], &head["height"]), (&1000.into(), &500.into()));
-    }
-
-    #[test]
     fn a_recording_replaces_a_file_only_with_overwrite() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("run.cast");
@@ -294,17 +285,6 @@ mod tests {
             events[1].2
         );
         assert!(events[2].2.contains('z'), "the last frame is recorded");
-    }
-
-    #[test]
-    fn a_frame_left_out_is_recorded_if_it_stays() {
-        let (size, ms) = ((4, 1), Duration::from_millis);
-        let (_folder, path, mut recorder) = recorder(size);
-        for (at, text) in [(0, "a"), (50, "b"), (5000, "c")] {
-            recorder.frame_at(ms(at), &screen(size, text, 80)).expect("written");
-        }
-        drop(recorder);
-        assert_eq!(events(&path).iter().map(|(at, ..)| *at).collect::<Vec<_>>(), [0.0, 0.05, 5.0]);
     }
 
     #[test]

@@ -36,12 +36,6 @@ use super::scene::{Cache, Scene};
 use super::screen::Screen;
 use super::text::{first_lines, wrapped};
 use super::theme::Theme;
-#[cfg(test)]
-pub use side::lines as pane_lines;
-
-/// The smallest screen on which everything fits.
-#[cfg(test)]
-pub(super) const MIN_SCREEN: (u16, u16) = (80, 24);
 
 /// Widths in columns: the panel beside the map, each column of panes in a wide panel, and the
 /// minimum for the map.

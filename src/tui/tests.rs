@@ -3,8 +3,6 @@
 mod actions;
 mod arm;
 mod compare;
-mod contrast;
-mod cut;
 mod dialogs;
 mod drawing;
 mod editing;
@@ -18,6 +16,7 @@ mod pixels;
 mod saving;
 pub(super) mod screens;
 mod staged;
+mod table;
 mod tour;
 mod walls;
 mod words;
@@ -45,9 +44,7 @@ use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::interface::Interface;
 use super::keymap::Keymap;
-use super::render;
-use super::scene::{ArmState, Cache, MazeState, Scene};
-use super::screen::Screen;
+use super::scene::{ArmState, MazeState, Scene};
 use super::theme::{ColourDepth, Theme, ThemeName};
 use super::tool::Tool;
 use gdg::engine::{Command, Engine, EngineLink, Phase, Snapshot};
@@ -66,10 +63,6 @@ const ROOMS: &str = "\
 ..........#.........
 ..........#........G
 ";
-
-fn app_with(map: Grid, method: Method, limits: Limits) -> App {
-    app_saving_to(map, method, limits, None)
-}
 
 fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf>) -> App {
     app_in(&PointMaze::new(Arc::new(map), 0), method, limits, save)
@@ -121,14 +114,6 @@ impl App {
     /// Returns the arm that is shown.
     fn arm(&self) -> &ArmState {
         match &self.scene {
-            Scene::Arm(arm) => arm,
-            Scene::Maze(_) | Scene::Goals(_) => panic!("an arm"),
-        }
-    }
-
-    /// Returns the arm that is shown, mutably.
-    fn arm_mut(&mut self) -> &mut ArmState {
-        match &mut self.scene {
             Scene::Arm(arm) => arm,
             Scene::Maze(_) | Scene::Goals(_) => panic!("an arm"),
         }
@@ -279,7 +264,7 @@ fn gdg() -> Method {
 }
 
 fn app_on(map: Grid, method: Method) -> App {
-    app_with(map, method, Limits::default())
+    app_saving_to(map, method, Limits::default(), None)
 }
 
 fn rooms() -> Grid {
@@ -290,16 +275,51 @@ fn app() -> App {
     app_on(rooms(), Method::default())
 }
 
-fn mouse(app: &mut App, kind: MouseEventKind, at: Position) {
-    app.on_event(&Event::Mouse(MouseEvent {
-        kind,
-        column: at.x,
-        row: at.y,
-        modifiers: KeyModifiers::NONE,
-    }));
+/// What keys are pressed on, and what is drawn.
+pub(super) trait Driven {
+    fn event(&mut self, event: &Event);
+
+    fn frame(&mut self, frame: &mut ratatui::Frame);
+
+    /// Carries out what has been asked of a trainer that is none.
+    fn obey(&mut self) {}
 }
 
-fn type_text(app: &mut App, text: &str) {
+impl<I: Interface> Driven for I {
+    fn event(&mut self, event: &Event) {
+        self.on_event(event);
+    }
+
+    fn frame(&mut self, frame: &mut ratatui::Frame) {
+        self.draw(frame);
+    }
+}
+
+impl Driven for Still {
+    fn event(&mut self, event: &Event) {
+        self.app.on_event(event);
+    }
+
+    fn frame(&mut self, frame: &mut ratatui::Frame) {
+        self.app.draw(frame);
+    }
+
+    fn obey(&mut self) {
+        Self::obey(self);
+    }
+}
+
+pub(super) fn mouse(app: &mut (impl Driven + ?Sized), kind: MouseEventKind, at: Position) {
+    let modifiers = KeyModifiers::NONE;
+    app.event(&Event::Mouse(MouseEvent { kind, column: at.x, row: at.y, modifiers }));
+}
+
+pub(super) fn click(app: &mut (impl Driven + ?Sized), button: MouseButton, at: Position) {
+    mouse(app, MouseEventKind::Down(button), at);
+    mouse(app, MouseEventKind::Up(button), at);
+}
+
+pub(super) fn type_text(app: &mut (impl Driven + ?Sized), text: &str) {
     text.chars().for_each(|c| press(app, KeyCode::Char(c)));
 }
 
@@ -309,28 +329,59 @@ fn character_of(app: &App, cell: Cell) -> Position {
     frame.character_of(cell.centre()).expect("the cell is shown")
 }
 
-fn draw(app: &mut App, width: u16, height: u16) -> Terminal<TestBackend> {
+pub(super) fn draw(
+    app: &mut (impl Driven + ?Sized),
+    width: u16,
+    height: u16,
+) -> Terminal<TestBackend> {
     let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a buffer");
-    terminal.draw(|frame| app.draw(frame)).expect("a frame");
+    terminal.draw(|frame| app.frame(frame)).expect("a frame");
     terminal
 }
 
-fn text(terminal: &Terminal<TestBackend>) -> String {
+pub(super) fn text(terminal: &Terminal<TestBackend>) -> String {
     let buffer = terminal.backend().buffer();
-    let width = usize::from(buffer.area.width);
-    let rows = buffer
-        .content
-        .chunks(width)
-        .map(|row| row.iter().map(ratatui::buffer::Cell::symbol).collect::<String>());
+    let rows = buffer.content.chunks(usize::from(buffer.area.width));
+    let rows = rows.map(|row| row.iter().map(ratatui::buffer::Cell::symbol).collect::<String>());
     rows.collect::<Vec<_>>().join("\n")
 }
 
-fn press(app: &mut App, code: KeyCode) {
-    app.on_event(&Event::Key(KeyEvent::new(code, KeyModifiers::NONE)));
+/// Returns what the screen says.
+pub(super) fn shown_by(app: &mut (impl Driven + ?Sized), width: u16, height: u16) -> String {
+    text(&draw(app, width, height))
 }
 
-fn press_with(app: &mut App, code: KeyCode, modifiers: KeyModifiers) {
-    app.on_event(&Event::Key(KeyEvent::new(code, modifiers)));
+/// Returns the first place of a text on the screen.
+pub(super) fn place_of(shown: &str, text: &str) -> Position {
+    let mut lines = shown.lines().enumerate();
+    let found = lines.find_map(|(y, line)| Some((y, line.split_once(text)?.0)));
+    let (y, before) = found.unwrap_or_else(|| panic!("{text:?} is missing:\n{shown}"));
+    Position::new(before.chars().count() as u16, y as u16)
+}
+
+/// Returns the message that is shown.
+fn notice(app: &App) -> String {
+    app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default()
+}
+
+pub(super) fn press(app: &mut (impl Driven + ?Sized), code: KeyCode) {
+    press_with(app, code, KeyModifiers::NONE);
+}
+
+fn press_with(app: &mut (impl Driven + ?Sized), code: KeyCode, modifiers: KeyModifiers) {
+    app.event(&Event::Key(KeyEvent::new(code, modifiers)));
+}
+
+/// Replaces what is typed in a prompt.
+fn enter(app: &mut (impl Driven + ?Sized), text: &str) {
+    press_with(app, KeyCode::Char('u'), KeyModifiers::CONTROL);
+    type_text(app, text);
+    press(app, KeyCode::Enter);
+}
+
+/// Returns an app that does not train.
+fn stopped(map: Grid, method: Method, save: Option<PathBuf>) -> App {
+    app_saving_to(map, method, Limits { updates: Some(0), ..Limits::default() }, save)
 }
 
 /// Applies what engine and viewer publish until `is` holds.
@@ -361,22 +412,6 @@ fn arrow_keys_move_the_goal_and_jump_over_walls() {
 }
 
 #[test]
-fn left_click_sets_the_goal_and_right_click_the_walking_agent() {
-    let mut app = app();
-    for (width, height) in [(80, 24), (200, 60)] {
-        draw(&mut app, width, height);
-        for cell in [Cell::new(0, 0), Cell::new(13, 3)] {
-            let at = character_of(&app, cell);
-            mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-            assert_eq!(app.maze().goal, cell, "at {width} x {height}");
-        }
-    }
-    let at = character_of(&app, Cell::new(5, 1));
-    mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
-    wait_until(&mut app, |app| app.maze().view.walk.start == [5.5, 1.5]);
-}
-
-#[test]
 fn the_cursor_and_the_mouse_show_facts_about_a_cell() {
     let mut app = app();
     draw(&mut app, 120, 40);
@@ -396,48 +431,9 @@ fn the_cursor_and_the_mouse_show_facts_about_a_cell() {
     wait_until(&mut app, |app| {
         app.maze().view.inspected.is_some_and(|facts| facts.cell == Cell::new(2, 2))
     });
-}
-
-#[test]
-fn space_pauses_and_resumes() {
-    let mut app = still();
-    press(&mut app, KeyCode::Char(' '));
-    app.obey();
-    assert_eq!(app.screen.snapshot.phase, Phase::Paused);
-    assert!(text(&draw(&mut app, 80, 24)).contains("paused"));
-    press(&mut app, KeyCode::Char(' '));
-    app.obey();
-    assert_eq!(app.screen.snapshot.phase, Phase::Running);
-}
-
-#[test]
-fn a_setting_can_change_during_training_and_invalid_values_are_reported() {
-    let mut app = still();
-    draw(&mut app, 80, 24);
-    press(&mut app, KeyCode::Char('o'));
-    type_text(&mut app, "random_actions");
-    press(&mut app, KeyCode::Enter);
-    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
-    type_text(&mut app, "lots");
-    press(&mut app, KeyCode::Enter);
-    assert!(
-        text(&draw(&mut app, 80, 24)).contains("random_actions cannot be"),
-        "the mistake is reported"
-    );
-    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
-    type_text(&mut app, "0.5");
-    press(&mut app, KeyCode::Enter);
-    assert!(matches!(app.screen.dialogs[..], [Dialog::Pick(_)]), "back to the list");
-    app.obey();
-    assert_eq!(app.screen.run().settings.train.random_actions, 0.5);
-    let marked = |app: &mut App| text(&draw(app, 80, 24)).contains("*random_actions");
-    assert!(marked(&mut app), "it is marked as changed");
-    press(&mut app, KeyCode::Delete);
-    app.obey();
-    assert_eq!(app.screen.run().settings.train.random_actions, 0.3);
-    assert!(!marked(&mut app), "and back at its default");
-    press(&mut app, KeyCode::Esc);
-    assert!(app.screen.dialogs.is_empty());
+    // Right clicks set the start of the walking agent.
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
+    wait_until(&mut app, |app| app.maze().view.walk.start == [2.5, 2.5]);
 }
 
 #[test]
@@ -448,15 +444,7 @@ fn a_new_run_starts_on_a_map_of_another_size_and_the_screen_follows() {
     type_text(&mut app, ":");
     type_text(&mut app, "empty map");
     press(&mut app, KeyCode::Enter);
-    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
-    type_text(&mut app, "12 by nothing");
-    press(&mut app, KeyCode::Enter);
-    assert!(
-        matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some())
-    );
-    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
-    type_text(&mut app, "12 x 7");
-    press(&mut app, KeyCode::Enter);
+    enter(&mut app, "12 x 7");
     // Choose to start with new networks.
     press(&mut app, KeyCode::Enter);
     wait_until(&mut app, |app| app.screen.snapshot.generation == 1);

@@ -139,15 +139,6 @@ mod tests {
     }
 
     #[test]
-    fn the_last_line_has_several_words_if_that_takes_no_other_line() {
-        assert_eq!(wrapped("one two six ten", 11), ["one two six", "ten"]);
-        assert_eq!(wrapped_evenly("one two six ten", 11), ["one two", "six ten"]);
-        assert_eq!(wrapped_evenly("one two sixteen ten", 15), ["one two", "sixteen ten"]);
-        assert_eq!(wrapped_evenly("seventeen one", 9), ["seventeen", "one"]);
-        assert_eq!(wrapped_evenly("one two", 9), ["one two"]);
-    }
-
-    #[test]
     fn text_wraps_between_words_and_within_long_ones() {
         assert_eq!(wrapped("saved a/b at update 12", 10), ["saved a/b", "at update", "12"]);
         assert_eq!(wrapped("abcdefghijkl m", 5), ["abcde", "fghij", "kl m"]);

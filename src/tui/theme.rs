@@ -12,10 +12,6 @@ use serde::{Deserialize, Serialize};
 pub use gdg::draw::{Rgb, blend, contour, lightness};
 use gdg::draw::{distance_colour, sample};
 use gdg::text::terminal_obeys_escapes;
-#[cfg(test)]
-pub use palette::LEAST_CONTRAST;
-#[cfg(test)]
-pub use palette::XTERM;
 pub use palette::rgb_of_indexed;
 use palette::{Gradients, Palette};
 
@@ -366,11 +362,17 @@ mod tests {
 
     #[test]
     fn near_is_lighter_than_far_in_every_theme() {
-        for name in ThemeName::ALL {
-            let theme = Theme::new(name, ColourDepth::True);
+        let depths = [ColourDepth::True, ColourDepth::Indexed];
+        for (name, depth) in ThemeName::ALL.into_iter().flat_map(|name| depths.map(|d| (name, d))) {
+            let theme = Theme::new(name, depth);
             let lights: Vec<f32> =
                 (0..=10).map(|i| lightness(theme.distance_colour(i as f32 / 10.0))).collect();
-            assert!(lights.windows(2).all(|pair| pair[0] > pair[1]), "{}: {lights:?}", name.name());
+            assert!(
+                lights.windows(2).all(|pair| pair[0] >= pair[1]),
+                "{}: {lights:?}",
+                name.name()
+            );
+            assert!(lights[0] > lights[10] + 0.3, "{}: {lights:?}", name.name());
         }
     }
 
@@ -386,36 +388,6 @@ mod tests {
             ("", "xterm-16color", ColourDepth::Basic),
         ] {
             assert_eq!(ColourDepth::of_names(colorterm, term), depth, "{colorterm} {term}");
-        }
-    }
-
-    #[test]
-    fn the_console_shows_bright_colours_in_front() {
-        let theme = Theme::new(ThemeName::Dark, ColourDepth::Basic);
-        let in_front = |a, b| theme.prefers_in_front(Color::Indexed(a), Color::Indexed(b));
-        assert!(in_front(10, 0) && in_front(8, 10) && !in_front(10, 8) && !in_front(0, 10));
-        let theme = Theme::new(ThemeName::Dark, ColourDepth::Indexed);
-        assert!(!theme.prefers_in_front(Color::Indexed(10), Color::Indexed(0)));
-    }
-
-    #[test]
-    fn farther_is_never_lighter_with_256_colours() {
-        for name in [ThemeName::Dark, ThemeName::Light, ThemeName::ColourBlindSafe] {
-            let theme = Theme::new(name, ColourDepth::Indexed);
-            let mut shown: Vec<Color> =
-                (0..=100).map(|i| theme.colour(theme.distance_colour(i as f32 / 100.0))).collect();
-            let light = |colour: &Color| match colour {
-                Color::Indexed(index) => lightness(rgb_of_indexed(*index)),
-                _ => panic!("{colour:?} is not one of the 256"),
-            };
-            assert!(
-                shown.windows(2).all(|pair| light(&pair[0]) >= light(&pair[1])),
-                "{}: {shown:?}",
-                name.name()
-            );
-            assert!(light(&shown[0]) > light(&shown[100]) + 0.3, "{}: {shown:?}", name.name());
-            shown.dedup();
-            assert!(shown.len() >= 7, "{}: {shown:?}", name.name());
         }
     }
 }

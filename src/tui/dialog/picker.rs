@@ -254,30 +254,6 @@ mod tests {
     }
 
     #[test]
-    fn names_with_the_same_letters_are_shown_only_if_no_word_matches() {
-        let item = |label: &str| Item::new(label, "", Choice::Nothing);
-        let mut picker = Picker::new("actions", vec![item("do it at once"), item("dark theme")]);
-        press(&mut picker, "da");
-        assert_eq!(picker.item().map(|item| item.label.as_str()), Some("dark theme"));
-        assert_eq!(picker.rows().len(), 1, "a word begins with the letters");
-        press(&mut picker, "o");
-        assert_eq!(picker.item().map(|item| item.label.as_str()), Some("do it at once"));
-    }
-
-    #[test]
-    fn a_list_can_keep_its_groups_while_it_is_searched() {
-        let item = |label: &str, group| Item::new(label, "", Choice::Nothing).within(group);
-        for (keeps_groups, first) in [(true, "the seed"), (false, "seed")] {
-            let mut picker =
-                Picker::new("all", vec![item("the seed", ""), item("seed", "settings")]);
-            picker.keeps_groups = keeps_groups;
-            press(&mut picker, "seed");
-            assert_eq!(picker.item().map(|item| item.label.as_str()), Some(first));
-            assert_eq!(picker.rows().len(), 2);
-        }
-    }
-
-    #[test]
     fn the_selection_stays_within_the_list() {
         let mut picker = picker();
         let selected = |picker: &Picker| {
@@ -288,22 +264,6 @@ mod tests {
         picker.move_selection(99);
         assert_eq!(selected(&picker), Some(3));
         assert!(!picker.select(4));
-    }
-
-    #[test]
-    fn items_are_grouped_until_they_are_searched() {
-        let item = |label: &str, group| Item { group, ..Item::new(label, "", Choice::Nothing) };
-        let mut picker =
-            Picker::new("settings", vec![item("hidden", "networks"), item("tau", "targets")]);
-        let titles = |picker: &Picker| {
-            picker.rows().iter().filter(|row| matches!(row, Row::Title(_))).count()
-        };
-        assert_eq!((titles(&picker), picker.rows().len()), (2, 4));
-        assert!(!picker.select(2), "a title");
-        assert!(picker.select(3));
-        assert_eq!(picker.item().map(|item| item.label.as_str()), Some("tau"));
-        press(&mut picker, "hid");
-        assert_eq!((titles(&picker), picker.rows().len()), (0, 1));
     }
 
     #[test]

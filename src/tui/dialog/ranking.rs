@@ -101,23 +101,3 @@ fn in_words(text: &str, typed: &str, [whole, begins]: [u32; 2]) -> Option<u32> {
     };
     words.by_ref().filter_map(best).max()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn abbreviations_are_first_letters_of_words_or_more_of_them() {
-        for letters in ["lr", "lera", "learn", "r"] {
-            assert!(abbreviates(letters, "learning_rate"), "{letters}");
-        }
-        for (letters, name) in [
-            ("lrt", "learning_rate"),
-            ("lr", "layers"),
-            ("sac", "steps at most"),
-            ("lr", "rate, learning"),
-        ] {
-            assert!(!abbreviates(letters, name), "{letters} {name}");
-        }
-    }
-}

@@ -354,22 +354,4 @@ mod tests {
         bands.clear();
         assert_eq!(sent(&pixels, &mut bands)[19][0], [0; 3]);
     }
-
-    #[test]
-    fn colours_stay_until_they_do_not_fit() {
-        let ramp = |from: u8| {
-            (0..4000).flat_map(move |i| [from + (i % 100) as u8, 40, 90, 255]).collect::<Vec<u8>>()
-        };
-        let mut palette = Palette::default();
-        assert!(palette.adapt(&ramp(10)) && !palette.adapt(&ramp(10)) && !palette.adapt(&ramp(12)));
-        assert!(
-            palette
-                .adapt(&(0..4000).flat_map(|i| [5, (i % 200) as u8, 20, 255]).collect::<Vec<u8>>())
-        );
-        let of_ramp = palette.error(ramp(10).as_chunks().0);
-        assert!(
-            palette.adapt(&ramp(10))
-                && palette.error(ramp(10).as_chunks().0) < of_ramp.min(MAX_ERROR)
-        );
-    }
 }

@@ -150,35 +150,3 @@ fn lines_area(area: Rect, x_labels: &[String; 2], y_labels: &[String; 2]) -> Rec
         ..area
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use ratatui::Terminal;
-    use ratatui::backend::TestBackend;
-
-    use super::*;
-
-    #[test]
-    fn the_name_of_an_axis_is_whole_or_left_out() {
-        let mut named = Vec::new();
-        for width in 8..70 {
-            let mut terminal = Terminal::new(TestBackend::new(width, 8)).expect("a buffer");
-            let axes = || Axes {
-                x: [0.0, 4_000.0],
-                over: Axis::Steps,
-                y: [0.0, 1.0],
-                y_labels: ["0.0", "1.0"].map(str::to_owned),
-            };
-            let draw_axes = |frame: &mut Frame| {
-                draw(frame, frame.area(), axes(), [].into_iter());
-            };
-            terminal.draw(draw_axes).expect("a frame");
-            let buffer = terminal.backend().buffer();
-            let last: String = (0..width).map(|x| buffer[(x, 7)].symbol()).collect();
-            let words = last.split_whitespace().filter(|word| !word.starts_with(char::is_numeric));
-            named.push(words.collect::<Vec<_>>().join(" "));
-        }
-        named.dedup();
-        assert_eq!(named, ["", "steps", "environment steps"], "the wider, the longer");
-    }
-}

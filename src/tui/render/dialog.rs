@@ -286,38 +286,3 @@ fn set_cursor(frame: &mut Frame, line: Rect, column: usize) {
         ));
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::tui::dialog::Choice;
-
-    #[test]
-    fn columns_of_a_list_begin_below_each_other() {
-        let names = [
-            "maze",
-            "\u{8ff7}\u{5bae}\u{5730}\u{56fe}",
-            "e\u{301}te\u{301}",
-            "\u{1f468}\u{200d}\u{1f469}\u{200d}\u{1f467}",
-        ];
-        let item = |name: &str| {
-            Item::new(
-                name,
-                "wide \u{8ff7}\u{5bae} detail".repeat(3),
-                Choice::Setting(String::new()),
-            )
-        };
-        let picker = Picker::new("maps", names.map(item).to_vec());
-        let labels = label_width(&picker, 40);
-        assert_eq!(labels, 8);
-        for item in picker.items() {
-            let line = row_line(&Row::Item(item, false), labels, 40);
-            assert_eq!(
-                line.spans.iter().take(2).map(Span::width).sum::<usize>(),
-                1 + 8 + 2,
-                "{line}"
-            );
-            assert_eq!(line.width(), 40, "{line}");
-        }
-    }
-}

@@ -235,18 +235,3 @@ fn time(screen: &Screen) -> Option<Line<'static>> {
         fact("learning", format!("{}, acting {}", percent(all - exploring), percent(exploring)))
     })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn meanings_fit_beside_their_numbers() {
-        for (name, meaning) in MEANINGS {
-            assert!(
-                name.len() < 10 && EXPLANATION_COLUMN + meaning.len() <= EXPLAINED_WIDTH,
-                "{name}: {meaning}"
-            );
-        }
-    }
-}

@@ -5,16 +5,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-use crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
+use crossterm::event::{KeyCode, MouseButton};
 use miette::miette;
-use ratatui::Terminal;
-use ratatui::backend::TestBackend;
-use ratatui::layout::Position;
 
 use super::*;
 use crate::experiment::job::EvaluationAt;
 use crate::experiment::runs::{Ending, Kind, SavedRun, Skipped};
-use crate::tui::tests::screens::check_drawn;
+use crate::tui::tests::{click, draw, place_of, press, shown_by, type_text};
 use crate::tui::theme::ThemeName;
 use gdg::train::{Evaluation, Score};
 
@@ -104,73 +101,11 @@ pub fn screen() -> RunsScreen {
     screen
 }
 
-fn drawn(screen: &mut RunsScreen, width: u16, height: u16) -> Terminal<TestBackend> {
-    let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a buffer");
-    terminal.draw(|frame| screen.draw(frame)).expect("a frame");
-    terminal
-}
-
-pub fn text(screen: &mut RunsScreen, width: u16, height: u16) -> String {
-    let terminal = drawn(screen, width, height);
-    let buffer = terminal.backend().buffer();
-    let rows = buffer.content.chunks(usize::from(width));
-    rows.map(|row| row.iter().map(ratatui::buffer::Cell::symbol).collect::<String>() + "\n")
-        .collect()
-}
-
-pub fn press(screen: &mut RunsScreen, code: KeyCode) {
-    screen.on_event(&Event::Key(KeyEvent::new(code, KeyModifiers::NONE)));
-}
-
 /// Waits for what is being done.
 pub fn settle(screen: &mut RunsScreen) {
     while screen.work.is_some() {
         screen.on_tick();
     }
-}
-
-fn type_text(screen: &mut RunsScreen, text: &str) {
-    text.chars().for_each(|c| press(screen, KeyCode::Char(c)));
-}
-
-fn click(screen: &mut RunsScreen, at: Position) {
-    screen.on_event(&Event::Mouse(MouseEvent {
-        kind: MouseEventKind::Down(MouseButton::Left),
-        column: at.x,
-        row: at.y,
-        modifiers: KeyModifiers::NONE,
-    }));
-}
-
-/// Returns where a text begins on the screen.
-fn place_of(shown: &str, text: &str) -> Position {
-    let (row, line) = shown
-        .lines()
-        .enumerate()
-        .find(|(_, line)| line.contains(text))
-        .unwrap_or_else(|| panic!("{text} is missing: {shown}"));
-    let before = line.split(text).next().unwrap_or_default();
-    Position::new(before.chars().count() as u16, row as u16)
-}
-
-#[test]
-fn lists_match_their_snapshots() {
-    for (width, height) in [(80, 24), (120, 40), (200, 60)] {
-        let mut screen = screen();
-        check_drawn(&format!("runs-{width}x{height}"), &drawn(&mut screen, width, height));
-        type_text(&mut screen, " j j ");
-        check_drawn(&format!("runs-marked-{width}x{height}"), &drawn(&mut screen, width, height));
-    }
-    let mut screen = screen();
-    type_text(&mut screen, " j j/rooms");
-    check_drawn("runs-filtered-80x24", &drawn(&mut screen, 80, 24));
-    press(&mut screen, KeyCode::Enter);
-    press(&mut screen, KeyCode::Delete);
-    screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
-    check_drawn("runs-delete-mono-80x24", &drawn(&mut screen, 80, 24));
-    press(&mut screen, KeyCode::Char('n'));
-    press(&mut screen, KeyCode::Char('?'));
-    check_drawn("runs-help-80x24", &drawn(&mut screen, 80, 24));
 }
 
 #[test]
@@ -179,31 +114,21 @@ fn every_size_can_be_drawn() {
     for (width, height) in [(1, 1), (59, 16), (60, 16), (61, 17), (80, 24), (300, 100)] {
         for keys in [" ", "?", "q", "/x", "\n"] {
             type_text(&mut screen, keys);
-            drawn(&mut screen, width, height);
+            draw(&mut screen, width, height);
         }
         screen.next = None;
         screen.help = None;
     }
-    let shown = text(&mut screen, 24, 6).split_whitespace().collect::<Vec<_>>().join(" ");
-    assert_eq!(shown, "the list needs 60 x 16 characters: this terminal has 24 x 6");
-    assert!(text(&mut screen, 24, 2).trim_end().ends_with("..."), "never cut without dots");
-}
-
-#[test]
-fn the_end_of_a_long_list_says_what_cannot_be_read() {
-    let mut screen = screen();
-    let file = |seed: u64| format!("many-{seed}");
-    let runs: Vec<SavedRun> =
-        (0..50).map(|seed| saved(&file(seed), "own", "gdg", seed, &[])).collect();
-    let problems = vec![("damaged.safetensors".into(), "is empty".to_owned())];
-    screen.list(&Found { problems, ..found(&runs) });
-    let hidden = text(&mut screen, 80, 24);
-    assert!(hidden.contains("end of the list") && !hidden.contains("is empty"), "{hidden}");
-    press(&mut screen, KeyCode::End);
-    let shown = text(&mut screen, 80, 24);
-    assert!(shown.contains("damaged.safetensors  is empty"), "{shown}");
-    let is_selected = |line: &str| line.split_whitespace().take(3).eq(["own", "gdg", "0"]);
-    assert!(shown.lines().any(is_selected), "it stays in view: {shown}");
+    // Names as long as names get.
+    let long = "x".repeat(300);
+    let run = saved(&format!("own-{long}"), &long, &long, u64::MAX, &[0.375]);
+    screen.list(&found(&[run, saved("other", "\u{8ff7}\u{5bae}", "gdg", 0, &[])]));
+    for (width, height) in [(60, 16), (80, 24), (300, 100)] {
+        for keys in [" ", "j", " ", "D", "n"] {
+            type_text(&mut screen, keys);
+            draw(&mut screen, width, height);
+        }
+    }
 }
 
 #[test]
@@ -216,72 +141,19 @@ fn files_that_cannot_be_read_are_rows_that_tell_all() {
         .collect();
     screen.list(&Found { problems, ..found(&[saved("good", "own", "gdg", 0, &[])]) });
     press(&mut screen, KeyCode::End);
-    let shown = text(&mut screen, 80, 24);
+    let shown = shown_by(&mut screen, 80, 24);
     assert!(
         shown.contains("many/bad-29.jsonl: line 7:") && shown.contains(" no 29 "),
         "not cut: {shown}"
     );
     assert!(shown.contains(" 23 to 31 of 31 "), "{shown}");
     press(&mut screen, KeyCode::Enter);
-    assert!(screen.wish.is_none() && text(&mut screen, 80, 24).contains("cannot be resumed"));
+    assert!(screen.wish.is_none() && shown_by(&mut screen, 80, 24).contains("cannot be resumed"));
     type_text(&mut screen, "/bad-12\n");
     press(&mut screen, KeyCode::Enter);
-    let shown = text(&mut screen, 80, 24);
+    let shown = shown_by(&mut screen, 80, 24);
     assert!(shown.contains("0 of 1 run ") && shown.contains(" bad-12.jsonl"), "{shown}");
     assert!(!shown.contains("bad-29"), "{shown}");
-}
-
-#[test]
-fn long_words_leave_room_for_numbers_and_files() {
-    let mut screen = screen();
-    let long = "x".repeat(300);
-    let run = saved("own.safetensors", &long, &long, u64::MAX, &[0.375]);
-    screen.list(&found(&[run, saved("other.safetensors", "own", "gdg", 0, &[0.5])]));
-    for (width, height) in [(60, 20), (80, 24)] {
-        let shown = text(&mut screen, width, height);
-        for part in ["xxx...", " 0.38 ", " own.safete", " other.safe"] {
-            assert!(shown.contains(part), "{part:?} at {width}: {shown}");
-        }
-    }
-    press(&mut screen, KeyCode::Char(' '));
-    press(&mut screen, KeyCode::Char(' '));
-    press(&mut screen, KeyCode::Home);
-    let one = |name: &str| saved(&format!("{name}-{long}"), "own", "gdg", 0, &[0.5]);
-    screen.list(&found(&["one", "two"].map(one)));
-    type_text(&mut screen, " j ");
-    let shown = text(&mut screen, 80, 24);
-    assert!(shown.contains("  A two") && shown.contains("  B one"), "both curves: {shown}");
-}
-
-#[test]
-fn the_footer_of_a_narrow_list_says_how_to_resume_and_compare() {
-    let mut screen = screen();
-    for (width, left_out) in [(60, Some("plot")), (80, Some("sort")), (120, None)] {
-        let shown = text(&mut screen, width, 24);
-        let footer = shown.lines().last().expect("a footer");
-        let keys = ["Space mark", "/ filter", "Enter resume", "c compare", "? help", "q quit"];
-        assert!(keys.iter().all(|key| footer.contains(key)), "{width} columns: {footer}");
-        assert_eq!(left_out.map(|key| footer.contains(key)), left_out.map(|_| false), "{footer}");
-    }
-}
-
-#[test]
-fn curves_show_the_marked_runs_and_change_their_axes() {
-    let mut screen = screen();
-    let shown = text(&mut screen, 120, 40);
-    assert!(shown.contains("> trap-her-3 ") && !shown.contains("A fourrooms"), "{shown}");
-    press(&mut screen, KeyCode::End);
-    press(&mut screen, KeyCode::Up);
-    press(&mut screen, KeyCode::Char(' '));
-    let shown = text(&mut screen, 120, 40);
-    assert!(shown.contains("  A fourrooms ") && shown.contains(" 4,000 "), "{shown}");
-    press(&mut screen, KeyCode::Char('x'));
-    let shown = text(&mut screen, 120, 40);
-    assert!(shown.contains("over environment steps") && shown.contains("not known"), "{shown}");
-    press(&mut screen, KeyCode::Char('x'));
-    press(&mut screen, KeyCode::Char('v'));
-    let shown = text(&mut screen, 120, 40);
-    assert!(shown.contains("success rate without plans over seconds"), "{shown}");
 }
 
 #[test]
@@ -291,9 +163,9 @@ fn files_that_grow_change_curves_and_numbers() {
     let run = |success: &[f64]| saved("saves/own.safetensors", "own", "gdg", 7, success);
     screen.list(&found(&[run(&[0.25])]));
     press(&mut screen, KeyCode::Char(' '));
-    assert!(text(&mut screen, 120, 40).contains(" 0.25 "));
+    assert!(shown_by(&mut screen, 120, 40).contains(" 0.25 "));
     screen.list(&found(&[run(&[0.25, 0.75])]));
-    let shown = text(&mut screen, 120, 40);
+    let shown = shown_by(&mut screen, 120, 40);
     assert!(
         shown.contains(" 0.75 ") && shown.contains(" A own") && !shown.contains("0.25"),
         "{shown}"
@@ -303,17 +175,17 @@ fn files_that_grow_change_curves_and_numbers() {
 #[test]
 fn the_mouse_sorts_selects_and_marks() {
     let mut screen = screen();
-    let shown = text(&mut screen, 120, 40);
-    click(&mut screen, place_of(&shown, "success "));
+    let shown = shown_by(&mut screen, 120, 40);
+    click(&mut screen, MouseButton::Left, place_of(&shown, "success "));
     assert_eq!(screen.list.order(), (list::Column::Success, false));
-    let shown = text(&mut screen, 120, 40);
+    let shown = shown_by(&mut screen, 120, 40);
     let at = place_of(&shown, "fourrooms-2.safetensors");
-    click(&mut screen, at);
+    click(&mut screen, MouseButton::Left, at);
     assert!(screen.list.marked().is_empty());
-    click(&mut screen, at);
+    click(&mut screen, MouseButton::Left, at);
     assert_eq!(screen.list.marked()[0].1.run.seed, 1);
     let at = place_of(&shown, "success rate over");
-    click(&mut screen, at);
+    click(&mut screen, MouseButton::Left, at);
     assert_eq!(screen.curves.axis, Axis::Steps);
 }
 
@@ -324,13 +196,13 @@ fn only_runs_with_a_checkpoint_can_be_resumed() {
     std::fs::write(&file, "a checkpoint").expect("a file");
     let mut screen = screen();
     press(&mut screen, KeyCode::Enter);
-    let shown = text(&mut screen, 120, 40);
+    let shown = shown_by(&mut screen, 120, 40);
     assert!(screen.wish.is_none() && shown.contains("its checkpoint was not kept"), "{shown}");
     let own = |path: &Path| saved(&path.to_string_lossy(), "own", "gdg", 7, &[]);
     screen.list(&found(&[own(&folder.path().join("gone.safetensors")), own(&file)]));
     press(&mut screen, KeyCode::End);
     press(&mut screen, KeyCode::Enter);
-    let shown = text(&mut screen, 200, 40);
+    let shown = shown_by(&mut screen, 200, 40);
     assert!(screen.wish.is_none() && shown.contains("is gone"), "{shown}");
     press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Enter);
@@ -380,12 +252,12 @@ fn two_runs_on_the_same_map_are_compared() {
     let mut screen = screen();
     screen.list(&found(&[own("c", "own"), own("b", "other"), own("a", "own")]));
     press(&mut screen, KeyCode::Char('c'));
-    assert!(text(&mut screen, 120, 40).contains("mark two runs"));
+    assert!(shown_by(&mut screen, 120, 40).contains("mark two runs"));
     press(&mut screen, KeyCode::Char(' '));
     press(&mut screen, KeyCode::Down);
     press(&mut screen, KeyCode::Char('c'));
     assert!(
-        text(&mut screen, 120, 40).contains("different maps cannot be compared: own and other")
+        shown_by(&mut screen, 120, 40).contains("different maps cannot be compared: own and other")
     );
     press(&mut screen, KeyCode::Down);
     press(&mut screen, KeyCode::Char('c'));
@@ -406,27 +278,6 @@ fn space_marks_and_unmarks_where_it_is_and_letters_go_to_the_first_and_the_last_
 }
 
 #[test]
-fn the_question_names_all_files_or_says_how_many_more_there_are() {
-    let mut screen = screen();
-    let folder = "saves/a-long-name-of-a-folder/";
-    let own = |i: u64| saved(&format!("{folder}run-{i}.safetensors"), "own", "gdg", i, &[]);
-    for (runs, left_out) in [(4, None), (26, Some("and 7 more"))] {
-        screen.list(&found(&(0..runs).map(own).collect::<Vec<_>>()));
-        press(&mut screen, KeyCode::Home);
-        for _ in 0..runs {
-            type_text(&mut screen, " j");
-        }
-        type_text(&mut screen, "D");
-        let shown = text(&mut screen, 80, 24);
-        let named = |i: &u64| shown.contains(&format!("run-{i}.safetensors"));
-        assert_eq!(left_out.is_none(), (0..runs).all(|i| named(&i)), "{shown}");
-        assert!(left_out.is_none_or(|text| shown.contains(text)), "{shown}");
-        press(&mut screen, KeyCode::Char('n'));
-        press(&mut screen, KeyCode::Esc);
-    }
-}
-
-#[test]
 fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
@@ -439,12 +290,12 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.list(&found(&runs));
     press(&mut screen, KeyCode::End);
     press(&mut screen, KeyCode::Char('D'));
-    assert!(text(&mut screen, 200, 40).contains("delete 1 file for good?"));
+    assert!(shown_by(&mut screen, 200, 40).contains("delete 1 file for good?"));
     press(&mut screen, KeyCode::Enter);
     assert!(path("a.safetensors").exists() && screen.question.is_none(), "only y deletes");
     press(&mut screen, KeyCode::Home);
     type_text(&mut screen, " j D");
-    let asked = text(&mut screen, 80, 24);
+    let asked = shown_by(&mut screen, 80, 24);
     for part in ["delete 2 files for good?", "y: yes  n: no", "c.safetensors", "b.safetensors"] {
         assert!(asked.contains(part), "{part}: {asked}");
     }
@@ -452,7 +303,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     settle(&mut screen);
     let left = ["a", "b", "c"].map(|name| path(&format!("{name}.safetensors")).exists());
     assert_eq!(left, [true, false, false]);
-    assert!(text(&mut screen, 120, 40).contains("deleted 2 files"));
+    assert!(shown_by(&mut screen, 120, 40).contains("deleted 2 files"));
     let damaged = path("damaged.jsonl");
     std::fs::write(&damaged, "[]").expect("a file");
     let problems = vec![(damaged.clone(), "line 1: not a record".to_owned())];
@@ -473,7 +324,9 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.list(&found(&[joined.clone(), another]));
     press(&mut screen, KeyCode::End);
     type_text(&mut screen, "D");
-    assert!(text(&mut screen, 120, 40).contains("delete 2 files with 1 run not chosen for good?"));
+    assert!(
+        shown_by(&mut screen, 120, 40).contains("delete 2 files with 1 run not chosen for good?")
+    );
     press(&mut screen, KeyCode::Char('n'));
     screen.list(&found(&[joined]));
     type_text(&mut screen, "D");
@@ -485,7 +338,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     let now = Some(SystemTime::now());
     screen.list(&Found { runs: vec![(Arc::new(grows), now)], ..Found::default() });
     press(&mut screen, KeyCode::Delete);
-    assert!(text(&mut screen, 120, 40).contains("still grows"));
+    assert!(shown_by(&mut screen, 120, 40).contains("still grows"));
 }
 
 #[test]
@@ -506,7 +359,7 @@ fn a_file_is_kept_while_any_of_its_runs_grows() {
     press(&mut screen, KeyCode::Home);
     assert_eq!(screen.list.selected().map(|entry| entry.run.seed), Some(1), "the finished one");
     type_text(&mut screen, "D");
-    assert!(text(&mut screen, 120, 40).contains("both.jsonl still grows"));
+    assert!(shown_by(&mut screen, 120, 40).contains("both.jsonl still grows"));
     type_text(&mut screen, "y");
     assert!(file.exists());
 }

@@ -137,7 +137,8 @@ mod tests {
     use super::*;
     use crate::tui::interface::Interface;
     use crate::tui::runs::Saved;
-    use crate::tui::runs::tests::{press, screen, settle, text};
+    use crate::tui::runs::tests::{screen, settle};
+    use crate::tui::tests::{press, shown_by};
 
     fn large() -> Wish {
         Wish::Resume(Saved { file: "saves/large.safetensors".into(), goes_on: false })
@@ -158,18 +159,18 @@ mod tests {
             screen.on_tick();
         };
         open(&mut screen);
-        let shown = text(&mut screen, 80, 24);
+        let shown = shown_by(&mut screen, 80, 24);
         assert!(
             shown.contains("opening large.safetensors ...") && shown.contains("5 runs"),
             "{shown}"
         );
         press(&mut screen, KeyCode::Esc);
-        assert!(screen.work.is_none() && !text(&mut screen, 80, 24).contains("opening"));
+        assert!(screen.work.is_none() && !shown_by(&mut screen, 80, 24).contains("opening"));
         go_on.send(()).expect("it still runs");
         open(&mut screen);
         go_on.send(()).expect("it waits");
         settle(&mut screen);
-        let shown = text(&mut screen, 80, 24);
+        let shown = shown_by(&mut screen, 80, 24);
         assert!(screen.next.is_none() && shown.contains("is cut off at 12 bytes"), "{shown}");
         assert_eq!(screen.failures.len(), 1);
     }
@@ -189,21 +190,21 @@ mod tests {
     fn files_are_written_and_deleted_to_the_end_while_keys_work() {
         let mut screen = screen();
         let go_on = change_files(&mut screen);
-        let shown = text(&mut screen, 80, 24);
+        let shown = shown_by(&mut screen, 80, 24);
         assert!(shown.contains("plotting 2 runs ..."), "{shown}");
         for key in [KeyCode::Down, KeyCode::Char(' '), KeyCode::Esc] {
             press(&mut screen, key);
         }
         assert!(screen.list.position() == 1 && screen.work.is_some(), "Esc gives up no files");
         press(&mut screen, KeyCode::Char('p'));
-        let shown = text(&mut screen, 80, 24);
+        let shown = shown_by(&mut screen, 80, 24);
         assert!(shown.contains("not yet: still plotting 2 runs"), "{shown}");
         screen.wish = Some(large());
         screen.on_tick();
         assert!(screen.failures.is_empty(), "nor is anything opened meanwhile");
         go_on.send(()).expect("it waits");
         settle(&mut screen);
-        assert!(text(&mut screen, 80, 24).contains("wrote all of it"));
+        assert!(shown_by(&mut screen, 80, 24).contains("wrote all of it"));
         let go_on = change_files(&mut screen);
         go_on.send(()).expect("it waits");
         screen.finish_work();

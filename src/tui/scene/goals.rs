@@ -93,16 +93,3 @@ impl GoalsState {
         [low - margin, high + margin]
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn all_pairs_of_components_are_shown_in_turn() {
-        let shown =
-            |count: usize, pair: usize| GoalsState { pair, ..Default::default() }.axes(count);
-        assert_eq!([0, 1, 2, 3].map(|pair| shown(3, pair)), [[0, 1], [0, 2], [1, 2], [0, 1]]);
-        assert_eq!((shown(2, 7), shown(1, 3)), ([0, 1], [0, 0]));
-    }
-}

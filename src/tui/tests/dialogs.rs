@@ -1,6 +1,5 @@
 //! Dialogs, notices, and screens with little room.
 
-use super::staged::staged_app;
 use super::*;
 use crate::tui::app::files::pick_map;
 use crate::tui::background::Background;
@@ -11,7 +10,6 @@ use crate::tui::reading::Read;
 use gdg::learn::LearnerKind;
 use gdg::map::MapScale;
 use gdg::pulse::Progress;
-use gdg::viewer::maze::CellInfo;
 
 #[test]
 fn a_theme_is_shown_while_it_is_selected_and_kept_only_if_it_is_picked() {
@@ -29,87 +27,40 @@ fn a_theme_is_shown_while_it_is_selected_and_kept_only_if_it_is_picked() {
 }
 
 #[test]
-fn questions_are_answered_by_their_keys_and_have_no_search_field() {
-    let mut app = staged_app(80, 24);
-    app.act(Action::Quit);
-    let shown = text(&draw(&mut app, 80, 24));
-    assert!(shown.contains(" y save and quit") && !shown.contains("type to search"), "{shown}");
-    press(&mut app, KeyCode::Char('c'));
-    assert!(app.screen.dialogs.is_empty() && !app.is_done());
-    app.act(Action::Quit);
-    press(&mut app, KeyCode::Char('n'));
-    assert!(app.is_done());
-}
-
-#[test]
 fn errors_are_shown_in_full_and_in_their_own_colour() {
     let mut app = still();
     let end = "the very end of it";
     app.report(&format!("/a/rather/long/path/{} cannot be written: {end}", "folder/".repeat(12)));
-    for width in [60, 80, 120] {
-        let terminal = draw(&mut app, width, 24);
-        assert!(text(&terminal).contains(end), "{width} columns");
-        let colour = app.screen.theme.failure().fg;
-        let cells = terminal.backend().buffer().content.iter();
-        assert!(cells.filter(|cell| Some(cell.fg) == colour).count() > 100);
-    }
+    let terminal = draw(&mut app, 60, 24);
+    assert!(text(&terminal).contains(end));
+    let colour = app.screen.theme.failure().fg;
+    let cells = terminal.backend().buffer().content.iter();
+    assert!(cells.filter(|cell| Some(cell.fg) == colour).count() > 100);
+    // It stays until a dialog opens.
+    press(&mut app, KeyCode::Char('n'));
+    assert!(app.screen.log.notice().is_some_and(|notice| notice.is_error));
+    press(&mut app, KeyCode::Char('o'));
+    assert!(app.screen.log.notice().is_none());
 }
 
 #[test]
-fn the_footer_keeps_its_ends_where_room_is_short() {
-    let mut app = still();
-    for (width, shown) in
-        [(60, ["Space pause", "? help", "q quit"]), (40, ["Space pause", "? help", "q quit"])]
-    {
-        let terminal = draw(&mut app, width, 20);
-        let footer = text(&terminal).lines().last().expect("a footer").to_owned();
-        assert!(shown.iter().all(|part| footer.contains(part)), "{width} columns: {footer}");
+fn whoever_decides_sees_all_that_is_at_stake_on_a_small_screen() {
+    let path = Path::new("saves").join(format!("{}END.safetensors", "a-very-long-name-".repeat(6)));
+    let mut unsaved = Snapshot::clone(&still().screen.latest);
+    unsaved.counters.updates = 223_456_789;
+    for question in [
+        lists::quit_choices(&unsaved, true, &path),
+        lists::load_choices(&unsaved, path.clone()),
+        lists::tour_choices(&unsaved, true),
+        lists::map_switch_choices(&Arc::new(rooms()), Some(&path), Some(&rooms()), None, true),
+    ] {
+        let details: Vec<String> =
+            question.items().map(|item| item.detail.split_whitespace().collect()).collect();
+        let mut app = still();
+        app.screen.open(question);
+        let shown = shown_by(&mut app, 60, 20).replace(['\n', '\u{2502}', ' '], "");
+        assert!(details.iter().all(|detail| shown.contains(detail)), "{details:?}\n{shown}");
     }
-}
-
-#[test]
-fn every_tool_says_what_the_mouse_does() {
-    let mut app = still();
-    type_text(&mut app, "e7");
-    let shown = text(&draw(&mut app, 140, 30));
-    assert!(shown.contains("click: add or remove g") && !shown.contains("walls"), "{shown}");
-    for width in [40, 60, 80] {
-        let shown = text(&draw(&mut app, width, 20));
-        assert!(shown.contains("done"), "{width} columns: {shown}");
-    }
-}
-
-#[test]
-fn the_help_wraps_scrolls_by_pages_and_can_be_searched() {
-    let mut app = still();
-    press(&mut app, KeyCode::Char('?'));
-    let shown = text(&draw(&mut app, 40, 12));
-    assert!(shown.contains("the learned distance") && shown.contains("G:"), "{shown}");
-    let first = |app: &App| match app.screen.dialogs.last() {
-        Some(Dialog::Help(help)) => help.first,
-        _ => panic!("the help is open"),
-    };
-    for (width, height) in [(40, 12), (80, 40)] {
-        let before = first(&app);
-        press(&mut app, KeyCode::PageDown);
-        draw(&mut app, width, height);
-        draw(&mut app, width, height);
-        press(&mut app, KeyCode::PageDown);
-        draw(&mut app, width, height);
-        assert!(first(&app) > before, "{width} x {height}");
-    }
-    press(&mut app, KeyCode::Home);
-    draw(&mut app, 80, 40);
-    press(&mut app, KeyCode::PageDown);
-    assert_eq!(first(&app), 37, "a page of 38 lines, of which one stays");
-    press(&mut app, KeyCode::Char('/'));
-    type_text(&mut app, "undo");
-    let shown = text(&draw(&mut app, 80, 24));
-    assert!(shown.contains("undo an edit") && !shown.contains("pause or resume"), "{shown}");
-    press(&mut app, KeyCode::Esc);
-    assert!(text(&draw(&mut app, 80, 24)).contains("pause or resume"));
-    press(&mut app, KeyCode::Esc);
-    assert!(app.screen.dialogs.is_empty());
 }
 
 #[test]
@@ -127,14 +78,6 @@ fn panes_take_the_place_of_the_map_where_there_is_no_room_beside_it() {
     assert!(!seen[Pane::ALL.len()].0, "the map again");
     press(&mut app, KeyCode::Char('5'));
     assert!(app.screen.maximised && app.screen.pane == Pane::Log);
-}
-
-#[test]
-fn the_methods_include_every_combination() {
-    let mut list = lists::methods(&Method::default(), &Registry::builtin());
-    list.paste("her+sorb");
-    let method: Method = "her+sorb".parse().expect("a method");
-    assert_eq!(list.choice(), Some(&Choice::Method(method)));
 }
 
 #[test]
@@ -169,14 +112,8 @@ fn only_texts_that_are_maps_are_offered() {
     press(&mut app, KeyCode::Esc);
     app.screen.reading_patience = Duration::ZERO;
     pick(&mut app);
-    let notice = app.screen.log.notice().map(|notice| notice.text.to_owned());
-    let notice = notice.expect("a notice");
-    assert!(
-        notice.starts_with("reading the maps in ") && app.screen.dialogs.is_empty(),
-        "{notice}"
-    );
+    assert!(notice(&app).starts_with("reading the maps in ") && app.screen.dialogs.is_empty());
     tick_until(&mut app, |app| !app.screen.dialogs.is_empty());
-    assert!(matches!(app.screen.dialogs.last(), Some(Dialog::Pick(_))));
 }
 
 /// Lets time pass until something changes after which `is` holds.
@@ -217,25 +154,13 @@ fn an_evaluation_can_be_asked_for_even_while_training_is_paused() {
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     press(&mut app, KeyCode::Char(' '));
     wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Paused);
-    let shown = text(&draw(&mut app, 80, 24));
+    let shown = shown_by(&mut app, 80, 24);
     assert!(shown.contains("next      paused, y: now"), "{shown}");
     let (before, updates) =
         (app.screen.snapshot.evaluations.len(), app.screen.snapshot.counters.updates);
     press(&mut app, KeyCode::Char('y'));
     wait_until(&mut app, |app| app.screen.snapshot.evaluations.len() > before);
     assert_eq!(app.screen.snapshot.evaluations.last().map(|(at, _)| *at), Some(updates));
-}
-
-#[test]
-fn learners_show_only_the_losses_they_have() {
-    let shown = |method: &str| {
-        let mut app = app_on(rooms(), method.parse().expect("a method"));
-        wait_until(&mut app, |app| app.screen.snapshot.losses.critic > 0.0);
-        text(&draw(&mut app, 80, 24))
-    };
-    assert!(shown("gdg").contains("f loss"));
-    let her = shown("her");
-    assert!(her.contains("D loss") && !her.contains("f loss"), "{her}");
 }
 
 #[test]
@@ -276,28 +201,11 @@ fn a_map_never_replaces_a_checkpoint() {
     let file = saved_run(folder.path(), &app).file;
     let before = std::fs::read(&file).expect("a checkpoint");
     app.act(Action::SaveMap);
-    (0..60).for_each(|_| press(&mut app, KeyCode::Backspace));
-    type_text(&mut app, &file.to_string_lossy());
     for _ in 0..2 {
-        press(&mut app, KeyCode::Enter);
-        assert!(text(&draw(&mut app, 120, 40)).contains("this file is a checkpoint"));
+        enter(&mut app, &file.to_string_lossy());
+        assert!(shown_by(&mut app, 120, 40).contains("this file is a checkpoint"));
     }
     assert!(std::fs::read(&file).expect("still there") == before);
-}
-
-#[test]
-fn a_changed_setting_is_named_with_its_old_and_new_value() {
-    let mut app = app();
-    let mut run = app.screen.run().clone();
-    let before = run.settings.learn.batch_size;
-    run.settings.learn.batch_size = 16;
-    app.command(gdg::engine::Command::Change(Box::new(run.clone())));
-    let logged =
-        |app: &App, text: &str| app.screen.log.entries().iter().any(|entry| entry.text == text);
-    wait_until(&mut app, |app| logged(app, &format!("batch_size {before} -> 16")));
-    run.settings.learn.hidden = 8;
-    app.command(gdg::engine::Command::Change(Box::new(run)));
-    wait_until(&mut app, |app| logged(app, "hidden 16 -> 8; networks reset, replay kept"));
 }
 
 #[test]
@@ -332,10 +240,7 @@ fn an_edited_map_is_not_discarded_without_a_question() {
     wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
     let save_as = |app: &mut App, action: Action, name: &str| {
         app.act(action);
-        // Replace the suggested name.
-        (0..60).for_each(|_| press(app, KeyCode::Backspace));
-        type_text(app, &folder.path().join(name).to_string_lossy());
-        press(app, KeyCode::Enter);
+        enter(app, &folder.path().join(name).to_string_lossy());
     };
     let asks = |app: &mut App| {
         press(app, KeyCode::Char('q'));
@@ -377,33 +282,6 @@ fn an_autosave_that_fails_is_tried_again_in_a_paused_run() {
 }
 
 #[test]
-fn overlays_of_bridges_say_that_a_method_has_none() {
-    let mut app = still_on(rooms(), gdg());
-    for key in ['b', 'd', 'B', 'p'] {
-        let before = app.screen.overlays;
-        press(&mut app, KeyCode::Char(key));
-        let said = app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
-        assert!(said.starts_with("gdg has no bridges"), "{key}: {said}");
-        assert!(app.screen.overlays == before);
-    }
-}
-
-#[test]
-fn an_old_error_goes_away_when_a_dialog_opens_and_a_new_one_stays() {
-    let mut app = still();
-    app.report("the disk is full");
-    press(&mut app, KeyCode::Char('n'));
-    assert!(
-        app.screen.log.notice().is_some_and(|notice| notice.is_error),
-        "it stays while nothing covers the map"
-    );
-    press(&mut app, KeyCode::Char('o'));
-    assert!(app.screen.log.notice().is_none());
-    app.report("the disk is still full");
-    assert!(app.screen.log.notice().is_some());
-}
-
-#[test]
 fn a_map_is_recent_once_it_has_been_opened() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("hall.txt");
@@ -414,39 +292,6 @@ fn a_map_is_recent_once_it_has_been_opened() {
     let starts =
         |item: &Item| matches!(&item.choice, Choice::StartOn(_, Some(from)) if *from == file);
     assert!(question.items().any(starts), "what is picked records the file");
-}
-
-#[test]
-fn facts_about_a_cell_are_not_cut_on_narrow_screens() {
-    let mut app = staged_app(80, 24);
-    let cell = app.maze().map.free_cells().last().expect("a free cell");
-    for (truth, visits, expected) in [
-        (
-            Some(80),
-            Some(7),
-            format!(" cell {},{}: D 100.4, true 80 (+26 %), 7 visits", cell.x, cell.y),
-        ),
-        (
-            Some(80),
-            Some(12_345),
-            format!(" cell {},{}: D 100.4, true 80 (+26 %), 12.3k visits", cell.x, cell.y),
-        ),
-        (
-            Some(0),
-            Some(99),
-            format!(" {},{}: D 100.4, true 0 (+100.4 steps), 99 visits", cell.x, cell.y),
-        ),
-        (Some(0), Some(12_345), format!(" {},{}: D 100.4, true 0 (+100.4 steps)", cell.x, cell.y)),
-    ] {
-        let mut view = (*app.maze().view).clone();
-        view.inspected = Some(CellInfo { cell, learned: 100.4, truth, visits });
-        let maze = app.maze_mut();
-        (maze.view, maze.inspecting) = (Arc::new(view), Some(cell));
-        let shown = text(&draw(&mut app, 80, 24));
-        let row = shown.lines().find(|row| row.contains("D 100.4")).expect("a line about the cell");
-        let facts = row.split(['\u{2502}', '\u{2506}']).next().unwrap_or_default();
-        assert_eq!(facts.trim_end(), expected, "{shown}");
-    }
 }
 
 #[test]
@@ -464,7 +309,7 @@ fn a_restart_with_another_seed_offers_to_save_what_would_be_lost() {
         press(&mut app, KeyCode::Char('R'));
         press(&mut app, KeyCode::Enter);
         assert!(
-            text(&draw(&mut app, 80, 24))
+            shown_by(&mut app, 80, 24)
                 .contains("start a new run on this map with seed 2 without saving")
         );
         press(&mut app, KeyCode::Char(answer));
@@ -478,79 +323,38 @@ fn a_restart_with_another_seed_offers_to_save_what_would_be_lost() {
 }
 
 #[test]
-fn the_minimap_hides_neither_goal_nor_cursor() {
-    let mut app = staged_app(120, 40);
-    let (width, height) = (app.maze().map.width(), app.maze().map.height());
-    for goal in [Cell::new(width - 1, 0), Cell::new(0, 0), Cell::new(width - 1, height - 1)] {
-        let Some(goal) = app.maze().map.nearest_free(goal) else { panic!("a free cell") };
-        app.set_goal(goal);
-        app.act(Action::ZoomOff);
-        for _ in 0..3 {
-            app.act(Action::ZoomIn);
-        }
-        draw(&mut app, 120, 40);
-        let layout = &app.screen.layout;
-        let minimap = layout.minimap.as_ref().expect("a minimap").area;
-        let at = layout.map.as_ref().and_then(|map| map.character_of(goal.centre()));
-        assert!(at.is_none_or(|at| !minimap.contains(at)), "{goal:?} at {at:?}, {minimap:?}");
-    }
-}
-
-#[test]
-fn headers_are_not_cut_within_a_word() {
-    let mut app = staged_app(40, 12);
-    for width in [40, 44, 48, 60, 80] {
-        let shown = text(&draw(&mut app, width, 16));
-        let header = shown.lines().next().unwrap_or_default().trim_end();
-        assert!(
-            ["training", "unsaved"].iter().any(|end| header.ends_with(end)),
-            "{width}: {header}"
-        );
-    }
-}
-
-#[test]
 fn saving_a_map_warns_before_a_format_drops_starts_and_goals() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut app = app_on(rooms(), gdg());
-    let enter = |app: &mut App, name: &str| {
+    let save_as = |app: &mut App, name: &str| {
         app.act(Action::SaveMap);
-        (0..60).for_each(|_| press(app, KeyCode::Backspace));
-        type_text(app, &folder.path().join(name).to_string_lossy());
-        press(app, KeyCode::Enter);
+        enter(app, &folder.path().join(name).to_string_lossy());
     };
     let marks = |name: &str| {
         let map = gdg::map::load_map(&folder.path().join(name)).expect("a map");
         map.starts().len() + map.goals().len()
     };
     let warning = "the format movingai has no goals";
-    enter(&mut app, "rooms.map");
-    let shown = text(&draw(&mut app, 120, 40));
+    save_as(&mut app, "rooms.map");
+    let shown = shown_by(&mut app, 120, 40);
     assert!(shown.contains(warning) && shown.contains("NAME.txt keeps them"), "{shown}");
     assert!(!folder.path().join("rooms.map").exists(), "nothing is written yet");
     press(&mut app, KeyCode::Enter);
     assert_eq!((app.screen.dialogs.len(), marks("rooms.map")), (0, 0));
-    enter(&mut app, "rooms.map");
-    let shown = text(&draw(&mut app, 120, 40));
+    save_as(&mut app, "rooms.map");
+    let shown = shown_by(&mut app, 120, 40);
     assert!(shown.contains("keeps them, and the file"), "{shown}");
     press(&mut app, KeyCode::Esc);
-    enter(&mut app, "rooms.txt");
+    save_as(&mut app, "rooms.txt");
     assert_eq!((app.screen.dialogs.len(), marks("rooms.txt")), (0, 1));
-    // A plain map called .map stays one.
-    std::fs::copy(folder.path().join("rooms.txt"), folder.path().join("own.map")).expect("a copy");
-    enter(&mut app, "own.map");
-    let shown = text(&draw(&mut app, 120, 40));
-    assert!(shown.contains("Enter again replaces it") && !shown.contains(warning), "{shown}");
-    press(&mut app, KeyCode::Enter);
-    assert_eq!((app.screen.dialogs.len(), marks("own.map")), (0, 1));
     // A maze of blocks keeps its scale in an image, not in plain text.
     let scale = MapScale { cell: 2, ..MapScale::default() };
     let mut app = app_on(scale.of("rooms", &rooms()).expect("a map"), gdg());
-    enter(&mut app, "blocks.txt");
-    let shown = text(&draw(&mut app, 120, 40));
+    save_as(&mut app, "blocks.txt");
+    let shown = shown_by(&mut app, 120, 40);
     assert!(shown.contains("has no cells per block 2: NAME.png keeps them"), "{shown}");
     press(&mut app, KeyCode::Esc);
-    enter(&mut app, "blocks.png");
+    save_as(&mut app, "blocks.png");
     let kept = gdg::map::load_map(&folder.path().join("blocks.png")).expect("a map");
     assert_eq!((app.screen.dialogs.len(), kept.scale()), (0, scale));
 }

@@ -21,12 +21,7 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     assert!(!app.maze().map.is_free(door), "the door is closed");
     wait_until(&mut app, |app| !app.drawn_map().is_free(door));
     // The trainer's answer and its snapshot arrive separately.
-    wait_until(&mut app, |app| {
-        let notice = app.screen.log.notice();
-        notice.is_some_and(|n| {
-            n.text.contains("walled") && n.text.contains("2 disconnected components")
-        })
-    });
+    wait_until(&mut app, |app| notice(app).contains("2 disconnected components"));
     let updates = app.screen.snapshot.counters.updates;
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
     press(&mut app, KeyCode::Char('u'));
@@ -62,11 +57,8 @@ fn tools_that_change_nothing_say_why() {
     ] {
         app.act(Action::Tool(tool));
         let at = character_of(&app, cell);
-        mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-        mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
-        let notice =
-            app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
-        assert!(notice.contains(reason), "{tool:?}: {notice}");
+        click(&mut app, MouseButton::Left, at);
+        assert!(notice(&app).contains(reason), "{tool:?}: {}", notice(&app));
     }
 }
 

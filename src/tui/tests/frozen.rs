@@ -32,7 +32,7 @@ fn what_is_unsaved_behind_a_frozen_screen_is_asked_about_and_saved_on_a_signal()
     assert_eq!(app.screen.snapshot.counters.updates, shown, "the screen stays");
     press(&mut app, KeyCode::Char('q'));
     assert!(!app.is_done());
-    let asked = text(&draw(&mut app, 80, 24));
+    let asked = shown_by(&mut app, 80, 24);
     assert!(asked.contains("6,000 unsaved updates"), "{asked}");
     app.on_signal();
     assert!(app.saver.named.as_ref().is_some_and(|path| path.ends_with("kept.safetensors")));
@@ -84,11 +84,11 @@ fn a_frozen_screen_says_what_was_saved_and_that_the_limit_is_reached() {
         latest.notice.text = "autosaved kept-auto.safetensors".to_owned();
         latest.autosaves = Arc::new(vec![(0, PathBuf::from("kept-auto.safetensors"))]);
     });
-    assert!(text(&draw(&mut app, 80, 24)).contains("autosaved kept-auto"));
+    assert!(shown_by(&mut app, 80, 24).contains("autosaved kept-auto"));
     let mut done = (*app.screen.latest).clone();
     done.phase = Phase::Done;
     app.on_snapshot(Arc::new(done));
-    assert!(text(&draw(&mut app, 80, 24)).contains("limit reached"));
+    assert!(shown_by(&mut app, 80, 24).contains("limit reached"));
 }
 
 #[test]
@@ -105,9 +105,7 @@ fn settings_changed_one_after_the_other_on_a_frozen_screen_are_all_kept() {
     press(&mut app, KeyCode::Char('F'));
     for (name, value) in [("expectile", "0.7"), ("tau", "0.01")] {
         app.choose(super::super::dialog::Choice::Setting(name.to_owned()));
-        press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
-        type_text(&mut app, value);
-        press(&mut app, KeyCode::Enter);
+        enter(&mut app, value);
         let is_set = |app: &App| {
             let settings = train::list_settings(&app.screen.run().settings);
             settings.iter().any(|(known, now)| known == name && now == value)

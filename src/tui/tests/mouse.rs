@@ -1,79 +1,28 @@
 //! The mouse, apart from setting goals: keys in the footer, names, lists, zooming and panning.
 
 use super::*;
-use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
-use crate::tui::render::MIN_SCREEN;
 
 /// Clicks on the first place that shows `text`.
-fn click(app: &mut App, (width, height): (u16, u16), text: &str) {
-    let at =
-        place_of(app, (width, height), text).unwrap_or_else(|| panic!("{text:?} is not shown"));
-    mouse(app, MouseEventKind::Down(MouseButton::Left), at);
-    mouse(app, MouseEventKind::Up(MouseButton::Left), at);
+fn click_on(app: &mut impl Driven, (width, height): (u16, u16), text: &str) {
+    let at = place_of(&shown_by(app, width, height), text);
+    click(app, MouseButton::Left, at);
 }
 
-fn place_of(app: &mut App, (width, height): (u16, u16), text: &str) -> Option<Position> {
-    let terminal = draw(app, width, height);
-    let rows = terminal.backend().buffer().content.chunks(usize::from(width));
-    rows.enumerate().find_map(|(y, row)| {
-        let symbols: Vec<&str> = row.iter().map(ratatui::buffer::Cell::symbol).collect();
-        let x = (0..symbols.len()).find(|x| symbols[*x..].concat().starts_with(text))?;
-        Some(Position::new(x as u16, y as u16))
-    })
-}
-
-const SMALL: (u16, u16) = MIN_SCREEN;
-
-#[test]
-fn every_key_in_the_footer_is_clickable() {
-    for (short, done) in [
-        ("Space pause", (|app: &App| app.screen.pausing) as fn(&App) -> bool),
-        ("pause", |app| app.screen.pausing),
-        ("n goal", |app| app.maze().goal != Cell::new(19, 4)),
-        ("v view", |app| app.screen.field != Field::default()),
-        ("Tab panes", |app| app.screen.pane != Pane::default()),
-        ("e edit", |app| app.maze().editor.is_open()),
-        (": all", |app| matches!(app.screen.dialogs[..], [Dialog::Pick(_)])),
-        ("? help", |app| matches!(app.screen.dialogs[..], [Dialog::Help(_)])),
-        ("q quit", |app| app.is_done()),
-    ] {
-        let mut app = still();
-        click(&mut app, SMALL, short);
-        assert!(done(&app), "{short} does nothing");
-    }
-}
-
-#[test]
-fn the_header_shows_the_run_and_a_click_changes_it() {
-    for (text, title) in [
-        ("gdg-bridge", "continue with method"),
-        ("default", "continue with preset"),
-        ("seed", "restart with seed"),
-    ] {
-        let mut app = still();
-        click(&mut app, SMALL, text);
-        let shown = match app.screen.dialogs.last() {
-            Some(Dialog::Pick(picker)) => picker.title.clone(),
-            Some(Dialog::Ask(prompt)) => prompt.title.clone(),
-            _ => String::new(),
-        };
-        assert!(shown.starts_with(title), "{text} opens {shown:?}");
-    }
-}
+const SMALL: (u16, u16) = (80, 24);
 
 #[test]
 fn clicks_switch_panes_and_overlays() {
     let mut app = still();
-    click(&mut app, SMALL, "4map 5log");
+    click_on(&mut app, SMALL, "4map 5log");
     assert_eq!(app.screen.pane, Pane::Legend);
-    click(&mut app, SMALL, "bridge edges");
+    click_on(&mut app, SMALL, "bridge edges");
     assert!(app.screen.overlays.has(Overlay::Edges));
-    click(&mut app, SMALL, "contours");
+    click_on(&mut app, SMALL, "contours");
     assert!(!app.screen.overlays.has(Overlay::Contours));
     // With a second pane below, clicking its title selects it.
-    click(&mut app, (120, 40), "\u{250c} training");
+    click_on(&mut app, (120, 40), "\u{250c} training");
     assert_eq!(app.screen.pane, Pane::Training);
 }
 
@@ -94,22 +43,16 @@ fn clicks_on_a_maximised_pane_do_not_reach_the_map() {
 #[test]
 fn clicks_select_the_editor_tools() {
     let mut app = still();
-    click(&mut app, SMALL, "e edit");
-    click(&mut app, SMALL, "box");
-    assert_eq!(app.maze().editor.tool, crate::tui::tool::Tool::Rectangle);
-    app.screen.notify("8 cells walled up");
-    let mut row = |text| place_of(&mut app, SMALL, text).map(|at| at.y);
-    assert_eq!(row("8 cells walled up"), Some(0));
-    assert_eq!(row(" D to G 0 "), Some(SMALL.1 - 2), "what colours mean stays above the tools");
-    click(&mut app, SMALL, "done");
-    assert!(!app.maze().editor.is_open());
+    click_on(&mut app, SMALL, "e edit");
+    click_on(&mut app, SMALL, "box");
+    assert_eq!(app.maze().editor.tool, Tool::Rectangle);
 }
 
 #[test]
 fn clicks_answer_and_close_dialogs() {
     let mut app = app();
     app.act(Action::Method);
-    click(&mut app, SMALL, "Esc: close");
+    click_on(&mut app, SMALL, "Esc: close");
     assert!(app.screen.dialogs.is_empty());
     app.act(Action::Method);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(0, 23));
@@ -117,11 +60,11 @@ fn clicks_answer_and_close_dialogs() {
     assert!(!app.maze().editor.is_open(), "and does nothing else");
     app.act(Action::Autosave);
     type_text(&mut app, "7");
-    click(&mut app, SMALL, "Enter: accept");
+    click_on(&mut app, SMALL, "Enter: accept");
     assert!(app.screen.dialogs.is_empty());
     assert_eq!(app.saver.autosave.minutes, 7.0);
     app.act(Action::Theme);
-    click(&mut app, SMALL, "light   ");
+    click_on(&mut app, SMALL, "light   ");
     assert_eq!(app.screen.theme.name, ThemeName::Light);
 }
 
@@ -203,8 +146,7 @@ fn the_middle_button_and_the_minimap_pan_the_map() {
 fn a_click_beside_the_map_says_that_it_does_nothing() {
     let said = |app: &mut Still, button, at| {
         app.screen.log.take();
-        mouse(app, MouseEventKind::Down(button), at);
-        mouse(app, MouseEventKind::Up(button), at);
+        click(app, button, at);
         app.screen.log.take().unwrap_or_default()
     };
     let mut app = still();

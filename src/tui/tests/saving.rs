@@ -4,6 +4,7 @@ use super::staged::staged_app;
 use super::*;
 use crate::tui::dialog::Choice;
 use crate::tui::export::contents;
+use crate::tui::graphics::{Graphics, Protocol, Redraw};
 use crate::tui::output::ExportKind;
 
 #[test]
@@ -59,22 +60,15 @@ fn a_failed_save_before_quitting_asks_for_another_file() {
     let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path));
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     app.act(Action::Quit);
-    wait_until(
-        &mut app,
-        |app| matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()),
-    );
+    let has_failed = |app: &App| matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some());
+    wait_until(&mut app, has_failed);
     assert!(!app.is_done(), "it stays");
     press(&mut app, KeyCode::Esc);
     wait_until(&mut app, |app| app.screen.snapshot.phase.is_training());
     app.act(Action::Quit);
-    wait_until(
-        &mut app,
-        |app| matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()),
-    );
+    wait_until(&mut app, has_failed);
     let elsewhere = folder.path().join("elsewhere");
-    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
-    type_text(&mut app, &elsewhere.to_string_lossy());
-    press(&mut app, KeyCode::Enter);
+    enter(&mut app, &elsewhere.to_string_lossy());
     wait_until(&mut app, App::is_done);
     assert!(elsewhere.with_extension("safetensors").is_file());
 }
@@ -87,10 +81,8 @@ fn writing_a_map_asks_before_replacing_a_file() {
     let mut app = still();
     draw(&mut app, 80, 24);
     press_with(&mut app, KeyCode::Char('w'), KeyModifiers::CONTROL);
-    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
-    type_text(&mut app, &file.to_string_lossy());
-    press(&mut app, KeyCode::Enter);
-    let shown = text(&draw(&mut app, 80, 24));
+    enter(&mut app, &file.to_string_lossy());
+    let shown = shown_by(&mut app, 80, 24);
     assert!(shown.contains("the file exists: Enter again"), "{shown}");
     assert_eq!(std::fs::read_to_string(&file).expect("the file"), "something else");
     press(&mut app, KeyCode::Enter);
@@ -101,10 +93,8 @@ fn writing_a_map_asks_before_replacing_a_file() {
     let image = folder.path().join("scan.pgm");
     std::fs::write(&image, "something else").expect("a file");
     app.act(Action::SaveMap);
-    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
-    type_text(&mut app, &folder.path().join("scan.yaml").to_string_lossy());
-    press(&mut app, KeyCode::Enter);
-    let shown = text(&draw(&mut app, 200, 24));
+    enter(&mut app, &folder.path().join("scan.yaml").to_string_lossy());
+    let shown = shown_by(&mut app, 200, 24);
     assert!(shown.contains("scan.pgm exists: Enter again"), "{shown}");
     assert_eq!(std::fs::read_to_string(&image).expect("the file"), "something else");
     press(&mut app, KeyCode::Enter);
@@ -244,51 +234,53 @@ fn everything_can_be_exported() {
     let mut app = staged_app(80, 24);
     let app = &mut app.app;
     press(app, KeyCode::Char('?'));
-    assert!(
-        contents(ExportKind::Film, &mut app.screen, &app.scene)
-            .expect_err("no film")
-            .to_string()
-            .contains("no film")
-    );
-    let is_drawn = |kind: &ExportKind| !matches!(kind, ExportKind::Still | ExportKind::Film);
-    for kind in ExportKind::ALL.into_iter().filter(is_drawn) {
-        let bytes = contents(kind, &mut app.screen, &app.scene).expect("a file");
+    for kind in ExportKind::ALL {
+        let made = contents(kind, &mut app.screen, &app.scene);
+        if matches!(kind, ExportKind::Still | ExportKind::Film) {
+            assert!(made.expect_err("no film").to_string().contains("no film"));
+            continue;
+        }
+        let bytes = made.expect("a file");
+        let text = String::from_utf8_lossy(&bytes);
         match kind.file_type() {
             "pdf" => assert!(bytes.starts_with(b"%PDF-") && bytes.ends_with(b"%%EOF")),
             "png" => {
-                let reader =
-                    png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
-                let found = (reader.info().width, reader.info().height);
-                match kind {
-                    ExportKind::MapPng => assert_eq!(found, (50 * 8, 22 * 16)),
-                    ExportKind::ScreenPng => assert_eq!(found, (80 * 8, 24 * 16)),
-                    _ => assert!(found.0 > 1500 && found.1 > found.0, "{found:?}"),
-                }
+                let reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info();
+                assert!(reader.expect("a PNG").info().width >= 400, "{kind:?}");
             }
             "svg" => {
-                let text = String::from_utf8(bytes).expect("text");
-                assert!(
-                    text.starts_with("<svg") && text.trim_end().ends_with("</svg>"),
-                    "{kind:?}"
-                );
-                let part =
-                    if kind == ExportKind::CurvesSvg { "relative error of D" } else { "\nG\n" };
+                assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
+                let is_chart = kind == ExportKind::CurvesSvg;
+                let part = if is_chart { "relative error of D" } else { "\nG\n" };
                 assert!(text.contains(part), "{kind:?} shows {part:?}");
                 assert!(!text.contains("get no reward"), "the dialog on top is left out");
             }
             _ => {
-                let text = String::from_utf8(bytes).expect("text");
-                let lines: Vec<&str> = text.lines().collect();
-                assert!(
-                    lines[0].starts_with("updates,critic_loss")
-                        && lines[0].contains("planned_at_30_steps")
-                );
-                assert_eq!(lines[0].split(',').nth(4), Some("coverage"));
-                let last: Vec<&str> = lines.last().expect("lines").split(',').collect();
-                assert_eq!((last[0], last.len()), ("10000", lines[0].split(',').count()));
-                assert!(last[4].starts_with("0.8"), "the coverage: {}", last[4]);
+                let (head, last) = (text.lines().next(), text.lines().last());
+                let columns = head.expect("a head").split(',').count();
+                assert!(text.starts_with("updates,critic_loss,") && columns > 10, "{text}");
+                let last: Vec<&str> = last.expect("lines").split(',').collect();
+                assert_eq!((last[0], last.len()), ("10000", columns));
             }
         }
     }
     assert_eq!(app.screen.dialogs.len(), 1, "the help is still open");
+}
+
+#[test]
+fn exports_have_all_colours_and_characters_whatever_the_terminal_has() {
+    let export = |depth, graphics| {
+        let mut app = staged_app(80, 24);
+        app.screen.theme = Theme::new(ThemeName::Dark, depth);
+        app.set_graphics(graphics, Redraw::All);
+        draw(&mut app, 80, 24);
+        let app = &mut app.app;
+        let svg = contents(ExportKind::MapSvg, &mut app.screen, &app.scene).expect("an export");
+        assert_eq!(app.screen.theme.depth, depth, "the screen keeps its colours");
+        svg
+    };
+    let pixels = Graphics { protocol: Protocol::Kitty, character: (8, 16) };
+    let own = export(ColourDepth::True, None);
+    assert!(own == export(ColourDepth::Basic, None));
+    assert!(own == export(ColourDepth::True, Some(pixels)));
 }

@@ -115,7 +115,7 @@ fn staged_agent() -> FollowedAgent {
 }
 
 /// Returns the view of the rooms map in [`staged_app`].
-fn staged_view(app: &App) -> MazeView {
+pub(super) fn staged_view(app: &App) -> MazeView {
     let frame = app.screen.layout.map.clone().expect("the map is drawn");
     let field = |i: usize| {
         let (column, row) = (i % frame.raster.pixels.0, i / frame.raster.pixels.0);

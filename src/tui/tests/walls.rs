@@ -20,44 +20,20 @@ fn shows_floor(frame: &MapFrame, map: &Grid, at: Position) -> bool {
     })
 }
 
-/// Returns the colours of the two halves of a character.
-fn halves(cell: &ratatui::buffer::Cell) -> [Color; 2] {
-    match cell.symbol() {
-        "\u{2580}" => [cell.fg, cell.bg],
-        "\u{2588}" => [cell.fg; 2],
-        other => panic!("{other} is no half block"),
-    }
-}
-
-/// Draws an agent at `at`, and checks where it is shown; returns whether its dot and its sign are:
-/// the goal's letter or the minimap may hide them.
-fn check(app: &mut App, at: [f32; 2], (width, height): (u16, u16)) -> [bool; 2] {
+/// Draws an agent and the walking agent at `at`; returns how many characters they change.
+fn check(app: &mut App, at: [f32; 2], (width, height): (u16, u16)) -> usize {
     app.change_view(|view| view.trail.clear());
     app.change_snapshot(|snapshot| snapshot.agents = Arc::default());
-    let without = draw(app, width, height);
-    app.change_snapshot(|snapshot| snapshot.agents = Arc::new(at.to_vec()));
-    let with = draw(app, width, height);
-    let [without, with] = [&without, &with].map(|drawn| drawn.backend().buffer());
-    let (frame, map) = (app.screen.layout.map.clone().expect("a map"), app.maze().map.clone());
-    let changed: Vec<Position> =
-        frame.area.positions().filter(|at| with[*at] != without[*at]).collect();
-    for place in &changed {
-        assert!(shows_floor(&frame, &map, *place), "{at:?} at {place} of {frame:?}");
-        if frame.marker == Marker::HalfBlock {
-            let [before, after] = [&without[*place], &with[*place]].map(halves);
-            for half in (0..2).filter(|half| before[*half] != after[*half]) {
-                let column = usize::from(place.x - frame.area.x);
-                let row = 2 * usize::from(place.y - frame.area.y) + half;
-                let ground = frame.raster.ground(&map, column, row);
-                assert!(matches!(ground, Ground::Free(_)), "{at:?} in {ground:?} of {frame:?}");
-            }
-        }
-    }
+    let without = draw(app, width, height).backend().buffer().clone();
     app.change_view(|view| view.trail = vec![at]);
-    let drawn = draw(app, width, height);
-    let sign = frame.area.positions().find(|at| drawn.backend().buffer()[*at].symbol() == "@");
-    assert!(sign.is_none_or(|at| shows_floor(&frame, &map, at)), "@ at {at:?} of {frame:?}");
-    [!changed.is_empty(), sign.is_some()]
+    app.change_snapshot(|snapshot| snapshot.agents = Arc::new(at.to_vec()));
+    let with = draw(app, width, height).backend().buffer().clone();
+    let (frame, map) = (app.screen.layout.map.clone().expect("a map"), app.maze().map.clone());
+    let changed = frame.area.positions().filter(|at| with[*at] != without[*at]);
+    let changed = changed.inspect(|place| {
+        assert!(shows_floor(&frame, &map, *place), "{at:?} at {place} of {frame:?}");
+    });
+    changed.count()
 }
 
 #[test]
@@ -70,8 +46,8 @@ fn agents_that_walk_through_a_maze_are_never_drawn_inside_walls() {
     for overlay in [Overlay::Candidates, Overlay::Path, Overlay::Contours] {
         app.screen.overlays.toggle(overlay);
     }
-    let (mut shown, mut all) = ([0; 2], 0);
-    for size in [(80, 24), (60, 20), (120, 40), (200, 60)] {
+    let (mut shown, mut all) = (0, 0);
+    for size in [(80, 24), (120, 40)] {
         for (marker, zoom) in [Marker::HalfBlock, Marker::Quadrant, Marker::Braille]
             .into_iter()
             .flat_map(|marker| [(marker, 1.0), (marker, 1.7), (marker, 4.0)])
@@ -85,11 +61,9 @@ fn agents_that_walk_through_a_maze_are_never_drawn_inside_walls() {
                 let at = [world.states()[0], world.states()[1]];
                 app.maze_mut().viewport = Viewport { zoom, centre: at };
                 all += 1;
-                for (count, is_shown) in shown.iter_mut().zip(check(&mut app, at, size)) {
-                    *count += usize::from(is_shown);
-                }
+                shown += usize::from(check(&mut app, at, size) > 0);
             }
         }
     }
-    assert!(shown.iter().all(|shown| 10 * shown > 9 * all), "{shown:?} of {all} are shown");
+    assert!(10 * shown > 9 * all, "{shown} of {all} are shown");
 }

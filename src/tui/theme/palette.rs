@@ -9,7 +9,7 @@ use gdg::draw::{Rgb, contour, contrast, lightness};
 use super::ThemeName;
 
 /// Minimum contrast between walls, floor and contour lines.
-pub const LEAST_CONTRAST: f32 = 1.6;
+const LEAST_CONTRAST: f32 = 1.6;
 
 /// Number of colours of a field.
 const LEVELS: usize = 32;
@@ -22,7 +22,7 @@ const LEVELS_BESIDE: usize = 4;
 const COLOUR_BLIND_SAFE: [u8; 9] = [227, 221, 179, 144, 247, 103, 67, 61, 25];
 
 /// The first 16 colours of xterm; those of the Linux console are the palette's own.
-pub const XTERM: [Rgb; 16] = [
+const XTERM: [Rgb; 16] = [
     (0, 0, 0),
     (205, 0, 0),
     (0, 205, 0),

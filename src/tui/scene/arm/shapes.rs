@@ -101,18 +101,3 @@ pub fn edges(corners: Corners) -> impl Iterator<Item = [[f32; 3]; 2]> {
         (0..8usize).flat_map(|n| (0..3).map(move |i| (n, n | 1 << i))).filter(|(a, b)| a != b);
     pairs.map(move |(a, b)| [corner(a), corner(b)])
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_box_has_twelve_edges_along_the_axes() {
-        let all: Vec<_> = edges([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]).collect();
-        assert_eq!(all.len(), 12);
-        for [from, to] in all {
-            let changed: Vec<usize> = (0..3).filter(|i| from[*i] != to[*i]).collect();
-            assert_eq!(changed.len(), 1, "{from:?} to {to:?}");
-        }
-    }
-}

@@ -358,30 +358,4 @@ mod tests {
         assert_eq!(stroke.cells.len(), 2048 * 1024);
         assert!(stroke.cells.iter().copied().eq(map.free_cells()));
     }
-
-    #[test]
-    fn edits_are_undone_to_the_first_and_redone_to_the_last() {
-        let first = Arc::new(parse_map("room", ROOM.as_bytes()).expect("a map"));
-        let mut editor = Editor::default();
-        let mut now = first.clone();
-        for i in 0..15 {
-            editor.cursor = Some(Cell::new(i % 5, 1 + i / 5));
-            assert!(editor.apply(&now).is_some());
-            editor.settle(&now, None);
-            let new = editor.apply(&now).expect("another map");
-            editor.settle(&now, Some(&new));
-            now = new;
-        }
-        let last = now.clone();
-        while let Some(before) = editor.undo(&now) {
-            editor.settle(&now, Some(&before));
-            now = before;
-        }
-        assert_eq!(now, first);
-        while let Some(after) = editor.redo(&now) {
-            editor.settle(&now, Some(&after));
-            now = after;
-        }
-        assert_eq!(now, last);
-    }
 }

@@ -217,50 +217,6 @@ impl Label {
 mod tests {
     use super::*;
 
-    fn label(
-        points: Vec<[f32; 2]>,
-        others: &[Label],
-        is_known: impl Fn([f32; 2]) -> bool,
-    ) -> Option<Label> {
-        Label::place(&ContourPath { level: 40.0, points }, 20.0, [0.0; 2], &is_known, others)
-    }
-
-    fn straight() -> Vec<[f32; 2]> {
-        (0..30).map(|n| [300.0 - 10.0 * n as f32, 50.0 + 5.0 * n as f32]).collect()
-    }
-
-    #[test]
-    fn a_label_is_written_along_its_line() {
-        let label = label(straight(), &[], |_| true).expect("room");
-        assert_eq!(label.text, "40");
-        assert!((label.angle - (-0.5_f32).atan()).abs() < 0.01, "not upside down: {}", label.angle);
-        let [from, to] = label.ends;
-        let room = text_width("40", LABEL_HEIGHT * 20.0);
-        assert!(
-            (room..room + 10.0).contains(&distance(from, to)),
-            "room for the text, and no more"
-        );
-        let [before, after] = <[_; 2]>::try_from(label.pieces(&straight())).expect("two");
-        assert_eq!((before[0], after[after.len() - 1]), (straight()[0], straight()[29]));
-        assert_eq!((before[before.len() - 1], after[0]), (from, to));
-    }
-
-    #[test]
-    fn labels_avoid_walls_corners_and_each_other() {
-        let right = label(straight(), &[], |at| at[0] > 150.0).expect("room");
-        assert!(right.middle[0] > 150.0);
-        assert!(label(straight(), &[], |at| at[0] % 20.0 > 10.0).is_none(), "walls everywhere");
-        let middle = right.middle;
-        let left =
-            label(straight(), &[Label { text: "50".to_owned(), ..right }], |at| at[0] > 100.0)
-                .expect("room");
-        assert!(distance(left.middle, middle) >= LABEL_SPACING * 20.0);
-        assert!(label(straight(), &[left], |at| at[0] > 100.0).is_none(), "the same level");
-        let zigzag = (0..30).map(|n| [10.0 * n as f32, 12.0 * (n % 2) as f32]).collect();
-        assert!(label(zigzag, &[], |_| true).is_none(), "nowhere straight");
-        assert!(label(straight()[..3].to_vec(), &[], |_| true).is_none(), "too short");
-    }
-
     #[test]
     fn a_field_is_continued_into_walls_but_not_through_them() {
         let grounds = [Ground::Free([0.0; 2]), Ground::Wall, Ground::Free([0.0; 2])];

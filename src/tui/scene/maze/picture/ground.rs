@@ -462,16 +462,4 @@ mod tests {
         assert_eq!(shades(true, 12), [0, 0, 1, 3, 6, 8, 10, 10, 10, 10, UNKNOWN, UNKNOWN]);
         assert_eq!(shades(false, 6), [0, 0, 10, 10, UNKNOWN, UNKNOWN]);
     }
-
-    #[test]
-    fn cells_are_where_their_pixels_are() {
-        let scale = Scale::new([2.0, 1.0, 4.0, 2.0], (40, 20), (10, 20));
-        assert_eq!(scale.pixel([3.0, 2.0]), [10.0, 10.0]);
-        assert_eq!(scale.cell(Cell::new(3, 2)), [10.0, 10.0, 20.0, 20.0]);
-        let [columns, rows] = scale.cells();
-        assert_eq!((columns[9], columns[10], rows[9], rows[10]), ((2, 3), (3, 4), (1, 2), (2, 3)));
-        // Scaled down: each cell belongs to one pixel.
-        let [columns, _] = Scale::new([0.0, 0.0, 10.0, 10.0], (4, 4), (1, 2)).cells();
-        assert_eq!(columns, [(0, 3), (3, 5), (5, 8), (8, 10)]);
-    }
 }
