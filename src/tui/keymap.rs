@@ -199,79 +199,58 @@ mod tests {
         Keymap::new(&changes.iter().map(|(name, keys)| ((*name).to_owned(), owned(keys))).collect())
     }
 
-    fn press(code: KeyCode, modifiers: KeyModifiers) -> KeyEvent {
-        KeyEvent::new(code, modifiers)
+    fn action(keymap: &Keymap, key: &str, mode: Mode) -> Option<Action> {
+        let (modifiers, key) = match key.split_once('-') {
+            Some(("ctrl", key)) => (KeyModifiers::CONTROL, key),
+            Some(("shift", key)) => (KeyModifiers::SHIFT, key),
+            _ => (KeyModifiers::NONE, key),
+        };
+        let code = KeyCode::Char(key.chars().next().expect("a key"));
+        keymap.action(KeyEvent::new(code, modifiers), mode)
     }
 
     #[test]
-    fn every_default_key_is_valid_and_bound_once() {
+    fn every_default_key_is_valid_and_means_what_its_mode_says() {
         let keymap = keymap(&[]).expect("the table's own keys");
         assert_eq!(keymap.keys.len(), bindings().map(|b| b.keys.len()).sum::<usize>());
-    }
-
-    #[test]
-    fn shifted_characters_match_whether_or_not_shift_is_reported() {
-        let keymap = keymap(&[]).expect("keys");
-        for modifiers in [KeyModifiers::NONE, KeyModifiers::SHIFT] {
-            assert_eq!(
-                keymap.action(press(KeyCode::Char('?'), modifiers), Mode::Watching),
-                Some(Action::Help)
-            );
-            assert_eq!(
-                keymap.action(press(KeyCode::Char('R'), modifiers), Mode::Watching),
-                Some(Action::NewSeed)
-            );
+        for (key, mode, expected) in [
+            ("?", Mode::Watching, Some(Action::Help)),
+            ("shift-?", Mode::Watching, Some(Action::Help)),
+            ("R", Mode::Watching, Some(Action::NewSeed)),
+            ("shift-R", Mode::Watching, Some(Action::NewSeed)),
+            ("1", Mode::Editing, Some(Action::Tool(Tool::Pencil))),
+            ("1", Mode::EditingBoth, Some(Action::Tool(Tool::Pencil))),
+            ("1", Mode::Comparing, Some(Action::Larger(0))),
+            ("g", Mode::EditingBoth, Some(Action::Axis)),
+            // There is nothing to save or set in a comparison, and there are no panes.
+            ("s", Mode::Comparing, None),
+            ("o", Mode::Comparing, None),
+            ("3", Mode::Comparing, None),
+        ] {
+            assert_eq!(action(&keymap, key, mode), expected, "{key}");
         }
-    }
-
-    #[test]
-    fn letters_of_other_alphabets_are_keys() {
-        let own = keymap(&[("quit", &["\u{e9}", "\u{e9}", "ctrl-\u{f6}"])]).expect("keys");
-        let action = |c, modifiers| own.action(press(KeyCode::Char(c), modifiers), Mode::Watching);
-        assert_eq!(action('\u{e9}', KeyModifiers::NONE), Some(Action::Quit), "given twice");
-        assert_eq!(action('\u{f6}', KeyModifiers::CONTROL), Some(Action::Quit));
-        assert_eq!(action('q', KeyModifiers::NONE), None);
-        for wrong in ["a\u{e9}", "f\u{e9}", "foo-\u{e9}"] {
-            assert!(keymap(&[("quit", &[wrong])]).is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn comparisons_have_their_own_keys_and_those_that_mean_the_same() {
-        let keymap = keymap(&[]).expect("keys");
-        let action =
-            |c| keymap.action(press(KeyCode::Char(c), KeyModifiers::NONE), Mode::Comparing);
-        assert_eq!(action('1'), Some(Action::Larger(0)));
-        assert_eq!(action(' '), Some(Action::TogglePause));
-        assert_eq!(
-            (action('s'), action('o'), action('3')),
-            (None, None, None),
-            "there is nothing to save or set, and there are no panes"
-        );
-        let editing =
-            |c| keymap.action(press(KeyCode::Char(c), KeyModifiers::NONE), Mode::EditingBoth);
-        assert_eq!(action('e'), Some(Action::ToggleEdit));
-        assert_eq!(editing('1'), Some(Action::Tool(Tool::Pencil)), "as in the editor of one run");
-        assert_eq!((editing('g'), editing('s')), (Some(Action::Axis), None));
     }
 
     #[test]
     fn keys_can_be_changed_and_invalid_keys_are_reported() {
-        let changed = keymap(&[("pause", &["ctrl-k", "f5"])]).expect("good keys");
-        assert_eq!(
-            changed.action(press(KeyCode::F(5), KeyModifiers::NONE), Mode::Watching),
-            Some(Action::TogglePause)
-        );
-        assert_eq!(
-            changed.action(press(KeyCode::Char(' '), KeyModifiers::NONE), Mode::Watching),
-            None
-        );
+        let own = keymap(&[("quit", &["\u{e9}", "\u{e9}", "ctrl-\u{f6}"])]).expect("keys");
+        for (key, expected) in
+            [("\u{e9}", Some(Action::Quit)), ("ctrl-\u{f6}", Some(Action::Quit)), ("q", None)]
+        {
+            assert_eq!(action(&own, key, Mode::Watching), expected, "{key}");
+        }
         assert!(keymap(&[("tour", &["f6"])]).is_ok(), "a former name");
-        let wrong = |name: &str, key: &str| keymap(&[(name, &[key])]).expect_err("a mistake");
-        assert!(wrong("puase", "a").help.contains("pause"));
-        assert!(wrong("pause", "superkey").problem.contains("superkey"));
-        assert!(wrong("pause", "q").problem.contains("quit"));
-        assert!(wrong("pause", "1").problem.contains("training"));
-        assert!(wrong("axis", "v").problem.contains("next-field"), "both are used in comparisons");
+        for (name, key, said) in [
+            ("puase", "a", "pause"),
+            ("pause", "superkey", "superkey"),
+            ("pause", "foo-\u{e9}", "foo"),
+            ("pause", "q", "quit"),
+            ("pause", "1", "training"),
+            // Both are used in comparisons.
+            ("axis", "v", "next-field"),
+        ] {
+            let error = keymap(&[(name, &[key])]).expect_err("a mistake");
+            assert!(error.problem.contains(said) || error.help.contains(said), "{error:?}");
+        }
     }
 }

@@ -55,28 +55,3 @@ impl ShownSlice {
         self.slice.point(self.frame.middle_of(at), near)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_click_gives_the_place_that_is_shown_there() {
-        let ranges = [[-2.0, 6.0], [100.0, 101.0]];
-        for to_scale in [true, false] {
-            let area = Rect::new(3, 2, 60, 20);
-            let shown =
-                ShownSlice::fit(area, [2, 0], ranges, to_scale, Marker::Auto).expect("room");
-            assert_eq!(shown.frame.area == area, !to_scale, "only without a scale it is filled");
-            let place = [100.3, 7.0, 5.0];
-            let at = shown.frame.character_of(shown.slice.flat(&place)).expect("in view");
-            let back = shown.point_at(at, &[0.0, 7.0, 0.0]);
-            let most = if to_scale { 0.3 } else { 0.06 };
-            assert!(
-                (back[0] - place[0]).abs() < most && (back[2] - place[2]).abs() < 0.1,
-                "{back:?}"
-            );
-            assert_eq!(back[1], 7.0, "what is not shown stays");
-        }
-    }
-}

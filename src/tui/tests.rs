@@ -187,13 +187,6 @@ impl DerefMut for Still {
 }
 
 impl Still {
-    /// Shows a snapshot after this many updates.
-    fn train(&mut self, updates: u64) {
-        let mut snapshot = (*self.app.screen.latest).clone();
-        snapshot.counters.updates += updates;
-        self.publish(snapshot);
-    }
-
     /// Carries out the app's requests to the trainer: pauses, and changes of run and speed.
     fn obey(&mut self) {
         while let Ok(command) = self.commands.try_recv() {
@@ -490,16 +483,4 @@ fn method_and_preset_can_change_during_training_and_keep_the_data() {
         wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
         draw(&mut app, 80, 24);
     }
-}
-
-#[test]
-fn a_frozen_screen_stays_unchanged_while_training_continues() {
-    let mut app = still();
-    press(&mut app, KeyCode::Char('F'));
-    let updates = app.screen.snapshot.counters.updates;
-    app.train(51);
-    assert_eq!(app.screen.snapshot.counters.updates, updates);
-    assert!(text(&draw(&mut app, 80, 24)).contains("frozen"));
-    press(&mut app, KeyCode::Char('F'));
-    assert!(app.screen.snapshot.counters.updates > updates + 50, "it shows the current state");
 }

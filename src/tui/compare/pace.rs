@@ -91,26 +91,3 @@ impl Pace {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn moments_are_interpolated_and_thinned() {
-        let mut pace = Pace::default();
-        assert_eq!(pace.at(100.0).env_steps, 0.0, "nothing is known yet");
-        let moment =
-            |updates: f64| Moment { updates, env_steps: 16.0 * updates, seconds: updates / 500.0 };
-        (1..=3 * MAX_MOMENTS).for_each(|i| pace.add_moment(moment(10.0 * i as f64)));
-        assert!(pace.0.len() <= MAX_MOMENTS, "{}", pace.0.len());
-        for updates in [0.0, 5.0, 1_001.0, 30_000.0] {
-            let at = pace.at(updates);
-            assert!(
-                (at.env_steps - 16.0 * updates).abs() < 1e-6 && at.updates == updates,
-                "{at:?}"
-            );
-            assert!((at.seconds - updates / 500.0).abs() < 1e-9, "{at:?}");
-        }
-    }
-}

@@ -203,84 +203,31 @@ mod tests {
 
     use super::*;
 
-    fn picker() -> Picker {
-        let item =
-            |label: &str, detail: &str| Item::new(label, detail, Choice::Setting(label.to_owned()));
-        Picker::new(
-            "settings",
-            vec![
-                item("loss_scale", "-"),
-                item("batch", "64"),
-                item("learning_rate", "0.001"),
-                item("loss", "sqrt: relative accuracy"),
-            ],
-        )
-    }
-
-    fn press(picker: &mut Picker, keys: &str) {
-        for c in keys.chars() {
-            picker.on_key(KeyEvent::new(KeyCode::Char(c), KeyModifiers::NONE));
-        }
-    }
-
     #[test]
     fn typing_narrows_the_list_to_the_best_matches() {
-        let mut picker = picker();
-        press(&mut picker, "lr");
-        assert_eq!(picker.choice(), Some(&Choice::Setting("learning_rate".to_owned())));
-        picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
-        press(&mut picker, "accuracy");
-        assert_eq!(
-            picker.choice(),
-            Some(&Choice::Setting("loss".to_owned())),
-            "details are searched too"
-        );
-        picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
-        press(&mut picker, "loss");
-        assert_eq!(
-            picker.choice(),
-            Some(&Choice::Setting("loss".to_owned())),
-            "the exact name comes first"
-        );
-        press(&mut picker, "zzz");
-        assert_eq!(picker.choice(), None);
-        picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
-        press(&mut picker, "/accuracy");
-        assert_eq!(
-            picker.choice(),
-            Some(&Choice::Setting("loss".to_owned())),
-            "the slash starts the search"
-        );
-    }
-
-    #[test]
-    fn the_selection_stays_within_the_list() {
-        let mut picker = picker();
-        let selected = |picker: &Picker| {
-            picker.rows().iter().position(|row| matches!(row, Row::Item(_, true)))
-        };
-        picker.move_selection(-5);
-        assert_eq!(selected(&picker), Some(0));
-        picker.move_selection(99);
-        assert_eq!(selected(&picker), Some(3));
-        assert!(!picker.select(4));
-    }
-
-    #[test]
-    fn a_question_is_answered_by_a_key() {
-        let items = vec![
-            Item::new("yes", "", Choice::Quit { save: true }).on('y'),
-            Item::new("no", "", Choice::Nothing).on('n'),
+        let items = [
+            ("loss_scale", "-"),
+            ("batch", "64"),
+            ("learning_rate", "0.001"),
+            ("loss", "sqrt: relative accuracy"),
         ];
-        let mut picker = Picker::new("quit?", items);
-        let press = |picker: &mut Picker, c| {
-            picker.on_key(KeyEvent::new(KeyCode::Char(c), KeyModifiers::NONE))
-        };
-        assert!(!press(&mut picker, 'x'), "no answer");
-        assert!(press(&mut picker, 'n'));
-        assert_eq!(picker.choice(), Some(&Choice::Nothing));
-        assert!(press(&mut picker, 'Y'));
-        assert_eq!(picker.choice(), Some(&Choice::Quit { save: true }));
-        assert!(picker.typed().0.is_empty(), "nothing is searched");
+        let item = |(name, detail): (&str, &str)| Item::new(name, detail, Choice::Nothing);
+        let mut picker = Picker::new("settings", items.map(item).to_vec());
+        // Details are searched too, and the exact name comes first.
+        for (keys, found) in [
+            ("lr", Some("learning_rate")),
+            ("accuracy", Some("loss")),
+            ("loss", Some("loss")),
+            ("losszzz", None),
+            ("/accuracy", Some("loss")),
+        ] {
+            picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
+            for c in keys.chars() {
+                picker.on_key(KeyEvent::new(KeyCode::Char(c), KeyModifiers::NONE));
+            }
+            assert_eq!(picker.item().map(|item| item.label.as_str()), found, "{keys}");
+        }
+        picker.move_selection(-5);
+        assert!(!picker.select(4), "the selection stays within the list");
     }
 }

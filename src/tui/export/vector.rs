@@ -96,19 +96,3 @@ fn parts(symbol: &str) -> Option<Vec<(f32, f32, f32, f32)>> {
     let eighths = u32::from(c).checked_sub(0x2580).filter(|n| (1..8).contains(n))? as f32 / 8.0;
     Some(vec![(0.0, 1.0 - eighths, 1.0, eighths)])
 }
-
-#[cfg(test)]
-mod tests {
-    use ratatui::style::{Color, Style};
-
-    use super::*;
-
-    #[test]
-    fn letters_become_text_and_blocks_become_rectangles() {
-        let mut screen = Buffer::empty(Rect::new(0, 0, 3, 1));
-        screen.set_string(0, 0, "G\u{2584}<", Style::new().fg(Color::Rgb(1, 2, 3)));
-        let drawing = svg_of(&screen, screen.area, PageColours::default());
-        assert!(drawing.contains("\nG\n") && drawing.contains("&lt;"), "{drawing}");
-        assert_eq!(drawing.matches("#010203").count(), 4, "two letters, two quarters: {drawing}");
-    }
-}

@@ -377,23 +377,6 @@ mod tests {
     }
 
     #[test]
-    fn training_comes_first_unless_the_user_does_something() {
-        let mut patches = Patches::new(Protocol::Kitty);
-        assert_eq!(
-            [true, false].map(|trains| patches.redraw(trains)),
-            [Redraw::Moving, Redraw::All]
-        );
-        patches.rest(Instant::now(), LONGEST_REST, true);
-        assert_eq!([true, false].map(|trains| patches.redraw(trains)), [Redraw::Nothing; 2]);
-        patches.wake();
-        assert_eq!(patches.redraw(true), Redraw::All);
-        patches.rest(Instant::now(), Duration::ZERO, true);
-        assert_eq!(patches.redraw(true), Redraw::All, "what comes of it is shown too");
-        patches.awake_until = None;
-        assert_eq!(patches.redraw(true), Redraw::Moving);
-    }
-
-    #[test]
     fn xterm_has_room_for_all_patches() {
         for (width, height, character) in
             [(114, 57, (10, 20)), (60, 20, (6, 13)), (300, 90, (8, 16)), (1, 1, (9, 18))]

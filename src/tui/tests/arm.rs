@@ -138,20 +138,9 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
 }
 
 #[test]
-fn the_arm_is_exported() {
+fn the_arm_can_be_drawn_at_every_size_and_magnification_and_exported() {
     let mut app = arm_app(0, None);
-    draw(&mut app, 80, 24);
-    for kind in ExportKind::ALL {
-        let is_written = crate::tui::export::contents(kind, &mut app.screen, &app.scene).is_ok();
-        let is_filmed = matches!(kind, ExportKind::Still | ExportKind::Film);
-        assert_eq!(is_written, !is_filmed, "{kind:?}: nothing has been filmed");
-    }
-}
-
-#[test]
-fn the_arm_can_be_drawn_at_every_size_and_magnification() {
-    let mut app = arm_app(0, None);
-    for (width, height) in [(1, 1), (7, 3), (40, 10), (69, 12), (80, 24), (120, 40), (400, 120)] {
+    for (width, height) in [(1, 1), (7, 3), (40, 10), (80, 24), (400, 120)] {
         for keys in ["", "P", "P", "P", "+++++++", "Z", "m", "m", "m"] {
             type_text(&mut app, keys);
             draw(&mut app, width, height);
@@ -161,6 +150,11 @@ fn the_arm_can_be_drawn_at_every_size_and_magnification() {
             mouse(&mut app, kind, middle);
         }
         press(&mut app, KeyCode::Char('0'));
+    }
+    for kind in ExportKind::ALL {
+        let is_written = crate::tui::export::contents(kind, &mut app.screen, &app.scene).is_ok();
+        let is_filmed = matches!(kind, ExportKind::Still | ExportKind::Film);
+        assert_eq!(is_written, !is_filmed, "{kind:?}: nothing has been filmed");
     }
 }
 
@@ -189,9 +183,7 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
     let mut trainer = train::load(&path, &Registry::builtin(), 1).expect("a checkpoint").trainer;
     assert_eq!((trainer.counters().updates, trainer.world().kind()), (5, "fetch-reach"));
-    while trainer.counters().updates < 8 {
-        trainer.tick().expect("it trains");
-    }
+    trainer.tick().expect("it trains");
     // From a map's screen, loading it switches the world.
     let mut app = app_on(rooms(), gdg());
     draw(&mut app, 80, 24);

@@ -30,15 +30,15 @@ fn comparison_with(methods: [&str; 2], limits: Limits) -> Comparison {
         trainer,
         is_paused: false,
     });
-    let config = UiConfig::default();
-    let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
-    let mut comparison =
-        Comparison::start(contestants, &config, &keymap, limits).expect("a comparison");
+    let mut comparison = start(contestants, limits);
+    for app in comparison.apps() {
+        app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
+    }
     comparison
-        .apps()
-        .into_iter()
-        .for_each(|app| app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True));
-    comparison
+}
+
+fn start(contestants: [Contestant; 2], limits: Limits) -> Comparison {
+    Comparison::start(contestants, &UiConfig::default(), &keymap(), limits).expect("a comparison")
 }
 
 fn comparison() -> Comparison {
@@ -131,8 +131,7 @@ fn one_click_sets_both_goals_and_starts_both_agents_at_the_same_place() {
 
 #[test]
 fn what_is_shown_changes_on_both_sides() {
-    let mut comparison = comparison();
-    draw(&mut comparison, 80, 24);
+    let mut comparison = staged(80, 24);
     for key in "xavvvi+".chars() {
         press(&mut comparison, KeyCode::Char(key));
         draw(&mut comparison, 80, 24);
@@ -142,27 +141,10 @@ fn what_is_shown_changes_on_both_sides() {
         });
         assert_eq!(a, b, "after {key}");
     }
-    assert!(comparison.apps()[0].maze().viewport.zoom > 1.0);
-    // The wheel zooms both sides at the place under the mouse.
     let at = character_of(&mut comparison, 1, Cell::new(17, 4));
     mouse(&mut comparison, MouseEventKind::ScrollUp, at);
     let [a, b] = comparison.apps().map(|app| app.maze().viewport);
     assert!(a == b && a.zoom > 1.5, "{a:?} and {b:?}");
-}
-
-#[test]
-fn pause_and_resume_apply_to_both() {
-    let mut comparison = comparison();
-    press(&mut comparison, KeyCode::Char(' '));
-    wait_until(&mut comparison, |apps| {
-        apps.iter().all(|app| app.screen.snapshot.phase == Phase::Paused)
-    });
-    assert!(shown_by(&mut comparison, 80, 24).contains("paused") && !comparison.is_training());
-    let before = comparison.apps().map(|app| app.screen.snapshot.counters.updates);
-    press(&mut comparison, KeyCode::Char(' '));
-    wait_until(&mut comparison, |apps| {
-        apps.iter().zip(before).all(|(app, before)| app.screen.snapshot.counters.updates > before)
-    });
 }
 
 #[test]
@@ -183,59 +165,52 @@ fn each_side_is_the_run_that_its_method_would_be_alone() {
         }
         assert_eq!((alone.counters(), alone.losses()), (trained.counters(), trained.losses()));
         let policies = [&alone, &trained].map(|trainer| trainer.policy().expect("a policy"));
-        let distances = policies.map(|policy| {
-            policy
-                .distance(&[1.5, 1.5], &[17.5, 4.5], &mut gdg::learn::Scratch::default())
-                .to_bits()
-        });
-        assert_eq!(distances[0], distances[1], "{method}");
+        let mut scratch = gdg::learn::Scratch::default();
+        let [a, b] =
+            policies.map(|policy| policy.distance(&[1.5, 1.5], &[17.5, 4.5], &mut scratch));
+        assert_eq!(a.to_bits(), b.to_bits(), "{method}");
         assert_eq!(alone.world().states(), trained.world().states());
     }
 }
 
 #[test]
-fn quitting_asks_nothing_and_help_says_that_nothing_is_saved() {
+fn both_pause_and_resume_and_quitting_asks_nothing() {
     let mut comparison = comparison();
+    press(&mut comparison, KeyCode::Char(' '));
+    wait_until(&mut comparison, |apps| {
+        apps.iter().all(|app| app.screen.snapshot.phase == Phase::Paused)
+    });
+    assert!(shown_by(&mut comparison, 80, 24).contains("paused") && !comparison.is_training());
+    let before = comparison.apps().map(|app| app.screen.snapshot.counters.updates);
+    press(&mut comparison, KeyCode::Char(' '));
+    wait_until(&mut comparison, |apps| {
+        apps.iter().zip(before).all(|(app, before)| app.screen.snapshot.counters.updates > before)
+    });
     press(&mut comparison, KeyCode::Char('?'));
-    assert!(shown_by(&mut comparison, 80, 24).contains("Nothing is saved"));
     press(&mut comparison, KeyCode::Char('q'));
     assert!(!comparison.is_done(), "it closes the help");
     press(&mut comparison, KeyCode::Char('q'));
     assert!(comparison.is_done());
     let closed = comparison.close();
     assert!(closed.saved.is_ok() && !closed.failed, "{} {:?}", closed.summary, closed.saved);
-    assert!(
-        closed.summary.contains("A: gdg-bridge on rooms")
-            && closed.summary.contains("B: gdg on rooms")
-    );
-    assert!(!closed.summary.contains("not saved"), "nothing ever is: {}", closed.summary);
+    for run in ["A: gdg-bridge on rooms", "B: gdg on rooms"] {
+        assert!(closed.summary.contains(run), "{}", closed.summary);
+    }
 }
 
 #[test]
-fn both_maps_are_pictures_where_the_terminal_shows_them() {
+fn both_maps_are_pictures_on_which_the_same_distance_has_the_same_colour() {
     let mut comparison = comparison();
-    comparison.set_graphics(
-        Some(Graphics { protocol: Protocol::Sixel, character: (8, 16) }),
-        Redraw::All,
-    );
+    let graphics = Graphics { protocol: Protocol::Sixel, character: (8, 16) };
+    comparison.set_graphics(Some(graphics), Redraw::All);
     draw(&mut comparison, 120, 40);
-    let areas: Vec<_> = comparison.pictures().iter().map(|picture| picture.area).collect();
+    let areas: Vec<_> = comparison.pictures().iter().map(|picture| Some(picture.area)).collect();
     let maps = comparison.apps().map(|app| app.screen.layout.map.as_ref().map(|map| map.area));
-    assert_eq!(areas.iter().copied().map(Some).collect::<Vec<_>>(), maps);
-    assert!(!areas[0].intersects(areas[1]));
-}
-
-#[test]
-fn the_same_distance_has_the_same_colour_on_both_sides() {
-    let mut comparison = comparison();
-    draw(&mut comparison, 120, 40);
+    assert_eq!(areas, maps);
     wait_until(&mut comparison, |apps| {
         let [a, b] = apps.map(|app| (app.scene.own_farthest(), app.maze().farthest(&app.screen)));
         a.0.to_bits() != b.0.to_bits() && a.1.to_bits() == b.1.to_bits()
     });
-    let [a, b] =
-        comparison.apps().map(|app| (app.scene.own_farthest(), app.maze().farthest(&app.screen)));
-    assert_eq!([a.1, b.1], [a.0.max(b.0); 2]);
 }
 
 /// Returns the options of a comparison on the command line.
@@ -274,10 +249,7 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
 
     let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
     let contestants = prepare(&both, &registry, &Progress::default()).expect("two saved runs").both;
-    let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
-    let config = UiConfig::default();
-    let mut comparison =
-        Comparison::start(contestants, &config, &keymap, Limits::default()).expect("a comparison");
+    let mut comparison = start(contestants, Limits::default());
     let paused = |app: &App| {
         assert_eq!(app.screen.snapshot.counters.env_steps, 0, "shown as it was saved");
         app.screen.snapshot.phase == Phase::Paused
@@ -294,51 +266,32 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
 #[test]
 fn what_cannot_stand_beside_a_saved_run_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
-    let save = |map: Grid, name: &str| {
-        let trainer = trainer_in(&PointMaze::new(Arc::new(map), 0), gdg(), &Registry::builtin());
+    let save = |world: &dyn Environment, name: &str| {
+        let trainer = trainer_in(world, gdg(), &Registry::builtin());
         let to = SaveTo::CreateNew(folder.path().join(name));
         Contender::Checkpoint(train::save(&trainer, &to).expect("a file"))
     };
-    let saved = save(rooms(), "rooms.safetensors");
-    let other = save(Grid::empty("hall", 4, 3), "hall.safetensors");
-    let method = Contender::Method(gdg());
+    let maze = |map: Grid| PointMaze::new(Arc::new(map), 0);
+    let saved = save(&maze(rooms()), "rooms.safetensors");
+    let other = save(&maze(Grid::empty("hall", 4, 3)), "hall.safetensors");
+    let arm = save(&FetchReach::new(None, 0), "arm.safetensors");
+    let method = || Contender::Method(gdg());
     let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
-    let mixed = options([saved.clone(), method]);
+    let set = |name: &str| vec![format!("{name}=8")];
     for (options, problem) in [
         (both.clone(), "different maps: rooms (20 x 5) and hall (4 x 3)"),
-        (
-            ComparisonOptions { map: Some("trap".into()), ..both.clone() },
-            "trap: the map is that of",
-        ),
+        (ComparisonOptions { map: Some("trap".into()), ..both.clone() }, "the map is that of"),
         (ComparisonOptions { seed: Some(1), ..both.clone() }, "have their own seeds"),
-        (ComparisonOptions { set: vec!["hidden=8".into()], ..both }, "changes no method"),
-        (ComparisonOptions { set: vec!["A:hidden=8".into()], ..mixed }, "changes no method"),
+        (ComparisonOptions { set: set("hidden"), ..both }, "changes no method"),
         (
-            options([Contender::Checkpoint("none.safetensors".into()), Contender::Method(gdg())]),
-            "none.safetensors",
+            ComparisonOptions { set: set("A:hidden"), ..options([saved, method()]) },
+            "changes no method",
         ),
+        (options([arm, method()]), "is of a world without a map"),
+        (options([Contender::Checkpoint("none".into()), method()]), "none"),
     ] {
-        let error = prepare(&options, &Registry::builtin(), &Progress::default())
-            .err()
-            .expect("it is refused");
+        let refused = prepare(&options, &Registry::builtin(), &Progress::default());
+        let error = refused.err().expect("it is refused");
         assert!(error.to_string().contains(problem), "{error}");
     }
-}
-
-#[test]
-fn a_saved_run_of_a_world_without_a_map_is_refused_before_it_is_loaded() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let trainer = trainer_in(&FetchReach::new(None, 0), gdg(), &Registry::builtin());
-    let to = SaveTo::CreateNew(folder.path().join("arm.safetensors"));
-    let path = train::save(&trainer, &to).expect("a file");
-    // Loading it would say that it is damaged.
-    let mut bytes = std::fs::read(&path).expect("a file");
-    let last = bytes.last_mut().expect("a tensor");
-    *last ^= 1;
-    std::fs::write(&path, bytes).expect("a file");
-    assert!(train::load(&path, &Registry::builtin(), 1).is_err());
-    let methods = options([Contender::Checkpoint(path), Contender::Method(gdg())]);
-    let refused = prepare(&methods, &Registry::builtin(), &Progress::default());
-    let error = refused.err().expect("it is refused").to_string();
-    assert!(error.contains("is of a world without a map"), "{error}");
 }

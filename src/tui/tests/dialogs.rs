@@ -3,9 +3,8 @@
 use super::*;
 use crate::tui::app::files::pick_map;
 use crate::tui::background::Background;
-use crate::tui::dialog::{Choice, Item};
+use crate::tui::dialog::Choice;
 use crate::tui::lists;
-use crate::tui::panes::Pane;
 use crate::tui::reading::Read;
 use gdg::learn::LearnerKind;
 use gdg::map::MapScale;
@@ -64,37 +63,17 @@ fn whoever_decides_sees_all_that_is_at_stake_on_a_small_screen() {
 }
 
 #[test]
-fn panes_take_the_place_of_the_map_where_there_is_no_room_beside_it() {
-    let mut app = still();
-    draw(&mut app, 60, 20);
-    let mut seen = Vec::new();
-    for _ in 0..=Pane::ALL.len() {
-        press(&mut app, KeyCode::Tab);
-        draw(&mut app, 60, 20);
-        seen.push((app.screen.maximised, app.screen.pane));
-    }
-    let panes = Pane::ALL.map(|pane| (true, pane));
-    assert_eq!(seen[..Pane::ALL.len()], panes);
-    assert!(!seen[Pane::ALL.len()].0, "the map again");
-    press(&mut app, KeyCode::Char('5'));
-    assert!(app.screen.maximised && app.screen.pane == Pane::Log);
-}
-
-#[test]
-fn a_registered_learner_that_needs_rewards_is_listed_and_brings_the_tuned_preset() {
-    let her = *Registry::builtin().learner("her").expect("built in");
-    let registry = Registry::builtin().with_learner(LearnerKind { name: "own", ..her });
+fn a_learner_that_needs_rewards_brings_the_tuned_preset() {
+    let registry = Registry::builtin();
+    let her = *registry.learner("her").expect("built in");
+    let registry = registry.with_learner(LearnerKind { name: "own", ..her });
     let world = PointMaze::new(Arc::new(rooms()), 0);
-    let trainer = trainer_in(&world, Method::default(), &registry);
-    let mut app = still_of(&trainer);
+    let mut app = still_of(&trainer_in(&world, Method::default(), &registry));
     app.act(Action::Method);
-    let Some(Dialog::Pick(list)) = app.screen.dialogs.last_mut() else { panic!("a list") };
-    list.paste("own+sorb");
-    let method: Method = "own+sorb".parse().expect("a method");
-    assert_eq!(list.choice(), Some(&Choice::Method(method.clone())));
-    app.choose(Choice::Method(method.clone()));
+    type_text(&mut app, "own+sorb");
+    press(&mut app, KeyCode::Enter);
     app.obey();
-    assert_eq!(app.screen.run().method, method);
+    assert_eq!(app.screen.run().method.name(), "own+sorb");
     assert_eq!(app.screen.run().preset, Preset::Tuned);
 }
 
@@ -279,19 +258,6 @@ fn an_autosave_that_fails_is_tried_again_in_a_paused_run() {
     std::thread::sleep(Duration::from_millis(20));
     app.on_tick();
     wait_until(&mut app, |app| app.screen.snapshot.autosaves.len() == 1);
-}
-
-#[test]
-fn a_map_is_recent_once_it_has_been_opened() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("hall.txt");
-    std::fs::write(&file, ".....\n.....\n").expect("written");
-    let mut app = still();
-    app.choose(Choice::OpenMap(file.clone()));
-    let Some(Dialog::Pick(question)) = app.screen.dialogs.last() else { panic!("a question") };
-    let starts =
-        |item: &Item| matches!(&item.choice, Choice::StartOn(_, Some(from)) if *from == file);
-    assert!(question.items().any(starts), "what is picked records the file");
 }
 
 #[test]

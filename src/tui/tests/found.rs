@@ -1,7 +1,6 @@
 //! What the user sees at the start: a saved run, or hints.
 
 use super::*;
-use crate::host::runs::{self, SAVES};
 use crate::tui::clock;
 use gdg::engine::Command;
 use gdg::pulse::Progress;
@@ -123,16 +122,6 @@ fn undone_and_redone_steps_are_named_with_what_they_change() {
 }
 
 #[test]
-fn an_edit_that_the_trainer_has_yet_to_apply_is_shown_as_such() {
-    let mut app = app();
-    assert_eq!(app.scene.phase(&app.screen), "training");
-    app.act(Action::ToggleEdit);
-    app.act(Action::Apply);
-    assert_eq!(app.scene.phase(&app.screen), "applying the edit");
-    wait_until(&mut app, |app| app.scene.phase(&app.screen).starts_with("relearning"));
-}
-
-#[test]
 fn what_takes_long_is_shown_and_keys_pressed_meanwhile_are_taken() {
     let mut app = still();
     assert!(!app.on_tick());
@@ -248,30 +237,4 @@ fn curves_of_a_saved_run_are_drawn_behind_if_there_are_any_until_they_are_remove
     press(&mut app, KeyCode::Char('U'));
     let said = notice(&app);
     assert!(app.screen.under.is_none() && said.contains("removed the curves"), "{said}");
-}
-
-#[test]
-fn curves_of_the_run_itself_are_not_offered_to_lie_behind_its_own() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let own = folder.path().join("own.safetensors");
-    let mut app = stopped(rooms(), gdg(), Some(own.clone()));
-    let other = saved_run(folder.path(), &app).file;
-    app.act(Action::Save);
-    wait_until(&mut app, |app| app.screen.latest.saved.is_some());
-    assert!(own.is_file());
-    // Those in the usual folder are listed as well.
-    let usual = runs::files_in(Path::new(SAVES)).unwrap_or_default().len();
-    let mut listed = || -> Vec<String> {
-        press(&mut app, KeyCode::Char('U'));
-        match app.screen.dialogs.pop() {
-            Some(Dialog::Pick(list)) => list.items().map(|item| item.label.clone()).collect(),
-            _ => vec![app.screen.log.notice().expect("a notice").text.to_owned()],
-        }
-    };
-    let first = listed();
-    assert!(first.len() == 1 + usual && first[0] == "saved", "{first:?}");
-    std::fs::remove_file(other).expect("a file");
-    let left = listed();
-    let is_empty = left[0].contains("has no checkpoints of other runs");
-    assert!(if usual == 0 { is_empty } else { left == first[1..] }, "{left:?}");
 }

@@ -155,24 +155,6 @@ fn the_worlds_own_picture_is_beside_the_space_if_there_is_one() {
 }
 
 #[test]
-fn a_trainer_that_waits_for_the_environment_says_so() {
-    let mut app = staged_app(80, 24);
-    app.change_snapshot(|snapshot| snapshot.phase = gdg::engine::Phase::Running);
-    app.on_tick();
-    let waiting = app.pulse.begin("the environment to step");
-    app.on_tick();
-    press(&mut app, KeyCode::Char(' '));
-    assert!(!shown_by(&mut app, 80, 24).contains("waiting for"));
-    std::thread::sleep(std::time::Duration::from_millis(1_100));
-    assert!(app.on_tick(), "there is something new to draw");
-    let shown = shown_by(&mut app, 80, 24);
-    assert!(shown.contains("pausing: waiting for the environment, 1 s"), "{shown}");
-    drop(waiting);
-    assert!(app.on_tick());
-    assert!(!shown_by(&mut app, 80, 24).contains("waiting for"));
-}
-
-#[test]
 fn a_failure_of_the_environment_is_read_whole_on_a_small_screen() {
     let mut app = staged_app(80, 24);
     let cause = "PointMaze_UMaze-v3: its Python process has ended: killed by signal 9\n  one last \

@@ -56,81 +56,41 @@ fn shown_update(app: &App) -> Option<u64> {
 }
 
 #[test]
-fn a_frame_that_has_been_dropped_meanwhile_is_left_in_both_directions() {
-    let mut app = filmed_app(&[1, 2_500, 5_000, 7_500], 80, 24);
-    press(&mut app, KeyCode::Char('['));
-    press(&mut app, KeyCode::Char('['));
-    assert_eq!(shown_update(&app), Some(5_000));
-    let film = film(&app, &[1, 2_500, 7_500]);
-    app.change_snapshot(|snapshot| snapshot.film = film);
-    assert_eq!(shown_update(&app), Some(5_000), "it stays while it is looked at");
-    press(&mut app, KeyCode::Char('['));
-    assert_eq!(shown_update(&app), Some(2_500));
-    press(&mut app, KeyCode::Char(']'));
-    assert_eq!(shown_update(&app), Some(7_500));
-}
-
-#[test]
-fn the_past_shows_its_agents_and_its_goal_and_nothing_of_the_present() {
+fn the_past_shows_its_goal_and_nothing_of_the_present() {
     let mut app = filmed_app(&[1, 2_500, 5_000], 80, 24);
-    app.screen.field = Field::Visits;
     app.set_goal(Cell::new(3, 1));
-    let present = shown_by(&mut app, 80, 24);
-    assert!(present.contains('@') && present.contains('S'));
+    assert!(shown_by(&mut app, 80, 24).contains('@'));
     press(&mut app, KeyCode::Char('['));
     stage_past(&mut app);
     let terminal = draw(&mut app, 80, 24);
     let past = text(&terminal);
     assert!(past.contains("update 5,000: G is the film's"), "{past}");
-    assert!(past.contains("D to G"), "of the past, there is only D: {past}");
-    let goal = character_of(&app, Cell::new(19, 4));
-    let buffer = terminal.backend().buffer();
-    assert_eq!(buffer[goal].symbol(), "G", "the goal of the film");
-    assert_ne!(buffer[character_of(&app, Cell::new(3, 1))].symbol(), "G");
-    assert!(
-        !app.screen
-            .layout
-            .map
-            .as_ref()
-            .is_none_or(|frame| frame.area.positions().any(|at| buffer[at].symbol() == "@"))
-    );
+    let at = |cell| terminal.backend().buffer()[character_of(&app, cell)].symbol();
+    assert!(at(Cell::new(19, 4)) == "G" && at(Cell::new(3, 1)) != "G", "{past}");
+    let map = app.screen.layout.map.as_ref().expect("a map").area;
+    assert!(map.positions().all(|at| terminal.backend().buffer()[at].symbol() != "@"));
 }
 
 #[test]
-fn whatever_is_about_the_present_returns_to_it() {
-    let mut app = filmed_app(&[1, 2_500], 80, 24);
-    for action in
-        [Action::NewGoal, Action::Field(true), Action::ToggleEdit, Action::NewStart, Action::Follow]
-    {
-        app.act(Action::Back);
-        assert!(shown_update(&app).is_some(), "{action:?}");
-        app.act(action);
-        assert_eq!(shown_update(&app), None, "{action:?}");
-        press(&mut app, KeyCode::Esc);
-    }
-    app.act(Action::Back);
-    let at = character_of(&app, Cell::new(3, 1));
-    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-    assert_eq!((shown_update(&app), app.maze().goal), (None, Cell::new(3, 1)));
-    app.act(Action::Back);
-    app.act(Action::ZoomIn);
-    assert!(shown_update(&app).is_some(), "zooming in does not");
-}
-
-#[test]
-fn a_click_on_the_curves_goes_to_that_update() {
+fn a_click_on_the_curves_goes_to_that_update_and_one_on_the_map_returns() {
     let mut app = filmed_app(&[1, 2_500, 5_000, 7_500], 120, 40);
     app.screen.pane = Pane::Curves;
     draw(&mut app, 120, 40);
-    let charts = app.screen.layout.charts.clone();
-    assert!(!charts.is_empty());
-    for chart in charts {
-        let ratatui::layout::Rect { x, y, width, .. } = chart.area;
-        for (share, expected) in [(0, 1), (1, 2_500), (2, 5_000), (3, 7_500), (4, 7_500)] {
-            let at = Position::new(x + (width - 1) * share / 4, y + 1);
-            mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-            assert_eq!(shown_update(&app), Some(expected), "{share} quarters of {chart:?}");
-        }
+    let area = app.screen.layout.charts.first().expect("a chart").area;
+    for (share, expected) in [(0, 1), (1, 2_500), (2, 5_000), (3, 7_500), (4, 7_500)] {
+        let at = Position::new(area.x + (area.width - 1) * share / 4, area.y + 1);
+        click(&mut app, MouseButton::Left, at);
+        assert_eq!(shown_update(&app), Some(expected), "{share} quarters");
+    }
+    let at = character_of(&app, Cell::new(3, 1));
+    click(&mut app, MouseButton::Left, at);
+    assert_eq!((shown_update(&app), app.maze().goal), (None, Cell::new(3, 1)));
+    // So does whatever is about the present.
+    for (key, stays) in [('n', false), ('v', false), ('e', false), ('f', false), ('+', true)] {
+        app.act(Action::Back);
+        type_text(&mut app, &key.to_string());
+        assert_eq!(shown_update(&app).is_some(), stays, "{key}");
+        press(&mut app, KeyCode::Esc);
     }
 }
 
@@ -148,21 +108,19 @@ fn the_film_is_exported_from_any_moment() {
 
 #[test]
 fn pictures_of_the_past_are_named_and_described_by_what_they_show() {
-    let mut app = filmed_app(&[1, 2_500, 5_000], 120, 40);
+    let mut app = filmed_app(&[1, 2_500], 120, 40);
     app.change_snapshot(|snapshot| snapshot.edits = Arc::new(vec![2_500]));
-    for (updates, is_edited) in [(5_000, false), (2_500, true)] {
-        press(&mut app, KeyCode::Char('['));
-        stage_past(&mut app);
-        assert_eq!(shown_by(&mut app, 120, 40).contains("walls of today"), is_edited);
-        let App { screen, scene, .. } = &mut app.app;
-        assert!(name(ExportKind::MapSvg, screen, scene).ends_with(&format!("-{updates}")));
-        let bytes = contents(ExportKind::MapSvg, screen, scene).expect("a picture");
-        // Each character is an element of its own, and blanks are none.
-        let picture = String::from_utf8(bytes).expect("text");
-        let picture: String = picture.lines().filter(|line| !line.starts_with('<')).collect();
-        assert!(picture.contains(&format!("update{}", gdg::text::grouped(updates))), "{picture}");
-        assert!(!picture.contains("Escnow"), "keys are left out: {picture}");
-    }
+    press(&mut app, KeyCode::Char('['));
+    stage_past(&mut app);
+    assert!(shown_by(&mut app, 120, 40).contains("walls of today"));
+    let App { screen, scene, .. } = &mut app.app;
+    assert!(name(ExportKind::MapSvg, screen, scene).ends_with("-2500"));
+    let picture = contents(ExportKind::MapSvg, screen, scene).expect("a picture");
+    // Each character is an element of its own, and blanks are none.
+    let picture = String::from_utf8(picture).expect("text");
+    let picture: String = picture.lines().filter(|line| !line.starts_with('<')).collect();
+    assert!(picture.contains("update2,500"), "{picture}");
+    assert!(!picture.contains("Escnow"), "keys are left out: {picture}");
 }
 
 #[test]
@@ -200,23 +158,17 @@ fn the_past_of_an_arm_is_a_field_through_its_goal() {
     let (world, mut film) = (FetchReach::new(None, 3), Film::default());
     let points = film.points(&world).expect("points");
     film.add(1, 8, &world, &points, &vec![5.0; points.place_of.len()]);
-    let film = film.frames().clone();
-    app.change_snapshot(|snapshot| snapshot.film = film);
+    app.change_snapshot(|snapshot| snapshot.film = film.frames().clone());
     app.act(Action::Back);
-    let views = app.views();
-    let began = Instant::now();
+    let (views, began) = (app.views(), Instant::now());
     while app.shown_past().is_none() {
         assert!(began.elapsed() < Duration::from_mins(1), "timed out");
-        std::thread::sleep(Duration::from_millis(5));
         let view = views.borrow().clone();
         app.on_view(view);
     }
-    let fields = app.arm().view.fields.clone();
-    assert_eq!(fields.len(), app.screen.layout.projections.len());
-    for field in fields.iter() {
-        let known: Vec<f32> = field.iter().copied().filter(|value| value.is_finite()).collect();
-        assert!(!known.is_empty() && known.iter().all(|value| (value - 5.0).abs() < 0.01));
+    for field in app.arm().view.fields.iter() {
+        let mut known = field.iter().filter(|value| value.is_finite()).peekable();
+        assert!(known.peek().is_some() && known.all(|value| (value - 5.0).abs() < 0.01));
     }
-    let shown = shown_by(&mut app, 120, 40);
-    assert!(shown.contains("update 1") && !shown.contains('@'), "{shown}");
+    assert!(shown_by(&mut app, 120, 40).contains("update 1"));
 }

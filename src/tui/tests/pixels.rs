@@ -108,35 +108,21 @@ fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
 }
 
 #[test]
-fn the_mouse_finds_the_same_cells_as_with_characters() {
-    let mut app = still();
-    draw(&mut app, 80, 24);
-    let before = app.screen.layout.map.clone();
-    app.set_graphics(Some(GRAPHICS), Redraw::All);
-    draw(&mut app, 80, 24);
-    assert_eq!(app.screen.layout.map, before);
-    let at = character_of(&app, Cell::new(3, 3));
-    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-    assert_eq!(app.maze().goal, Cell::new(3, 3));
-    draw(&mut app, 80, 24);
-    assert_eq!(colour(&app, [3.5, 3.5], [-5.0, 0.0]), app.screen.theme.goal);
-}
-
-#[test]
 fn text_over_the_map_wins() {
     let mut app = app_with_pictures();
     let mut patches = Patches::new(Protocol::Kitty);
-    let terminal = draw(&mut app, 80, 24);
+    let before = draw(&mut app, 80, 24);
+    let sent = |patches: &mut Patches, app: &App, terminal: &Terminal<TestBackend>| {
+        let screen = terminal.backend().buffer();
+        let bytes = patches.update(&app.pictures(), screen, GRAPHICS).expect("encoded");
+        String::from_utf8_lossy(&bytes).into_owned()
+    };
+    sent(&mut patches, &app, &before);
     let area = app.screen.layout.map.as_ref().expect("a map").area;
-    let before = left_to_picture(&terminal, area);
-    patches.update(&app.pictures(), terminal.backend().buffer(), GRAPHICS).expect("encoded");
     press(&mut app, KeyCode::Char('?'));
-    let terminal = draw(&mut app, 80, 24);
-    assert!(text(&terminal).contains("\u{250c} help"), "{}", text(&terminal));
-    assert!(left_to_picture(&terminal, area) < before / 2, "the help covers most of the map");
-    let bytes =
-        patches.update(&app.pictures(), terminal.backend().buffer(), GRAPHICS).expect("encoded");
-    assert!(String::from_utf8_lossy(&bytes).contains("a=d"), "what is under the help is deleted");
+    let after = draw(&mut app, 80, 24);
+    assert!(left_to_picture(&after, area) < left_to_picture(&before, area) / 2);
+    assert!(sent(&mut patches, &app, &after).contains("a=d"), "what is below is deleted");
     // A maximised pane takes the place of the map.
     press(&mut app, KeyCode::Esc);
     press(&mut app, KeyCode::Char('z'));
@@ -146,24 +132,23 @@ fn text_over_the_map_wins() {
 
 #[test]
 fn pixels_are_for_terminals_with_pictures_and_colours() {
-    let shows = |marker, graphics, theme| {
+    for (marker, graphics, theme, are_shown) in [
+        (Marker::Auto, Some(GRAPHICS), ThemeName::Dark, true),
+        (Marker::Pixels, Some(GRAPHICS), ThemeName::Light, true),
+        (Marker::Auto, Some(GRAPHICS), ThemeName::Mono, false),
+        (Marker::Pixels, None, ThemeName::Dark, false),
+        (Marker::HalfBlock, Some(GRAPHICS), ThemeName::Dark, false),
+    ] {
         let mut app = still();
         app.screen.marker = marker;
         app.screen.theme = Theme::new(theme, ColourDepth::True);
         app.set_graphics(graphics, Redraw::All);
         draw(&mut app, 80, 24);
-        !app.pictures().is_empty()
-    };
-    for theme in [ThemeName::Dark, ThemeName::Light, ThemeName::ColourBlindSafe] {
-        assert!(
-            shows(Marker::Auto, Some(GRAPHICS), theme)
-                && shows(Marker::Pixels, Some(GRAPHICS), theme)
-        );
-    }
-    assert!(!shows(Marker::Auto, Some(GRAPHICS), ThemeName::Mono));
-    assert!(!shows(Marker::Pixels, None, ThemeName::Dark));
-    for marker in [Marker::HalfBlock, Marker::Quadrant, Marker::Braille] {
-        assert!(!shows(marker, Some(GRAPHICS), ThemeName::Dark));
+        assert_eq!(!app.pictures().is_empty(), are_shown, "{marker:?} {graphics:?} {theme:?}");
+        // The mouse finds the same cells as with characters.
+        let at = character_of(&app, Cell::new(3, 3));
+        click(&mut app, MouseButton::Left, at);
+        assert_eq!(app.maze().goal, Cell::new(3, 3));
     }
 }
 

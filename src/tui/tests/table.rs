@@ -112,6 +112,7 @@ const ROWS: &[Row] = &[
     (New, SMALL, "T{down}", &["dark text on a light page"], &[]),
     // Panes.
     (New, SMALL, "{click 4map 5log}", &["bridge edges", "contours"], &[]),
+    (New, NARROW, "{tab}", &["updates"], &["D to G"]),
     (New, NARROW, "5", &["log"], &["D to G"]),
     (New, SMALL, "z", &["updates"], &["D to G"]),
     (Run, LARGE, "2", &["waypoint", "walk"], &[]),
@@ -161,6 +162,7 @@ const ROWS: &[Row] = &[
     (List, NARROW, "", &["Space mark", "Enter resume", "c compare", "? help", "q quit"], &[]),
     (List, (24, 6), "", &["needs 60", "24 x 6"], &[]),
     (List, LARGE, " j ", &["  A ", "  B "], &[]),
+    (List, LARGE, "  ", &["5 runs"], &["  A "]),
     (List, LARGE, " j {esc}", &[], &["  A "]),
     (List, LARGE, "/rooms her", &["2 of 5 runs"], &["fourrooms"]),
     (List, LARGE, "{end}{up} ", &["  A fourrooms ", " 4,000 "], &[]),

@@ -212,18 +212,3 @@ impl Label {
         Some(Self { text, middle, angle, ends, counts })
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_field_is_continued_into_walls_but_not_through_them() {
-        let grounds = [Ground::Free([0.0; 2]), Ground::Wall, Ground::Free([0.0; 2])];
-        let filled = continue_into_walls(&[5.0, f32::NAN, 6.0], 3, &grounds, 10.0);
-        assert_eq!(filled, [5.0, 5.5, 6.0]);
-        assert!(continue_into_walls(&[5.0, f32::NAN, 60.0], 3, &grounds, 10.0)[1].is_nan());
-        let hidden = [Ground::Free([0.0; 2]); 3];
-        assert!(continue_into_walls(&[5.0, f32::NAN, 6.0], 3, &hidden, 10.0)[1].is_nan());
-    }
-}

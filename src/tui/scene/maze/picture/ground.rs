@@ -444,22 +444,3 @@ pub fn draw_edge(sheet: &mut Sheet, scale: &Scale, maze: &MazeState, screen: &Sc
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn values_are_interpolated_but_not_from_what_is_unknown() {
-        let values = [0.0, 10.0, f32::NAN, 0.0, 10.0, f32::NAN];
-        let shades = |is_smooth, pixels| {
-            let samples = Samples::new(&values, 3, is_smooth);
-            let (mut row, mut shades) = (Vec::new(), vec![0; pixels]);
-            samples.row(4, 8, &mut row);
-            fill_row(&row, &samples.across(pixels), &mut shades);
-            shades
-        };
-        assert_eq!(shades(true, 12), [0, 0, 1, 3, 6, 8, 10, 10, 10, 10, UNKNOWN, UNKNOWN]);
-        assert_eq!(shades(false, 6), [0, 0, 10, 10, UNKNOWN, UNKNOWN]);
-    }
-}
