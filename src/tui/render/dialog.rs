@@ -286,3 +286,27 @@ fn set_cursor(frame: &mut Frame, line: Rect, column: usize) {
         ));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tui::dialog::Choice;
+
+    #[test]
+    fn columns_of_a_list_begin_below_each_other() {
+        let names = [
+            "maze",
+            "\u{8ff7}\u{5bae}\u{5730}\u{56fe}",
+            "e\u{301}te\u{301}",
+            "\u{1f468}\u{200d}\u{1f467}",
+        ];
+        let detail = "wide \u{8ff7}\u{5bae} detail".repeat(3);
+        let items = names.map(|name| Item::new(name, detail.clone(), Choice::Nothing));
+        let picker = Picker::new("maps", items.to_vec());
+        for item in picker.items() {
+            let line = row_line(&Row::Item(item, false), label_width(&picker, 40), 40);
+            let label: usize = line.spans.iter().take(2).map(Span::width).sum();
+            assert_eq!((label, line.width()), (1 + 8 + 2, 40), "{line}");
+        }
+    }
+}

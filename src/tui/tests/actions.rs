@@ -62,7 +62,8 @@ fn every_key_triggers_its_action() {
             }
             app.screen.log.dismiss();
             let before = draw(&mut app, 80, 24).backend().buffer().clone();
-            (app.commands.try_iter().for_each(drop), app.requests.try_iter().for_each(drop));
+            app.commands.try_iter().for_each(drop);
+            app.requests.try_iter().for_each(drop);
             let combination = crokey::parse(key).expect("a key");
             let crokey::OneToThree::One(code) = combination.codes else {
                 panic!("{key} is one key")

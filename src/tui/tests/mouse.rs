@@ -39,19 +39,16 @@ fn clicks_switch_panes_and_overlays() {
 
 #[test]
 fn clicks_answer_and_close_dialogs() {
-    let mut app = app();
+    let mut app = still();
     app.act(Action::Method);
-    click_on(&mut app, SMALL, "Esc: close");
-    assert!(app.screen.dialogs.is_empty());
-    app.act(Action::Method);
-    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(0, 23));
+    draw(&mut app, 80, 24);
+    click(&mut app, MouseButton::Left, Position::new(0, 23));
     assert!(app.screen.dialogs.is_empty(), "a click outside closes it");
     assert!(!app.maze().editor.is_open(), "and does nothing else");
     app.act(Action::Autosave);
     type_text(&mut app, "7");
     click_on(&mut app, SMALL, "Enter: accept");
-    assert!(app.screen.dialogs.is_empty());
-    assert_eq!(app.saver.autosave.minutes, 7.0);
+    assert!(app.screen.dialogs.is_empty() && app.saver.autosave.minutes == 7.0);
     app.act(Action::Theme);
     click_on(&mut app, SMALL, "light   ");
     assert_eq!(app.screen.theme.name, ThemeName::Light);
