@@ -52,7 +52,7 @@ use gdg::env::{Environment, PointMaze};
 use gdg::map::{Cell, Grid, parse_map};
 use gdg::pulse::Pulse;
 use gdg::train::{
-    self, Description, FilmFrame, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Trainer,
+    self, Description, FilmFrame, Limits, Method, Preset, Registry, Run, SaveTo, Trainer,
 };
 use gdg::viewer::{Field, MazeView, Request, View, Viewer};
 
@@ -74,12 +74,21 @@ fn app_in(world: &dyn Environment, method: Method, limits: Limits, save: Option<
 
 /// Creates a trainer with small networks, whose learner is in `registry`.
 fn trainer_in(world: &dyn Environment, method: Method, registry: &Arc<Registry>) -> Trainer {
-    let mut settings = Settings::default();
+    seeded_trainer(world, method, registry, 1)
+}
+
+fn seeded_trainer(
+    world: &dyn Environment,
+    method: Method,
+    registry: &Arc<Registry>,
+    seed: u64,
+) -> Trainer {
+    let preset = registry.preset_of(&method);
+    let mut settings = preset.settings();
     settings.learn.hidden = 16;
     settings.learn.buffer_size = 20_000;
     settings.bridge.candidates = 40;
-    let run = Run { method, preset: Preset::Default, seed: 1, settings };
-    Trainer::new(run, world, registry, 1).expect("a trainer")
+    Trainer::new(Run { method, preset, seed, settings }, world, registry, 1).expect("a trainer")
 }
 
 fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {

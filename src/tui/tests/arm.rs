@@ -151,6 +151,14 @@ fn the_arm_can_be_drawn_at_every_size_and_magnification_and_exported() {
         }
         press(&mut app, KeyCode::Char('0'));
     }
+    // Groups of tasks are measured in centimetres.
+    let mut evaluation = staged::evaluation(1.0);
+    for (i, group) in evaluation.greedy.by_distance.iter_mut().enumerate() {
+        (group.distance_steps, group.distance_cm) = (None, Some(7.0 + i as f64));
+    }
+    app.change_snapshot(|snapshot| snapshot.evaluations = Arc::new(vec![(500, evaluation)]));
+    let csv = crate::tui::export::contents(ExportKind::CurvesCsv, &mut app.screen, &app.scene);
+    assert!(String::from_utf8_lossy(&csv.expect("a table")).contains(",greedy_at_7_cm,"));
     for kind in ExportKind::ALL {
         let is_written = crate::tui::export::contents(kind, &mut app.screen, &app.scene).is_ok();
         let is_filmed = matches!(kind, ExportKind::Still | ExportKind::Film);

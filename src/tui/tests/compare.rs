@@ -12,15 +12,8 @@ use gdg::train::{Counters, Evaluation};
 use gdg::viewer::View;
 
 fn trainer(method: &str, seed: u64) -> Trainer {
-    let method: Method = method.parse().expect("a method");
-    let preset = Registry::builtin().preset_of(&method);
-    let mut settings = preset.settings();
-    settings.learn.hidden = 16;
-    settings.learn.buffer_size = 20_000;
-    settings.bridge.candidates = 40;
-    let run = Run { method, preset, seed, settings };
-    Trainer::new(run, &PointMaze::new(Arc::new(rooms()), 0), &Registry::builtin(), 1)
-        .expect("a trainer")
+    let world = PointMaze::new(Arc::new(rooms()), 0);
+    seeded_trainer(&world, method.parse().expect("a method"), &Registry::builtin(), seed)
 }
 
 fn comparison_with(methods: [&str; 2], limits: Limits) -> Comparison {

@@ -119,6 +119,7 @@ fn undone_and_redone_steps_are_named_with_what_they_change() {
     wait_until(&mut app, |app| says(app, "undone: 1 cell opened"));
     app.act(Action::Redo);
     wait_until(&mut app, |app| says(app, "redone: 1 cell walled"));
+    assert!(app.screen.log.entries().is_sorted_by_key(|entry| entry.updates), "in order");
 }
 
 #[test]

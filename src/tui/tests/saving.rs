@@ -184,6 +184,8 @@ fn new_networks_do_not_replace_the_checkpoint_of_those_before() {
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
     let before = std::fs::read(&path).expect("saved");
     set(&mut app, "hidden", "8");
+    let said = "hidden 16 -> 8; networks reset, replay kept";
+    wait_until(&mut app, |app| app.screen.log.entries().iter().any(|entry| entry.text == said));
     app.act(Action::Save);
     wait_until(&mut app, |app| {
         app.screen.snapshot.saved.as_ref().is_some_and(|(_, saved)| **saved != path)

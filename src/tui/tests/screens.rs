@@ -5,6 +5,7 @@ use super::staged::staged_app;
 use super::*;
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
+use gdg::bridge::EdgeStatus;
 use gdg::viewer::maze::Exploration;
 
 /// Compares a screen with its snapshot.
@@ -68,6 +69,25 @@ fn each_overlay_changes_the_map_and_is_hidden_again() {
     let shown = picture(&draw(&mut app, 80, 24));
     app.screen.overlays.toggle(Overlay::Unexplored);
     assert_eq!(picture(&draw(&mut app, 80, 24)), shown);
+}
+
+#[test]
+fn of_many_edges_only_those_near_the_cursor_are_drawn() {
+    let mut app = staged_app(120, 40);
+    app.screen.overlays.toggle(Overlay::Edges);
+    let at = |i: usize| [0.5 + (i % 39) as f32 / 2.0, 0.5 + (i / 39 % 9) as f32 / 2.0];
+    let edges: Vec<_> = (0..11_000).map(|i| ([at(i), at(i + 40)], EdgeStatus::Confirmed)).collect();
+    for (x, is_left) in [(2, true), (17, false)] {
+        app.maze_mut().inspecting = Some(Cell::new(x, 2));
+        app.change_view(|view| view.edges = Arc::default());
+        let before = draw(&mut app, 120, 40).backend().buffer().clone();
+        app.change_view(|view| view.edges = Arc::new(edges.clone()));
+        let after = draw(&mut app, 120, 40).backend().buffer().clone();
+        let map = app.screen.layout.map.clone().expect("a map").area;
+        let mut changed = map.positions().filter(|at| before[*at] != after[*at]).peekable();
+        assert!(changed.peek().is_some());
+        assert!(changed.all(|at| (at.x < map.x + map.width / 2) == is_left), "cursor at {x}");
+    }
 }
 
 #[test]

@@ -14,6 +14,8 @@ enum Stage {
     /// A run that has just begun, of a method with bridges or without.
     New,
     Actor,
+    /// The same on a map that is larger than the screen.
+    Wide,
     /// The same with hints for a first run.
     First,
     /// A run in progress, the same without colours, and with a film.
@@ -33,6 +35,7 @@ impl Stage {
         match self {
             New => Box::new(still()),
             Actor => Box::new(still_on(rooms(), gdg())),
+            Wide => Box::new(still_on(Grid::empty("wide", 250, 200), gdg())),
             First => {
                 let mut app = still();
                 app.screen.first_run = true;
@@ -70,6 +73,8 @@ const ROWS: &[Row] = &[
     (Run, NARROW, "", &["Space pause", "panes", "? help", "q quit"], &[]),
     (New, TINY, "", &["Space pause", "? help", "q quit"], &[]),
     (New, (20, 24), "", &["panes"], &[]),
+    (Wide, SMALL, "", &["1 dot = "], &[]),
+    (New, SMALL, "", &[], &["1 dot = "]),
     (Mono, SMALL, "", &["#", "@", "G", "S", "D to G"], &[]),
     (First, SMALL, "", &["light = near G", "click: a new goal", "? help"], &[]),
     (First, SMALL, "n", &[], &["click: a new goal"]),
