@@ -36,6 +36,7 @@ use super::scene::{Cache, Scene};
 use super::screen::Screen;
 use super::text::{first_lines, wrapped};
 use super::theme::Theme;
+use gdg::text::is_active;
 
 /// Widths in columns: the panel beside the map, each column of panes in a wide panel, and the
 /// minimum for the map.
@@ -67,12 +68,20 @@ pub fn draw(frame: &mut Frame, screen: &Screen, scene: &Scene, cache: &mut Cache
             }
         }
     }
-    paint_page(frame, &screen.theme);
+    finish_frame(frame, &screen.theme);
     layout
 }
 
-/// Gives text without a colour of its own the colours of the theme's page, if it has one.
-pub fn paint_page(frame: &mut Frame, theme: &Theme) {
+/// Leaves out characters that act on a terminal, as names may contain some, and gives text without a
+/// colour of its own the colours of the theme's page, if it has one.
+pub fn finish_frame(frame: &mut Frame, theme: &Theme) {
+    for cell in &mut frame.buffer_mut().content {
+        // They have no width, and share a cell with another one.
+        if cell.symbol().chars().nth(1).is_some() {
+            let shown: String = cell.symbol().chars().filter(|c| !is_active(*c)).collect();
+            cell.set_symbol(&shown);
+        }
+    }
     let Some((ink, ground)) = theme.page else { return };
     let [ink, ground] = [ink, ground].map(|rgb| theme.colour(rgb));
     for cell in &mut frame.buffer_mut().content {
@@ -191,4 +200,25 @@ pub fn middle(area: Rect, width: u16, height: u16) -> Rect {
         Constraint::Length(width.min(area.width)),
         Constraint::Length(height.min(area.height)),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use ratatui::Terminal;
+    use ratatui::backend::TestBackend;
+
+    use super::*;
+    use crate::tui::theme::{ColourDepth, ThemeName};
+
+    #[test]
+    fn characters_that_act_on_a_terminal_are_left_out_of_a_frame() {
+        let theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
+        let mut terminal = Terminal::new(TestBackend::new(8, 1)).expect("a terminal");
+        let drawn = terminal.draw(|frame| {
+            frame.render_widget(Paragraph::new("a\u{202e}b\u{2066}e\u{301}"), frame.area());
+            finish_frame(frame, &theme);
+        });
+        let cells = &drawn.expect("a frame").buffer.content;
+        assert_eq!(cells.iter().map(|cell| cell.symbol()).collect::<String>(), "abe\u{301}     ");
+    }
 }

@@ -15,7 +15,7 @@ pub use nearest::nearest;
 pub use number::{NumberError, parse_count, parse_real};
 
 /// Returns whether a character does anything but display itself.
-fn is_active(c: char) -> bool {
+pub fn is_active(c: char) -> bool {
     // Control characters (C0, DEL, C1), line separators, and characters that change the text
     // direction or are invisible.
     c.is_control()

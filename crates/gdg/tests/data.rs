@@ -131,6 +131,13 @@ fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
     let other = train::load(&checkpoint, &Registry::builtin(), 1).unwrap().trainer;
     let error = other.check_data().unwrap_err().to_string();
     assert!(error.contains("walks.npz: is not what the run has learned from"), "{error}");
+    // Nor are they ignored while the run's own are there.
+    let named = folder.path().join("named.npz");
+    std::fs::rename(&file, &named).unwrap();
+    std::fs::rename(&moved, &file).unwrap();
+    let named = Registry::builtin().with_data(Some(named));
+    let error = train::load(&checkpoint, &named, 1).unwrap().trainer.check_data().unwrap_err();
+    assert!(error.to_string().contains("named.npz: is not what the run"), "{error}");
 }
 
 #[test]

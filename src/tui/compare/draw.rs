@@ -26,7 +26,7 @@ use crate::tui::interface::Interface;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::raster::{MapFrame, Viewport};
-use crate::tui::render::{dialog, footer, help, paint_page, too_small};
+use crate::tui::render::{dialog, finish_frame, footer, help, too_small};
 use crate::tui::scene::Cache;
 use crate::tui::scene::maze::{info, map, minimap};
 use crate::tui::style::{BOLD, DIM, REVERSED};
@@ -81,7 +81,7 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
         }
         None => {}
     }
-    paint_page(frame, &screen.theme);
+    finish_frame(frame, &screen.theme);
     // The same lines on both sides, from the next frame on.
     let interval = drawn.iter().filter_map(|side| side.own_contour_interval).fold(0.0, f32::max);
     for (side, drawn) in comparison.sides.iter_mut().zip(drawn) {

@@ -25,7 +25,7 @@ use super::list::{Column, Entry, List, name};
 use super::{Question, RunsScreen, curves, settings, sign, style};
 use crate::tui::action::{Action, Binding, Mode, When, bindings};
 use crate::tui::layout::{Click, ScreenLayout};
-use crate::tui::render::{footer, help, middle, paint_page, too_small};
+use crate::tui::render::{finish_frame, footer, help, middle, too_small};
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::{fitted_line, fitted_lines, wrapped};
 use crate::tui::theme::Theme;
@@ -109,7 +109,7 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
         layout.forget_clicks();
         help::draw_for_lists(frame, &screen.keymap, shown, layout);
     }
-    paint_page(frame, &screen.theme);
+    finish_frame(frame, &screen.theme);
     places
 }
 

@@ -162,7 +162,7 @@ impl Dataset {
         Ok(checksum)
     }
 
-    /// Reads the file that a run has learned from: `moved` if it is elsewhere now.
+    /// Reads the file that a run has learned from, or else `moved`, which must be the same.
     ///
     /// # Errors
     /// See [`Self::read`]; or it is another file.
@@ -172,26 +172,16 @@ impl Dataset {
         world: &dyn Environment,
         progress: &Progress,
     ) -> Result<Self, DataError> {
-        let places = [Some(&*source.file), moved].into_iter().flatten();
-        let parts = places.clone().count() + 1;
-        let other = || {
+        let file = moved.unwrap_or(&source.file);
+        let checked = checksum(file, [0, 2], progress)?;
+        if checked.0 != source.checksum {
             let (from, transitions) = (source.file.display(), source.transitions);
             let problem = format!(
                 "is not what the run has learned from, {from} with {transitions} transitions"
             );
-            unfit(moved.unwrap_or(&source.file), problem)
-        };
-        let mut problem = other();
-        for (part, file) in places.enumerate() {
-            problem = match checksum(file, [part, parts], progress) {
-                Ok(checked) if checked.0 == source.checksum => {
-                    return Self::read_checked(file, checked, world, parts, progress);
-                }
-                Ok(_) => other(),
-                Err(error) => error,
-            };
+            return Err(unfit(file, problem));
         }
-        Err(problem)
+        Self::read_checked(file, checked, world, 2, progress)
     }
 
     /// Returns where it comes from.

@@ -213,10 +213,20 @@ fn mark_objects(text: &Text, root: Node, width: usize, cells: &mut [Mark]) -> Ma
         node.has_tag_name("object") && !node.ancestors().any(|node| node.has_tag_name("tileset"))
     };
     for object in root.descendants().filter(is_object) {
-        let Some(mark) = names(object).find_map(mark) else { continue };
-        let fault = |problem: &str| -> Box<MapError> {
-            text.error_at(place_of(text, object.range().start), problem, WALLS)
+        let unfit = |problem: &str, help| -> Box<MapError> {
+            text.error_at(place_of(text, object.range().start), problem, help)
         };
+        if object.has_attribute("template") {
+            return Err(unfit(
+                "this object is from a template",
+                "Object > Detach Template Instance",
+            ));
+        }
+        let Some(mark) = names(object).find_map(mark) else { continue };
+        if object.children().any(|node| ["polygon", "polyline"].contains(&node.tag_name().name())) {
+            return Err(unfit("this object is a polygon", "starts and goals are points or tiles"));
+        }
+        let fault = |problem: &str| unfit(problem, WALLS);
         let tile = [size(text, root, "tilewidth")? as f32, size(text, root, "tileheight")? as f32];
         let [x, y] = middle(text, object)?;
         let (x, y) = ((x / tile[0]).floor(), (y / tile[1]).floor());
