@@ -91,8 +91,11 @@ fn only_texts_that_are_maps_are_offered() {
     press(&mut app, KeyCode::Esc);
     app.screen.reading_patience = Duration::ZERO;
     pick(&mut app);
-    assert!(notice(&app).starts_with("reading the maps in ") && app.screen.dialogs.is_empty());
-    tick_until(&mut app, |app| !app.screen.dialogs.is_empty());
+    // They may have been read by now.
+    if app.screen.dialogs.is_empty() {
+        assert!(notice(&app).starts_with("reading the maps in "));
+        tick_until(&mut app, |app| !app.screen.dialogs.is_empty());
+    }
 }
 
 /// Lets time pass until something changes after which `is` holds.
