@@ -234,13 +234,15 @@ def reset(slot, seed, task=-1):
 
 def step(slot, action):
     """Steps an environment and returns what it observes."""
-    stepped = slot.env.step(action)
-    if not isinstance(stepped, tuple) or len(stepped) != 5:
+    try:
+        observation, _, terminated, truncated, _ = slot.env.step(action)
+    except ValueError as error:  # Of wrappers, too.
+        if "values to unpack (expected 5" not in str(error):
+            raise
         raise Unsupported(
             "its step does not return five values, as in the old gym: change it to return"
             " observation, reward, terminated, truncated, info"
-        )
-    observation, _, terminated, truncated, _ = stepped
+        ) from error
     slot.ended = bool(terminated or truncated)
     return observation
 
