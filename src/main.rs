@@ -11,8 +11,6 @@ use gdg_tui::cli::Cli;
 use gdg_tui::commands;
 use gdg_tui::host::status::EXIT_FAILURE;
 use gdg_tui::host::{report, signals};
-#[cfg(feature = "tui")]
-use gdg_tui::tui;
 use miette::Report;
 
 fn main() -> ExitCode {
@@ -20,12 +18,6 @@ fn main() -> ExitCode {
     report::set_up_colours();
     if let Err(error) = signals::survive_file_size_limit() {
         eprint_line(&format!("files that become too large will end the program: {error}"));
-    }
-    // Not a command for people: neither help nor completions list it.
-    #[cfg(feature = "tui")]
-    if std::env::args_os().nth(1).is_some_and(|first| first == tui::GUARD_COMMAND) {
-        tui::guard_terminal();
-        return ExitCode::SUCCESS;
     }
     let status = match Cli::from_arguments() {
         Ok(cli) => commands::run(cli, &Registry::builtin())

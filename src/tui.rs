@@ -98,7 +98,6 @@ pub use measure::{MeasuredInterface, MeasuredScreen};
 pub use record::LARGEST_SCREEN;
 use record::Recorder;
 pub use runs::{Next as NextAfterRuns, Opened, Opener, RunsScreen, Wish};
-pub use terminal::{GUARD_COMMAND, run_guard as guard_terminal};
 
 /// How the interface is shown and recorded.
 pub struct InterfaceOptions {
@@ -130,8 +129,8 @@ impl PreparedInterface {
     }
 }
 
-/// Open files that the interface needs besides those that are open: for terminal, signals, its
-/// guard and checkpoints.
+/// Open files that the interface needs besides those that are open: for terminal, signals and
+/// checkpoints.
 #[cfg(unix)]
 const MIN_OPEN_FILES: usize = 24;
 

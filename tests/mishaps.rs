@@ -644,28 +644,6 @@ fn headless_panics_are_errors_and_the_run_is_saved() {
 }
 
 #[test]
-fn killing_or_aborting_the_program_restores_the_terminal() {
-    for signal in ["KILL", "ABRT"] {
-        let folder = folder();
-        let mut session = Session::start(folder.path(), &["trap"]);
-        session.wait_for("training");
-        session.signal(signal);
-        session.status();
-        let began = Instant::now();
-        while !session.raw.lock().unwrap().ends_with(b"\x1b[?25h") {
-            assert!(
-                began.elapsed() < Duration::from_secs(10),
-                "the cursor does not come back after {signal}"
-            );
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        session.assert_terminal_restored();
-        let modes = session.master.get_termios().unwrap();
-        assert!(format!("{:?}", modes.local_flags).contains("ECHO |"), "the terminal echoes again");
-    }
-}
-
-#[test]
 fn settings_that_exceed_the_memory_are_refused_with_the_amount_needed() {
     let folder = folder();
     let limited = |args: &[&str]| {

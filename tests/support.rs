@@ -225,8 +225,7 @@ impl Session {
                 |[taken, back]: &[&[u8]; 2]| last(taken).is_none() || last(back) <= last(taken);
             modes.into_iter().find(is_kept).map(|[_, back]| String::from_utf8_lossy(back))
         };
-        // The last output may still be in transit; if this end did not read for a while, the guard
-        // sends it after the program has ended.
+        // The last output may still be in transit.
         let began = Instant::now();
         while missing().is_some() && began.elapsed() < Duration::from_secs(10) {
             std::thread::sleep(Duration::from_millis(10));

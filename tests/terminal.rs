@@ -278,7 +278,7 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
     again.press("q");
     assert_eq!(again.end(), 0);
     assert_ne!(std::fs::read_to_string(folder.path().join("run.cast")).unwrap(), cast);
-    for shell in ["bash", "zsh", "fish"] {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         assert!(run(&["completions", shell]).contains("max-updates"));
     }
     let manual = run(&["man"]);

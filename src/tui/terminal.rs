@@ -1,7 +1,5 @@
 //! The terminal: set up at the start, and always restored.
 
-mod guard;
-
 use std::cell::{Cell, RefCell};
 use std::io::Write;
 use std::rc::Rc;
@@ -30,8 +28,6 @@ use super::job_control::{self, is_in_foreground, is_raw};
 use super::record::{LARGEST_SCREEN, Recorder};
 use crate::tui::marker::Marker;
 use gdg::printing;
-use guard::Guard;
-pub use guard::{GUARD_COMMAND, run_guard};
 
 /// Timeout of the capability query, before the first frame and again before the terminal is
 /// restored: a late answer would appear at the shell's prompt.
@@ -56,8 +52,6 @@ pub struct Terminal {
     output: Output,
     /// Whether to set it up again once this program is in the foreground.
     is_given_back: bool,
-    /// Dismissed last, after everything has been restored.
-    guard: Option<Guard>,
 }
 
 /// Buffers output, until it is closed.
@@ -114,7 +108,6 @@ impl Terminal {
                 before(info);
             }));
         });
-        let guard = Guard::start();
         let asks = recorder.is_none()
             && graphics::is_worth_asking(marker, |name| std::env::var(name).ok());
         let output = Output::default();
@@ -128,21 +121,17 @@ impl Terminal {
         match enter() {
             Ok((inner, input)) => {
                 gdg::faults::show_in_interface(true);
-                let answer = asks.then(Answer::default);
-                let (size, graphics, patches, pictures_sent) = ((0, 0), None, None, None);
-                let is_given_back = false;
                 Ok(Self {
                     inner,
-                    size,
+                    size: (0, 0),
                     input,
                     recorder,
-                    answer,
-                    graphics,
-                    patches,
-                    pictures_sent,
+                    answer: asks.then(Answer::default),
+                    graphics: None,
+                    patches: None,
+                    pictures_sent: None,
                     output,
-                    is_given_back,
-                    guard,
+                    is_given_back: false,
                 })
             }
             Err(error) => {
@@ -281,7 +270,6 @@ impl Terminal {
         if !bytes.is_empty() {
             if graphics.protocol == Protocol::Kitty {
                 SHOWS_KITTY_PICTURES.store(true, Ordering::Relaxed);
-                self.guard.iter_mut().for_each(Guard::expect_pictures);
             }
             // Hide the cursor meanwhile, and put it back.
             let cursor = if self.output.shows_cursor.get() { SHOW_CURSOR } else { b"" };
@@ -346,7 +334,6 @@ impl Terminal {
 impl Drop for Terminal {
     fn drop(&mut self) {
         if !give_back() {
-            self.guard.iter_mut().for_each(Guard::take_over);
             // Nothing waits for it any more.
             printing::hurry();
         }

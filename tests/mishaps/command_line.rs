@@ -147,19 +147,6 @@ fn input_that_is_not_in_a_file_is_refused_with_what_to_do() {
 }
 
 #[test]
-fn completions_offer_only_commands_for_people() {
-    let folder = folder();
-    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
-        let (status, script, _) = typed(folder.path(), &["completions", shell]);
-        assert!(
-            status == 0 && script.contains("export-policy") && !script.contains("guard"),
-            "{shell}"
-        );
-    }
-    assert!(!typed(folder.path(), &["--help"]).1.contains("guard"));
-}
-
-#[test]
 fn a_resumed_run_goes_on_in_its_own_table() {
     let folder = folder();
     let run = |args: &[&str]| {
