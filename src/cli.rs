@@ -7,8 +7,6 @@ mod completions;
 mod export_data;
 mod export_policy;
 mod film;
-#[cfg(feature = "tui")]
-mod frames;
 mod gym;
 mod maps;
 mod method;
@@ -35,8 +33,6 @@ pub use completions::completions;
 pub use export_data::ExportDataArgs;
 pub use export_policy::ExportPolicyArgs;
 pub use film::FilmArgs;
-#[cfg(feature = "tui")]
-pub use frames::FramesArgs;
 pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand};
 pub use method::RunArgs;
 pub use plot::PlotArgs;
@@ -60,7 +56,7 @@ Examples:
   gdg-tui --resume saves/my.safetensors      resume where that run stopped
   gdg-tui runs                               all runs: resume, compare, plot
   gdg-tui film saves/my.safetensors          how it learned distance, animated
-  gdg-tui --record run.cast                  record; gdg-tui frames draws frames
+  gdg-tui --record run.cast                  record; asciinema play shows it
   gdg-tui fetch-reach --method gdg           a 7-joint arm reaches for points
   gdg-tui --no-ui gym:gymnasium_robotics:PointMaze_UMaze-v3    in Python
   gdg-tui compare gdg-bridge gdg             with bridge points and without
@@ -138,9 +134,6 @@ pub enum Command {
     ExportPolicy(ExportPolicyArgs),
     /// Write the film of how a checkpoint's run learned distance as an animated PNG
     Film(FilmArgs),
-    /// Render frames of a screen recording as PNG files, or all of it as an animation
-    #[cfg(feature = "tui")]
-    Frames(FramesArgs),
     /// Print shell completions
     Completions {
         /// The shell

@@ -7,8 +7,6 @@ mod compare;
 mod export_data;
 mod export_policy;
 mod film;
-#[cfg(feature = "tui")]
-pub mod frames;
 mod maps;
 mod output;
 mod plot;
@@ -50,8 +48,6 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Plot(args)) => plot::run(args),
         Some(Command::Reproduce(args)) => reproduce::run(args, registry),
         Some(Command::Ablate(args)) => ablate::run(args, registry),
-        #[cfg(feature = "tui")]
-        Some(Command::Frames(args)) => text(frames::run(&args)),
         Some(Command::Completions { shell }) => print(&completions(shell)),
         Some(Command::Man) => print(&manual().or_failure()?),
         Some(Command::Check { file, map, strict, reading }) => {

@@ -86,7 +86,7 @@ pub use config::{
     UiConfig, load as load_config, parse as parse_config, template as config_template,
 };
 use event_loop::Stage;
-pub use export::{PageColours, picture_of, png_of};
+pub use export::{PageColours, picture_of};
 use gdg::engine::Engine;
 use gdg::learn::Threads;
 use gdg::map::{self, Reading};
@@ -95,7 +95,6 @@ use gdg::viewer::Viewer;
 pub use keymap::Keymap;
 pub use marker::Marker;
 pub use measure::{MeasuredInterface, MeasuredScreen};
-pub use record::LARGEST_SCREEN;
 use record::Recorder;
 pub use runs::{Next as NextAfterRuns, Opened, Opener, RunsScreen, Wish};
 

@@ -10,8 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::support::{
-    Session, checkpoints, headless, isolated_command, non_zero, outcome, size,
-    with_updated_checksum,
+    Session, checkpoints, headless, non_zero, outcome, size, with_updated_checksum,
 };
 use gdg::pulse::Progress;
 use gdg::train::Registry;
@@ -245,31 +244,6 @@ fn mutated_checkpoints_are_refused_or_can_be_trained() {
     println!("{count} checkpoints, {taken} were still valid");
 }
 
-#[test]
-fn mutated_recordings_are_drawn_or_refused() {
-    let (count, folder, mut rng) = (times(40, 1000), folder(), rng(5));
-    let cast = "{\"version\":2,\"width\":40,\"height\":12}\n[0.1,\"o\",\"\\u001b[31mab\\u001b[2;3Hcd\"]\n[0.5,\"r\",\"30x10\"]\n[0.9,\"o\",\"x\"]\n";
-    for _ in 0..count {
-        std::fs::write(folder.path().join("a.cast"), mutated(cast.as_bytes(), &mut rng)).unwrap();
-        let began = Instant::now();
-        let mut command = isolated_command(folder.path());
-        let (status, _, errors) = outcome(command.args([
-            "frames",
-            "a.cast",
-            "--at",
-            "0.3",
-            "--out",
-            "out",
-            "--overwrite",
-        ]));
-        assert!(
-            matches!(status, 0 | 2) && began.elapsed() < Duration::from_secs(10),
-            "{status}: {errors}"
-        );
-    }
-    println!("{count} recordings");
-}
-
 /// Returns all files in a folder and its subfolders, with their contents.
 fn files_and_contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut all = BTreeMap::new();
@@ -486,14 +460,6 @@ fn fuzzing_seeds_are_read_or_refused() {
             "data" => {
                 let world = env::PointMaze::new(std::sync::Arc::new(trap.clone()), 0);
                 drop(train::Dataset::read(&path, &world, &Progress::default()));
-            }
-            "cast" => {
-                drop(gdg_tui::commands::frames::play(
-                    &path,
-                    vec![0.0, f64::MAX],
-                    &Progress::default(),
-                    |_, _| Ok(()),
-                ));
             }
             other => panic!("unknown fuzz target {other}"),
         }

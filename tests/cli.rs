@@ -904,44 +904,6 @@ fn help_shows_how_to_get_started() {
 }
 
 #[test]
-fn frames_writes_nothing_on_errors_and_replaces_files_only_with_overwrite() {
-    let folder = tempfile::tempdir().unwrap();
-    let frames = |cast: &str, more: &[&str]| {
-        std::fs::write(folder.path().join("run.cast"), cast).unwrap();
-        let output =
-            gdg().current_dir(&folder).args(["frames", "run.cast"]).args(more).output().unwrap();
-        let error = String::from_utf8_lossy(&output.stderr)
-            .split_whitespace()
-            .collect::<Vec<_>>()
-            .join(" ");
-        (output.status.code(), error)
-    };
-    let cast = "{\"version\":2,\"width\":4,\"height\":1}\n[3.5,\"o\",\"ab\"]\n";
-    let huge = "{\"version\":2,\"width\":65535,\"height\":65535}\n";
-    for (cast, more, expected) in [
-        (huge, &["--at", "0"][..], "run.cast:1: a screen of 65535 x 65535 characters is too large"),
-        ("", &["--at", "0"], "run.cast: is empty"),
-        (cast, &["--at", "1,500"], "run.cast: no frame at 500 s: the recording is 3.5 s long"),
-        (cast, &["--at=-1"], "a number of seconds from 0 to 1e9"),
-        (cast, &["--at", "inf"], "a number of seconds from 0 to 1e9"),
-    ] {
-        let (status, error) = frames(cast, more);
-        assert_eq!(status, Some(2), "{more:?}: {error}");
-        assert!(error.contains(expected), "{expected:?} is not in {error}");
-        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1, "nothing is written");
-    }
-    assert_eq!(frames(cast, &["--at", "1,3.5"]).0, Some(0));
-    let (status, error) = frames(cast, &["--at", "0,1"]);
-    assert_eq!(status, Some(2));
-    assert!(
-        error.contains("run-1.png: the file already exists") && error.contains("--overwrite"),
-        "{error}"
-    );
-    assert!(!folder.path().join("run-0.png").exists());
-    assert_eq!(frames(cast, &["--at", "0,1", "--overwrite"]).0, Some(0));
-}
-
-#[test]
 fn recorded_data_of_ogbench_are_learned_from_in_its_built_in_mazes() {
     let recording = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("crates/gdg/tests/data/ogbench/giant.npz")

@@ -847,7 +847,6 @@ fn special_files_are_refused_without_blocking() {
             &["--no-ui", "--resume", file],
             &["--no-ui", "--config", file],
             &["--no-ui", "trap", "--scen", file],
-            &["frames", file, "--at", "1"],
             &["--no-ui", file, "--csv", "q.csv"],
             &["--no-ui", "trap", "--scen", file, "--csv", "q.csv"],
             &["--no-ui", "trap", "--config", file, "--csv", "q.csv"],

@@ -12,7 +12,7 @@ const FAULTS: &str = "GDG_TUI_FAULTS";
 /// A fault that makes the work of a command take as long as a log waits before it says so.
 const SLOW: &str = "work=delay:2400@1";
 
-/// Returns a folder with a run, its transitions, a recording, and a folder of maps.
+/// Returns a folder with a run, its transitions, and a folder of maps.
 fn files() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let mut train = program_in(folder.path());
@@ -22,8 +22,6 @@ fn files() -> TempDir {
     let mut export = program_in(folder.path());
     export.args(["export-data", "saves/own.safetensors", "--out", "own.npz"]);
     assert_eq!(ran(export).status, Some(0));
-    let cast = "{\"version\":2,\"width\":4,\"height\":1}\n[0,\"o\",\"a\"]\n[1,\"o\",\"b\"]\n";
-    std::fs::write(folder.path().join("own.cast"), cast).unwrap();
     std::fs::create_dir(folder.path().join("maps")).unwrap();
     for name in ["a", "b"] {
         std::fs::write(folder.path().join(format!("maps/{name}.map")), "S....G\n").unwrap();
@@ -55,8 +53,6 @@ fn commands_say_what_they_wait_for() {
         ("export-policy saves/own.safetensors", "the checkpoint to be read"),
         ("export-data saves/own.safetensors", "the checkpoint to be read"),
         ("film saves/own.safetensors", "the checkpoint to be read"),
-        ("frames own.cast --at 0", "the frames to be drawn"),
-        ("frames own.cast --animate own.png", "the animation to be drawn"),
         ("suite maps --list --out own", "the maps to be read"),
         ("plot saves/own.safetensors", "the runs to be read"),
         ("runs", "the checkpoints to be read"),
@@ -85,15 +81,13 @@ fn commands_say_how_far_they_are() {
         ("export-policy saves/own.safetensors --plans", 18, "the policy to be written", 14),
         ("export-data saves/own.safetensors", 6, "the transitions to be written", 17),
         ("film saves/own.safetensors", 3, "the checkpoint to be read", 33),
-        ("frames own.cast --at 0,1", 3, "the frames to be drawn", 40),
-        ("frames own.cast --animate own.png", 3, "the animation to be drawn", 27),
         ("suite maps --list --out own", 3, "the maps to be read", 50),
         ("runs", 3, "the checkpoints to be read", 50),
         ("runs --json", 3, "the runs to be read", 50),
         ("--no-ui trap --max-updates 1 --data own.npz", 7, "the data to be read", 62),
     ];
     let faults = commands.map(|(_, pass, ..)| format!("progress=delay:2400@{pass}"));
-    let lines = std::array::from_fn::<_, 11, _>(|i| (commands[i].0, &*faults[i]));
+    let lines = std::array::from_fn::<_, 9, _>(|i| (commands[i].0, &*faults[i]));
     let mut shares = Vec::new();
     for ((line, _, what, _), said) in commands.iter().zip(said(folder.path(), lines)) {
         let share = said

@@ -9,7 +9,7 @@ use gdg::learn::Threads;
 const EXAMPLES: &str = "\
 Examples:
   gdg-tui tour                               a minute and a half, with captions
-  gdg-tui tour --record tour.cast            record; gdg-tui frames draws frames
+  gdg-tui tour --record tour.cast            record; asciinema play shows it
 
 Enter, the right arrow or a click goes to the next step, p pauses, Esc ends the tour. Then \
 training goes on as usual: it is the run of gdg-tui fourrooms --seed 0.

@@ -86,12 +86,6 @@ pub fn parse_timeout(text: &str) -> Result<f64, String> {
     number(text, 0.1..=1e6, "a number of seconds from 0.1 to 1e6")
 }
 
-/// Parses how many times as fast an animation plays.
-#[cfg(feature = "tui")]
-pub fn parse_speed(text: &str) -> Result<f64, String> {
-    number(text, 0.1..=100.0, "a number from 0.1 to 100")
-}
-
 /// Parses a time in minutes.
 pub fn parse_minutes(text: &str) -> Result<f64, String> {
     number(text, 0.0..=1e6, "a number of minutes, 0 for none")

@@ -21,7 +21,7 @@ use crate::figure::Format;
 use gdg::files::{self, write_atomically};
 use gdg::pulse::Progress;
 use gdg::viewer::{FilmError, animate, still};
-pub use picture::{picture_of, png_of};
+pub use picture::picture_of;
 
 /// Folder for exports.
 pub const EXPORT_FOLDER: &str = "exports";
@@ -174,7 +174,7 @@ pub fn picture(
     }
     let page = PageColours::for_theme(theme);
     match kind.file_type() {
-        "png" => Ok(png_of(drawn, area, page)?),
+        "png" => Ok(picture_of(drawn, area, page).to_png("gdg-tui")?),
         _ => Ok(vector::svg_of(drawn, area, page).into_bytes()),
     }
 }

@@ -111,7 +111,6 @@ fn no_output_is_written_to_a_file_called_minus() {
         &["film", "x", "--out", "-"],
         &["export-policy", "x", "--out", "-"],
         &["suite", "trap", "--out", "-"],
-        &["frames", "x", "--animate", "-"],
     ] {
         let (status, _, errors) = typed(folder.path(), args);
         assert!(

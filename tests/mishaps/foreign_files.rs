@@ -192,24 +192,23 @@ fn every_reader_says_what_a_file_of_another_kind_is() {
         (b"\x89HDF\r\n\x1a\n\0", "an HDF5 file", "give a|plain text"),
         (
             b"{\"version\":3,\"term\":{\"cols\":20,\"rows\":4}}\n[0.5,\"o\",\"\"]\n",
-            "an asciinema recording of version 3",
-            "convert",
+            "a screen recording",
+            "asciinema play FILE",
         ),
     ];
-    let readers: [(&[&str], &str); 7] = [
+    let readers: [(&[&str], &str); 6] = [
         (&["check", "FILE"], "a map"),
         (&["--no-ui", "trap", "--edit-at", "1:FILE"], "a map"),
         (&["--no-ui", "trap", "--scen", "FILE"], "a scenario"),
         (&["--no-ui", "--resume", "FILE"], "a checkpoint"),
         (&["film", "FILE"], "a checkpoint"),
         (&["--no-ui", "--config", "FILE"], "a settings file"),
-        (&["frames", "FILE", "--at", "1"], "a recording of asciinema's version 2"),
     ];
     for (bytes, kind, help) in kinds {
         std::fs::write(folder.path().join("FILE"), bytes).unwrap();
         for (args, wanted) in &readers {
             // JSON is what settings are, and images can be maps.
-            if kind.starts_with("an asciinema") && *wanted == "a settings file"
+            if kind == "a screen recording" && *wanted == "a settings file"
                 || kind == "an image (PNG)" && *wanted == "a map"
             {
                 continue;

@@ -13,18 +13,6 @@ use gdg::draw::Picture;
 const WIDTH: usize = 8;
 const HEIGHT: usize = 16;
 
-/// Renders a part of the screen as a PNG file.
-///
-/// # Errors
-/// Errors of the encoder.
-pub fn png_of(
-    screen: &Buffer,
-    area: Rect,
-    page: PageColours,
-) -> Result<Vec<u8>, png::EncodingError> {
-    picture_of(screen, area, page).to_png("gdg-tui")
-}
-
 /// Renders a part of the screen, 8 x 16 pixels a character.
 pub fn picture_of(screen: &Buffer, area: Rect, page: PageColours) -> Picture {
     let (columns, rows) = (usize::from(area.width) * WIDTH, usize::from(area.height) * HEIGHT);
@@ -121,7 +109,9 @@ mod tests {
         let mut screen = Buffer::empty(Rect::new(0, 0, 2, 1));
         let style = Style::new().fg(Color::Rgb(200, 10, 20)).bg(Color::Rgb(1, 2, 3));
         screen.set_string(0, 0, "\u{2580}A", style);
-        let file = png_of(&screen, screen.area, PageColours::default()).expect("a picture");
+        let file = picture_of(&screen, screen.area, PageColours::default())
+            .to_png("gdg-tui")
+            .expect("a picture");
         let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a PNG");
         let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
         let frame = reader.next_frame(&mut pixels).expect("pixels");

@@ -22,8 +22,6 @@ pub enum Format {
     Scenario,
     /// Checkpoints and policies.
     Safetensors,
-    /// A screen recording of asciinema's version 2.
-    Recording,
     /// Settings.
     Json,
     /// Recorded transitions.
@@ -246,23 +244,12 @@ fn markup(text: &str) -> Kind {
 
 /// Tells recordings from other JSON.
 fn json(text: &str) -> Kind {
-    const CONVERT: Advice =
-        Advice::Instead("convert it: asciinema convert -f asciicast-v2 FILE NEW.cast");
-    let version =
-        text.split_once("\"version\"").map_or("", |(_, rest)| rest.trim_start_matches([' ', ':']));
     let is_recording = ["\"width\"", "\"term\""].iter().any(|key| text.contains(key));
-    match version.chars().next() {
-        Some('2') if is_recording => {
-            let advice = Advice::First("gdg-tui frames FILE renders it");
-            Kind::new("a screen recording", Format::Recording, advice)
-        }
-        Some(digit @ ('1' | '3'..='9')) if is_recording => Kind::new(
-            format!("an asciinema recording of version {digit}"),
-            Format::Foreign,
-            CONVERT,
-        ),
-        _ => Kind::new("JSON", Format::Json, Advice::None),
+    if is_recording && text.contains("\"version\"") {
+        let advice = Advice::First("asciinema play FILE shows it");
+        return Kind::new("a screen recording", Format::Foreign, advice);
     }
+    Kind::new("JSON", Format::Json, Advice::None)
 }
 
 /// Recognises what the library knows: images, archives, documents and many more.
@@ -337,7 +324,7 @@ mod tests {
             (b"\0\x05\x16\x07\0\x02", "what macOS notes"),
             (b"\n<!DOCTYPE html>\n<title>", "a web page"),
             (b"<?xml version=\"1.0\"?><Error>", "XML"),
-            (b"{\"version\": 3, \"term\": {}}", "an asciinema recording of version 3"),
+            (b"{\"version\": 3, \"term\": {}}", "a screen recording"),
             (b"{\"version\":2,\"width\":4}", "a screen recording"),
             (b"{\"tau\": 1}", "JSON"),
             (b"[[1, 0]]", "JSON"),
