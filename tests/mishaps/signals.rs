@@ -314,42 +314,6 @@ fn a_program_that_takes_long_to_end_says_what_it_waits_for() {
 }
 
 #[test]
-fn a_long_update_is_left_unfinished_on_a_signal_and_the_run_goes_on_as_if_it_had_not_begun() {
-    let limits = ["--threads", "2", "--max-updates", "2", "--eval-tasks", "1", "--save"];
-    let folder = folder();
-    let start = |save: &str| {
-        headless(folder.path(), &[&["trap", "--log-level", "debug"], &limits[..], &[save]].concat())
-    };
-    assert_eq!(outcome(&mut start("whole.safetensors")).0, 0);
-    let log = folder.path().join("home/gdg-tui/log");
-    std::fs::remove_dir_all(&log).unwrap();
-    // The first part of the first update takes long.
-    let mut run =
-        RunningProgram::start(start("parts.safetensors").env(FAULTS, "helper=delay:10000@1"));
-    run.wait_for("start");
-    let has_begun = |file: std::fs::DirEntry| {
-        std::fs::read_to_string(file.path()).unwrap().contains("update 1 begins")
-    };
-    wait_until("no update", || {
-        std::fs::read_dir(&log).unwrap().any(|file| has_begun(file.unwrap()))
-    });
-    let (status, took) = run.end_with_signal("TERM");
-    assert!(status == 143 && took > Duration::from_secs(1), "{status} after {took:?}");
-    let parts = folder.path().join("parts.safetensors");
-    assert_eq!(assert_loads(&parts), 0, "the update that was running is undone");
-    let args = [&["--resume", "parts.safetensors"], &limits[..], &["parts.safetensors"]].concat();
-    assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
-    let state = |path: &Path| {
-        let loaded =
-            train::load(path, &Registry::builtin(), 1).unwrap_or_else(|e| panic!("{e}")).trainer;
-        let mut networks = gdg::store::Store::default();
-        loaded.learner().save(&mut networks).unwrap();
-        (networks, loaded.counters())
-    };
-    assert!(state(&parts) == state(&folder.path().join("whole.safetensors")));
-}
-
-#[test]
 fn updates_that_are_lost_without_a_file_to_save_to_are_said() {
     let folder = folder();
     checkpoint(folder.path());

@@ -107,8 +107,8 @@ pub struct Pulse(Arc<State>);
 #[derive(Debug)]
 struct State {
     beats: AtomicU64,
-    /// Parts of updates are left out from this beat on.
-    stop_at: AtomicU64,
+    /// Whether training is to stop.
+    stops: AtomicBool,
     /// What is being done besides training, by any of the runs, and since when.
     activities: Mutex<Vec<Doing>>,
 }
@@ -126,8 +126,8 @@ pub struct Doing {
 
 impl Default for Pulse {
     fn default() -> Self {
-        let (beats, stop_at) = (AtomicU64::new(0), AtomicU64::new(u64::MAX));
-        Self(Arc::new(State { beats, stop_at, activities: Mutex::default() }))
+        let (beats, stops) = (AtomicU64::new(0), AtomicBool::new(false));
+        Self(Arc::new(State { beats, stops, activities: Mutex::default() }))
     }
 }
 
@@ -164,19 +164,14 @@ impl Pulse {
         self.0.activities.lock().last().cloned()
     }
 
-    /// Wishes that training stops: an update in progress may be left unfinished.
+    /// Wishes that training stops, after the update in progress.
     pub fn stop(&self) {
-        self.stop_at(0);
-    }
-
-    /// Like [`Self::stop`], from this beat on.
-    pub fn stop_at(&self, beat: u64) {
-        self.0.stop_at.store(beat, Ordering::Relaxed);
+        self.0.stops.store(true, Ordering::Relaxed);
     }
 
     /// Returns whether training is to stop.
     pub fn stops(&self) -> bool {
-        self.beats() >= self.0.stop_at.load(Ordering::Relaxed)
+        self.0.stops.load(Ordering::Relaxed)
     }
 }
 
@@ -199,63 +194,11 @@ impl Drop for Activity {
     }
 }
 
-/// The parts of one long update: the pulse counts them, and they are left out once training is to
-/// stop.
-#[derive(Debug)]
-pub struct Parts {
-    pulse: Pulse,
-    /// Whether the update can be undone. Otherwise it is finished.
-    may_skip: bool,
-    has_skipped: AtomicBool,
-}
-
-impl Parts {
-    /// Creates the parts of an update, which are left out only if it can be undone.
-    pub fn new(pulse: &Pulse, can_be_undone: bool) -> Self {
-        Self { pulse: pulse.clone(), may_skip: can_be_undone, has_skipped: AtomicBool::new(false) }
-    }
-
-    /// Returns whether to compute the next part. If it is left out, the update is to be undone.
-    pub fn next(&self) -> bool {
-        let skips = self.may_skip && self.pulse.stops();
-        if skips {
-            self.has_skipped.store(true, Ordering::Relaxed);
-        } else {
-            self.pulse.beat();
-        }
-        !skips
-    }
-
-    /// Returns whether parts of this update have been left out.
-    pub fn has_skipped(&self) -> bool {
-        self.has_skipped.load(Ordering::Relaxed)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::time::Duration;
 
     use super::*;
-
-    #[test]
-    fn each_update_knows_whether_its_own_parts_were_left_out() {
-        let pulse = Pulse::default();
-        let (first, second, finished) =
-            (Parts::new(&pulse, true), Parts::new(&pulse, true), Parts::new(&pulse, false));
-        assert!(first.next() && second.next() && finished.next());
-        assert_eq!(pulse.beats(), 3);
-        let done_before = Parts::new(&pulse, true);
-        assert!(done_before.next());
-        pulse.stop();
-        assert!(!first.next() && finished.next() && first.has_skipped() && !second.has_skipped());
-        assert!(
-            !second.next() && second.has_skipped() && first.has_skipped(),
-            "whichever is asked first"
-        );
-        assert!(!finished.has_skipped() && !done_before.has_skipped());
-        assert_eq!(pulse.beats(), 5, "an update that is finished still beats");
-    }
 
     #[test]
     fn what_is_being_done_ends_with_it() {

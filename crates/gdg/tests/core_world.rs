@@ -1,8 +1,8 @@
 //! A world of nothing but the seven methods without a default goes through the whole trainer.
 
 use gdg::env::{EnvError, Environment, Spec, WorldKind};
-use gdg::train::{Preset, Registry, Run, Trainer};
-use rand::RngExt;
+use gdg::train::{Preset, Registry, Run, Tick, Trainer};
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::runs::train_to;
@@ -25,6 +25,9 @@ const KIND: WorldKind = WorldKind {
 struct Line {
     spec: Spec,
     positions: Vec<f32>,
+    /// Whether it computes its steps elsewhere, and the actions of one that has begun.
+    is_elsewhere: bool,
+    begun: Vec<f32>,
 }
 
 impl Line {
@@ -38,7 +41,7 @@ impl Line {
             goal_radius: 0.6,
             position_scale: Some(0.6),
         };
-        Self { spec, positions: vec![0.0; agents] }
+        Self { spec, positions: vec![0.0; agents], is_elsewhere: false, begun: Vec::new() }
     }
 }
 
@@ -72,11 +75,27 @@ impl Environment for Line {
     }
 
     fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError> {
-        Ok(Box::new(Self::new(agents)))
+        Ok(Box::new(Self { is_elsewhere: self.is_elsewhere, ..Self::new(agents) }))
+    }
+
+    fn begin_step(&mut self, actions: &[f32], _: &mut ChaCha8Rng) -> Result<bool, EnvError> {
+        if self.is_elsewhere {
+            self.begun = actions.to_vec();
+        }
+        Ok(self.is_elsewhere)
+    }
+
+    fn end_step(&mut self) -> Result<(), EnvError> {
+        let actions = std::mem::take(&mut self.begun);
+        self.step(&actions, &mut ChaCha8Rng::seed_from_u64(0))
     }
 }
 
 fn trainer() -> Trainer {
+    trainer_in(&Line::new(0))
+}
+
+fn trainer_in(line: &Line) -> Trainer {
     let mut settings = Preset::Default.settings();
     settings.learn.buffer_size = 20_000;
     settings.learn.hidden = 16;
@@ -87,7 +106,7 @@ fn trainer() -> Trainer {
     settings.train.near_goals = 0.5;
     let run =
         Run { method: "gdg-bridge".parse().unwrap(), preset: Preset::Default, seed: 1, settings };
-    Trainer::new(run, &Line::new(0), &Registry::builtin().with_world(KIND), 1).unwrap()
+    Trainer::new(run, line, &Registry::builtin().with_world(KIND), 1).unwrap()
 }
 
 #[test]
@@ -126,4 +145,18 @@ fn after_a_resume_its_agents_begin_new_episodes() {
     train_to(&mut resumed, 200);
     assert!(jump(resumed.replay()) <= 1.001);
     assert!(resumed.evaluate(&resumed.tasks(2).unwrap()).is_ok());
+}
+
+#[test]
+fn updates_do_not_wait_for_a_world_that_computes_elsewhere_and_are_finished_if_training_is_to_stop()
+{
+    let mut run = trainer_in(&Line { is_elsewhere: true, ..Line::new(0) });
+    run.pulse().stop();
+    let mut meanwhile = 0;
+    while run.counters().updates < 30 {
+        let steps = run.counters().env_steps;
+        let tick = run.tick().unwrap();
+        meanwhile += u32::from(tick == Tick::Update && run.counters().env_steps > steps);
+    }
+    assert!(meanwhile > 10, "{meanwhile}");
 }

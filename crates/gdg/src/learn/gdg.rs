@@ -8,7 +8,6 @@ mod short_pairs;
 #[cfg(test)]
 mod tests;
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use candle_core::Result;
@@ -32,7 +31,7 @@ use crate::learn::update::reference::{Layers, Parameters, Reference};
 use crate::learn::update::tape::Tape;
 use crate::learn::update::threads::Threads;
 use crate::learn::update::training::Training;
-use crate::pulse::Parts;
+use crate::pulse::Pulse;
 use graph_paths::GraphPaths;
 use imagined_walks::ImaginedWalks;
 use short_pairs::ShortPairs;
@@ -117,19 +116,18 @@ impl Gdg {
     }
 
     /// Updates critics, model, actor and averages once on `batch` (Algorithm 1's inner loop) and
-    /// adds the time to `profile`. A long update asks `parts` before each part whether to compute
-    /// it.
+    /// adds the time to `profile`.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn update_on(
         &mut self,
         batch: &Batch,
-        parts: Option<&Arc<Parts>>,
+        pulse: Option<&Pulse>,
         profile: &mut Profile,
     ) -> Result<Losses> {
         self.training.batch().write().clone_from(batch);
-        self.update_networks(parts, profile)
+        self.update_networks(pulse, profile)
     }
 
     /// Returns the losses and the gradients (flat parameters and table) of the first critic, the
@@ -212,13 +210,9 @@ impl PhasedLearner for Gdg {
         })
     }
 
-    fn update_networks(
-        &mut self,
-        parts: Option<&Arc<Parts>>,
-        profile: &mut Profile,
-    ) -> Result<Losses> {
+    fn update_networks(&mut self, pulse: Option<&Pulse>, profile: &mut Profile) -> Result<Losses> {
         let Self { training, tape: Some(tape), .. } = self else {
-            return self.training.update(parts, profile);
+            return self.training.update(pulse, profile);
         };
         let (began, steps) = (Instant::now(), training.updates() + 1);
         let losses =

@@ -15,7 +15,7 @@ use crate::learn::settings::LearnSettings;
 use crate::learn::update::losses::Losses;
 use crate::learn::update::profile::Profile;
 use crate::learn::update::threads::Threads;
-use crate::pulse::Parts;
+use crate::pulse::Pulse;
 use crate::store::Store;
 
 /// Registry entry of a kind of learner.
@@ -51,9 +51,8 @@ pub struct TrainingData<'a> {
     pub relearning: Option<Relearning>,
     /// Random stream for drawing batches.
     pub rng: &'a mut ChaCha8Rng,
-    /// Set if updates take long. A learner may then ask before each part whether to compute it (see
-    /// [`Parts::next`]): if not, what the update has changed is undone.
-    pub parts: Option<&'a Arc<Parts>>,
+    /// Beats before each part of the update, which shows that a long one moves.
+    pub pulse: &'a Pulse,
 }
 
 /// How agents act.

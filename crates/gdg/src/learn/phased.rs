@@ -12,7 +12,7 @@ use crate::learn::update::losses::Losses;
 use crate::learn::update::objective::Objective;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::training::Training;
-use crate::pulse::Parts;
+use crate::pulse::Pulse;
 use crate::store::Store;
 
 /// A learner whose networks are updated in phases, on several threads.
@@ -42,10 +42,10 @@ pub trait PhasedLearner: Send {
     /// Returns candle's error if a tensor operation fails.
     fn update_networks(
         &mut self,
-        parts: Option<&Arc<Parts>>,
+        pulse: Option<&Pulse>,
         profile: &mut Profile,
     ) -> candle_core::Result<Losses> {
-        self.training().update(parts, profile)
+        self.training().update(pulse, profile)
     }
 
     /// Called after the networks have been restored.
@@ -77,12 +77,12 @@ impl<L: PhasedLearner> Learner for L {
     }
 
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> Result<Losses, LearnError> {
-        let (began, parts) = (Instant::now(), data.parts);
+        let (began, pulse) = (Instant::now(), data.pulse);
         let mut batch = std::mem::take(&mut *self.training().batch().write());
         self.sample(data, &mut batch)?;
         *self.training().batch().write() = batch;
         profile.lap(Stage::Sample, began);
-        Ok(self.update_networks(parts, profile)?)
+        Ok(self.update_networks(Some(pulse), profile)?)
     }
 
     fn policy(&self, averaged: bool) -> Result<Arc<dyn Policy>, LearnError> {

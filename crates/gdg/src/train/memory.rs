@@ -73,7 +73,7 @@ fn address_space_limit() -> Option<u64> {
 /// Returns the free memory of the machine and its control groups.
 #[cfg(target_os = "linux")]
 fn system_memory() -> u64 {
-    linux::free_memory(Path::new("/proc")).unwrap_or(u64::MAX)
+    linux::free_memory(Path::new("/")).unwrap_or(u64::MAX)
 }
 
 /// Returns the free memory of the machine.
@@ -87,7 +87,7 @@ fn system_memory() -> u64 {
 /// Returns the size of this process's address space, 0 if it is unknown.
 #[cfg(target_os = "linux")]
 fn address_space() -> u64 {
-    linux::address_space(Path::new("/proc"))
+    linux::address_space(Path::new("/"))
 }
 
 /// Returns 0: the size of the address space is unknown.

@@ -126,8 +126,6 @@ pub enum Tick {
     Update,
     /// One step of every agent.
     Step,
-    /// Nothing: training is to stop, and an update that had begun is undone.
-    Undone,
 }
 
 /// Limits of a run, all counted from the start of its training.

@@ -7,10 +7,9 @@ mod graph;
 mod pace;
 mod persistence;
 mod recovery;
-mod undo;
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -31,7 +30,7 @@ use crate::learn::{
     Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, ReplaySizes,
     Scratch, Stage, Threads, TrainingData,
 };
-use crate::pulse::{Parts, Pulse};
+use crate::pulse::Pulse;
 pub use change::{KeptState, WorldChange, resets_networks};
 use data::Data;
 pub use data::LeftOut;
@@ -39,7 +38,6 @@ pub use pace::Pace;
 pub(super) use persistence::{FINGERPRINT, HISTORY, LEARNED, TrainerState};
 use recovery::LastGood;
 pub use recovery::Recovery;
-use undo::Undo;
 
 /// Losses are reported as running means over about this many updates.
 pub(crate) const LOSS_AVERAGE_UPDATES: f64 = 500.0;
@@ -78,8 +76,6 @@ pub struct Trainer {
     recovery: Option<Recovery>,
     /// Whether an update is in progress: a panic during it leaves the networks partially updated.
     in_update: bool,
-    /// How long the latest update took, without the copy for undoing it.
-    update_took: Option<Duration>,
     /// Counters and seconds at the first update in this process, or with these settings, that was
     /// as slow as those to come.
     paced_from: Option<(Counters, f64)>,
@@ -162,7 +158,6 @@ impl Trainer {
             last_good: LastGood::capture(0, [0.0; 3], &*learner)?,
             recovery: None,
             in_update: false,
-            update_took: None,
             paced_from: None,
             pulse: Pulse::default(),
             learner,
@@ -298,7 +293,7 @@ impl Trainer {
 
     /// Runs one update if one is due, else one step of every agent; both if the world computes its
     /// steps elsewhere and an update is due afterwards, which then does not see the outcome of the
-    /// step. If training is to stop (see [`Self::pulse`]), a long update is undone.
+    /// step.
     ///
     /// # Errors
     /// The learner fails, the run has diverged with no rollbacks left, or the world fails: the run
@@ -369,15 +364,13 @@ impl Trainer {
         let updated = self.update();
         // Whatever has become of the update, nothing can be asked of the world before its step ends.
         let waited = self.wait_for_world();
-        let tick = updated?;
+        updated?;
         waited?;
-        if tick == Tick::Update {
-            if self.rollout.has_begun() {
-                self.finish_step()?;
-            }
-            self.film_learning()?;
+        if self.rollout.has_begun() {
+            self.finish_step()?;
         }
-        Ok(tick)
+        self.film_learning()?;
+        Ok(Tick::Update)
     }
 
     /// Waits for the round of steps begun, if there is one.
@@ -437,38 +430,21 @@ impl Trainer {
         Ok(done.unwrap_or_else(|| unreachable!("the callback runs exactly once")))
     }
 
-    fn update(&mut self) -> Result<Tick> {
-        let is_long = self.updates_are_long();
-        let _activity = is_long.then(|| self.pulse.begin("the update in progress"));
-        if is_long {
-            log::debug!("update {} begins", self.counters.updates + 1);
-        }
-        let undo = if is_long { self.undo_for_update()? } else { None };
-        let parts = is_long.then(|| Arc::new(Parts::new(&self.pulse, undo.is_some())));
-        // Without the copy: where that takes long, no update would be a short one again.
-        let began = Instant::now();
-        let tick = self.learn(undo, parts);
-        // One that is undone does not show how long they take.
-        if !matches!(tick, Ok(Tick::Undone)) {
-            self.update_took = Some(began.elapsed());
-        }
-        tick
-    }
-
-    /// Learns from a batch; undoes that if parts of it were left out.
-    fn learn(&mut self, undo: Option<Undo>, parts: Option<Arc<Parts>>) -> Result<Tick> {
+    /// Learns from a batch.
+    fn update(&mut self) -> Result<()> {
+        let _activity = self.pulse.begin("the update in progress");
         // With data, updates are due without steps.
         let steps = self.run.settings.train.env_steps_per_update;
         self.counters.owed_steps = self.counters.owed_steps.saturating_sub(steps);
         self.counters.updates += 1;
         if !self.learns() {
-            return Ok(Tick::Update);
+            return Ok(());
         }
         let began = Instant::now();
         self.refresh_graph()?;
         self.profile.lap(Stage::Graph, began);
         let (relearns, graph_finds_changed) = (self.relearns(), self.needs_graph());
-        let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
+        let Self { learner, replay, graphs, batch_rng, profile, pulse, .. } = self;
         let known =
             graphs.current().and_then(|BuiltGraph { graph, distilled, changed, .. }| {
                 Some(KnownDistances {
@@ -483,13 +459,8 @@ impl Trainer {
             self.counters.env_steps.saturating_sub(self.counters.changed_at_step) / agents;
         let relearning = relearns.then_some(Relearning { recent_slots, graph_finds_changed });
         self.in_update = true;
-        let data =
-            TrainingData { replay, known, relearning, rng: batch_rng, parts: parts.as_ref() };
+        let data = TrainingData { replay, known, relearning, rng: batch_rng, pulse };
         let losses = learner.update(data, profile)?;
-        if let Some(undo) = undo.filter(|_| parts.is_some_and(|parts| parts.has_skipped())) {
-            self.undo(undo)?;
-            return Ok(Tick::Undone);
-        }
         self.in_update = false;
         let keep = (1.0 - 1.0 / LOSS_AVERAGE_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);
         for (mean, loss) in
@@ -500,7 +471,7 @@ impl Trainer {
         self.check_update(&losses)?;
         let Self { history, rollout, visits, counters, .. } = self;
         history.add_point(counters.updates, counters.losses, || visits.coverage(rollout.env()));
-        Ok(Tick::Update)
+        Ok(())
     }
 
     /// Takes a frame of the film if one is due. Draws no random numbers.

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use parking_lot::Mutex;
 
 use crate::learn::update::threads::{Chooser, Threads};
-use crate::pulse::Parts;
+use crate::pulse::Pulse;
 
 /// How long a thread spins before it sleeps: about as long as waking it takes.
 const SPIN_DURATION: Duration = Duration::from_micros(20);
@@ -173,7 +173,7 @@ impl ThreadPool {
 
 impl ThreadPool {
     /// Calls `work` with each index below `tasks` on data that all threads share; returns when all
-    /// calls are done. A long update passes `parts`, which may skip calls.
+    /// calls are done. `pulse` beats before each.
     ///
     /// # Errors
     /// Returns the first error of a call.
@@ -184,15 +184,13 @@ impl ThreadPool {
         &self,
         tasks: usize,
         shared: &Arc<S>,
-        parts: Option<&Arc<Parts>>,
+        pulse: Option<&Pulse>,
         work: fn(&S, usize) -> Result<(), E>,
     ) -> Result<(), E> {
         let failure = Arc::new(Mutex::new(None));
-        let (shared, first, parts) = (shared.clone(), failure.clone(), parts.cloned());
+        let (shared, first, pulse) = (shared.clone(), failure.clone(), pulse.cloned());
         self.run(tasks, move |i| {
-            if parts.as_ref().is_some_and(|parts| !parts.next()) {
-                return;
-            }
+            pulse.iter().for_each(Pulse::beat);
             if let Err(error) = work(&shared, i) {
                 first.lock().get_or_insert(error);
             }

@@ -27,12 +27,6 @@ impl Trainer {
         wanted && self.run.method.bridges()
     }
 
-    /// Returns whether update `now` activates a bridge graph or starts building one.
-    pub(super) fn changes_graph_at(&self, now: u64) -> bool {
-        let builds = now.is_multiple_of(self.run.settings.bridge.graph_every_updates);
-        self.needs_graph() && (builds || self.graphs.is_due(now))
-    }
-
     /// Swaps in the next bridge graph if it is due, and starts another build if that is due.
     pub(super) fn refresh_graph(&mut self) -> Result<()> {
         if !self.needs_graph() {
