@@ -414,25 +414,11 @@ mod tests {
     use std::sync::mpsc::channel;
 
     use super::*;
-    use crate::env::{Environment, PointMaze};
-    use crate::train::{Method, Preset, Registry, Run, Settings};
+    use crate::env::Environment;
 
-    /// Starts a run in the trap.
-    fn engine() -> Engine {
-        started([])
-    }
-
-    /// Starts a run in the trap with these commands before the first update.
+    /// Starts a small run with these commands before the first update.
     fn started(at_first: impl IntoIterator<Item = Command>) -> Engine {
-        let run = Run {
-            method: Method::default(),
-            preset: Preset::Default,
-            seed: 1,
-            settings: Settings::default(),
-        };
-        let world =
-            PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
-        let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
+        let trainer = crate::train::small_run("gdg-bridge", 1);
         Engine::resume(trainer, Limits::default(), None, at_first).expect("a thread")
     }
 
@@ -448,7 +434,7 @@ mod tests {
 
     #[test]
     fn of_edits_in_a_row_only_the_last_is_applied_and_stopping_does_not_wait_for_the_others() {
-        let engine = engine();
+        let engine = started([]);
         let made = Arc::new(AtomicUsize::new(0));
         let edit = |wait: Option<Receiver<()>>| {
             let made = made.clone();
@@ -464,32 +450,22 @@ mod tests {
         while made.load(Ordering::Relaxed) == 0 {
             std::thread::sleep(Duration::from_millis(1));
         }
-        for command in
-            [edit(None), edit(None), Command::Follow(Some(2)), edit(None), edit(None), edit(None)]
-        {
+        let other = Command::Follow(Some(2));
+        for command in [edit(None), edit(None), other, edit(None), edit(None), edit(None)] {
             assert!(engine.send(command));
         }
         release.send(()).expect("the trainer waits");
         assert!(engine.stop().is_some());
-        assert_eq!(
-            made.load(Ordering::Relaxed),
-            3,
-            "the one begun, and the last before and after another command"
-        );
-    }
-
-    #[test]
-    fn training_stops_even_if_a_link_is_still_held() {
-        let engine = engine();
-        let _held = engine.link();
-        assert!(engine.stop_unless_hung(Duration::from_mins(1)).is_some());
+        // The one begun, and the last before and after another command.
+        assert_eq!(made.load(Ordering::Relaxed), 3);
     }
 
     #[test]
     fn stopping_waits_for_what_moves_and_gives_up_what_does_not() {
         for (moves, limit) in [(true, Duration::from_secs(2)), (false, Duration::from_millis(100))]
         {
-            let engine = engine();
+            let engine = started([]);
+            let _held = engine.link();
             let ((begun, begins), (release, wait)) = (channel(), channel::<()>());
             let pulse = engine.pulse().clone();
             // An edit that moves for longer than the limit, or hangs.

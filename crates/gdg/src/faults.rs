@@ -136,20 +136,3 @@ pub fn point(name: &str) -> bool {
     }
     fails
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn faults_are_parsed_and_invalid_ones_rejected() {
-        let fault = parse("viewer=delay:250@7").expect("a fault");
-        assert_eq!((fault.point.as_str(), fault.at), ("viewer", 7));
-        assert!(matches!(fault.kind, Kind::Delay(time) if time == Duration::from_millis(250)));
-        assert!(matches!(parse("save=fail").expect("a fault").kind, Kind::Fail));
-        for nonsense in ["viewer", "viewer=hop", "viewer=delay:x", "viewer=panic@x"] {
-            assert!(parse(nonsense).is_none(), "{nonsense}");
-        }
-        assert!(!point("no such point"));
-    }
-}

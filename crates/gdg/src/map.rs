@@ -31,8 +31,6 @@ pub use fingerprint::fingerprint;
 pub use flood::UNREACHABLE;
 pub use formats::{FORMATS, MapFormat, print_ascii, print_movingai};
 pub use grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
-#[cfg(test)]
-pub(crate) use half_cells::HalfCells;
 pub(crate) use half_cells::PointFlood;
 pub use half_cells::PointSearch;
 pub use load::{

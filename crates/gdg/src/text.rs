@@ -149,21 +149,6 @@ mod tests {
     }
 
     #[test]
-    fn terminals_without_escape_sequences_are_known() {
-        for term in ["dumb", "dumb-emacs-ansi", "unknown"] {
-            assert!(!obeys_escapes(Some(term)), "{term}");
-        }
-        assert!(["xterm-256color", "linux", "vt100"].iter().all(|term| obeys_escapes(Some(term))));
-        assert_eq!([None, Some("")].map(obeys_escapes), [cfg!(windows); 2], "of no kind");
-    }
-
-    #[test]
-    fn long_text_is_truncated() {
-        assert_eq!(truncated("abc", 5), "abc");
-        assert_eq!(truncated(&"x".repeat(50_000_000), 10), "xxxxxxx...");
-    }
-
-    #[test]
     fn control_characters_in_json_are_escaped() {
         let line = serde_json::to_string("a\u{9b}b\u{1b}\u{e0041}").expect("a string");
         let safe = escape_json_line(&line);

@@ -47,6 +47,8 @@ pub use policy_file::policy_file;
 pub use reference_page::reference_page;
 pub use registry::Registry;
 pub use rollout::Rollout;
+#[cfg(test)]
+pub(crate) use run::tests::small_run;
 pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score, Success};
 pub use session::{Due, EvaluateAt, Schedule, Session};

@@ -5,7 +5,7 @@ use gdg::train::{Preset, Registry, Run, Tick, Trainer};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::runs::train_to;
+use crate::support::train_to;
 
 /// Length of the line, in steps.
 const LENGTH: f32 = 20.0;
@@ -110,40 +110,26 @@ fn trainer_in(line: &Line) -> Trainer {
 }
 
 #[test]
-fn it_is_trained_and_evaluated_from_its_own_starts() {
+fn it_is_trained_and_after_a_resume_its_agents_begin_new_episodes() {
     let mut run = trainer();
-    train_to(&mut run, 300);
+    train_to(&mut run, 150);
     let found = run.evaluate(&run.tasks(5).unwrap()).unwrap();
     assert!(found.greedy.success.is_some() && found.planned.is_some());
     assert!(found.coverage.is_none() && found.distance_error.is_none() && found.marked.is_none());
-    assert_eq!(run.world().title(), "line");
-}
-
-#[test]
-fn after_a_resume_its_agents_begin_new_episodes() {
-    let mut run = trainer();
-    train_to(&mut run, 150);
     assert!(run.world().states().iter().any(|at| *at != START));
     let mut resumed = Trainer::load(&run.save().unwrap(), run.registry(), 1).unwrap();
     assert!(resumed.world().states().iter().all(|at| *at == START));
     assert!(resumed.rollout().agents().iter().all(|agent| agent.steps == 0));
     assert_eq!(resumed.counters().env_steps, run.counters().env_steps);
-    // No stored transition leads from where an agent was to its new start.
-    let jump = |store: &gdg::learn::Replay| {
-        let mut last = vec![None; run.world().agents()];
-        let mut longest: f32 = 0.0;
-        store.visit_episodes(|agent, state| {
-            let at = state.map(|state| state[0]);
-            if let (Some(before), Some(at)) = (last[agent], at) {
-                let before: f32 = before;
-                longest = longest.max((at - before).abs());
-            }
-            last[agent] = at;
-        });
-        longest
-    };
     train_to(&mut resumed, 200);
-    assert!(jump(resumed.replay()) <= 1.001);
+    // No stored transition leads from where an agent was to its new start.
+    let mut last = vec![None::<f32>; run.world().agents()];
+    resumed.replay().visit_episodes(|agent, state| {
+        let at = state.map(|state| state[0]);
+        let jump = last[agent].zip(at).map_or(0.0, |(before, at)| (at - before).abs());
+        assert!(jump <= 1.001, "{jump}");
+        last[agent] = at;
+    });
     assert!(resumed.evaluate(&resumed.tasks(2).unwrap()).is_ok());
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::maps::grids;
 use gdg::map::{
     Cell, FORMATS, Grid, MapFormat, MapScale, Reading, Scenario, StepSearch, load_map, load_map_as,
     load_map_like, load_scenario, parse_map, print_ascii,
@@ -138,24 +139,11 @@ fn a_map_that_was_enlarged_is_not_enlarged_again() {
     let file = folder.path().join("m.yaml");
     let text = "cells_per_block: 4\nmap:\n  dimensions: [8, 4]\n  obstacles:\n  - [1, 0]\n";
     std::fs::write(&file, text).unwrap();
-    let usual = Reading::default();
-    let read = |reading: &Reading| load_map_as(&file, reading);
-    let other = read(&Reading { goal_radius: Some(2.0), ..usual }).unwrap();
-    assert_eq!((other.width(), other.scale().cell, other.scale().goal_radius), (8, 4, 2.0));
-    let scale = MapScale { cell: 2, ..usual.scale };
-    let error = read(&Reading { scale, ..usual }).unwrap_err();
+    let map = load_map(&file).unwrap();
+    assert_eq!((map.width(), map.scale().cell), (8, 4));
+    let scale = MapScale { cell: 2, ..MapScale::default() };
+    let error = load_map_as(&file, &Reading { scale, ..Reading::default() }).unwrap_err();
     assert!(error.problem.contains("a scale of its own"), "{error}");
-    let error = read(&Reading { goal_radius: Some(1000.0), ..usual }).unwrap_err();
-    assert!(error.help.contains("from 0.1 to 100"), "{error}");
-}
-
-#[test]
-fn a_list_may_begin_with_comments_but_walls_are_none() {
-    let list = "# a maze\n\n  # by hand\nMAZE = [\n[1,1,1],[1,0,1],[1,1,1]]\n";
-    let read = |text: &str| parse_map("maze", text.as_bytes()).unwrap();
-    assert_eq!(read(list), read("[[1,1,1],[1,0,1],[1,1,1]]"));
-    assert_eq!(read(list).free_count(), 1);
-    assert_eq!(read("###\n#.#\n###\n").free_count(), 1);
 }
 
 #[test]
@@ -171,28 +159,16 @@ fn the_threshold_says_which_pixels_are_walls() {
 #[test]
 fn an_edited_maze_gets_the_scale_of_the_run_and_an_enlarged_one_keeps_its_cells() {
     let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, text: &str| {
-        let path = folder.path().join(name);
-        std::fs::write(&path, text).unwrap();
-        path
-    };
     let scale = MapScale { cell: 3, margin: 1.0, goal_radius: 2.0, benchmark: None };
     let run = scale.of("maze", &maze(&[])).unwrap();
-    let like = |path: &Path| load_map_like(path, &run, 0.5).unwrap().named("maze");
-    assert_eq!(like(&write("maze.txt", MAZE)), run);
-    assert_eq!(like(&write("enlarged.txt", &print_ascii(&run))), run);
-    let other = like(&write("other.txt", "...\n"));
+    let like = |text: &str| {
+        let path = folder.path().join("maze.txt");
+        std::fs::write(&path, text).unwrap();
+        load_map_like(&path, &run, 0.5).unwrap().named("maze")
+    };
+    assert_eq!([like(MAZE), like(&print_ascii(&run))], [run.clone(), run.clone()]);
+    let other = like("...\n");
     assert_eq!((other.width(), other.scale()), (3, MapScale::default()));
-}
-
-/// Generates maps of up to 12 by 12 cells with a free cell.
-fn grids() -> impl Strategy<Value = Grid> {
-    let cells = prop::collection::vec(prop::sample::select(b".#SGC".to_vec()), 1..=144);
-    (1usize..=12, cells).prop_filter_map("a free cell", |(width, cells)| {
-        let text: Vec<u8> =
-            cells.chunks_exact(width).flat_map(|row| [row, b"\n"].concat()).collect();
-        parse_map("random", &text).ok()
-    })
 }
 
 proptest! {
@@ -201,7 +177,7 @@ proptest! {
     /// What a format has no place for is what it says.
     #[test]
     fn what_is_written_in_a_format_is_read(
-        grid in grids(),
+        grid in grids(12),
         goal_radius in prop::sample::select(vec![1.0_f32, 0.3, 2.25]),
         cell in 1usize..3,
         margin in prop::sample::select(vec![0.0_f32, 0.7]),
@@ -237,7 +213,7 @@ proptest! {
 
     /// All starts and goals between which there are paths.
     #[test]
-    fn the_scenario_beside_a_map_of_moving_ai_has_its_starts_and_goals(grid in grids()) {
+    fn the_scenario_beside_a_map_of_moving_ai_has_its_starts_and_goals(grid in grids(12)) {
         let grid = grid.with_scale(MapScale::default());
         let scenario = FORMATS.iter().find_map(|format| Scenario::beside(&grid, Path::new("random.map"), format));
         let Some((path, scenario)) = scenario else {

@@ -10,4 +10,5 @@ mod maps;
 mod ogbench;
 mod rivals;
 mod runs;
+mod support;
 mod training;

@@ -3,12 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::support::{assert_same, resumed};
 use gdg::env::{Editable, Environment, Episodes, PointMaze};
-use gdg::map::{self, Cell, MapScale, Ogbench};
+use gdg::map::{self, Ogbench};
 use gdg::pulse::Progress;
-use gdg::train::{
-    self, Dataset, LeftOut, Preset, Registry, Run, SaveTo, Settings, Trainer, data_file,
-};
+use gdg::train::{Dataset, LeftOut, Settings, Trainer, data_file};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -25,18 +24,21 @@ fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
-/// Returns 10,000 recorded steps of OGBench's own environments.
-fn recordings() -> impl Iterator<Item = (Ogbench, PathBuf)> {
+/// Returns recorded steps of OGBench's own environments.
+fn recorded(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/ogbench");
-    let named = [("medium", Ogbench::Medium), ("large", Ogbench::Large), ("giant", Ogbench::Giant)];
-    named.into_iter().map(move |(name, maze)| (maze, folder.join(format!("{name}.npz"))))
+    folder.join(name).with_extension("npz")
+}
+
+fn read(file: &Path, world: &PointMaze) -> Dataset {
+    Dataset::read(file, world, &Progress::default()).unwrap()
 }
 
 /// Returns how far each recorded step leads from where it led there, along the axis where it is
 /// farther.
-fn errors_of_steps(benchmark: Ogbench, file: &Path) -> Vec<f32> {
+fn errors_of_steps((benchmark, name): (Ogbench, &str)) -> Vec<f32> {
     let mut world = maze(benchmark, 1);
-    let data = Dataset::read(file, &world, &Progress::default()).unwrap();
+    let data = read(&recorded(name), &world);
     let mut rows: Vec<(Vec<f32>, Vec<f32>, bool)> = Vec::new();
     data.replay(1, || vec![0.0; 2]).visit_rows(|state, action, is_last| {
         rows.push((state.to_vec(), action.to_vec(), is_last));
@@ -54,8 +56,8 @@ fn errors_of_steps(benchmark: Ogbench, file: &Path) -> Vec<f32> {
 
 #[test]
 fn steps_lead_where_the_real_environment_leads() {
-    let mut errors: Vec<f32> =
-        recordings().flat_map(|(benchmark, file)| errors_of_steps(benchmark, &file)).collect();
+    let named = [(Ogbench::Medium, "medium"), (Ogbench::Large, "large"), (Ogbench::Giant, "giant")];
+    let mut errors: Vec<f32> = named.into_iter().flat_map(errors_of_steps).collect();
     errors.sort_by(f32::total_cmp);
     assert_eq!(errors.len(), 10_000);
     let [most, of_99] = [errors[9_999], errors[9_899]];
@@ -91,21 +93,6 @@ fn tasks_are_the_five_of_the_benchmark_with_noise() {
 }
 
 #[test]
-fn its_map_is_the_layout_with_walls_widened_by_the_ball() {
-    let giant = map::builtin("ogbench-pointmaze-giant").unwrap();
-    assert_eq!((giant.width(), giant.height()), (320, 240));
-    let [x, y] = block(1.0, 1.0).map(|at| at as usize);
-    // Its sides are at 20, and cells are walls whose middles are less than 3.5 away from there.
-    let free = |cells: [Cell; 2]| cells.map(|cell| giant.is_free(cell));
-    assert_eq!(free([Cell::new(22, y), Cell::new(23, y)]), [false, true]);
-    assert_eq!(free([Cell::new(x, 22), Cell::new(x, 23)]), [false, true]);
-    assert_eq!(giant.scale(), MapScale { cell: 20, margin: 3.5, ..giant.scale() });
-    assert_eq!(giant.scale().goal_radius, 5.0);
-    let refused = MapScale { cell: 2, ..MapScale::default() }.of("giant", &giant).unwrap_err();
-    assert!(refused.to_string().contains("scale of its own"), "{refused}");
-}
-
-#[test]
 fn a_teleport_leads_to_each_exit_as_often() {
     let mut world = maze(Ogbench::Teleport, 1);
     let [x, y] = block(4.0, 6.0);
@@ -130,25 +117,27 @@ fn a_teleport_leads_to_each_exit_as_often() {
     assert!(!world.is_possible(&beside, &[0.5, -1.0], &exits[1].map(|at| at as f32)));
 }
 
+fn is_leap(from: &[f32], to: &[f32]) -> bool {
+    (from[0] - to[0]).hypot(from[1] - to[1]) > 10.0
+}
+
 #[test]
 fn recorded_steps_through_teleports_are_possible() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/ogbench/teleport.npz");
     let world = maze(Ogbench::Teleport, 0);
-    let data = Dataset::read(&file, &world, &Progress::default()).unwrap();
-    let (mut before, mut jumps, mut possible) = (None::<(Vec<f32>, Vec<f32>)>, 0, 0);
+    let data = read(&recorded("teleport"), &world);
+    let (mut before, mut jumps) = (None::<(Vec<f32>, Vec<f32>)>, 0);
     data.replay(1, || vec![0.0; 2]).visit_rows(|state, action, is_last| {
         if let Some((from, action)) = before.take()
-            && (from[0] - state[0]).hypot(from[1] - state[1]) > 10.0
+            && is_leap(&from, state)
         {
             jumps += 1;
-            possible += usize::from(world.is_possible(&from, &action, state));
+            assert!(world.is_possible(&from, &action, state));
         }
         before = (!is_last).then(|| (state.to_vec(), action.to_vec()));
     });
-    assert_eq!((jumps, possible), (2, 2));
+    assert_eq!(jumps, 2);
     let mut trainer = trainer(Ogbench::Teleport, 0);
-    let left_out = trainer.learn_from(&data, &Progress::default());
-    assert_eq!(left_out.by_chance, 2, "{left_out:?}");
+    assert_eq!(trainer.learn_from(&data, &Progress::default()).by_chance, 2);
     assert_eq!(leaps_in(&trainer), 0);
 }
 
@@ -156,9 +145,7 @@ fn recorded_steps_through_teleports_are_possible() {
 fn leaps_in(trainer: &Trainer) -> usize {
     let (mut before, mut leaps) = (None::<Vec<f32>>, 0);
     trainer.replay().visit_rows(|state, _, is_last| {
-        if let Some(from) = before.take() {
-            leaps += usize::from((from[0] - state[0]).hypot(from[1] - state[1]) > 10.0);
-        }
+        leaps += usize::from(before.take().is_some_and(|from| is_leap(&from, state)));
         before = (!is_last).then(|| state.to_vec());
     });
     leaps
@@ -172,22 +159,19 @@ fn teleports_are_no_ways_for_agents_that_act() {
         let before = trainer.world().states().to_vec();
         trainer.tick().unwrap();
         let states = before.chunks(2).zip(trainer.world().states().chunks(2));
-        been_through += states.filter(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) > 10.0).count();
+        been_through += states.filter(|(a, b)| is_leap(a, b)).count();
     }
     assert!(been_through > 10, "{been_through}");
     assert_eq!(leaps_in(&trainer), 0);
-    // What is known of them is part of a checkpoint.
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("t.safetensors");
-    let file = train::save(&trainer, &SaveTo::CreateNew(file)).unwrap();
-    let mut resumed = train::load(&file, &Registry::builtin(), 1).unwrap().trainer;
-    for trainer in [&mut trainer, &mut resumed] {
-        trainer.tick().unwrap();
+    // What is known of them is part of a checkpoint, as the tasks are.
+    let mut again = resumed(&trainer, 1);
+    for run in [&mut trainer, &mut again] {
+        run.tick().unwrap();
     }
-    let rows = |trainer: &Trainer| {
-        data_file(trainer.replay(), trainer.world(), &Progress::default()).unwrap()
-    };
-    assert!(rows(&trainer) == rows(&resumed));
+    assert_same(&trainer, &again);
+    let [own, tasks] =
+        [&trainer, &again].map(|trainer| trainer.world().tasks(2, &mut rng(5)).unwrap());
+    assert!(own == tasks && tasks.distances == [None; 5]);
 }
 
 fn trainer(benchmark: Ogbench, seed: u64) -> Trainer {
@@ -197,9 +181,7 @@ fn trainer(benchmark: Ogbench, seed: u64) -> Trainer {
     settings.train.agents = 4;
     // Nobody learns here.
     settings.train.learning_starts = 1_000_000;
-    let method = "gdg-bridge".parse().unwrap();
-    let run = Run { method, preset: Preset::Default, seed, settings };
-    Trainer::new(run, &maze(benchmark, 0), &Registry::builtin(), 1).unwrap()
+    crate::support::trainer(&maze(benchmark, 0), "gdg-bridge", settings, seed, 1)
 }
 
 #[test]
@@ -213,29 +195,11 @@ fn recorded_states_are_in_the_benchmarks_unit() {
     std::fs::write(&file, data_file(own.replay(), own.world(), &Progress::default()).unwrap())
         .unwrap();
     // Read as it is, by a world without a unit of its own.
-    let map = map::parse_map("map", b"....\n....\n").unwrap();
-    let plain =
-        Dataset::read(&file, &PointMaze::new(Arc::new(map), 0), &Progress::default()).unwrap();
-    let data = Dataset::read(&file, own.world(), &Progress::default()).unwrap();
+    let plain = read(&file, &crate::support::maze("....\n....\n"));
+    let data = read(&file, &maze(Ogbench::Large, 0));
     for (cells, lengths) in data.states().iter().zip(plain.states()) {
         assert!((lengths - (0.2 * cells - 6.0)).abs() < 1e-4, "{lengths} {cells}");
     }
-    let mut same = trainer(Ogbench::Large, 0);
-    let left_out = LeftOut { impossible: 0, by_chance: 0 };
-    assert_eq!(
-        same.learn_from(&data, &Progress::default()),
-        left_out,
-        "every transition is possible"
-    );
-}
-
-#[test]
-fn a_resumed_run_has_the_same_tasks() {
-    let folder = tempfile::tempdir().unwrap();
-    let before = trainer(Ogbench::Teleport, 0);
-    let file = train::save(&before, &SaveTo::CreateNew(folder.path().join("t.safetensors")));
-    let after = train::load(&file.unwrap(), &Registry::builtin(), 1).unwrap().trainer;
-    let tasks = |trainer: &Trainer| trainer.world().tasks(2, &mut rng(5)).unwrap();
-    assert_eq!(tasks(&before), tasks(&after));
-    assert_eq!(after.world().tasks(2, &mut rng(5)).unwrap().distances, vec![None; 5]);
+    let left_out = trainer(Ogbench::Large, 0).learn_from(&data, &Progress::default());
+    assert_eq!(left_out, LeftOut { impossible: 0, by_chance: 0 });
 }

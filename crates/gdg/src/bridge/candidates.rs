@@ -384,9 +384,6 @@ impl Candidates {
 pub(super) mod tests {
     use std::ops::Range;
 
-    use rand::{RngExt, SeedableRng};
-    use rand_chacha::ChaCha8Rng;
-
     use super::*;
     use crate::env::tests::positions;
 
@@ -399,12 +396,19 @@ pub(super) mod tests {
 
     /// Walks one agent along the line from 0 to `end`, half a goal radius per step.
     fn walk(candidates: &mut Candidates, end: f32) {
-        let mut at = 0.0;
-        while at <= end {
-            candidates.visit(0, &[at, 0.5], &[at, 0.5]);
-            at += 0.5;
+        for step in 0..=(2.0 * end) as usize {
+            let at = [0.5 * step as f32, 0.5];
+            candidates.visit(0, &at, &at);
         }
         candidates.end_episode(0);
+    }
+
+    /// Returns candidates on the line after a walk from 0 to `end`, with their spec and settings.
+    pub fn walked(candidates: usize, end: f32) -> (Spec, BridgeSettings, Candidates) {
+        let (spec, settings) = line(candidates);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        walk(&mut candidates, end);
+        (spec, settings, candidates)
     }
 
     /// Walks an agent back and forth along a corridor at `y`, several times.
@@ -427,27 +431,19 @@ pub(super) mod tests {
         // the first.
         walk_corridor(&mut candidates, 0.5, 40..81);
         walk_corridor(&mut candidates, 2.5, 0..81);
-        let behind = |at: &&[f32]| at[1] == 2.5 && at[0] > 45.0;
-        assert!(
-            candidates.points().chunks_exact(2).filter(behind).count() > 8,
-            "{:?}",
-            candidates.points()
-        );
-        let radius = spec.goal_radius;
-        for (i, a) in candidates.points().chunks_exact(2).enumerate() {
-            let near = |b: &[f32]| spec.goal_distance(a, b) <= MIN_SPACING_RADII * radius;
-            assert!(
-                !candidates.points()[2 * (i + 1)..].chunks_exact(2).any(near),
-                "some lie within the least spacing"
-            );
+        let (points, _) = candidates.points().as_chunks::<2>();
+        let behind = points.iter().filter(|at| at[1] == 2.5 && at[0] > 45.0);
+        assert!(behind.count() > 8, "{points:?}");
+        for (i, a) in points.iter().enumerate() {
+            let near =
+                |b: &[f32; 2]| spec.goal_distance(a, b) <= MIN_SPACING_RADII * spec.goal_radius;
+            assert!(!points[i + 1..].iter().any(near), "some lie within the least spacing");
         }
     }
 
     #[test]
     fn others_retire_for_places_out_of_reach_but_not_to_fill_gaps() {
-        let (spec, settings) = line(5);
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        walk(&mut candidates, 99.5);
+        let (spec, settings, mut candidates) = walked(5, 99.5);
         let (ids, spacing) = (candidates.ids.clone(), candidates.spacing());
         assert!(spacing > spec.goal_radius && ids.len() <= settings.max_candidates(), "{spacing}");
         // At other places of the same line, until gaps between candidates are filled.
@@ -458,34 +454,11 @@ pub(super) mod tests {
             }
             candidates.end_episode(0);
         }
-        assert_eq!(
-            (&candidates.ids[..ids.len()], candidates.spacing()),
-            (&ids[..], spacing),
-            "none retired"
-        );
+        assert_eq!((&candidates.ids[..ids.len()], candidates.spacing()), (&ids[..], spacing));
         assert_eq!(candidates.len(), settings.max_candidates());
         candidates.visit(0, &[50.0, 40.0], &[50.0, 40.0]);
         assert!(candidates.nearest(&[50.0, 40.0]).1 == 0.0 && candidates.spacing() > spacing);
         assert!(candidates.len() <= settings.max_candidates());
-    }
-
-    #[test]
-    fn open_space_is_not_crowded() {
-        let (spec, settings) = line(200);
-        let mut candidates =
-            Candidates::new(&spec, 1, &BridgeSettings { candidate_spacing: 2.5, ..settings });
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut at = [6.0f32, 6.0];
-        for _ in 0..6_000 {
-            let direction = [rng.random_range(-1.0..1.0f32), rng.random_range(-1.0..1.0f32)];
-            for _ in 0..10 {
-                let before = at;
-                at = [0, 1].map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, 12.0));
-                candidates.visit(0, &at, &before);
-            }
-        }
-        // At the least spacing there would be room for more than a hundred.
-        assert!((20..40).contains(&candidates.len()), "{} candidates", candidates.len());
     }
 
     #[test]
@@ -514,36 +487,25 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn walk_records_count_consecutive_failures_until_an_arrival() {
-        let (spec, settings) = line(10);
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        walk(&mut candidates, 12.0);
-        let [from, to] = [0, 1].map(|i| candidates.id(i));
-        candidates.record_walk(from, to, 2.0, false);
-        candidates.record_walk(from, to, 2.0, false);
-        assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 0, failed: 2 });
-        assert_eq!(
-            candidates.walk_record(1, 0),
-            WalkRecord::default(),
-            "the other direction is another edge"
-        );
-        candidates.record_walk(from, to, 2.0, true);
-        assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 1, failed: 0 });
-        candidates.record_walk(from, 12_345, 2.0, true);
-        candidates.record_walk(from, from, 2.0, true);
-        assert_eq!(
-            candidates.state().practice.len(),
-            4,
-            "self-loops and unknown candidates are ignored"
-        );
-    }
-
-    #[test]
-    fn walk_records_follow_candidates_when_others_retire() {
+    fn walk_records_count_failures_until_an_arrival_and_follow_candidates_when_others_retire() {
         let (spec, settings) = line(10);
         let settings = BridgeSettings { verify_edges: false, ..settings };
         let mut candidates = Candidates::new(&spec, 1, &settings);
         walk(&mut candidates, 15.0);
+        let [from, to] = [0, 1].map(|i| candidates.id(i));
+        let record = |arrived, failed| WalkRecord { arrived, failed };
+        (0..2).for_each(|_| candidates.record_walk(from, to, 2.0, false));
+        assert_eq!(
+            [(0, 1), (1, 0)].map(|(a, b)| candidates.walk_record(a, b)),
+            [record(0, 2), record(0, 0)]
+        );
+        candidates.record_walk(from, to, 2.0, true);
+        assert_eq!(candidates.walk_record(0, 1), record(1, 0));
+        candidates.record_walk(from, 12_345, 2.0, true);
+        candidates.record_walk(from, from, 2.0, true);
+        assert_eq!(candidates.state().practice.len(), 4, "neither loops nor unknown candidates");
+
+        let place = |id: u32, e: &Candidates| (0..e.len()).find(|i| e.id(*i) == id);
         let before: Vec<(u32, f32)> =
             (0..candidates.len()).map(|i| (candidates.id(i), candidates.points()[2 * i])).collect();
         for (a, _) in &before {
@@ -551,22 +513,13 @@ pub(super) mod tests {
         }
         // Far enough for more candidates than the target, so that some have to retire.
         walk(&mut candidates, 60.0);
-        let place = |name: u32, e: &Candidates| (0..e.len()).find(|i| e.id(*i) == name);
-        let (kept, gone): (Vec<_>, Vec<_>) =
-            before.iter().partition(|(name, _)| place(*name, &candidates).is_some());
-        assert!(
-            kept.len() > 1 && !gone.is_empty(),
-            "{} stayed, {} retired",
-            kept.len(),
-            gone.len()
-        );
-        for (name, point) in &kept {
-            let i = place(*name, &candidates).unwrap_or_default();
-            assert_eq!(candidates.points()[2 * i], *point);
-            for (other, _) in kept.iter().filter(|(other, _)| other != name) {
-                let j = place(*other, &candidates).unwrap_or_default();
-                assert_eq!(candidates.walk_record(i, j).arrived, 1);
-            }
+        let kept: Vec<(usize, f32)> =
+            before.iter().filter_map(|(id, at)| Some((place(*id, &candidates)?, *at))).collect();
+        assert!((2..before.len()).contains(&kept.len()), "{} stayed", kept.len());
+        for (i, at) in &kept {
+            assert_eq!(candidates.points()[2 * i], *at);
+            let others = kept.iter().filter(|(j, _)| j != i);
+            others.for_each(|(j, _)| assert!(candidates.walk_record(*i, *j).arrived > 0));
         }
         assert_eq!(candidates.state().practice.len(), 4 * kept.len() * (kept.len() - 1));
         let mut restored = Candidates::new(&spec, 1, &settings);

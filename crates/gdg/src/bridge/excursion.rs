@@ -280,38 +280,15 @@ mod tests {
         Some([x[0], x[1] + action[1]]).filter(|to| is_free(*to)).unwrap_or(x)
     }
 
-    /// Lets four agents explore a corridor for `steps` steps and returns the number of cells visited.
+    /// Lets four agents explore a corridor where an action moves them by `speed`, and returns the
+    /// number of cells visited.
     fn explore(
-        excursions: &mut Excursions,
-        at: &mut [[f32; 2]; 4],
-        steps: usize,
-        rng: &mut ChaCha8Rng,
-    ) -> usize {
-        explore_at(1.0, excursions, at, steps, rng)
-    }
-
-    /// The same where an action moves an agent by `speed`.
-    fn explore_at(
         speed: f32,
         excursions: &mut Excursions,
         at: &mut [[f32; 2]; 4],
         steps: usize,
         rng: &mut ChaCha8Rng,
     ) -> usize {
-        let advance = |at, action: [f32; 2], _: &mut ChaCha8Rng| {
-            step(at, action.map(|along| speed * along), |to| is_free(to, 6))
-        };
-        explore_by(advance, excursions, at, steps, rng).len()
-    }
-
-    /// Lets four agents explore where `advance` moves them, and returns the cells visited.
-    fn explore_by(
-        advance: impl Fn([f32; 2], [f32; 2], &mut ChaCha8Rng) -> [f32; 2],
-        excursions: &mut Excursions,
-        at: &mut [[f32; 2]; 4],
-        steps: usize,
-        rng: &mut ChaCha8Rng,
-    ) -> BTreeSet<[i32; 2]> {
         let mut visited = BTreeSet::new();
         for _ in 0..steps {
             for (agent, at) in at.iter_mut().enumerate() {
@@ -322,59 +299,28 @@ mod tests {
                 }
                 let mut action = [0.0; 2];
                 assert!(excursions.act(agent, &mut action, rng), "it is on an excursion");
-                *at = advance(*at, action, rng);
+                *at = step(*at, action.map(|along| speed * along), |to| is_free(to, 6));
             }
         }
-        visited
+        visited.len()
     }
 
     #[test]
-    fn a_winding_corridor_is_explored_to_its_end() {
-        let mut excursions = Excursions::new(&plane(), 4);
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut at = [[0.5, 0.5]; 4];
-        // 65 cells in a row; random steps would take thousands to get to the end.
-        let visited = explore(&mut excursions, &mut at, 400, &mut rng);
-        assert_eq!(visited, 65);
-    }
-
-    #[test]
-    fn noise_as_large_as_a_step_does_not_end_exploration() {
-        let mut excursions = Excursions::new(&plane(), 4);
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        // A hall ten cells wide around a wall, seen from one start; noise leads agents astray in
-        // half of all steps.
-        let is_free = |[x, y]: [f32; 2]| {
-            let inside = |v: f32, least: f32, most: f32| (least..most).contains(&v);
-            inside(x, 0.0, 30.0) && inside(y, 0.0, 30.0) && !(inside(x, 10.0, 20.0) && y >= 10.0)
-        };
-        let advance = |at, action: [f32; 2], rng: &mut ChaCha8Rng| {
-            let noisy = action.map(|along| {
-                let noise: f32 = (0..3).map(|_| rng.random_range(-1.0..1.0)).sum();
-                (along + noise).clamp(-1.0, 1.0)
-            });
-            step(at, noisy, is_free)
-        };
-        let mut visited = BTreeSet::new();
-        for _ in 0..100 {
-            excursions.end_all();
-            let mut at = [[0.5, 29.5]; 4];
-            visited.extend(explore_by(advance, &mut excursions, &mut at, 200, &mut rng));
-        }
-        assert!(visited.len() > 690, "{} of 700 cells", visited.len());
-    }
-
-    #[test]
-    fn slow_agents_hold_an_action_until_they_have_crossed_a_place() {
+    fn a_winding_corridor_is_explored_to_its_end_by_slow_agents_that_hold_their_actions_too() {
         let slow = Spec { change_scale: vec![0.2; 2], ..plane() };
-        let visited = |held_steps| {
-            let mut excursions = Excursions::new(&slow, 4);
-            excursions.held_steps = held_steps;
-            let mut rng = ChaCha8Rng::seed_from_u64(1);
-            explore_at(0.2, &mut excursions, &mut [[0.5, 0.5]; 4], 1_500, &mut rng)
-        };
         assert_eq!(held_steps(&slow), 10);
-        assert_eq!((visited(3), visited(10)), (3, 65));
+        // 65 cells in a row; random steps would take thousands to get to the end.
+        for (spec, speed, held, steps, expected) in [
+            (plane(), 1.0, held_steps(&plane()), 400, 65),
+            (slow.clone(), 0.2, 3, 1_500, 3),
+            (slow, 0.2, 10, 1_500, 65),
+        ] {
+            let mut excursions = Excursions::new(&spec, 4);
+            excursions.held_steps = held;
+            let mut rng = ChaCha8Rng::seed_from_u64(1);
+            let visited = explore(speed, &mut excursions, &mut [[0.5, 0.5]; 4], steps, &mut rng);
+            assert_eq!(visited, expected);
+        }
     }
 
     #[test]
@@ -382,20 +328,17 @@ mod tests {
         let mut excursions = Excursions::new(&plane(), 4);
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         let mut at = [[0.5, 0.5]; 4];
-        explore(&mut excursions, &mut at, 50, &mut rng);
+        explore(1.0, &mut excursions, &mut at, 50, &mut rng);
         let mut store = Store::default();
         excursions.write(&mut store).expect("numbers");
         let mut resumed = Excursions::new(&plane(), 4);
         resumed.restore(&plane(), &store).expect("its own state");
         assert_eq!(resumed, excursions);
         let (mut again, mut same) = (at, rng.clone());
-        explore(&mut excursions, &mut at, 50, &mut rng);
-        explore(&mut resumed, &mut again, 50, &mut same);
+        explore(1.0, &mut excursions, &mut at, 50, &mut rng);
+        explore(1.0, &mut resumed, &mut again, 50, &mut same);
         assert_eq!((resumed, again), (excursions, at));
-        assert!(
-            Excursions::new(&plane(), 3).restore(&plane(), &store).is_err(),
-            "another number of agents"
-        );
+        assert!(Excursions::new(&plane(), 3).restore(&plane(), &store).is_err(), "other agents");
     }
 
     #[test]
@@ -423,16 +366,5 @@ mod tests {
         assert!(!excursions.are_due(0.0));
         // A door opens: more are due at once.
         assert!(excursions.are_due(0.5));
-    }
-
-    #[test]
-    fn the_destination_is_at_the_frontier() {
-        let mut excursions = Excursions::new(&plane(), 1);
-        excursions.arrive(0, &[0.5, 0.5]);
-        assert_eq!(excursions.destination(0), None, "it is not on an excursion");
-        excursions.begin(0);
-        assert_eq!(excursions.destination(0), Some(vec![0.5, 0.5]));
-        excursions.end(0);
-        assert!(!excursions.act(0, &mut [0.0; 2], &mut ChaCha8Rng::seed_from_u64(1)));
     }
 }

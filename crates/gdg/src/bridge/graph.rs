@@ -453,39 +453,25 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::bridge::candidates::tests::line;
+    use crate::bridge::candidates::tests::walked;
 
-    /// Returns candidates in a row, each with an edge to the next; the last has no outgoing edge.
-    fn row() -> BridgeGraph {
-        row_of_cost(3.0)
+    fn edge(from: usize, to: usize, cost: f32) -> Edge {
+        Edge { from, to, distance: cost, length: cost, cost, status: EdgeStatus::Untried }
     }
 
-    fn row_of_cost(cost: f32) -> BridgeGraph {
-        let (spec, settings) = line(20);
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        (0..60).for_each(|step| {
-            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5]);
-        });
+    /// Returns candidates in a row, each with an edge to the next; the last has no outgoing edge.
+    fn row(cost: f32) -> BridgeGraph {
+        let (spec, settings, candidates) = walked(20, 29.5);
         let length = 3.0 + settings.hop_steps_in(&spec);
-        let edge = |i: usize| Edge {
-            from: i,
-            to: i + 1,
-            distance: 3.0,
-            length,
-            cost,
-            status: EdgeStatus::Untried,
-        };
-        let edges = (0..candidates.len() - 1).map(edge).collect();
+        let edges = (1..candidates.len())
+            .map(|to| Edge { distance: 3.0, length, ..edge(to - 1, to, cost) })
+            .collect();
         BridgeGraph::from_edges(&spec, &settings, candidates.frozen(), edges)
     }
 
     /// Returns the first two candidates of a walk from left to right, and the settings.
     fn one_way() -> (Candidates, BridgeSettings) {
-        let (spec, settings) = line(20);
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        (0..8).for_each(|step| {
-            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5]);
-        });
+        let (_, settings, candidates) = walked(20, 3.5);
         assert_eq!((candidates.observed(0, 1), candidates.observed(1, 0)), (3, UNOBSERVED));
         (candidates, settings)
     }
@@ -501,7 +487,7 @@ mod tests {
         assert_eq!(
             link(1, 0, 2.0),
             known(3.0, 3.0 + REVERSED_PENALTY_STEPS),
-            "seen the other way alone"
+            "the other way alone"
         );
         let strict = BridgeSettings { keep_observed_edges: false, ..settings.clone() };
         assert_eq!([0.5, 50.0].map(|d| Link::new(&strict, &candidates, 0, 1, d)), [None; 2]);
@@ -521,60 +507,51 @@ mod tests {
         let failures = candidates.hops().failures(4.5);
         assert!(failures > 1.0, "{failures}");
         assert_eq!(link(4.5).cost, 4.5 + failures * settings.late_after(4.5));
-        assert_eq!(
-            (link(4.5).length, link(3.5).cost),
-            (4.5, 3.5),
-            "neither longer, nor for other lengths"
-        );
+        assert_eq!((link(4.5).length, link(3.5).cost), (4.5, 3.5), "nor for other lengths");
     }
 
     #[test]
     fn a_graph_round_trips_through_its_state_and_invalid_states_are_rejected() {
-        let graph = row();
-        let state = graph.state();
-        let again =
-            BridgeGraph::from_state(&graph.spec, &graph.settings, &state).expect("its own state");
+        // late_slack_steps may be a million, and failures multiply it.
+        let graph = row(4e6);
+        let (state, of) = (graph.state(), |state: &GraphState| {
+            BridgeGraph::from_state(&graph.spec, &graph.settings, state)
+        });
+        let again = of(&state).expect("its own state");
         assert_eq!((again.state(), again.edges()), (state.clone(), graph.edges()));
-        let wrong = [
+        for wrong in [
             GraphState { ends: vec![0, 999], lengths: vec![1.0, 1.0], ..state.clone() },
             GraphState { ends: vec![1, 0, 0, 1], lengths: vec![1.0; 4], ..state.clone() },
             GraphState { lengths: Vec::new(), ..state },
-        ];
-        assert!(
-            wrong.iter().all(|s| BridgeGraph::from_state(&graph.spec, &graph.settings, s).is_err())
-        );
+        ] {
+            assert!(of(&wrong).is_err());
+        }
     }
 
     #[test]
-    fn routes_sum_edge_costs_and_mark_unreachable_candidates() {
-        let graph = row();
-        let last = graph.candidates().len() - 1;
-        let route = graph.route_to_candidate(last);
-        assert!((0..=last).all(|i| route.costs[i] == 3.0 * (last - i) as f32), "{:?}", route.costs);
-        assert!((0..last).all(|i| route.next[i] as usize == i + 1));
-        let route = graph.route_to_candidate(0);
-        assert!(route.costs[1..].iter().all(|s| s.is_infinite()), "edges are directed");
+    fn routes_along_a_row_add_up_whatever_their_costs_and_edges_are_directed() {
+        for cost in [3.0, 4e6] {
+            let graph = row(cost);
+            let last = graph.candidates().len() - 1;
+            let route = graph.route_to_candidate(last);
+            assert!((0..last).all(|i| route.next[i] as usize == i + 1), "{:?}", route.next);
+            assert!((route.costs[0] / cost - last as f32).abs() < 0.5, "{:?}", route.costs);
+            assert!(graph.route_to_candidate(0).costs[1..].iter().all(|s| s.is_infinite()));
+        }
     }
 
     #[test]
     fn routes_cost_as_much_as_those_of_a_library_and_lead_along_edges() {
-        let line = row();
+        let line = row(3.0);
         let count = line.candidates().len();
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         for density in [0.05, 0.2, 0.8] {
-            let mut edges = Vec::new();
-            for (from, to) in (0..count).flat_map(|from| (0..count).map(move |to| (from, to))) {
-                if from != to && rng.random::<f64>() < density {
+            let pairs = (0..count).flat_map(|from| (0..count).map(move |to| (from, to)));
+            let mut edges: Vec<Edge> = Vec::new();
+            for (from, to) in pairs.filter(|(from, to)| from != to) {
+                if rng.random::<f64>() < density {
                     // Whole steps, so that many paths are equally long.
-                    let cost = rng.random_range(1..5) as f32;
-                    edges.push(Edge {
-                        from,
-                        to,
-                        distance: cost,
-                        length: cost,
-                        cost,
-                        status: EdgeStatus::Untried,
-                    });
+                    edges.push(edge(from, to, rng.random_range(1..5) as f32));
                 }
             }
             let graph =
@@ -583,18 +560,14 @@ mod tests {
                 let incoming = graph.edges().iter().filter(|edge| edge.to == *to);
                 incoming.map(|edge| (edge.from, edge.cost as u64)).collect::<Vec<_>>()
             };
-            let route = graph.route_to_candidate(0);
-            let expected = dijkstra_all(&0, back);
+            let (route, expected) = (graph.route_to_candidate(0), dijkstra_all(&0, back));
             for i in 1..count {
-                assert_eq!(
-                    route.costs[i],
-                    expected.get(&i).map_or(f32::INFINITY, |(_, cost)| *cost as f32),
-                    "{i}"
-                );
+                let cost = expected.get(&i).map_or(f32::INFINITY, |(_, cost)| *cost as f32);
+                assert_eq!(route.costs[i], cost, "{i}");
                 let next = route.next[i] as usize;
                 let edge = graph.edges().iter().find(|edge| (edge.from, edge.to) == (i, next));
                 assert!(
-                    edge.map_or(next == i, |edge| route.costs[i] == edge.cost + route.costs[next]),
+                    edge.map_or(next == i, |edge| cost == edge.cost + route.costs[next]),
                     "{i}"
                 );
             }
@@ -602,25 +575,12 @@ mod tests {
     }
 
     #[test]
-    fn extreme_costs_add_up_without_cycles_and_are_restored() {
-        // late_slack_steps may be a million, and failures multiply it.
-        let graph = row_of_cost(4e6);
-        let last = graph.candidates().len() - 1;
-        let route = graph.route_to_candidate(last);
-        assert!((0..last).all(|i| route.next[i] as usize == i + 1), "{:?}", route.next);
-        assert!(route.costs[0] > 4e6 * (last as f32 - 0.5), "{:?}", route.costs);
-        let again = BridgeGraph::from_state(&graph.spec, &graph.settings, &graph.state())
-            .expect("its own state");
-        assert_eq!(again.edges(), graph.edges());
-    }
-
-    #[test]
     fn walks_that_fail_demote_an_edge_and_walks_that_arrive_confirm_it() {
-        let status = |arrived, failed| EdgeStatus::from(WalkRecord { arrived, failed });
-        assert_eq!(status(0, 0), EdgeStatus::Untried);
-        assert_eq!(status(0, 1), EdgeStatus::Untried);
-        assert_eq!(status(0, 2), EdgeStatus::Demoted);
-        assert_eq!(status(9, 2), EdgeStatus::Demoted);
-        assert_eq!(status(3, 0), EdgeStatus::Confirmed);
+        use EdgeStatus::{Confirmed, Demoted, Untried};
+        for (arrived, failed, status) in
+            [(0, 0, Untried), (0, 1, Untried), (0, 2, Demoted), (9, 2, Demoted), (3, 0, Confirmed)]
+        {
+            assert_eq!(EdgeStatus::from(WalkRecord { arrived, failed }), status);
+        }
     }
 }

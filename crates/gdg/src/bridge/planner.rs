@@ -403,7 +403,8 @@ mod tests {
     use super::*;
     use crate::bridge::BridgeSettings;
     use crate::bridge::candidates::Candidates;
-    use crate::bridge::candidates::tests::line;
+    use crate::bridge::candidates::tests::{line, walked};
+    use crate::env::Spec;
 
     /// D is the distance along both axes.
     struct Straight;
@@ -419,51 +420,41 @@ mod tests {
         fn actions(&self, _: &[f32], _: &[f32], _: &mut [f32], _: &mut Scratch) {}
     }
 
+    fn graph(spec: &Spec, settings: &BridgeSettings, candidates: &Candidates) -> BridgeGraph {
+        BridgeGraph::build(spec, settings, &candidates.frozen(), &Straight, &mut Scratch::default())
+    }
+
     #[test]
     fn a_plan_leads_close_to_a_goal_whose_nearest_candidate_no_path_leads_to() {
-        let (spec, settings) = line(200);
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        (0..160).for_each(|step| {
-            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5]);
-        });
-        candidates.end_episode(0);
+        let (spec, settings, mut candidates) = walked(200, 79.5);
         candidates.visit(0, &[84.0, 0.5], &[84.0, 0.5]);
-        let mut scratch = Scratch::default();
-        let graph =
-            BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
+        let (graph, mut scratch) = (graph(&spec, &settings, &candidates), Scratch::default());
         let route = graph.route(&[85.0, 0.5], &Straight, &mut scratch);
         assert!(route.costs[0].is_infinite(), "{:?}", route.costs);
         let (mut walker, mut at) = (Walker::new(route), 2.0);
         walker.step(&[at, 0.5], &graph, &Straight, &mut scratch);
-        assert!(
-            matches!(walker.target(), Some(Target::Candidate(_)))
-                && walker.route().costs[0].is_finite()
-        );
+        assert!(matches!(walker.target(), Some(Target::Candidate(_))));
+        assert!(walker.route().costs[0].is_finite());
         let mut walker = Walker::from_state(&graph, walker.state()).expect("its own state");
         for _ in 0..100 {
             let aim = walker.step(&[at, 0.5], &graph, &Straight, &mut scratch)[0];
             at += (aim - at).clamp(-1.0, 1.0);
         }
         assert_eq!(at, 85.0);
-        assert!(
-            graph.route_by_unverified_links(walker.route(), &Straight, &mut scratch).is_none(),
-            "once is enough"
-        );
+        let again = graph.route_by_unverified_links(walker.route(), &Straight, &mut scratch);
+        assert!(again.is_none(), "once is enough");
     }
 
     #[test]
     fn a_far_goal_without_a_plan_is_pursued_no_longer_than_a_hop() {
         let (spec, settings) = line(200);
-        let candidates = Candidates::new(&spec, 1, &settings).frozen();
+        let graph = graph(&spec, &settings, &Candidates::new(&spec, 1, &settings));
         let mut scratch = Scratch::default();
-        let graph = BridgeGraph::build(&spec, &settings, &candidates, &Straight, &mut scratch);
         let mut walker = Walker::new(graph.route(&[99.0, 0.5], &Straight, &mut scratch));
         let longest = settings.late_after(settings.window_steps() as f32) as u32;
         for _ in 0..=longest {
-            assert_eq!(
-                (walker.strikes, walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch)[0]),
-                (0, 99.0)
-            );
+            assert_eq!(walker.strikes, 0);
+            assert_eq!(walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch)[0], 99.0);
         }
         walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch);
         assert_eq!(walker.strikes, 1);
@@ -471,16 +462,9 @@ mod tests {
 
     #[test]
     fn each_waypoint_of_a_single_plan_has_its_own_deadline() {
-        let (spec, settings) = line(200);
+        let (spec, settings, candidates) = walked(200, 79.5);
         let settings = BridgeSettings { open_loop: true, progress_check: true, ..settings };
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        (0..160).for_each(|step| {
-            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5]);
-        });
-        candidates.end_episode(0);
-        let mut scratch = Scratch::default();
-        let graph =
-            BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
+        let (graph, mut scratch) = (graph(&spec, &settings, &candidates), Scratch::default());
         let (mut walker, mut at) =
             (Walker::new(graph.route(&[79.0, 0.5], &Straight, &mut scratch)), 1.0);
         let mut hops = 0;
@@ -495,14 +479,8 @@ mod tests {
 
     #[test]
     fn bans_last_longer_the_longer_an_agent_is_stuck() {
-        let (spec, settings) = line(200);
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        (0..80).for_each(|step| {
-            candidates.visit(0, &[0.5 * step as f32, 0.5], &[0.5 * step as f32, 0.5]);
-        });
-        let mut scratch = Scratch::default();
-        let graph =
-            BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
+        let (spec, settings, candidates) = walked(200, 39.5);
+        let (graph, mut scratch) = (graph(&spec, &settings, &candidates), Scratch::default());
         let mut walker = Walker::new(graph.route(&[39.0, 0.5], &Straight, &mut scratch));
         let mut bans = [0; 2 * BAN_STRIKES as usize + 1];
         while walker.strikes < 2 * BAN_STRIKES {

@@ -230,26 +230,3 @@ impl BridgeSettings {
         (2.0 * self.edge_cutoff_steps).ceil() as usize
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_waypoint_costs_the_steps_of_a_goal_radius() {
-        let settings = BridgeSettings::default();
-        let maze = crate::env::tests::positions(&[(0.0, 50.0); 2]);
-        let hop = |goal_radius| settings.hop_steps_in(&Spec { goal_radius, ..maze.clone() });
-        assert_eq!([0.1, 1.0, 5.0, 50.0].map(hop), [0.4, 0.4, 4.4, 5.0]);
-        let given = BridgeSettings { hop_steps: Auto::Given(7.0), ..settings };
-        assert_eq!(given.hop_steps_in(&maze), 7.0);
-    }
-
-    #[test]
-    fn excursions_are_frequent_while_there_is_a_frontier() {
-        let automatic = BridgeSettings::default();
-        assert!(automatic.frontier_share(true) > automatic.frontier_share(false));
-        let given = BridgeSettings { frontier_epsilon: Auto::Given(0.2), ..automatic };
-        assert_eq!([true, false].map(|has_frontier| given.frontier_share(has_frontier)), [0.2; 2]);
-    }
-}

@@ -31,21 +31,3 @@ pub(super) fn resolve_links(path: &Path) -> Result<PathBuf> {
     }
     Err(Error::new(ErrorKind::InvalidInput, "has too many levels of symbolic links"))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn extensions_may_be_in_capitals_and_hidden_files_begin_with_a_dot() {
-        assert!(
-            has_extension(Path::new("A.MAP"), "map") && has_extension(Path::new("a.b.map"), "map")
-        );
-        assert!(
-            !has_extension(Path::new("map"), "map")
-                && !has_extension(Path::new("a.map.txt"), "map")
-        );
-        assert!(is_hidden(Path::new("maps/._a.map")) && !is_hidden(Path::new("./a.map")));
-        assert!(!is_hidden(Path::new("..")), "a folder above is no hidden file");
-    }
-}

@@ -79,11 +79,7 @@ mod tests {
         assert_eq!(std::fs::read(&path).expect("there"), b"good 1");
         write_verified(&path, b"good 2", is_valid).expect("written");
         assert_eq!(std::fs::read(&path).expect("there"), b"good 2");
-        assert_eq!(
-            std::fs::read_dir(folder.path()).expect("a folder").count(),
-            1,
-            "no backup is left"
-        );
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1, "no backup");
         let copy = folder.path().join("file.bak");
         std::fs::write(&copy, b"the user's own").expect("written");
         write_verified(&path, b"good 3", is_valid).expect("written");

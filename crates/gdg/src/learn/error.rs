@@ -37,18 +37,3 @@ pub(in crate::learn) fn candle_message(error: candle_core::Error) -> String {
         other => other.to_string(),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use std::backtrace::Backtrace;
-
-    use super::*;
-
-    #[test]
-    fn errors_of_candle_have_no_backtrace() {
-        let backtrace = Box::new(Backtrace::force_capture());
-        let inner = Box::new(candle_core::Error::Msg("no such device".to_owned()));
-        let error = candle_core::Error::WithBacktrace { inner, backtrace }.context("update");
-        assert_eq!(LearnError::from(error).to_string(), "update: no such device");
-    }
-}

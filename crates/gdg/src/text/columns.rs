@@ -64,15 +64,4 @@ mod tests {
         }
         assert_eq!(fitted("abcdefgh", 6), "abc...");
     }
-
-    #[test]
-    fn columns_of_a_table_begin_below_each_other() {
-        let row = |text: &str| vec![text.to_owned(), "seed".to_owned(), "last".to_owned()];
-        let mut rows: Vec<Vec<String>> = TEXTS.iter().map(|(text, _)| row(text)).collect();
-        rows.push(vec!["one cell, as wide as it likes".to_owned()]);
-        let table = aligned(&rows);
-        let columns = |line: &str| line.find("seed").map(|at| display_width(&line[..at]));
-        assert!(table.lines().take(TEXTS.len()).all(|line| columns(line) == Some(6)), "{table}");
-        assert!(table.ends_with("likes\n"));
-    }
 }

@@ -97,12 +97,6 @@ mod tests {
     }
 
     #[test]
-    fn a_tab_is_shown_as_a_space() {
-        let excerpt = Excerpt::new("f", SourceLine { number: 0, text: "a\tb\x1b" }, 2..3);
-        assert_eq!((excerpt.text.as_str(), excerpt.span), ("a b?", (2, 1)));
-    }
-
-    #[test]
     fn each_character_that_is_shown_takes_its_columns() {
         // Joined by terminals, or not.
         let text = "\u{1f468}\u{200d}\u{1f469}e\u{301}\u{4e00}x";

@@ -158,14 +158,9 @@ mod tests {
         ] {
             assert_eq!(parse_count(text), Ok(60_000), "{text}");
         }
-        assert_eq!(parse_count("1.5e6"), Ok(1_500_000));
-        assert_eq!(parse_count("1,234,567"), Ok(1_234_567));
-        assert_eq!(parse_count("100.0"), Ok(100));
-        assert_eq!(parse_count("5000e-3"), Ok(5));
-        assert_eq!(
-            [parse_count("0"), parse_count("0e999"), parse_count("000")],
-            [Ok(0), Ok(0), Ok(0)]
-        );
+        for (text, count) in [("1,234,567", 1_234_567), ("5000e-3", 5), ("0e999", 0), ("000", 0)] {
+            assert_eq!(parse_count(text), Ok(count), "{text}");
+        }
         assert_eq!(parse_count(&u64::MAX.to_string()), Ok(u64::MAX));
     }
 
@@ -177,26 +172,8 @@ mod tests {
         let two = |a: &str, b: &str| Err(NumberError::Ambiguous(a.to_owned(), b.to_owned()));
         assert_eq!(parse_count("60.000"), two("60", "60000"));
         assert_eq!(parse_count("1.250"), two("1.25", "1250"));
-        for text in [
-            "",
-            "e6",
-            "-3",
-            "60,00",
-            "6,0000",
-            "0,500",
-            "1,000_000",
-            "_1",
-            "1_",
-            "1__0",
-            "1k",
-            "0x10",
-            ".",
-            "+",
-            "--1",
-            "1.0.0",
-            "1e",
-            "1e+",
-        ] {
+        let none = "e6 -3 60,00 6,0000 0,500 1,000_000 _1 1_ 1__0 1k 0x10 . + --1 1.0.0 1e 1e+";
+        for text in none.split(' ').chain([""]) {
             assert_eq!(parse_count(text), Err(NumberError::NoNumber), "{text}");
         }
         for text in ["18446744073709551616", "1e20", "1e2147483647", "1e99999999999999999999"] {
@@ -224,13 +201,8 @@ mod tests {
         for text in ["_1", "1_", "1_.5", "1__0", "0,5", "60,00", "x", ".", "", "inf", "nan"] {
             assert_eq!(parse_real(text), Err(NumberError::NoNumber), "{text}");
         }
-        assert_eq!(
-            parse_real("60.000"),
-            Err(NumberError::Ambiguous("60".to_owned(), "60000".to_owned()))
-        );
-        assert_eq!(
-            [parse_real("1e99999999999"), parse_real("-1e999")].map(Result::err),
-            [const { Some(NumberError::TooLarge) }; 2]
-        );
+        let two = NumberError::Ambiguous("60".to_owned(), "60000".to_owned());
+        assert_eq!(parse_real("60.000"), Err(two));
+        assert_eq!(parse_real("-1e999"), Err(NumberError::TooLarge));
     }
 }

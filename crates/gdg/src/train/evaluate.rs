@@ -235,17 +235,3 @@ fn marked_task(
     let greedy = journey(greedy)?;
     Ok(Some(MarkedTask { greedy, planned: planned.map(journey).transpose()? }))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::left_steps;
-
-    #[test]
-    fn no_steps_are_left_to_a_goal_that_was_reached() {
-        let left = [(Some(1), true), (Some(1), false), (None, true)];
-        assert_eq!(
-            left.map(|(steps, reached)| left_steps(steps, reached)),
-            [Some(0), Some(1), None]
-        );
-    }
-}

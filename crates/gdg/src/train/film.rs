@@ -279,16 +279,21 @@ mod tests {
         Probes { places: 4, place_of: vec![0, 2, 3], states: Vec::new(), goal: vec![1.5, 2.5] }
     }
 
-    /// Returns the film after `last` updates.
-    fn film_after(last: u64) -> Film {
-        let mut film = Film::default();
-        for updates in (1..=last).filter(|updates| *updates == 1 || updates.is_multiple_of(SPACING))
-        {
+    /// Adds the frames that are due after updates `from` to `to` of which some are tried.
+    fn go_on(film: &mut Film, from: u64, to: u64) {
+        let tried = (from..=to).filter(|updates| *updates == 1 || updates.is_multiple_of(SPACING));
+        for updates in tried {
             if film.is_due(updates) {
                 let distances = [0.0, 1.0, updates as f32];
                 film.push(frame(updates, 7 * updates, &points(), &distances, vec![0.5, 1.5]));
             }
         }
+    }
+
+    /// Returns the film after `last` updates.
+    fn film_after(last: u64) -> Film {
+        let mut film = Film::default();
+        go_on(&mut film, 1, last);
         film
     }
 
@@ -312,42 +317,27 @@ mod tests {
         for last in [100, 1_000, 12_345, 100_000] {
             let film = film_after(last * SPACING);
             let updates = updates(&film);
-            assert!(
-                (MAX_FRAMES - 1..=MAX_FRAMES).contains(&updates.len()),
-                "{last}: {}",
-                updates.len()
-            );
+            assert!((MAX_FRAMES - 1..=MAX_FRAMES).contains(&updates.len()), "{last}: {updates:?}");
             assert_eq!(updates[0], 1, "the beginning stays");
             let gaps: Vec<u64> = updates[1..].windows(2).map(|pair| pair[1] - pair[0]).collect();
             assert!(
                 gaps.is_sorted_by(|a, b| a >= b),
                 "{last}: denser towards the present: {gaps:?}"
             );
-            assert!(
-                gaps[0] <= 2 * gaps[gaps.len() - 1],
-                "{last}: but not by more than twice: {gaps:?}"
-            );
-            assert!(
-                last * SPACING - updates[updates.len() - 1] < 2 * film.every,
-                "{last}: up to the present"
-            );
+            assert!(gaps[0] <= 2 * gaps[gaps.len() - 1], "{last}: at most twice: {gaps:?}");
+            assert!(last * SPACING - updates[updates.len() - 1] < 2 * film.every, "{last}");
         }
     }
 
     #[test]
-    fn a_film_is_the_same_after_a_break() {
-        let mut resumed = film_after(90 * SPACING);
-        for updates in 90 * SPACING + 1..=200 * SPACING {
-            let every_few = updates.is_multiple_of(3_000);
-            if every_few {
-                resumed = Film::read(&stored(&resumed), &spec()).expect("a film");
-            }
-            if resumed.is_due(updates) {
-                let distances = [0.0, 1.0, updates as f32];
-                resumed.push(frame(updates, 7 * updates, &points(), &distances, vec![0.5, 1.5]));
-            }
-        }
-        assert_eq!(resumed, film_after(200 * SPACING));
+    fn a_film_is_the_same_after_a_break_and_begins_anew_in_another_world() {
+        let mut film = film_after(90 * SPACING);
+        film = Film::read(&stored(&film), &spec()).expect("a film");
+        go_on(&mut film, 90 * SPACING + 1, 200 * SPACING);
+        assert_eq!(film, film_after(200 * SPACING));
+        let elsewhere = Probes { places: 9, ..points() };
+        film.push(frame(201 * SPACING, 0, &elsewhere, &[0.0; 3], Vec::new()));
+        assert_eq!(updates(&film), [201 * SPACING]);
     }
 
     #[test]
@@ -366,16 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn another_world_begins_another_film() {
-        let mut film = film_after(3 * SPACING);
-        let elsewhere = Probes { places: 9, ..points() };
-        film.push(frame(4 * SPACING, 0, &elsewhere, &[0.0; 3], Vec::new()));
-        assert_eq!(updates(&film), [4 * SPACING]);
-    }
-
-    #[test]
-    fn checkpoints_without_a_film_can_be_read_and_damaged_films_cannot() {
-        assert_eq!(Film::read(&Store::default(), &spec()).expect("no film"), Film::default());
+    fn damaged_films_are_refused() {
         let film = film_after(5 * SPACING);
         let good = stored(&film);
         assert_eq!(Film::read(&good, &spec()).expect("a film"), film);
@@ -405,19 +386,11 @@ mod tests {
             store.put(AGENTS, vec![at; 12]);
             store
         };
-        assert!(
-            Film::read(&with_agents(1.0), &spec()).is_ok()
-                && Film::read(&with_agents(1e30), &spec()).is_err()
-        );
-        let infinite = with_agents(f32::NAN);
         let mut missing = Store::default();
         missing.put_text(FILM, text.as_str());
-        assert!(Film::read(&infinite, &spec()).is_err() && Film::read(&missing, &spec()).is_err());
-    }
-
-    #[test]
-    fn the_largest_film_takes_less_than_a_megabyte() {
-        let agents = MAX_FILM_AGENTS * 3;
-        assert!(MAX_FRAMES * (2 * MAX_PROBES + 4 * agents) < 1_000_000);
+        assert!(Film::read(&with_agents(1.0), &spec()).is_ok());
+        for store in [with_agents(1e30), with_agents(f32::NAN), missing] {
+            assert!(Film::read(&store, &spec()).is_err());
+        }
     }
 }

@@ -179,15 +179,5 @@ mod tests {
         assert_eq!(Method::default().name(), "gdg-bridge");
         assert_eq!("gdg+none".parse::<Method>().map(|m| m.name()), Ok("gdg".to_owned()));
         assert!("gdg+walls".parse::<Method>().is_err() && "gdgg".parse::<Method>().is_err());
-        let error = "gdg+walls".parse::<Method>().expect_err("no such planner").to_string();
-        for part in [
-            "\"gdg+walls\"",
-            "gdg-bridge",
-            "LEARNER+PLANNER",
-            "gdg, gdg-distance, ddpg, her, ddpg-distance, random",
-            "none, bridges, sorb",
-        ] {
-            assert!(error.contains(part), "{part}: {error}");
-        }
     }
 }

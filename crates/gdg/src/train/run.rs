@@ -159,8 +159,26 @@ pub enum EndReason {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::env::PointMaze;
+    use crate::train::Trainer;
+
+    /// Returns a run in the trap with small networks and a small graph.
+    pub fn small_run(method: &str, threads: usize) -> Trainer {
+        let mut settings = Settings::default();
+        (settings.learn.hidden, settings.learn.batch_size) = (16, 64);
+        settings.learn.buffer_size = 2_000;
+        settings.train.learning_starts = 200;
+        (settings.bridge.candidates, settings.bridge.graph_every_updates) = (20, 8);
+        let method = method.parse().expect("a method");
+        let run = Run { method, preset: Preset::Default, seed: 1, settings };
+        let trap = crate::map::builtin("trap").expect("a built-in map");
+        let world = PointMaze::new(Arc::new(trap), 0);
+        Trainer::new(run, &world, &Registry::builtin(), threads).expect("a trainer")
+    }
 
     #[test]
     fn another_method_brings_its_preset_and_keeps_what_was_changed() {

@@ -168,21 +168,11 @@ impl Session {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
-    use crate::env::PointMaze;
-    use crate::train::{Method, Preset, Registry, Run, Settings};
+    use crate::train::small_run;
 
     fn trainer() -> Trainer {
-        let mut settings = Settings::default();
-        (settings.learn.hidden, settings.learn.batch_size, settings.learn.buffer_size) =
-            (16, 16, 2_000);
-        settings.train.learning_starts = 200;
-        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings };
-        let world =
-            PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
-        Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer")
+        small_run("gdg", 1)
     }
 
     /// Trains to the end; returns what was due after which update, and why training ended.
@@ -232,8 +222,7 @@ mod tests {
         assert_eq!(all.iter().map(|(_, due)| *due).collect::<Vec<_>>(), [Due::Evaluation; 3]);
         assert!((0..2).all(|i| all[i].0 == 0) && all[2].0 == trainer.counters().updates);
         assert!(reason == EndReason::MaxSteps && !trainer.is_update_due());
-        let evaluation =
-            trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("an evaluation");
+        let evaluation = trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("one");
         trainer.record_evaluation(trainer.moment(), evaluation);
         let mut resumed = Session::resume(schedule, &trainer);
         assert_eq!(std::iter::from_fn(|| resumed.next_due()).count(), 2, "one of three is made");
@@ -255,8 +244,7 @@ mod tests {
             std::iter::from_fn(|| session.next_due()).collect::<Vec<_>>()
         };
         assert_eq!(due(&trainer), [Due::Edit(0), Due::Evaluation]);
-        let evaluation =
-            trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("an evaluation");
+        let evaluation = trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("one");
         trainer.record_evaluation(trainer.moment(), evaluation);
         assert_eq!(due(&trainer), [Due::Edit(0)]);
         trainer.pulse().stop();

@@ -339,12 +339,8 @@ mod tests {
 
     /// Returns a run in `world` whose film has frames of these updates.
     fn run(world: &dyn Environment, updates: &[u64]) -> Snapshot {
-        let run = Run {
-            method: Method::default(),
-            preset: Preset::Default,
-            seed: 1,
-            settings: Settings::default(),
-        };
+        let (method, settings) = (Method::default(), Settings::default());
+        let run = Run { method, preset: Preset::Default, seed: 1, settings };
         let trainer = Trainer::new(run, world, &Registry::builtin(), 1).expect("a trainer");
         let (world, mut film) = (trainer.world(), Film::default());
         let points = film.points(world).expect("points");
@@ -360,10 +356,10 @@ mod tests {
         PointMaze::new(Arc::new(parse_map("map", text.as_bytes()).expect("a map")), 0)
     }
 
-    /// Returns the size of an animation and how long its frames are shown, in seconds.
-    fn frames(file: &[u8]) -> ((u32, u32), Vec<f64>) {
+    /// Returns the size of a picture or an animation, and how long its frames are shown, in seconds.
+    fn shown(file: &[u8]) -> ((u32, u32), Vec<f64>) {
         let mut reader = png::Decoder::new(Cursor::new(file)).read_info().expect("a PNG");
-        let count = reader.info().animation_control().expect("an animation").num_frames;
+        let count = reader.info().animation_control().map_or(0, |animation| animation.num_frames);
         let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
         let seconds = (0..count).map(|_| {
             reader.next_frame(&mut pixels).expect("a frame");
@@ -377,89 +373,41 @@ mod tests {
     #[test]
     fn films_of_maps_and_arms_are_animations_in_which_time_passes_evenly() {
         let drawn = Progress::default();
-        let file =
-            animate(&run(&maze("....#....\n.........\n"), &[250, 500, 1_000, 1_250]), None, &drawn)
-                .expect("a film");
-        let (size, seconds) = frames(&file);
+        let run_in_maze = run(&maze("....#....\n.........\n"), &[250, 500, 1_000, 1_250]);
+        let (size, seconds) = shown(&animate(&run_in_maze, None, &drawn).expect("a film"));
         assert_eq!(size, (9 * 24, 2 * 24 + 24));
         assert_eq!(drawn.share(), Some(0.75), "when the last of four frames began");
         assert_eq!(
             seconds,
             [FRAME_SECONDS, 2.0 * FRAME_SECONDS, FRAME_SECONDS, LAST_FRAME_SECONDS]
         );
-        let file = animate(&run(&FetchReach::new(None, 0), &[1]), None, &Progress::default())
-            .expect("a film");
-        assert_eq!(frames(&file).0, (2 * PLANE_PIXELS as u32 + 4, PLANE_PIXELS as u32 + 24));
+        let arm = animate(&run(&FetchReach::new(None, 0), &[1]), None, &drawn).expect("a film");
+        assert_eq!(shown(&arm).0, (2 * PLANE_PIXELS as u32 + 4, PLANE_PIXELS as u32 + 24));
     }
 
     #[test]
     fn the_goal_is_light_and_what_is_far_is_dark() {
         let run = run(&maze("G...........\n"), &[250]);
         let Scene::Maze(scene) = &run.scene else { panic!("a maze") };
-        let stage = MazeStage::new(scene, None);
-        let picture =
-            stage.draw(&run.film[0], Scale { farthest: run.film[0].farthest(), interval: 1e6 });
-        let light = |x: usize| crate::draw::lightness(picture.pixels()[3 * picture.size().0 + x]);
-        assert!(
-            light(60) > light(150) && light(150) > light(270),
-            "{} {} {}",
-            light(60),
-            light(150),
-            light(270)
-        );
+        let scale = Scale { farthest: run.film[0].farthest(), interval: 1e6 };
+        let picture = MazeStage::new(scene, None).draw(&run.film[0], scale);
+        let row = &picture.pixels()[3 * picture.size().0..];
+        assert!([60, 150, 270].map(|x| crate::draw::lightness(row[x])).is_sorted_by(|a, b| a > b));
     }
 
     #[test]
-    fn captions_are_as_long_as_fits() {
-        let run = run(&maze("..\n"), &[250]);
-        assert_eq!(captions(&run, &run.film[0]), ["map: update 250", "update 250", "update 250"]);
-        assert!(animate(&run, None, &Progress::default()).is_ok());
-    }
-
-    #[test]
-    fn pictures_are_as_wide_as_asked_for_and_explained() {
-        let size = |file: &[u8]| {
-            let reader = png::Decoder::new(Cursor::new(file)).read_info().expect("a PNG");
-            (reader.info().width, reader.info().height)
-        };
-        let run = run(&maze("....#....\n.........\n"), &[250, 500]);
-        // Two lines of text, each with a margin, and one more below.
-        let below = (2 * (text_size("", false)[1] + MARGIN) + MARGIN) as u32;
-        for width in [90, 1_000] {
-            let file = still(&run, Some(width)).expect("a picture");
-            assert_eq!(size(&file), (width as u32, (2 * width).div_ceil(9) as u32 + below));
-            assert_eq!(
-                size(&animate(&run, Some(width), &Progress::default()).expect("a film")).0,
-                width as u32
-            );
-        }
-        let arm = self::run(&FetchReach::new(None, 0), &[1]);
-        let (width, _) = size(&still(&arm, Some(1_004)).expect("a picture"));
-        assert_eq!(width, 1_004);
-    }
-
-    #[test]
-    fn a_run_without_a_film_or_a_scene_has_no_animation() {
-        let world = maze("..\n");
-        let mut run = run(&world, &[250]);
-        run.scene = Scene::Goals(crate::env::GoalSpace::of(&world));
-        assert!(matches!(animate(&run, None, &Progress::default()), Err(FilmError::NoScene)));
-        run.film = Arc::default();
-        assert!(matches!(animate(&run, None, &Progress::default()), Err(FilmError::NoFrames)));
-        assert!(matches!(still(&run, None), Err(FilmError::NoFrames)));
-    }
-
-    #[test]
-    fn maps_of_every_shape_can_be_filmed() {
+    fn maps_of_every_shape_can_be_filmed_and_pictures_are_as_wide_as_asked_for() {
         for (width, height) in [(1, 1), (700, 1), (1, 700), (300, 200)] {
             let world = PointMaze::new(Arc::new(Grid::empty("shape", width, height)), 0);
             let run = run(&world, &[250]);
             assert!(animate(&run, None, &Progress::default()).is_ok(), "{width} x {height}");
-            let file = still(&run, Some(500)).expect("a picture");
-            let reader = png::Decoder::new(Cursor::new(&file)).read_info().expect("a PNG");
-            let columns = reader.info().width as usize;
+            let ((columns, _), _) = shown(&still(&run, Some(500)).expect("a picture"));
             // A map much higher than wide would be far too long otherwise.
-            assert_eq!(columns, 500.min((MOST_PIXELS * width / width.max(height)).max(1)));
+            assert_eq!(columns as usize, 500.min((MOST_PIXELS * width / width.max(height)).max(1)));
         }
+        let mut run = run(&maze("..\n"), &[250]);
+        run.film = Arc::default();
+        assert!(matches!(animate(&run, None, &Progress::default()), Err(FilmError::NoFrames)));
+        assert!(matches!(still(&run, None), Err(FilmError::NoFrames)));
     }
 }

@@ -95,25 +95,3 @@ impl Field {
         self.depends_on_start() || matches!(self, Self::Learned | Self::Composed | Self::Plain)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn next_and_previous_cycle_through_the_fields_that_are_available() {
-        for plans in [true, false] {
-            let available = |field| field != Field::Composed || plans;
-            let there = (0..8).scan(Field::Learned, |field, _| {
-                *field = field.cycle(true, available);
-                Some(*field)
-            });
-            let there: Vec<Field> = there.collect();
-            assert_eq!(there.contains(&Field::Composed), plans);
-            assert_eq!(
-                Field::Learned.cycle(true, available).cycle(false, available),
-                Field::Learned
-            );
-        }
-    }
-}

@@ -21,21 +21,12 @@ fn without_restarts_no_agent_is_ever_moved() {
 
 #[test]
 fn from_one_start_everything_is_explored() {
-    let text = format!("S{}", &TWO_ROOMS[1..]);
-    let map = parse_map("one-start", text.as_bytes()).unwrap();
-    let mut run = trainer_on(&Arc::new(map), settings(), 2, 2);
-    assert!(
-        run.world().states().iter().all(|v| *v < 1.0),
-        "all agents start in the corner: {:?}",
-        run.world().states()
-    );
+    let world = maze(&format!("S{}", &TWO_ROOMS[1..]));
+    let mut run = crate::support::trainer(&world, "gdg-bridge", settings(), 2, 2);
+    assert!(run.world().states().iter().all(|v| *v < 1.0), "all agents start in the corner");
     train_to(&mut run, 3_000);
-    let found = run.evaluate(&run.tasks(20).unwrap()).unwrap();
-    assert!(
-        found.coverage.unwrap() > 0.95 && found.planned.unwrap().success > Some(0.9),
-        "coverage {:?}",
-        found.coverage
-    );
+    let ([planned, _], explored) = (success(&run, 20), run.coverage().unwrap());
+    assert!(explored > 0.95 && planned > 0.9, "explored {explored}, planned {planned}");
 }
 
 #[test]
@@ -68,22 +59,5 @@ fn excursions_lead_to_the_frontier_and_go_on_after_a_resume() {
     };
     let pursued = goals(&run);
     assert!(pursued.iter().any(Option::is_some), "every goal begins with an excursion");
-    let store = run.save().unwrap();
-    let resumed = Trainer::load(&store, &Registry::builtin(), 1).unwrap();
-    assert_eq!(goals(&resumed), pursued);
-    // A checkpoint from before there were excursions.
-    let (arrays, texts) = store.into_parts();
-    let mut former = Store::default();
-    let older = |name: &str| !name.starts_with("excursions") && !name.starts_with("places");
-    arrays
-        .into_iter()
-        .filter(|(name, _)| older(name))
-        .for_each(|(name, array)| former.put(name, array));
-    texts
-        .into_iter()
-        .filter(|(name, _)| older(name))
-        .for_each(|(name, text)| former.put_text(name, text));
-    let mut resumed = Trainer::load(&former, &Registry::builtin(), 1).unwrap();
-    assert!(goals(&resumed).iter().all(Option::is_none));
-    train_to(&mut resumed, 20);
+    assert_eq!(goals(&resumed(&run, 1)), pursued);
 }

@@ -37,30 +37,3 @@ fn a_film_goes_on_in_an_edited_world_and_begins_anew_in_a_new_run() {
     assert!(frames[1].distance(place).is_finite() && frames[2].distance(place).is_nan());
     assert_eq!(frames[1].goal, frames[2].goal);
 }
-
-#[test]
-fn runs_without_a_film_can_be_resumed() {
-    let mut run = trainer(settings(), 5, 1);
-    train_to(&mut run, 300);
-    let saved = run.save().unwrap();
-    let mut old = Store::default();
-    for (name, array) in saved.arrays().iter().filter(|(name, _)| !name.starts_with("film")) {
-        old.put(name.as_str(), array.clone());
-    }
-    for (name, text) in saved.texts().iter().filter(|(name, _)| *name != "film") {
-        old.put_text(name.as_str(), text.as_str());
-    }
-    let mut resumed = Trainer::load(&old, &Registry::builtin(), 1).unwrap();
-    assert!(resumed.film().frames().is_empty());
-    train_to(&mut run, 600);
-    train_to(&mut resumed, 600);
-    assert_eq!(resumed.film().frames().as_slice(), &run.film().frames()[2..], "the film goes on");
-    // Another version may film other places.
-    let text = saved.text("film").unwrap();
-    let places = run.film().frames()[0].places();
-    let fewer = text.replace(&format!("\"places\":{places}"), "\"places\":2");
-    old.put_text("film", fewer);
-    old.put("film_values", vec![1_u16; 2 * 2]);
-    old.put("film_agents", saved.f32("film_agents").unwrap().to_vec());
-    assert!(Trainer::load(&old, &Registry::builtin(), 1).unwrap().film().frames().is_empty());
-}

@@ -67,14 +67,7 @@ fn the_maps_goal_is_the_only_one_and_every_episode_begins_at_its_start() {
         assert!(begun > episodes as usize);
         assert_eq!(bridges > 0, planner == Planner::Bridges, "on the way, bridge points");
 
-        let mut resumed = Trainer::load(&run.save().unwrap(), &Registry::builtin(), 1).unwrap();
-        for run in [&mut run, &mut resumed] {
-            train_to(run, 350);
-        }
-        assert_same(&run, &resumed);
-        let mut again = one_goal(planner, &marked_rooms()).unwrap();
-        train_to(&mut again, 350);
-        assert_same(&run, &again);
+        assert_resumes(|| one_goal(planner, &marked_rooms()).unwrap(), 300, 350);
     }
 }
 
@@ -84,18 +77,7 @@ fn without_a_way_from_start_to_goal_there_is_no_one_goal() {
         Ok(_) => panic!("a run"),
         Err(error) => error.to_string(),
     };
-    let walled: String = marked_rooms()
-        .lines()
-        .map(|line| {
-            let cells: Vec<char> = line.chars().collect();
-            cells
-                .iter()
-                .enumerate()
-                .map(|(i, c)| if i == 10 { '#' } else { *c })
-                .collect::<String>()
-                + "\n"
-        })
-        .collect();
+    let walled = marked_rooms().replace("\n...........", "\n..........#");
     for map in [TWO_ROOMS, &marked_rooms().replace('S', "."), &walled] {
         assert_eq!(
             refused(map),

@@ -2,34 +2,21 @@
 
 use super::*;
 
-/// Trains for `updates` and returns planned and greedy success.
-fn success(settings: Settings, updates: u64) -> (f64, f64) {
-    let mut run = trainer(settings, 11, 2);
-    train_to(&mut run, updates);
-    let tasks = run.tasks(20).unwrap();
-    let found = run.evaluate(&tasks).unwrap();
-    let bridges = found.bridges.unwrap();
-    assert_eq!(bridges.false_edges, Some(0));
-    assert!(bridges.candidates > 10 && bridges.edges > bridges.candidates);
-    (found.planned.unwrap().success.unwrap(), found.greedy.success.unwrap())
-}
-
+/// Networks that hardly change show that the thresholds detect learning.
 #[test]
-fn two_rooms_are_learned() {
-    let (planned, greedy) = success(settings(), 4_000);
-    assert!(planned >= 0.9, "planned {planned}");
-    assert!(greedy >= 0.6, "greedy {greedy}");
-}
-
-/// Shows that the test above detects learning: networks that hardly change stay far below its
-/// thresholds.
-#[test]
-fn two_rooms_are_not_learned_by_frozen_networks() {
-    let mut idle = settings();
-    idle.learn.learning_rate = 1e-8;
-    idle.learn.grid_learning_rate = 1e-8;
-    let (planned, greedy) = success(idle, 4_000);
-    assert!(planned < 0.6 && greedy < 0.3, "planned {planned}, greedy {greedy}");
+fn two_rooms_are_learned_and_not_by_frozen_networks() {
+    let [mut learning, mut frozen] = [settings(), settings()];
+    (frozen.learn.learning_rate, frozen.learn.grid_learning_rate) = (1e-8, 1e-8);
+    let [[planned, greedy], [idle, greedy_idle]] = [&mut learning, &mut frozen].map(|settings| {
+        let mut run = trainer(settings.clone(), 11, 2);
+        train_to(&mut run, 4_000);
+        let bridges = run.evaluate(&run.tasks(1).unwrap()).unwrap().bridges.unwrap();
+        assert_eq!(bridges.false_edges, Some(0));
+        assert!(bridges.candidates > 10 && bridges.edges > bridges.candidates);
+        success(&run, 20)
+    });
+    assert!(planned >= 0.9 && greedy >= 0.6, "planned {planned}, greedy {greedy}");
+    assert!(idle < 0.6 && greedy_idle < 0.3, "planned {idle}, greedy {greedy_idle}");
 }
 
 #[test]
@@ -51,34 +38,24 @@ fn a_maze_with_corridors_one_cell_wide_is_learned_from_one_cell() {
     settings.bridge.candidates = 300;
     let mut run = trainer_on(&perfect_maze(21), settings, 4, 2);
     train_to(&mut run, 4_000);
-    let found = run.evaluate(&run.tasks(20).unwrap()).unwrap();
-    let planned = found.planned.unwrap().success.unwrap();
+    let [planned, _] = success(&run, 20);
     assert!(planned >= 0.85, "planned {planned}");
 }
 
-/// Evaluates a run on `map` after `updates` with the default preset and
-/// a `change`.
-fn evaluated_after(
-    updates: u64,
-    map: &Arc<Grid>,
-    seed: u64,
-    change: impl Fn(&mut LearnSettings),
-) -> Evaluation {
+/// Returns planned and greedy success on `map` with the default preset and a `change`.
+fn success_with(map: &Arc<Grid>, seed: u64, change: impl Fn(&mut LearnSettings)) -> [f64; 2] {
     let mut settings = Settings::default();
     change(&mut settings.learn);
     let mut run = trainer_on(map, settings, seed, 2);
-    train_to(&mut run, updates);
-    run.evaluate(&run.tasks(60).unwrap()).unwrap()
+    train_to(&mut run, 4_000);
+    success(&run, 60)
 }
 
 #[test]
 fn waypoints_on_the_way_through_the_graph_lead_the_actor() {
     let map = Arc::new(builtin("fourrooms").unwrap());
-    let greedy = |led| {
-        let evaluation = evaluated_after(4_000, &map, 1, |learn| learn.actor_waypoints = led);
-        evaluation.greedy.success.unwrap()
-    };
-    let (with, without) = (greedy(true), greedy(false));
+    let [with, without] =
+        [true, false].map(|led| success_with(&map, 1, |learn| learn.actor_waypoints = led)[1]);
     assert!(without < with - 0.1, "with waypoints {with}, without {without}");
 }
 
@@ -109,20 +86,19 @@ const CLUTTER: &str = "
 #[test]
 fn an_actor_that_clutter_blocks_is_shown_the_way_out() {
     let map = Arc::new(parse_map("clutter", CLUTTER.trim().as_bytes()).unwrap());
-    let success = |seed, helped| {
-        let evaluation = evaluated_after(4_000, &map, seed, |learn| {
+    let solved = |seed, helped| {
+        success_with(&map, seed, |learn| {
             (learn.unblock_actor, learn.model_check) = (helped, helped);
             // What else helps in clutter is off.
             learn.actor_waypoints = false;
             (learn.distillation, learn.short_pairs, learn.imagined_walks) = (0.0, 0.0, 0.0);
-        });
-        [evaluation.planned.unwrap(), evaluation.greedy].map(|own| own.success.unwrap())
+        })
     };
     let (mut with, mut without) = (0.0, 0.0);
     for seed in [1, 2, 3] {
-        let [planned, alone] = success(seed, true);
+        let [planned, alone] = solved(seed, true);
         assert!(planned > 0.9, "on plans {planned}, seed {seed}");
-        (with, without) = (with + alone / 3.0, without + success(seed, false)[1] / 3.0);
+        (with, without) = (with + alone / 3.0, without + solved(seed, false)[1] / 3.0);
     }
     assert!(without < with - 0.05, "alone, with ways out {with}, without {without}");
 }

@@ -79,9 +79,6 @@ mod tests {
         let (spec, settings) = line(200);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         walk_corridor(&mut candidates, 0.5, 0..100);
-        let at = |candidates: &Candidates, place: f32| {
-            candidates.goal_index().nearest(&[place, 0.5]).expect("candidates").0
-        };
         let place = |candidates: &Candidates, i: usize| candidates.goal_index().goal(i)[0];
         let before = candidates.clone();
         let region = edit(50.0, 51.0);
@@ -96,9 +93,8 @@ mod tests {
             }
         }
         assert!(kept > before.len(), "{kept} paths");
-        let far = [10.0, 12.0];
         let [old, new] = [&before, &candidates].map(|candidates| {
-            let [from, to] = far.map(|place| at(candidates, place));
+            let [from, to] = [10.0, 12.0].map(|x| candidates.nearest(&[x, 0.5]).0);
             candidates.observed(from, to)
         });
         assert!(new == old && new != UNOBSERVED, "{new}");

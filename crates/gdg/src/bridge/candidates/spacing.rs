@@ -211,12 +211,8 @@ mod tests {
         let (spec, settings, mut open) = crowded_square();
         let mut closed = Candidates::new(&spec, 1, &settings);
         walk_winding_corridor(&mut closed);
-        for candidates in [&mut open, &mut closed] {
-            assert!(
-                candidates.len() > 40 && candidates.has_many_paths(),
-                "{} candidates",
-                candidates.len()
-            );
+        for candidates in [&open, &closed] {
+            assert!(candidates.len() > 40 && candidates.has_many_paths(), "{}", candidates.len());
         }
         let before = [&open, &closed].map(|candidates| (candidates.len(), candidates.spacing()));
         let mut restored = Candidates::new(&spec, 1, &settings);
@@ -227,25 +223,8 @@ mod tests {
             assert!(!candidates.has_many_paths(), "{} candidates", candidates.len());
         }
         closed.adapt_spacing();
-        assert_eq!(
-            (closed.len(), closed.spacing()),
-            (before[1].0, settings.candidate_spacing * spec.goal_radius)
-        );
-    }
-
-    #[test]
-    fn space_does_not_count_as_open_where_many_walks_fail() {
-        let (_, _, mut candidates) = crowded_square();
-        let before = (candidates.len(), candidates.spacing());
-        (0..100).for_each(|_| candidates.record_walk(0, 1, 4.0, false));
-        candidates.adapt_spacing();
-        assert!(
-            candidates.len() == before.0 && candidates.spacing() <= before.1,
-            "they do not move apart"
-        );
-        (0..1000).for_each(|_| candidates.record_walk(0, 1, 4.0, true));
-        candidates.adapt_spacing();
-        assert!(candidates.len() < before.0, "they do");
+        let least = settings.candidate_spacing * spec.goal_radius;
+        assert_eq!((closed.len(), closed.spacing()), (before[1].0, least));
     }
 
     #[test]
@@ -270,11 +249,7 @@ mod tests {
         restored.restore(&candidates.state()).expect("its own state");
         for mut candidates in [candidates, restored] {
             line(&mut candidates);
-            assert!(
-                (2 * open..=8 * 10).contains(&candidates.len()),
-                "{} candidates",
-                candidates.len()
-            );
+            assert!((2 * open..=8 * 10).contains(&candidates.len()), "{}", candidates.len());
             candidates.adapt_spacing();
             assert!(!candidates.has_many_paths(), "not closer than planning has time for");
         }

@@ -471,24 +471,16 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn an_action_is_expected_to_lead_where_it_has_led_elsewhere() {
-        let mut places = Places::new(&plane());
-        let row = row(&mut places, 0..4);
-        let (right, left) = (0, 1);
-        places.record(row[0], right, row[1]);
-        places.record(row[1], left, row[0]);
-        let outcomes =
-            |action| row.iter().map(|place| places.outcome(*place, action)).collect::<Vec<_>>();
-        let to = |i: usize| Outcome::Place(row[i]);
-        assert_eq!(outcomes(right), [to(1), to(2), to(3), Outcome::Unvisited]);
-        assert_eq!(outcomes(left), [Outcome::Unvisited, to(0), to(1), to(2)]);
-    }
-
-    #[test]
-    fn noise_hides_neither_the_frontier_nor_the_way_there() {
+    fn actions_are_expected_to_lead_where_they_have_led_elsewhere_in_spite_of_noise() {
         let mut places = Places::new(&plane());
         let row = row(&mut places, 0..4);
         let right = 0;
+        places.record(row[0], right, row[1]);
+        let to = |i: usize| Outcome::Place(row[i]);
+        assert_eq!(
+            [0, 1, 2, 3].map(|i| places.outcome(row[i], right)),
+            [to(1), to(2), to(3), Outcome::Unvisited]
+        );
         for pair in row.windows(2).cycle().take(9) {
             places.record(pair[0], right, pair[1]);
         }
@@ -513,10 +505,6 @@ pub(super) mod tests {
         let mut store = Store::default();
         places.write(&mut store, "p");
         assert_eq!(Places::read(&plane(), &store, "p").expect("its own state"), places);
-        assert_eq!(
-            Places::read(&plane(), &Store::default(), "p").expect("an older checkpoint").len(),
-            0
-        );
         let wrong = [
             ("to", vec![99u32; 24]),
             ("to", vec![0; 3]),

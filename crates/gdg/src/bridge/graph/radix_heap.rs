@@ -38,26 +38,3 @@ impl RadixHeap {
         self.buckets[0].pop()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn candidates_leave_in_the_order_of_their_costs() {
-        let mut heap = RadixHeap::new();
-        let mut costs = vec![u64::from(u32::MAX) << 20, 0, 7, 7, 1 << 40, 1024];
-        costs.iter().zip(0..).for_each(|(cost, candidate)| heap.push(*cost, candidate));
-        let mut popped = Vec::new();
-        while let Some((cost, candidate)) = heap.pop(|cost, _| cost != 1024) {
-            popped.push(cost);
-            if candidate < 100 {
-                costs.push(cost + 3);
-                heap.push(cost + 3, 100 + candidate);
-            }
-        }
-        costs.retain(|cost| *cost != 1024);
-        costs.sort_unstable();
-        assert_eq!(popped, costs);
-    }
-}

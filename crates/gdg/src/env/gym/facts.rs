@@ -385,18 +385,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_missing_bound_of_actions_is_filled_in_and_told() {
-        let mut about = description(1, 0, 1);
-        assert_eq!(about.unbounded_actions(), None);
-        about.low = vec![Some(-1.0), Some(3.0), None, None];
-        about.high = vec![Some(1.0), None, Some(3.0), None];
-        let bounds = [[-1.0, 1.0], [3.0, 5.0], [1.0, 3.0], [-1.0, 1.0]];
-        assert_eq!(about.action_bounds().collect::<Vec<_>>(), bounds);
-        let told = about.unbounded_actions().unwrap_or_default();
-        assert!(told.contains("component 1 ") && told.contains("from 3 to 5"), "{told}");
-    }
-
     /// Rows of which the last two numbers are achieved: the third observed, and one apart.
     fn seen() -> Seen {
         let row = |i: u16| {
@@ -409,26 +397,27 @@ mod tests {
     }
 
     #[test]
-    fn what_is_achieved_is_found_in_the_observation_or_added_to_the_state() {
-        let about = description(4, 2, 2);
-        let (columns, achieved, goal) = columns(&seen(), &about, None).expect("columns");
-        assert_eq!((columns, achieved, goal), (vec![0, 1, 2, 3, 5], vec![2, 4], vec![0, 1]));
-        let given = super::columns(&seen(), &about, Some(&[0]));
-        assert!(given.is_err_and(|why| why.contains("--goal is for environments without")));
-    }
-
-    #[test]
-    fn a_goal_in_info_is_the_first_two_numbers_or_those_given() {
-        let whole = description(4, 0, 4);
-        let of =
-            |about: &Description, given: Option<&[usize]>| columns(&Seen::default(), about, given);
-        assert_eq!(of(&whole, None), Ok((vec![0, 1, 2, 3], vec![0, 1], vec![0, 1])));
-        assert_eq!(of(&whole, Some(&[3])), Ok((vec![0, 1, 2, 3], vec![3], vec![3])));
-        // Such a goal is only what has to be achieved.
-        let part = description(4, 0, 2);
-        assert_eq!(of(&part, Some(&[2, 3])), Ok((vec![0, 1, 2, 3], vec![2, 3], vec![0, 1])));
-        assert!(of(&part, Some(&[2])).is_err_and(|why| why.contains("--goal names 1")));
-        assert!(of(&whole, Some(&[4])).is_err_and(|why| why.contains("components 0 to 3")));
+    fn what_is_achieved_is_found_in_the_observation_added_to_the_state_or_given() {
+        let found = columns(&seen(), &description(4, 2, 2), None);
+        assert_eq!(found, Ok((vec![0, 1, 2, 3, 5], vec![2, 4], vec![0, 1])));
+        // A goal in info is the first two numbers or those given; a shorter one is only what has to be
+        // achieved.
+        let all = vec![0, 1, 2, 3];
+        for (goal, given, achieved, of_goal) in [
+            (4, None, [0, 1], [0, 1]),
+            (4, Some(&[3, 2][..]), [3, 2], [3, 2]),
+            (2, Some(&[2, 3]), [2, 3], [0, 1]),
+        ] {
+            let found = columns(&Seen::default(), &description(4, 0, goal), given);
+            assert_eq!(found, Ok((all.clone(), achieved.to_vec(), of_goal.to_vec())));
+        }
+        for (seen, about, given, why) in [
+            (seen(), description(4, 2, 2), 0, "--goal is for environments without"),
+            (Seen::default(), description(4, 0, 2), 2, "--goal names 1"),
+            (Seen::default(), description(4, 0, 4), 4, "components 0 to 3"),
+        ] {
+            assert!(columns(&seen, &about, Some(&[given])).is_err_and(|found| found.contains(why)));
+        }
     }
 
     #[test]

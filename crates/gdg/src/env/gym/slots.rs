@@ -181,15 +181,3 @@ fn check(
     let value = row[i];
     Err(worker.fail(format!("{during} returned {value} as component {component} of its {part}")))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::scaled;
-
-    #[test]
-    fn actions_are_scaled_to_their_bounds() {
-        assert_eq!(scaled(0.3, [-1.0, 1.0]), 0.3);
-        let actions = [-1.0, 0.0, 1.0, 7.0].map(|a| scaled(a, [0.0, 3.0]));
-        assert_eq!(actions, [0.0, 1.5, 3.0, 3.0]);
-    }
-}

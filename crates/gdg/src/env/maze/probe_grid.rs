@@ -96,10 +96,7 @@ mod tests {
         for (width, height) in [(36, 36), (37, 37), (2_600, 1), (1_500, 900)] {
             let grid = ProbeGrid::new(&Grid::empty("map", width, height));
             assert!(grid.places() <= MAX_PROBES && grid.columns * grid.side >= width, "{grid:?}");
-            assert!(
-                grid.side == 1 || 5 * grid.places() > MAX_PROBES,
-                "no fewer than necessary: {grid:?}"
-            );
+            assert!(grid.side == 1 || 5 * grid.places() > MAX_PROBES, "too few: {grid:?}");
         }
     }
 
@@ -114,13 +111,15 @@ mod tests {
 
     #[test]
     fn the_goal_is_the_maps_own_or_stays_or_is_far() {
-        let goal = |text: &str, before: Option<[f32; 2]>| {
-            points(&map(text), before.as_ref().map(|at| &at[..])).goal
-        };
-        assert_eq!(goal("S..G.\n", Some([1.5, 0.5])), [3.5, 0.5]);
-        assert_eq!(goal("S....\n", Some([1.5, 0.5])), [1.5, 0.5]);
-        assert_eq!(goal("S#...\n....#\n", Some([1.5, 0.5])), [4.5, 0.5]);
-        assert_eq!(goal("....S\n", None), [0.5, 0.5]);
-        assert_eq!(goal("S....\n", Some([1e9, -3.0])), [4.5, 0.5], "from another map");
+        for (text, before, goal) in [
+            ("S..G.\n", Some([1.5, 0.5]), [3.5, 0.5]),
+            ("S....\n", Some([1.5, 0.5]), [1.5, 0.5]),
+            ("S#...\n....#\n", Some([1.5, 0.5]), [4.5, 0.5]),
+            ("....S\n", None, [0.5, 0.5]),
+            ("S....\n", Some([1e9, -3.0]), [4.5, 0.5]),
+        ] {
+            let before = before.as_ref().map(|at: &[f32; 2]| &at[..]);
+            assert_eq!(points(&map(text), before).goal, goal, "{text}");
+        }
     }
 }

@@ -206,7 +206,7 @@ mod tests {
                     assert_eq!(
                         drawn.is_none(),
                         distance > diameter.steps + 1,
-                        "{kind:?}, {distance} steps"
+                        "{kind:?}, {distance}"
                     );
                     assert_eq!(drawn, draw_from_whole_maps(&map, &cells, distance, &mut other));
                     assert_eq!(own, other, "both have drawn as many random numbers");
@@ -243,12 +243,8 @@ mod tests {
         let map = crate::map::parse_map("map", b"..#.\n..#.\n").expect("a map");
         let task = |start, goal| ScenarioTask { start, goal, optimal_octile: Some(1.0) };
         let (inside, wall, beyond) = (Cell::new(0, 0), Cell::new(2, 0), Cell::new(3, 1));
-        let scenario = [
-            task(inside, Cell::new(1, 1)),
-            task(inside, wall),
-            task(wall, inside),
-            task(inside, beyond),
-        ];
+        let ends = [(inside, Cell::new(1, 1)), (inside, wall), (wall, inside), (inside, beyond)];
+        let scenario = ends.map(|(start, goal)| task(start, goal));
         let set = from_scenario(&map, &scenario, 1);
         assert_eq!(set.tasks.len(), 1);
         assert_eq!(set.tasks[0].shortest, Some(1));

@@ -70,12 +70,8 @@ impl GroundTruth for MazeGroundTruth<'_> {
 
 #[cfg(test)]
 mod tests {
-    use rand::SeedableRng;
-
-    use super::super::full_state_at;
     use super::*;
-    use crate::env::{Environment, PointMaze};
-    use crate::map::{HalfCells, RandomMapKind, StepSearch, parse_map, random};
+    use crate::map::parse_map;
 
     #[test]
     fn a_goal_behind_a_corner_is_reached_from_this_side_but_not_through_a_wall() {
@@ -89,63 +85,5 @@ mod tests {
         assert_eq!(steps, Some(vec![Some(0), Some(3), Some(3)]));
         assert_eq!(truth.steps(&[1.5, 1.5], &goals, 100), None, "inside a wall");
         assert_eq!(truth.steps(&[0.5, 0.5], &[2.5, 2.5], 2), Some(vec![None]), "too far");
-    }
-
-    #[test]
-    fn a_point_walks_as_far_as_the_true_distance_and_less_far_than_from_cell_to_cell() {
-        let map = random(RandomMapKind::Perfect, Some(21), 1);
-        let cells: Vec<Cell> = map.free_cells().collect();
-        let mut truth = MazeGroundTruth::new(&map, &cells);
-        let half_cells = HalfCells::new(&map);
-        let goal = cells[0];
-        let mut search = StepSearch::new(half_cells.points());
-        let moves = search.steps_from(half_cells.middle(goal));
-        let mut around = StepSearch::new(half_cells.points());
-        let by_cells = StepSearch::new(&map).steps_from(goal).to_vec();
-        let mut env = PointMaze::new(std::sync::Arc::new(map.clone()), 1);
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let [goal_x, goal_y] = goal.centre();
-        let (mut walked, mut true_steps, mut cell_steps) = (0, 0, 0);
-        for start in cells.iter().filter(|cell| by_cells[map.index(**cell)] > 20) {
-            env.set_full_state(0, &full_state_at(start.centre()));
-            let mut steps = 0;
-            while (env.states()[0] - goal_x).hypot(env.states()[1] - goal_y) >= 1.0 {
-                // To the point nearest to the goal of those two moves from here, which a step
-                // reaches.
-                let [x, y] = [env.states()[0], env.states()[1]];
-                let here = Cell::new((2.0 * x).round() as usize, (2.0 * y).round() as usize);
-                let around = around.steps_within(here, 2);
-                let next = (0..around.len())
-                    .filter(|point| around[*point] != UNREACHABLE)
-                    .min_by_key(|i| moves[*i]);
-                let next = half_cells.points().cell(next.expect("a point"));
-                // Not onto the walls themselves: a little towards the free cells around.
-                let touching = |at: usize| (at.saturating_sub(1) / 2)..=(at / 2);
-                let free =
-                    touching(next.y).flat_map(|y| touching(next.x).map(move |x| Cell::new(x, y)));
-                let free: Vec<[f32; 2]> =
-                    free.filter(|cell| map.is_free(*cell)).map(Cell::centre).collect();
-                let aim = |axis: usize, at: usize| {
-                    let mean =
-                        free.iter().map(|centre| centre[axis]).sum::<f32>() / free.len() as f32;
-                    0.9 * at as f32 / 2.0 + 0.1 * mean
-                };
-                env.step(&[aim(0, next.x) - x, aim(1, next.y) - y], &mut rng);
-                steps += 1;
-                assert!(steps < 1_000, "{start:?}");
-            }
-            let shortest = truth.steps(&start.centre(), &goal.centre(), UNREACHABLE);
-            let shortest = shortest.expect("it is free")[0].expect("a path leads there");
-            assert!(steps + 1 >= shortest, "{steps} steps instead of {shortest} from {start:?}");
-            (walked, true_steps) = (walked + steps, true_steps + shortest);
-            cell_steps += by_cells[map.index(*start)];
-        }
-        let share = |steps: u32| f64::from(walked) / f64::from(steps);
-        assert!(
-            share(true_steps) < 1.1 && share(cell_steps) < 0.85,
-            "{} {}",
-            share(true_steps),
-            share(cell_steps)
-        );
     }
 }

@@ -330,7 +330,7 @@ mod tests {
     use super::*;
     use crate::env::tests::positions;
     use crate::learn::ReplaySizes;
-    use crate::learn::data::goal_index::GoalIndex;
+    use crate::learn::data::known::tests::{by_goal, index};
     use crate::learn::data::known::{ChangedDistances, DistancesByGoal};
 
     /// Positions on a line, and a replay of one walk along it.
@@ -351,11 +351,8 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut batch = Batch::default();
         sampler.sample(&replay, None, &mut rng, &mut batch);
-        assert!(
-            batch.greedy_targets
-                && !batch.relearns
-                && batch.lower.iter().all(|steps| *steps == 0.0)
-        );
+        assert!(batch.greedy_targets && !batch.relearns);
+        assert!(batch.lower.iter().all(|steps| *steps == 0.0));
         assert!(batch.bound.iter().any(|bound| *bound > 20.0));
         let bounded = LearnSettings { max_distance_steps: 20.0, ..settings };
         let bounded = BatchSampler::new(&spec, &bounded);
@@ -374,26 +371,21 @@ mod tests {
         // Places at both ends; from the first to the second it is much farther than D says.
         let pair = |from, to, steps| KnownPair { from, to, steps, waypoint: to };
         let states = [10.0, 90.0];
-        let mut places = GoalIndex::new(&sampler.spec);
-        states.iter().for_each(|state| places.push(&[*state]));
-        let by_goal = |goals: &[u32], steps: &[f32], pairs: &[u32]| {
-            let mut to = GoalIndex::new(&sampler.spec);
-            goals.iter().for_each(|goal| to.push(&[states[*goal as usize]]));
-            DistancesByGoal {
-                places: goals.to_vec(),
-                goals: to,
-                steps: steps.to_vec(),
-                waypoints: goals.iter().flat_map(|goal| [*goal; 2]).collect(),
-                checked: 1,
-                nearest_checked: vec![0, 0],
-                pairs: pairs.to_vec(),
-                near: 0,
-                hop_steps: 1.0,
-            }
+        let places = index(&states);
+        let checked = |goals: &[u32], steps: &[f32]| DistancesByGoal {
+            checked: 1,
+            nearest_checked: vec![0, 0],
+            hop_steps: 1.0,
+            ..by_goal(
+                &states,
+                goals,
+                steps,
+                &goals.iter().flat_map(|goal| [*goal; 2]).collect::<Vec<_>>(),
+            )
         };
-        let both_ways = by_goal(&[1, 0], &[201.0, 0.0, 0.0, 81.0], &[0, 3]);
+        let both_ways = checked(&[1, 0], &[201.0, 0.0, 0.0, 81.0]);
         // Only distances to the second place are known; from the first one it is a long way round.
-        let there = by_goal(&[1], &[120.0, 0.0], &[0]);
+        let there = checked(&[1], &[120.0, 0.0]);
         let changed = ChangedDistances {
             goals: vec![1],
             lower: vec![150.0, 0.0],
@@ -407,25 +399,15 @@ mod tests {
                 if batch.states[i] == 10.0 { (200.0, 114.0) } else { (80.0, 42.0) };
             assert_eq!(batch.bound[i], upper);
             assert!((batch.lower[i] - lower).abs() < 1e-3, "{}", batch.lower[i]);
-            assert_eq!(
-                (batch.steps[i], batch.bootstrap[i]),
-                (0.0, 1.0),
-                "lookahead decides in between"
-            );
+            assert_eq!((batch.steps[i], batch.bootstrap[i]), (0.0, 1.0), "lookahead decides");
         }
-        assert!(
-            batch.lower[16..].iter().all(|steps| *steps == 0.0),
-            "other pairs stay as they are"
-        );
+        assert!(batch.lower[16..].iter().all(|steps| *steps == 0.0), "others stay");
         let short = [pair(1, 0, 30.0), pair(0, 1, 20.0)];
         sampler.add_known(&known, &short, rng, batch);
         assert_eq!(batch.bound[14..16], [30.0, 20.0]);
         assert_eq!((batch.states[14], batch.goals[14]), (90.0, 10.0));
         bounded.add_known(&known, &[], rng, batch);
-        assert!(
-            batch.bound.iter().chain(&batch.lower).all(|steps| *steps <= 20.0),
-            "the limit is for all pairs"
-        );
+        assert!(batch.bound.iter().chain(&batch.lower).all(|steps| *steps <= 20.0));
         sampler.add_known(&known, &[], rng, batch);
         let known = KnownDistances { changed: Some(&changed), by_goal: &there, ..known };
         let before = batch.bound.clone();
@@ -435,16 +417,10 @@ mod tests {
             let off = if state < 50.0 { (state - 10.0).abs() } else { (state - 90.0).abs() }
                 + if goal < 50.0 { (goal - 10.0).abs() + 120.0 } else { (goal - 90.0).abs() };
             let lower = if state < 50.0 { 150.0 - off } else { 0.0 };
-            assert!(
-                (batch.lower[i] - lower.max(0.0).min(batch.bound[i])).abs() < 1e-3,
-                "{state} to {goal}"
-            );
+            let lower = lower.max(0.0).min(batch.bound[i]);
+            assert!((batch.lower[i] - lower).abs() < 1e-3, "{state} to {goal}");
             let bounded = batch.bound[i] <= 7.0 + off + 1e-3;
-            assert!(
-                bounded || state < 50.0 || goal < 50.0,
-                "{state} to {goal}: {}",
-                batch.bound[i]
-            );
+            assert!(bounded || state < 50.0 || goal < 50.0, "{state} to {goal}");
             assert!(goal > 50.0 || batch.bound[i] == before, "the way back is unknown");
         }
     }

@@ -121,3 +121,37 @@ pub struct ChangedDistances {
     /// enough.
     pub upper: Vec<f32>,
 }
+
+#[cfg(test)]
+pub(in crate::learn) mod tests {
+    use super::*;
+    use crate::env::tests::positions;
+
+    /// Returns places on a line of a hundred steps as goals.
+    pub fn index(places: &[f32]) -> GoalIndex {
+        let mut index = GoalIndex::new(&positions(&[(50.0, 50.0)]));
+        places.iter().for_each(|place| index.push(&[*place]));
+        index
+    }
+
+    /// Returns known steps, of which none are near or checked, to some `goals` of these places.
+    pub fn by_goal(
+        places: &[f32],
+        goals: &[u32],
+        steps: &[f32],
+        waypoints: &[u32],
+    ) -> DistancesByGoal {
+        let paths = (0..steps.len()).filter(|i| steps[*i] > 0.0 && steps[*i].is_finite());
+        DistancesByGoal {
+            places: goals.to_vec(),
+            goals: index(&goals.iter().map(|goal| places[*goal as usize]).collect::<Vec<_>>()),
+            steps: steps.to_vec(),
+            waypoints: waypoints.to_vec(),
+            checked: 0,
+            nearest_checked: vec![],
+            pairs: paths.map(|i| i as u32).collect(),
+            near: 0,
+            hop_steps: 0.0,
+        }
+    }
+}

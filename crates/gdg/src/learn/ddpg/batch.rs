@@ -146,10 +146,8 @@ mod tests {
             assert_eq!(next, state + 1.0);
             let ahead = goal - state;
             let same_walk = (state < 15.0) == (goal < 15.0);
-            assert!(
-                goal == 30.0 || ((1.0..=10.0).contains(&ahead) && same_walk),
-                "{state} to {goal}"
-            );
+            let later = (1.0..=10.0).contains(&ahead) && same_walk;
+            assert!(goal == 30.0 || later, "{state} to {goal}");
             assert_eq!(batch.at_goal[i], (next - goal).abs() < 1.5, "{state} to {goal}");
             assert_eq!(batch.rewards[i], -1.0);
             relabelled += usize::from(goal < 30.0);

@@ -217,127 +217,85 @@ impl GraphPaths {
 mod tests {
     use super::*;
     use crate::env::tests::positions;
-    use crate::learn::data::goal_index::GoalIndex;
+    use crate::learn::data::known::tests::{by_goal, index};
     use crate::learn::networks::policy::tests::Line;
 
-    /// Places at 10, 48 and 90 with distances to the last one, and pairs whose goal is 87.
-    fn check(settings: &LearnSettings, expected: impl Fn(&Batch)) {
-        let spec = positions(&[(50.0, 50.0)]);
-        let states = [10.0, 48.0, 90.0];
-        let mut goals = GoalIndex::new(&spec);
-        states.iter().for_each(|place| goals.push(&[*place]));
-        let mut last = GoalIndex::new(&spec);
-        last.push(&[90.0]);
-        let by_goal = DistancesByGoal {
-            places: vec![2],
-            goals: last,
-            steps: vec![82.0, 44.0, 0.0],
-            waypoints: vec![1, 2, 2],
-            checked: 0,
-            nearest_checked: vec![],
-            pairs: vec![0, 1],
-            near: 0,
-            hop_steps: 0.0,
-        };
-        let known =
-            KnownDistances { states: &states, goals: &goals, by_goal: &by_goal, changed: None };
-        let from = [12.0, 12.0, 51.0, 88.0, 16.0, 12.0];
+    /// Returns what becomes of a batch of pairs `from` these states to the same `goal` where distances
+    /// of `places` are known.
+    fn applied(
+        settings: &LearnSettings,
+        [places, from]: [&[f32]; 2],
+        goal: f32,
+        by_goal: &DistancesByGoal,
+        next: fn(f32, f32) -> f32,
+        change: impl Fn(&mut Batch),
+    ) -> Batch {
+        let (spec, goals, rows) = (positions(&[(50.0, 50.0)]), index(places), from.len());
+        let known = KnownDistances { states: places, goals: &goals, by_goal, changed: None };
         let mut batch = Batch {
             states: from.to_vec(),
-            goals: vec![87.0; 6],
-            actor_goals: vec![87.0; 6],
-            actor_weights: vec![1.0; 6],
-            bound: vec![1e9, 1e9, 1e9, 1e9, 60.0, 1e9],
-            lower: vec![0.0, 100.0, 0.0, 0.0, 0.0, 0.0],
-            bootstrap: vec![1.0, 1.0, 1.0, 1.0, 1.0, 0.0],
-            steps: vec![0.0; 6],
+            goals: vec![goal; rows],
+            actor_goals: vec![goal; rows],
+            actor_weights: vec![1.0; rows],
+            bound: vec![1e9; rows],
+            lower: vec![0.0; rows],
+            bootstrap: vec![1.0; rows],
+            steps: vec![0.0; rows],
             ..Batch::default()
         };
+        change(&mut batch);
         let mut paths = GraphPaths::new(settings).expect("paths are wanted");
-        let policy = Line { wall: 300.0, next: |s, _| s };
+        let policy = Line { wall: 300.0, next };
         paths.apply(&spec, &policy, &known, &mut batch, 1, &mut Scratch::default());
-        expected(&batch);
+        batch
     }
 
     #[test]
-    fn far_pairs_are_bounded_by_the_path_through_the_graph() {
-        let settings = LearnSettings { actor_waypoints: false, ..LearnSettings::default() };
-        check(&settings, |batch| {
-            let through = 2.0 + 82.0 + 3.0;
-            // No candidate before the goal is on the third row's side of the wall; the fourth row is
-            // near its goal.
-            assert_eq!(batch.bound, [1e9, through, 1e9, 1e9, 60.0, 1e9]);
-            assert_eq!(batch.lower[1], through, "no higher than the upper bound");
-            assert_eq!((&batch.actor_goals, &batch.actor_weights), (&vec![87.0; 6], &vec![1.0; 6]));
-        });
-    }
-
-    #[test]
-    fn the_actor_learns_from_far_pairs_where_a_path_begins_near_the_state_and_ends_near_the_goal() {
-        let settings = LearnSettings { graph_bounds: false, ..LearnSettings::default() };
-        check(&settings, |batch| {
-            // The paths of the third and fifth row begin too far away. The goal of the fourth row is
-            // near, and that of the last one was reached.
-            assert_eq!(batch.actor_goals, [87.0, 48.0, 87.0, 87.0, 87.0, 87.0]);
-            assert_eq!(batch.actor_weights, [1.0, 1.0, 0.0, 1.0, 0.0, 1.0]);
-            assert_eq!(batch.bound, [1e9, 1e9, 1e9, 1e9, 60.0, 1e9]);
-        });
+    fn far_pairs_are_bounded_by_the_path_through_the_graph_along_which_the_actor_is_led() {
+        let default = LearnSettings::default;
+        let places = [10.0, 48.0, 90.0];
+        let to_last = by_goal(&places, &[2], &[82.0, 44.0, 0.0], &[1, 2, 2]);
+        // No candidate before the goal is on the third row's side of the wall; the fourth row is near
+        // its goal, the fifth is bounded already, and the goal of the last was reached.
+        let from = [12.0, 12.0, 51.0, 88.0, 16.0, 12.0];
+        let apply = |settings: &LearnSettings| {
+            applied(
+                settings,
+                [&places, &from],
+                87.0,
+                &to_last,
+                |s, _| s,
+                |batch| {
+                    (batch.bound[4], batch.lower[1], batch.bootstrap[5]) = (60.0, 100.0, 0.0);
+                },
+            )
+        };
+        let batch = apply(&LearnSettings { actor_waypoints: false, ..default() });
+        let through = 2.0 + 82.0 + 3.0;
+        assert_eq!(batch.bound, [1e9, through, 1e9, 1e9, 60.0, 1e9]);
+        assert_eq!(batch.lower[1], through, "no higher than the upper bound");
+        assert_eq!((&batch.actor_goals, &batch.actor_weights), (&vec![87.0; 6], &vec![1.0; 6]));
+        // The paths of the third and fifth row begin too far away for the actor.
+        let batch = apply(&LearnSettings { graph_bounds: false, ..default() });
+        assert_eq!(batch.actor_goals, [87.0, 48.0, 87.0, 87.0, 87.0, 87.0]);
+        assert_eq!(batch.actor_weights, [1.0, 1.0, 0.0, 1.0, 0.0, 1.0]);
+        assert_eq!(batch.bound, [1e9, 1e9, 1e9, 1e9, 60.0, 1e9]);
+        let neither = LearnSettings { graph_bounds: false, actor_waypoints: false, ..default() };
+        assert!(GraphPaths::new(&neither).is_none());
     }
 
     #[test]
     fn of_paths_about_as_short_the_actor_is_led_along_the_one_to_which_it_tends() {
-        let spec = positions(&[(50.0, 50.0)]);
-        let states = [70.0, 74.0, 10.0, 20.0];
-        let index = |places: &[f32]| {
-            let mut index = GoalIndex::new(&spec);
-            places.iter().for_each(|place| index.push(&[*place]));
-            index
-        };
         // From 70 and from 74, there is a way of its own.
-        let by_goal = DistancesByGoal {
-            places: vec![2],
-            goals: index(&[10.0]),
-            steps: vec![30.5, 30.0, 0.0, f32::INFINITY],
-            waypoints: vec![3, 2, 2, 2],
-            checked: 0,
-            nearest_checked: vec![],
-            pairs: vec![0, 1],
-            near: 0,
-            hop_steps: 0.0,
-        };
-        let goals = index(&states);
-        let known =
-            KnownDistances { states: &states, goals: &goals, by_goal: &by_goal, changed: None };
+        let places = [70.0, 74.0, 10.0, 20.0];
+        let steps = [30.5, 30.0, 0.0, f32::INFINITY];
+        let to_third = by_goal(&places, &[2], &steps, &[3, 2, 2, 2]);
         let waypoint = |next| {
-            let mut batch = Batch {
-                states: vec![72.0],
-                goals: vec![10.0],
-                actor_goals: vec![10.0],
-                actor_weights: vec![1.0],
-                bound: vec![1e9],
-                lower: vec![0.0],
-                bootstrap: vec![1.0],
-                steps: vec![0.0],
-                ..Batch::default()
-            };
             let settings = LearnSettings::default();
-            let mut paths = GraphPaths::new(&settings).expect("paths are wanted");
-            let policy = Line { wall: 300.0, next };
-            paths.apply(&spec, &policy, &known, &mut batch, 0, &mut Scratch::default());
-            batch.actor_goals[0]
+            applied(&settings, [&places, &[72.0; 2]], 10.0, &to_third, next, |_| {}).actor_goals[1]
         };
         assert_eq!(waypoint(|s, _| s), 10.0, "the shorter one");
         assert_eq!(waypoint(|s, _| s - 1.0), 20.0, "half a step longer, and the actor leads there");
         assert_eq!(waypoint(|s, _| s + 1.0), 10.0);
-    }
-
-    #[test]
-    fn nothing_is_collected_where_neither_is_wanted() {
-        let settings = LearnSettings {
-            graph_bounds: false,
-            actor_waypoints: false,
-            ..LearnSettings::default()
-        };
-        assert!(GraphPaths::new(&settings).is_none());
     }
 }

@@ -73,31 +73,21 @@ mod tests {
 
     use super::*;
     use crate::env::tests::positions;
-    use crate::learn::data::goal_index::GoalIndex;
     use crate::learn::data::known::DistancesByGoal;
+    use crate::learn::data::known::tests::{by_goal, index};
     use crate::learn::networks::policy::tests::Line;
 
     #[test]
     fn the_pairs_chosen_are_those_whose_d_falls_furthest_short_of_the_graph() {
         let spec = positions(&[(50.0, 50.0)]);
         let states = [10.0, 12.0, 30.0];
-        let mut goals = GoalIndex::new(&spec);
-        states.iter().for_each(|place| goals.push(&[*place]));
-        // A wall between the first two: 15 steps along the graph, 2 by D.
         let none = f32::INFINITY;
-        let by_goal = DistancesByGoal {
-            places: vec![1, 2],
-            goals: GoalIndex::new(&spec),
-            steps: vec![15.0, none, 19.0, 5.0, 18.0, none],
-            waypoints: vec![1, 1, 1, 2, 2, 2],
-            checked: 0,
-            nearest_checked: vec![],
-            pairs: vec![0, 2, 3, 4],
-            near: 4,
-            hop_steps: 0.0,
-        };
+        // A wall between the first two: 15 steps along the graph, 2 by D.
+        let steps = [15.0, none, 19.0, 5.0, 18.0, none];
+        let by_goal =
+            DistancesByGoal { near: 4, ..by_goal(&states, &[1, 2], &steps, &[1, 1, 1, 2, 2, 2]) };
         let [behind_wall, longer] = [0, 3].map(|i| by_goal.pair(i));
-        let (states, goals) = (&states[..], &goals);
+        let (states, goals) = (&states[..], &index(&states));
         let known = KnownDistances { states, goals, by_goal: &by_goal, changed: None };
         let (mut pairs, mut rng) = (ShortPairs::default(), ChaCha8Rng::seed_from_u64(1));
         pairs.draw(&spec, &known, 100, &mut rng);

@@ -321,20 +321,8 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "range end index 64")]
-    fn transpose_panics_on_a_short_input() {
-        transpose(&[0.0; 63], (8, 8), &mut [0.0; 64], 8);
-    }
-
-    #[test]
-    #[should_panic(expected = "range end index 64")]
     fn transpose_panics_on_a_short_output() {
         transpose(&[0.0; 64], (8, 8), &mut [0.0; 63], 8);
-    }
-
-    #[test]
-    #[should_panic(expected = "9 numbers in rows of 8")]
-    fn transpose_panics_on_overlapping_rows() {
-        transpose(&[0.0; 72], (9, 8), &mut [0.0; 72], 8);
     }
 
     #[test]
@@ -349,11 +337,8 @@ mod tests {
             let pairs = || a.iter().zip(&b);
             let masked: Vec<f32> = pairs().map(|(d, y)| if *y > 0.0 { *d } else { 0.0 }).collect();
             assert_eq!(changed(relu_backward), masked, "{n} masked");
-            assert_eq!(
-                changed(add_into),
-                pairs().map(|(s, p)| s + p).collect::<Vec<_>>(),
-                "{n} added"
-            );
+            let sums: Vec<f32> = pairs().map(|(s, p)| s + p).collect();
+            assert_eq!(changed(add_into), sums, "{n} added");
             let average: Vec<f32> = pairs().map(|(a, w)| a + 0.25 * (w - a)).collect();
             assert_eq!(changed(|a, w| soft_update(a, w, 0.25)), average, "{n} averaged");
         }
@@ -383,13 +368,6 @@ mod tests {
             adam_small(&mut w2, &mut m2, &mut v2, &g, rate);
             assert_eq!((w1, m1, v1), (w2, m2, v2), "{n} without a dispatch");
         }
-    }
-
-    #[test]
-    fn tiny_moments_become_0() {
-        let (mut w, mut m, mut v) = ([1.0], [1e-20], [1e-20]);
-        adam(&mut w, &mut m, &mut v, &[0.0], AdamRate { rate: 0.01, epsilon: 1e-6 });
-        assert_eq!((w, m, v), ([1.0], [0.0], [0.0]));
     }
 
     #[test]
@@ -428,17 +406,9 @@ mod tests {
                     (0..rows).map(|r| dy_at(r, i / inputs) * x_at(r, i % inputs)).sum::<f64>()
                 };
                 assert_close(&dw, (0..outputs * inputs).map(expected), "weights' gradient");
-                assert_close(
-                    &db,
-                    (0..outputs).map(|o| (0..rows).map(|r| dy_at(r, o)).sum()),
-                    "biases' gradient",
-                );
+                let expected = |o: usize| (0..rows).map(|r| dy_at(r, o)).sum();
+                assert_close(&db, (0..outputs).map(expected), "biases' gradient");
             }
         }
-    }
-
-    #[test]
-    fn multiply_add_throughput_is_positive() {
-        assert!(multiply_add_gflops() > 0.0);
     }
 }

@@ -364,25 +364,6 @@ mod tests {
     }
 
     #[test]
-    fn padding_stays_zero_when_panels_are_reused() {
-        let (depth, columns) = (3, 5);
-        let mut panels = Panels::default();
-        for size in [columns, 2 * columns, columns] {
-            panels.pack(&vec![1.0; depth * size], depth, size);
-            panels.pack_transposed(&vec![1.0; depth * size], depth, size);
-        }
-        assert_eq!(panels.data.iter().sum::<f32>(), (depth * columns) as f32);
-    }
-
-    #[test]
-    #[should_panic(expected = "11 numbers for 4 x 3")]
-    fn a_short_left_hand_side_panics() {
-        let mut panels = Panels::default();
-        panels.pack(&[1.0; 6], 3, 2);
-        panels.product(Lhs::Columns(&[1.0; 11]), 4, 0, &mut [0.0; 8]);
-    }
-
-    #[test]
     #[should_panic(expected = "7 numbers for 4 x 2")]
     fn a_short_result_panics() {
         let mut panels = Panels::default();

@@ -304,21 +304,3 @@ pub fn softplus(z: f32) -> f32 {
 pub fn sigmoid(z: f32) -> f32 {
     1.0 / (1.0 + (-z).exp())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_tried_actions_are_steps_along_combinations_of_axes() {
-        assert_eq!(tried_actions(1), [-1.0, 1.0]);
-        let plane = tried_actions(2);
-        assert_eq!(plane.len(), 2 * 8);
-        assert!(
-            plane.chunks_exact(2).any(|a| a == [1.0, -1.0])
-                && plane.chunks_exact(2).any(|a| a == [0.0, 1.0])
-        );
-        assert!(plane.chunks_exact(2).all(|a| a != [0.0, 0.0]));
-        assert_eq!(tried_actions(7).len(), 7 * 14);
-    }
-}

@@ -7,6 +7,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
+use crate::learn::data::batch::Batch;
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::network::Network;
 use crate::learn::update::gradient::FullGradient;
@@ -30,6 +31,34 @@ pub fn spec(state: usize, axes: usize, positions: bool) -> Spec {
 pub fn random_state(spec: &Spec, rng: &mut ChaCha8Rng) -> Vec<f32> {
     let numbers = spec.state_centre.iter().zip(&spec.state_half_range);
     numbers.map(|(c, h)| c + h * rng.random_range(-0.95..0.95)).collect()
+}
+
+/// Makes a batch of all kinds of rows.
+pub fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
+    let state = |rng: &mut ChaCha8Rng| random_state(spec, rng);
+    let mut batch = Batch::default();
+    for i in 0..rows {
+        batch.states.extend(state(rng));
+        let goal = state(rng);
+        batch.goals.extend(spec.achieved(&goal));
+        batch.bootstrap_states.extend(state(rng));
+        batch.steps.push(i as f32 % 7.0 * 9.0);
+        batch.bootstrap.push((i % 2) as f32);
+        batch.bound.push(if i % 5 == 1 { 30.0 } else { f32::INFINITY });
+        batch.lower.push(if i % 7 == 2 { 12.0 } else { 0.0 });
+        batch.from.extend(state(rng));
+        batch.actions.extend((0..spec.action_dim).map(|_| rng.random_range(-1.0..1.0f32)));
+        batch.next.extend(state(rng));
+        batch.actor_weights.push(if i % 5 == 3 { 0.0 } else { 1.0 });
+    }
+    // A waypoint leads the actor of every third pair: the goal of the pair before it.
+    batch.actor_goals.clone_from(&batch.goals);
+    for row in (1..rows).step_by(3) {
+        let (before, own) =
+            batch.actor_goals[(row - 1) * spec.goal_dim()..].split_at_mut(spec.goal_dim());
+        own[..spec.goal_dim()].copy_from_slice(before);
+    }
+    batch
 }
 
 /// Returns a network's parameters as tensors that share the returned variables.

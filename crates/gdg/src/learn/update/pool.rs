@@ -258,31 +258,4 @@ mod tests {
         assert!(outcome.is_err());
         pool.run(4, |_| {});
     }
-
-    #[test]
-    fn a_caller_waits_for_a_helper_that_takes_longer() {
-        let pool = ThreadPool::new(Threads::Fixed(2), 2);
-        let (seen, at_work) = (Arc::new(Mutex::new(Vec::new())), Arc::new(AtomicUsize::new(0)));
-        let shared = seen.clone();
-        pool.run(2, move |i| {
-            at_work.fetch_add(1, Ordering::Relaxed);
-            // Each thread gets one of the two tasks.
-            while at_work.load(Ordering::Relaxed) < 2 {
-                std::thread::yield_now();
-            }
-            let is_helper = std::thread::current().name().is_some_and(|n| n.starts_with("helper"));
-            if is_helper {
-                // The caller, done with its task, sleeps.
-                while shared.lock().is_empty() {
-                    std::thread::yield_now();
-                }
-                std::thread::sleep(50 * SPIN_DURATION);
-            }
-            shared.lock().push((i, is_helper));
-        });
-        let mut seen = seen.lock().clone();
-        assert_eq!(seen.last().map(|(_, is_helper)| *is_helper), Some(true));
-        seen.sort_unstable();
-        assert_eq!(seen.iter().map(|(i, _)| *i).collect::<Vec<_>>(), [0, 1]);
-    }
 }

@@ -175,12 +175,6 @@ impl<O: Objective> Training<O> {
         &self.shared.parts
     }
 
-    /// Shares the next updates among this many threads.
-    #[cfg(test)]
-    pub fn use_threads(&self, number: usize) {
-        self.pool.use_threads(number);
-    }
-
     /// Returns the number of tasks of the first phase.
     fn gradient_tasks(&self) -> usize {
         O::POSITION_SETS + self.shared.parts.len()

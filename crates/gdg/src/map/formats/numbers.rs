@@ -175,15 +175,4 @@ mod tests {
             assert!(error.help.contains("decimals have a point"), "{error}");
         }
     }
-
-    #[test]
-    fn comments_before_numbers_are_no_walls() {
-        let read = |text: &str| parse_map("maze", text.as_bytes()).expect("a map");
-        let maze = read("# 3 x 2 cells\n#\n0 1 0\n0 0 0\n");
-        let walls = (0..6).filter(|index| !maze.is_free(maze.cell(*index))).count();
-        assert_eq!((maze.width(), maze.height(), walls), (3, 2, 1));
-        assert!(parse_map("maze", b"####\n0000\n####\n").is_err(), "neither walls nor comments");
-        let plain = read("###\n#.#\n###\n");
-        assert_eq!((plain.width(), plain.height()), (3, 3));
-    }
 }

@@ -239,18 +239,3 @@ impl Node<'_> {
         value.parse().map_err(|_| other())
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn values_are_small_and_not_copied() {
-        let text = Text::new("m.yaml", b"[17, 1.5, \"\\t\"]").expect("text");
-        let root = tree(&text).expect("a tree");
-        let values = root.list(&text, "").expect("a list").iter();
-        let copied = values.map(|node| matches!(&node.value, Value::Scalar(Cow::Owned(_))));
-        assert_eq!(copied.collect::<Vec<_>>(), [false, false, true]);
-        assert!(size_of::<Node>() <= 40);
-    }
-}

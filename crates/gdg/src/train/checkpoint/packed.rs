@@ -316,18 +316,15 @@ mod tests {
         let (mut packer, mut all, mut again) =
             (Packer::default(), BTreeMap::new(), BTreeMap::new());
         for (name, array) in arrays {
-            let unpacked = match packer.pack(name, arrays) {
-                Some((packing, bytes)) => {
-                    assert_eq!(
-                        packing.unpacked_bytes(),
-                        (array.len() * Number::of(array).bytes()) as u64
-                    );
-                    let unpacked = packing.unpack(name, &bytes, &again).expect("its own bytes");
-                    all.insert(name.clone(), (packing, bytes));
-                    unpacked
-                }
-                None => array.clone(),
-            };
+            let mut unpacked = array.clone();
+            if let Some((packing, bytes)) = packer.pack(name, arrays) {
+                assert_eq!(
+                    packing.unpacked_bytes(),
+                    (array.len() * Number::of(array).bytes()) as u64
+                );
+                unpacked = packing.unpack(name, &bytes, &again).expect("its own bytes");
+                all.insert(name.clone(), (packing, bytes));
+            }
             assert!(bits_of(&unpacked) == bits_of(array), "{name}");
             assert_eq!(Number::of(&unpacked), Number::of(array), "{name}");
             again.insert(name.clone(), unpacked);
@@ -365,32 +362,11 @@ mod tests {
             ("falling", (0..count as u16).rev().collect::<Vec<_>>().into()),
         ]);
         let packed = packed(&all);
-        assert!(
-            !["any.f32", "any.u64", "empty", "few"].iter().any(|name| packed.contains_key(*name))
-        );
         for (name, most) in
             [("equal", 3_000), ("largest", 6_000), ("sorted", 3_000), ("small.u64", 70_000)]
         {
             assert!(packed[name].1.len() < most, "{name}: {}", packed[name].1.len());
         }
-    }
-
-    #[test]
-    fn copies_and_averages_take_little() {
-        let weights: Vec<f32> = random(50_000, 1).map(|n| (n as f32 / 1e19 - 0.9) * 0.1).collect();
-        let near = |change: f32| weights.iter().map(|w| w * change).collect::<Vec<_>>();
-        let all = arrays([
-            ("weights", weights.clone().into()),
-            ("weights_average", near(1.000_1).into()),
-            ("x.copy", weights.clone().into()),
-            ("x.copy.of.average", near(1.000_1).into()),
-            ("x.other_average", near(1.000_1)[1..].to_vec().into()),
-        ]);
-        let packed = packed(&all);
-        let size = |name: &str| packed[name].1.len();
-        assert!(size("weights_average") < size("weights") * 2 / 3, "{}", size("weights_average"));
-        assert!(size("x.copy") < 2_000 && size("x.copy.of.average") < 2_000);
-        assert!(size("x.other_average") > size("weights") * 9 / 10, "of nothing known");
     }
 
     #[test]
@@ -417,8 +393,6 @@ mod tests {
         }
         let wrong_type = Packing { number: Number::F32, ..packing.clone() };
         refused(&wrong_type, &bytes, "is missing");
-        let huge = vec![0xff; 64];
-        refused(&packing, &huge, "it is cut off");
     }
 
     #[test]

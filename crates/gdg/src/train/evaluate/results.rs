@@ -127,20 +127,3 @@ pub struct BridgeFacts {
     /// Edges whose true distance exceeds 2 D + 4, if that is known.
     pub false_edges: Option<usize>,
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn unknown_steps_of_older_files_are_none() {
-        let of = |left: &str| {
-            let text = format!(r#"{{"reached":false,"steps":500,"left_steps":{left}}}"#);
-            serde_json::from_str::<TaskOutcome>(&text).expect("an outcome")
-        };
-        assert_eq!(of("4294967295").left_steps, None);
-        assert_eq!((of("null").left_steps, of("7").left_steps), (None, Some(7)));
-        let text = serde_json::to_string(&of("null")).expect("text");
-        assert!(text.contains(r#""left_steps":null"#), "{text}");
-    }
-}

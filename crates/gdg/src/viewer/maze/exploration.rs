@@ -157,31 +157,19 @@ mod tests {
     }
 
     #[test]
-    fn the_edge_is_next_to_unvisited_areas() {
-        assert_eq!(explored(&["xxx.....", "xx#....."]), ["xxe?????", "xx#?????"]);
-        let tip = explored(&["xx......", "xxxx....", "xx......"]);
-        assert_eq!(
-            tip,
-            ["xxpp????", "xxxe????", "xxpp????"],
-            "the corners beside a tip are pockets"
-        );
-    }
-
-    #[test]
-    fn small_pockets_have_no_edge() {
-        assert_eq!(explored(&["xx.xx", "x...x", "xx.xx"]), ["xxpxx", "xpppx", "xxpxx"]);
-        assert_eq!(explored(&["xxx.."]), ["xxxpp"], "the end of a corridor is only a pocket");
-        assert_eq!(explored(&["xxx..."]), ["xxe???"]);
-    }
-
-    #[test]
-    fn what_is_out_of_reach_is_beyond_the_known_world_but_has_no_edge() {
-        // No step leads diagonally between walls.
-        assert_eq!(
-            explored(&["xxx#....", "xxxx#...", "xxxxx#.."]),
-            ["xxx#????", "xxxx#???", "xxxxx#??"]
-        );
-        assert_eq!(explored(&["xxx#....", "xxxx#...", "xxxxx#..", "xxxxx..."])[3], "xxxxe???");
+    fn the_edge_is_next_to_unvisited_areas_within_reach_that_are_no_pockets() {
+        for (rows, expected) in [
+            (&["xxx.....", "xx#....."][..], &["xxe?????", "xx#?????"][..]),
+            // The corners beside a tip are pockets.
+            (&["xx......", "xxxx....", "xx......"], &["xxpp????", "xxxe????", "xxpp????"]),
+            (&["xx.xx", "x...x", "xx.xx"], &["xxpxx", "xpppx", "xxpxx"]),
+            (&["xxx.."], &["xxxpp"]),
+            (&["xxx..."], &["xxe???"]),
+            // No step leads diagonally between walls.
+            (&["xxx#....", "xxxx#...", "xxxxx#.."], &["xxx#????", "xxxx#???", "xxxxx#??"]),
+        ] {
+            assert_eq!(explored(rows), expected);
+        }
     }
 
     #[test]
