@@ -206,6 +206,7 @@ pub fn middle(area: Rect, width: u16, height: u16) -> Rect {
 mod tests {
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
+    use ratatui::buffer::Cell;
 
     use super::*;
     use crate::tui::theme::{ColourDepth, ThemeName};
@@ -219,6 +220,6 @@ mod tests {
             finish_frame(frame, &theme);
         });
         let cells = &drawn.expect("a frame").buffer.content;
-        assert_eq!(cells.iter().map(|cell| cell.symbol()).collect::<String>(), "abe\u{301}     ");
+        assert_eq!(cells.iter().map(Cell::symbol).collect::<String>(), "abe\u{301}     ");
     }
 }
