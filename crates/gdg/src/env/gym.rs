@@ -377,7 +377,7 @@ impl Environment for Gym {
         }
     }
 
-    /// Takes those of any length: what no environment can be put into begins anew.
+    /// Accepts states of any length: an agent whose state cannot be restored begins an episode.
     fn takes_full_state(&self, length: usize) -> bool {
         length >= self.spec().state_dim()
     }

@@ -102,7 +102,7 @@ impl Pool {
         }
     }
 
-    /// Adds a warning for whoever asks next.
+    /// Keeps a warning until it is shown.
     fn warn(&self, warning: &str) {
         log::warn!("{}: {warning}", self.address.id);
         self.warnings.lock().push(format!("warning: {}: {warning}", self.address.id));

@@ -49,7 +49,7 @@ class Unsupported(Exception):
 def begin():
     """Leaves the terminal, and keeps the channel from processes that environments fork."""
     os.setsid()
-    # Ignored by whoever has started the program, it would hide how children end.
+    # If the program was started with it ignored, nothing would show how children end.
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     be_watched_over()
     nothing = os.open(os.devnull, os.O_RDWR)
@@ -450,7 +450,6 @@ def try_states():
         reset(slot, 1)
         before = used()
         step(slot, actions[0])
-        trial = digests(slot)
         state = save(slot)
         first = walk()
         # Other random numbers than the environment's own are no part of its state.
@@ -462,6 +461,8 @@ def try_states():
         except Unsupported as why:
             print(f"agents will begin new episodes on resuming: {why}")
             is_whole = False
+        # Only now, so that all attributes were compared.
+        trial = {name: own for name, (own, _) in json.loads(state[8:].split(b"\n", 1)[0]).items()}
         is_same = own_randomness and np.array_equal(first, walk())
         return is_same, is_same and is_whole
     except Exception as error:  # Whatever it is, states cannot be saved.
