@@ -88,6 +88,7 @@
 //! Same seed, same run, bit for bit: for any number of threads, with or without a front end, with
 //! or without evaluations, resumed or not. Each purpose has its own random stream; a batch is split
 //! into parts that do not depend on the number of threads and are summed in order.
+#![warn(missing_docs)]
 
 pub mod bridge;
 pub mod draw;
