@@ -6,14 +6,15 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::baseline::Baseline;
-use super::{
-    DefaultTimes, DefaultUpdateTimes, PhaseTimes, TimedOperation, UpdateTimes, median, time_us,
-};
+use super::{built_in, median, on, time_us, trainer};
 use gdg::bridge::{BridgeGraph, BridgeSettings, Candidates, Walker};
 use gdg::env::{Environment, PointMaze};
-use gdg::learn::{Backend, Batch, Gdg, LearnSettings, Learner, Profile, Scratch, Stage};
-use gdg::map::{Grid, builtin};
-use gdg::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
+use gdg::learn::{Batch, Gdg, LearnSettings, Learner, Profile, Scratch, Stage};
+use gdg::map::Grid;
+use gdg::train::{Preset, Tick, TrainError};
+
+/// Shapes at which updates are measured: batch and width.
+const SHAPES: [(usize, usize); 4] = [(64, 64), (64, 128), (64, 256), (256, 256)];
 
 /// Updates per turn.
 const UPDATES_PER_TURN: usize = 20;
@@ -79,22 +80,35 @@ fn operations(rows: usize, hidden: usize) -> f64 {
     2.0 * b * passes
 }
 
+/// Measures one update of critic, model and actor at each shape against plain candle-nn (Linear,
+/// autograd, AdamW), and the speed of its matrix products as a share of the core's peak.
+pub fn updates(threads: usize, runs: usize) -> Result<String, TrainError> {
+    let peak = median((0..9).map(|_| gdg::learn::kernel::multiply_add_gflops()).collect());
+    let mut out = format!("multiply-add peak of one core: {peak:.0} GFLOP/s\n\n");
+    out += &format!("{:<12}{:>10}{:>10}{:>8}", "update", "plain", "fused", "ratio");
+    out += &format!("{:>8}{:>12}{:>8}\n", "peak", on(threads), "ratio");
+    for (rows, width) in SHAPES {
+        out += &update(rows, width, threads, runs, peak)?;
+    }
+    Ok(out)
+}
+
 /// Measures one update, plain and fused, on one thread and on all, in turns.
-pub fn updates(
+fn update(
     rows: usize,
     width: usize,
     threads: usize,
     runs: usize,
     peak_gflops: f64,
-) -> Result<UpdateTimes, TrainError> {
+) -> Result<String, TrainError> {
     let settings =
         LearnSettings { batch_size: rows, hidden: width, ..LearnSettings::of(Preset::Paper) };
     let world = PointMaze::new(
         Arc::new(Grid::new("100", 100, vec![true; 10_000], Vec::new(), Vec::new())),
         1,
     );
-    let mut fused = Gdg::new(world.spec(), &settings, 1, &mut rng())?;
-    let mut together = Gdg::new(world.spec(), &settings, threads, &mut rng())?;
+    let fused = Gdg::new(world.spec(), &settings, 1, &mut rng())?;
+    let together = Gdg::new(world.spec(), &settings, threads, &mut rng())?;
     let mut plain = Baseline::new(&settings)?;
     let batch = batch(rows, 100.0);
     let (mut of_plain, mut of_fused, mut of_together) = (Vec::new(), Vec::new(), Vec::new());
@@ -120,39 +134,32 @@ pub fn updates(
     let ratio = |a: &[f64], b: &[f64]| median(a.iter().zip(b).map(|(a, b)| a / b).collect());
     let (speed_up, threads_speed_up) =
         (ratio(&of_plain, &of_fused), ratio(&of_fused, &of_together));
-    let fused_us = median(of_fused);
-    Ok(UpdateTimes {
-        batch: rows,
-        width,
-        runs,
-        plain_us: median(of_plain),
-        fused_us,
-        fused_threads_us: median(of_together),
-        speed_up,
-        threads_speed_up,
-        peak_share: operations(rows, width) / (fused_us * 1e3) / peak_gflops,
-    })
+    let [plain, fused, together] = [of_plain, of_fused, of_together].map(median);
+    let share = format!("{:.0} %", 100.0 * operations(rows, width) / (fused * 1e3) / peak_gflops);
+    let shape = format!("{rows} x {width}");
+    Ok(format!(
+        "{shape:<12}{plain:>7.0} us{fused:>7.0} us{speed_up:>8.2}{share:>8}{together:>9.0} us\
+         {threads_speed_up:>8.2}\n"
+    ))
 }
 
-/// Measures one whole update of the default preset on a map of 32 x 32 cells: on candle's tape, by
-/// the kernels on one thread and on all, in turns.
-pub fn default_update(threads: usize, runs: usize) -> Result<DefaultUpdateTimes, TrainError> {
+/// Measures one whole update of the default preset on a map of 32 x 32 cells, on one thread
+/// and on all, in turns.
+pub fn default_update(threads: usize, runs: usize) -> Result<String, TrainError> {
     const SIDE: usize = 32;
     let map = Grid::new("open", SIDE, vec![true; SIDE * SIDE], Vec::new(), Vec::new());
     let world = PointMaze::new(Arc::new(map), 1);
     let kernels = LearnSettings::default();
-    let tape = LearnSettings { backend: Backend::Tape, ..kernels.clone() };
-    let mut learners = [
-        Gdg::new(world.spec(), &tape, 1, &mut rng())?,
-        Gdg::new(world.spec(), &kernels, 1, &mut rng())?,
-        Gdg::new(world.spec(), &kernels, threads, &mut rng())?,
-    ];
+    let learners =
+        [1, threads].map(|threads| Gdg::new(world.spec(), &kernels, threads, &mut rng()));
+    let [one, all] = learners;
+    let learners = [one?, all?];
     let batch = Batch { greedy_targets: true, ..batch(kernels.batch_size, SIDE as f32) };
-    let mut times = [const { Vec::new() }; 3];
+    let mut times = [const { Vec::new() }; 2];
     let (mut failure, mut profile) = (Ok(()), Profile::default());
     // The first turn is a warm-up.
     for turn in 0..=runs {
-        for (learner, times) in learners.iter_mut().zip(&mut times) {
+        for (learner, times) in learners.iter().zip(&mut times) {
             let mut update = || failure = learner.update_on(&batch, None, &mut profile).map(drop);
             let took =
                 time_us(|| (0..UPDATES_PER_TURN).for_each(|_| update())) / UPDATES_PER_TURN as f64;
@@ -163,16 +170,12 @@ pub fn default_update(threads: usize, runs: usize) -> Result<DefaultUpdateTimes,
     }
     failure?;
     let ratio = |a: &[f64], b: &[f64]| median(a.iter().zip(b).map(|(a, b)| a / b).collect());
-    let (speed_up, threads_speed_up) = (ratio(&times[0], &times[1]), ratio(&times[1], &times[2]));
-    let [tape_us, kernels_us, kernels_threads_us] = times.map(median);
-    Ok(DefaultUpdateTimes {
-        runs,
-        tape_us,
-        kernels_us,
-        kernels_threads_us,
-        speed_up,
-        threads_speed_up,
-    })
+    let threads_speed_up = ratio(&times[0], &times[1]);
+    let ([one, all], on_all) = (times.map(median), on(threads));
+    Ok(format!(
+        "default preset, one update: {one:.0} us, on {on_all} {all:.0} us \
+         ({threads_speed_up:.2} times as fast)\n"
+    ))
 }
 
 /// Measures training on a built-in map with the default preset.
@@ -180,19 +183,10 @@ pub fn default_preset(
     map: &'static str,
     threads: usize,
     runs: usize,
-) -> Result<DefaultTimes, TrainError> {
+) -> Result<String, TrainError> {
     const UPDATES_PER_TURN: u64 = 500;
-    let Some(grid) = builtin(map).map(Arc::new) else { unreachable!("{map} is built in") };
-    let trainer = |threads| {
-        let run = Run {
-            method: Method::default(),
-            preset: Preset::Default,
-            seed: 1,
-            settings: Settings::default(),
-        };
-        Trainer::new(run, &PointMaze::new(grid.clone(), 0), &Registry::builtin(), threads)
-    };
-    let mut trainers = [trainer(1)?, trainer(threads)?];
+    let grid = built_in(map);
+    let mut trainers = [trainer(&grid, 1, 1)?, trainer(&grid, 1, threads)?];
     let mut rates = [Vec::new(), Vec::new()];
     for turn in 0..=runs {
         for (trainer, rates) in trainers.iter_mut().zip(&mut rates) {
@@ -206,21 +200,21 @@ pub fn default_preset(
         }
     }
     let [one, all] = rates.map(median);
-    let phases = Stage::ALL.iter().filter(|phase| **phase != Stage::Tape).map(|phase| {
-        let us = |t: &Trainer| {
-            t.profile().spent(*phase).as_secs_f64() * 1e6 / t.counters().updates as f64
-        };
-        PhaseTimes {
-            phase: phase.name(),
-            one_thread_us: us(&trainers[0]),
-            all_threads_us: us(&trainers[1]),
-        }
-    });
-    Ok(DefaultTimes { map, runs, one_thread: one, all_threads: all, phases: phases.collect() })
+    let on_all = on(threads);
+    let mut out =
+        format!("{map}, default preset: {one:.0} updates/s on one thread, {all:.0} on {on_all}\n");
+    for phase in Stage::ALL {
+        let [one, all] = trainers.each_ref().map(|trainer| {
+            let spent = trainer.profile().spent(phase).as_secs_f64();
+            spent * 1e6 / trainer.counters().updates as f64
+        });
+        out += &format!("  {:<36}{one:>8.1} us{all:>8.1} us\n", phase.name());
+    }
+    Ok(out)
 }
 
 /// Measures acting, the field of a whole map, planning, and environment steps.
-pub fn other() -> Result<Vec<TimedOperation>, TrainError> {
+pub fn other() -> Result<String, TrainError> {
     let map = open_map();
     let mut world = PointMaze::new(map.clone(), 32);
     let mut rng = rng();
@@ -230,21 +224,22 @@ pub fn other() -> Result<Vec<TimedOperation>, TrainError> {
     let mut scratch = Scratch::default();
     let timed = |what, runs: usize, work: &mut dyn FnMut()| {
         work();
-        TimedOperation { what, us: median((0..runs).map(|_| time_us(&mut *work)).collect()), runs }
+        let us = median((0..runs).map(|_| time_us(&mut *work)).collect());
+        format!("{what:<56}{us:>10.1} us{runs:>7} runs\n")
     };
     let (states, goals) =
         (world.states().to_vec(), world.states().iter().rev().copied().collect::<Vec<f32>>());
     let mut actions = vec![0.0; 64];
-    let mut all = Vec::new();
-    all.push(timed("actions of 32 agents", 200, &mut || {
+    let mut all = String::new();
+    all += &timed("actions of 32 agents", 200, &mut || {
         policy.actions(&states, &goals, &mut actions, &mut scratch);
-    }));
+    });
     let cells: Vec<f32> = map.free_cells().flat_map(gdg::map::Cell::centre).collect();
     let one_goal = [40.5, 200.5].repeat(cells.len() / 2);
     let mut field = vec![0.0; cells.len() / 2];
-    all.push(timed("distance field of a 256 x 256 map (both critics)", 7, &mut || {
+    all += &timed("distance field of a 256 x 256 map (both critics)", 7, &mut || {
         policy.distances(&cells, &one_goal, &mut field, &mut scratch);
-    }));
+    });
     for (candidates, what) in
         [(500, "planning query, 500 candidates"), (1500, "planning query, 1500 candidates")]
     {
@@ -256,17 +251,17 @@ pub fn other() -> Result<Vec<TimedOperation>, TrainError> {
             &*policy,
             &mut scratch,
         );
-        all.push(timed(what, 50, &mut || {
+        all += &timed(what, 50, &mut || {
             let mut walker = Walker::new(graph.route(&[40.5, 200.5], &*policy, &mut scratch));
             walker.step(&[200.5, 40.5], &graph, &*policy, &mut scratch);
-        }));
+        });
     }
     // Asking for 500 candidates yields three times as many on this map.
     let (candidates, _) = explored_candidates(&map, 500);
-    all.push(timed("blocking training to build a graph of 1500 candidates", 20, &mut || {
+    all += &timed("blocking training to build a graph of 1500 candidates", 20, &mut || {
         std::hint::black_box((learner.policy(true).is_ok(), candidates.frozen()));
-    }));
-    all.push(timed("environment step of 32 agents", 500, &mut || world.step(&actions, &mut rng)));
+    });
+    all += &timed("environment step of 32 agents", 500, &mut || world.step(&actions, &mut rng));
     Ok(all)
 }
 

@@ -1,32 +1,21 @@
 //! What a checkpoint consists of, and how long saving and loading take.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::time::Instant;
 
 use miette::{IntoDiagnostic, Report, miette};
 use safetensors::SafeTensors;
 
-use super::{CheckpointPart, CheckpointSize};
-use gdg::env::PointMaze;
-use gdg::map::builtin;
-use gdg::train::{self, Method, Preset, Registry, Run, SaveTo, Settings, Trainer};
+use super::{built_in, trainer};
+use gdg::train::{self, Registry, SaveTo};
 
 /// Updates after which the checkpoint is saved.
 const UPDATES: u64 = 6_000;
 
 /// Measures the checkpoint of a run of the default preset with seed 1.
-pub fn measure(map: &'static str, threads: usize) -> Result<CheckpointSize, Report> {
-    let Some(grid) = builtin(map).map(Arc::new) else { unreachable!("{map} is built in") };
+pub fn measure(map: &'static str, threads: usize) -> Result<String, Report> {
     let registry = Registry::builtin();
-    let run = Run {
-        method: Method::default(),
-        preset: Preset::Default,
-        seed: 1,
-        settings: Settings::default(),
-    };
-    let mut trainer =
-        Trainer::new(run, &PointMaze::new(grid, 0), &registry, threads).into_diagnostic()?;
+    let mut trainer = trainer(&built_in(map), 1, threads).into_diagnostic()?;
     while trainer.counters().updates < UPDATES {
         trainer.tick().into_diagnostic()?;
     }
@@ -43,20 +32,16 @@ pub fn measure(map: &'static str, threads: usize) -> Result<CheckpointSize, Repo
     let saved = began.elapsed();
     let plain = train::unpacked(&bytes).map_err(|e| miette!("{e}"))?;
     let (stored, unpacked) = (sizes(&bytes)?, sizes(&plain)?);
-    let part = |(part, bytes): (&&'static str, &usize)| CheckpointPart {
-        part,
-        bytes: *bytes,
-        stored_bytes: stored.get(*part).copied().unwrap_or(0),
-    };
-    Ok(CheckpointSize {
-        map,
-        updates: UPDATES,
-        bytes: plain.len(),
-        stored_bytes: bytes.len(),
-        save_ms: 1e3 * saved.as_secs_f64(),
-        load_ms: 1e3 * loaded.as_secs_f64(),
-        parts: unpacked.iter().map(part).collect(),
-    })
+    let [save, load] = [saved, loaded].map(|took| 1e3 * took.as_secs_f64());
+    let mut out = format!("{map}: checkpoint after {UPDATES} updates, ");
+    out += &format!("saved in {save:.0} ms, loaded in {load:.0} ms\n");
+    let mb = |bytes: usize| bytes as f64 / 1e6;
+    let parts = unpacked.iter().map(|(part, size)| (*part, *size, stored.get(part).copied()));
+    for (part, size, stored) in parts.chain([("all", plain.len(), Some(bytes.len()))]) {
+        let stored = mb(stored.unwrap_or(0));
+        out += &format!("  {part:<36}{:>8.2} MB{stored:>8.2} MB stored\n", mb(size));
+    }
+    Ok(out)
 }
 
 /// Returns the bytes of each part of a checkpoint.

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::EditTimes;
+use super::{MAPS, built_in, interface, on, trainer};
 use gdg::env::PointMaze;
 use gdg::map::{Cell, Grid};
-use gdg::train::{Method, Preset, Registry, Run, Settings, TrainError, Trainer};
+use gdg::train::{TrainError, Trainer};
 
 /// Updates before the first edit.
 const UPDATES: u64 = 4_000;
@@ -20,16 +20,15 @@ const EDITS: usize = 10;
 /// Width and height of the wall, in cells.
 const WALL: (usize, usize) = (2, 9);
 
-/// Measures a run of the default preset with seed 1.
-pub fn measure(map: &Arc<Grid>, threads: usize) -> Result<EditTimes, TrainError> {
-    let run = Run {
-        method: Method::default(),
-        preset: Preset::Default,
-        seed: 1,
-        settings: Settings::default(),
-    };
-    let registry = Registry::builtin();
-    let mut trainer = Trainer::new(run, &PointMaze::new(map.clone(), 0), &registry, threads)?;
+/// Measures edits of a small and of a large map, on one thread and on all.
+pub fn measure(threads: usize) -> Result<String, TrainError> {
+    let maps = [built_in(MAPS[0]), interface::rooms()];
+    let cases = maps.iter().flat_map(|map| [1, threads].map(|threads| (map, threads)));
+    cases.map(|(map, threads)| edits_of(map, threads)).collect()
+}
+
+fn edits_of(map: &Arc<Grid>, threads: usize) -> Result<String, TrainError> {
+    let mut trainer = trainer(map, 1, threads)?;
     train(&mut trainer, UPDATES)?;
     let walled = walled(map);
     let (mut edit_ms, mut stall_ms) = (0.0_f64, 0.0_f64);
@@ -42,7 +41,11 @@ pub fn measure(map: &Arc<Grid>, threads: usize) -> Result<EditTimes, TrainError>
         stall_ms = stall_ms.max(took).max(train(&mut trainer, WATCHED_UPDATES)?);
     }
     let edges = trainer.graph().map_or(0, |graph| graph.edges().len());
-    Ok(EditTimes { map: map.name().to_owned(), threads, edits: EDITS, edges, edit_ms, stall_ms })
+    let (map, threads) = (map.name(), on(threads));
+    Ok(format!(
+        "{map}, {edges} edges, {threads}: longest of {EDITS} edits {edit_ms:.0} ms, longest stall \
+         {stall_ms:.0} ms\n"
+    ))
 }
 
 /// Trains for a number of updates; returns the longest time without one, in milliseconds.

@@ -4,11 +4,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::cases::OPEN_MAP_SIDE;
-use super::{InterfaceTimes, median, quantile};
+use super::{median, on, quantile, trainer};
 use gdg::engine::{Command, Engine, Phase};
-use gdg::env::PointMaze;
 use gdg::map::Grid;
-use gdg::train::{Limits, Method, Preset, Registry, Run, Settings, TrainError, Trainer};
+use gdg::train::{Limits, TrainError};
 use gdg_tui::tui::{MeasuredInterface, MeasuredScreen};
 
 /// Columns and rows of the screen for the interface.
@@ -16,19 +15,11 @@ const SCREEN_SIZE: (u16, u16) = (200, 60);
 
 /// Measures training on a large map with and without the interface, in turns: with each kind of
 /// screen.
-pub fn measure(threads: usize, runs: usize) -> Result<Vec<InterfaceTimes>, TrainError> {
+pub fn measure(threads: usize, runs: usize) -> Result<String, TrainError> {
     // Long enough for grounds of pictures that are drawn again and rest for up to two seconds.
     const TURN_DURATION: Duration = Duration::from_secs(3);
     let map = rooms();
-    let trainer = || {
-        let run = Run {
-            method: Method::default(),
-            preset: Preset::Default,
-            seed: 1,
-            settings: Settings::default(),
-        };
-        Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads)
-    };
+    let trainer = || trainer(&map, 1, threads);
     // Trains and evaluates in the background, as the interface has it do.
     let alone = Alone(Engine::start(trainer()?, Limits::default())?);
     alone.command(Command::Pause, &Phase::Paused);
@@ -55,16 +46,17 @@ pub fn measure(threads: usize, runs: usize) -> Result<Vec<InterfaceTimes>, Train
         }
     }
     let alone = median(rates);
-    let times =
-        |(screen, (_, ratios, frames)): (MeasuredScreen, (_, Vec<f64>, Vec<f64>))| InterfaceTimes {
-            screen: screen.name(),
-            runs,
-            alone,
-            ratio: median(ratios),
-            frame_us: median(frames.clone()),
-            slow_frame_us: quantile(frames, 0.95),
-        };
-    Ok(MeasuredScreen::ALL.into_iter().zip(screens).map(times).collect())
+    let mut out = format!(
+        "256 x 256 cells: {alone:.0} updates/s on {}; with the interface at 200 x 60:\n",
+        on(threads)
+    );
+    for (screen, (_, ratios, frames)) in MeasuredScreen::ALL.into_iter().zip(screens) {
+        let (name, ratio) = (screen.name(), median(ratios));
+        let [frame, slow] = [0.5, 0.95].map(|share| quantile(frames.clone(), share) / 1e3);
+        out += &format!("  {name:<16}{ratio:.2} of that; a frame {frame:.1} ms");
+        out += &format!(", 95th percentile {slow:.1} ms\n");
+    }
+    Ok(out)
 }
 
 /// Training that nobody watches.

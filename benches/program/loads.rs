@@ -5,11 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use super::{LoadTimes, median};
+use super::{built_in, median, on};
 use gdg::engine::lower_priority;
 use gdg::env::PointMaze;
 use gdg::learn::Threads;
-use gdg::map::builtin;
 use gdg::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
 
 /// Time for which the load that comes and goes is on, then off.
@@ -49,8 +48,12 @@ impl Load {
 
 /// Measures training with one thread, with `threads` and with an automatic number up to that, in
 /// turns: beside each load, at normal priority and at that of training in the interface.
-pub fn measure(threads: usize, runs: usize) -> Result<Vec<LoadTimes>, TrainError> {
-    let mut all = Vec::new();
+pub fn measure(threads: usize, runs: usize) -> Result<String, TrainError> {
+    let mut all = format!(
+        "four rooms without bridges beside another program: updates/s on one thread, {}, an \
+         automatic number, ratio to the best\n",
+        on(threads)
+    );
     for (load, turn) in LOADS {
         let _burners = Burners::start(load, threads - 1)?;
         for lowered in [false, true] {
@@ -65,8 +68,9 @@ pub fn measure(threads: usize, runs: usize) -> Result<Vec<LoadTimes>, TrainError
             let [one, fixed, auto] = rates.clone().map(median);
             let best = if one > fixed { &rates[0] } else { &rates[1] };
             let ratios = rates[2].iter().zip(best).map(|(auto, best)| auto / best).collect();
-            let (load, ratio) = (load.name(), median(ratios));
-            all.push(LoadTimes { load, lowered, runs, one, fixed, auto, ratio });
+            let priority = if lowered { ", low priority" } else { "" };
+            let (what, ratio) = (format!("other cores {}{priority}", load.name()), median(ratios));
+            all += &format!("  {what:<46}{one:>8.0}{fixed:>8.0}{auto:>8.0}{ratio:>8.2}\n");
         }
     }
     Ok(all)
@@ -94,11 +98,10 @@ fn rates(threads: usize, runs: usize, duration: Duration) -> Result<[Vec<f64>; 3
 
 /// Creates a run that starts no threads but those that share its updates: without bridges.
 fn trainer(threads: Threads) -> Result<Trainer, TrainError> {
-    let Some(grid) = builtin("fourrooms").map(Arc::new) else { unreachable!("it is built in") };
     let Ok(method) = "gdg".parse::<Method>() else { unreachable!("it is a method") };
     let (preset, settings) = (Preset::Default, Settings::default());
     let run = Run { method, preset, seed: 1, settings };
-    Trainer::new(run, &PointMaze::new(grid, 0), &Registry::builtin(), threads)
+    Trainer::new(run, &PointMaze::new(built_in("fourrooms"), 0), &Registry::builtin(), threads)
 }
 
 /// Threads at normal priority that keep cores busy; they end when this is dropped.

@@ -1,12 +1,8 @@
 //! How long a run takes to learn: until planned success, and that of the actor alone, first reach
 //! .95.
 
-use std::sync::Arc;
-
-use super::{Reached, TimeToSuccess, median};
-use gdg::env::PointMaze;
-use gdg::map::builtin;
-use gdg::train::{Evaluation, Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
+use super::{built_in, median, on, told, trainer};
+use gdg::train::{Evaluation, Tick, TrainError};
 
 /// Success rate to reach.
 const SUCCESS: f64 = 0.95;
@@ -43,42 +39,29 @@ struct Moment {
 
 /// Measures the time from scratch to the success rate on a built-in map, excluding
 /// evaluation time, for seeds 1, 2, ...
-pub fn measure(
-    map: &'static str,
-    threads: usize,
-    runs: usize,
-) -> Result<TimeToSuccess, TrainError> {
+pub fn measure(map: &'static str, threads: usize, runs: usize) -> Result<String, TrainError> {
     let moments = (1..=runs.clamp(1, MAX_SEEDS) as u64)
         .map(|seed| moments(map, seed, threads))
         .collect::<Result<Vec<_>, _>>()?;
-    let reached = RATES.iter().enumerate().map(|(k, (what, _))| {
+    let mut out = format!("{map}: time to {SUCCESS} on {}\n", on(threads));
+    for (k, (what, _)) in RATES.iter().enumerate() {
         let of = |number: fn(Moment) -> f64| -> Vec<Option<f64>> {
             moments.iter().map(|run| run[k].map(number)).collect()
         };
         let (updates, seconds) = (of(|at| at.updates as f64), of(|at| at.seconds));
-        Reached {
-            what,
-            median_updates: median_or_never(&updates),
-            median_env_steps: median_or_never(&of(|at| at.env_steps as f64)),
-            median_seconds: median_or_never(&seconds),
-            updates,
-            seconds,
-        }
-    });
-    Ok(TimeToSuccess { map, success: SUCCESS, reached: reached.collect() })
+        let (s, n) = (told(median_or_never(&seconds), 1), told(median_or_never(&updates), 0));
+        let steps = told(median_or_never(&of(|at| at.env_steps as f64)), 0);
+        let seeds = seconds.iter().zip(&updates);
+        let seeds: Vec<String> = seeds.map(|(s, n)| told(*s, 1) + " s, " + &told(*n, 0)).collect();
+        let seeds = seeds.join("; ");
+        out += &format!("  {what:<12}{s:>6} s, {n:>6} updates, {steps:>8} steps ({seeds})\n");
+    }
+    Ok(out)
 }
 
 /// Trains until both success rates are reached; returns when each first was.
 fn moments(map: &str, seed: u64, threads: usize) -> Result<[Option<Moment>; 2], TrainError> {
-    let Some(grid) = builtin(map).map(Arc::new) else { unreachable!("{map} is built in") };
-    let run = Run {
-        method: Method::default(),
-        preset: Preset::Default,
-        seed,
-        settings: Settings::default(),
-    };
-    let world = PointMaze::new(grid, 0);
-    let mut trainer = Trainer::new(run, &world, &Registry::builtin(), threads)?;
+    let mut trainer = trainer(&built_in(map), seed, threads)?;
     let mut reached = [None; 2];
     while reached.iter().any(Option::is_none) && trainer.counters().updates < MAX_UPDATES {
         let every = EVALUATE_EVERY[usize::from(reached[0].is_some())];

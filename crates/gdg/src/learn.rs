@@ -34,11 +34,11 @@ pub use networks::export::{ActorExport, ActorInputs, CriticOutputs, CriticsExpor
 pub use networks::network::Network;
 pub use networks::policy::{Nets, Policy, Scratch, look_ahead};
 pub(crate) use networks::shapes::axis_actions;
-pub use settings::{Backend, LearnSettings, LossScale};
+pub use settings::{LearnSettings, LossScale};
 pub use update::gradient::FullGradient;
 pub use update::losses::Losses;
 pub use update::profile::{Profile, Stage};
-pub use update::reference::{Layers, Reference};
+pub use update::reference::Reference;
 pub use update::threads::Threads;
 
 /// The built-in learners.

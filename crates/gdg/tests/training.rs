@@ -136,7 +136,6 @@ fn changing_any_setting_keeps_the_documented_state() {
     base.bridge.candidate_spacing = 0.6;
     for (name, value) in train::list_settings(&base) {
         let other = match (name.as_str(), value.as_str()) {
-            ("backend", _) => "tape".to_owned(),
             ("loss", _) => "log".to_owned(),
             ("update_when", _) => "episode-end".to_owned(),
             ("restart", _) => "anywhere".to_owned(),

@@ -26,7 +26,6 @@ use crate::learn::learner::{LearnerKind, TrainingData};
 use crate::learn::phased::PhasedLearner;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::objective::count_parameters;
-use crate::learn::update::tape::refuse_tape;
 use crate::learn::update::threads::Threads;
 use crate::learn::update::training::Training;
 use batch::{Sampler, Transitions};
@@ -108,7 +107,6 @@ impl Ddpg {
         threads: impl Into<Threads>,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self> {
-        refuse_tape(settings.backend, variant.name)?;
         let shapes = Shapes::new(variant, spec, settings);
         let sampler = Sampler::new(spec, settings, shapes.returns.clone(), variant.hindsight);
         let training = Training::new(shapes, settings, threads, rng)?;

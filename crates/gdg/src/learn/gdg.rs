@@ -8,8 +8,6 @@ mod short_pairs;
 #[cfg(test)]
 mod tests;
 
-use std::time::Instant;
-
 use candle_core::Result;
 use rand_chacha::ChaCha8Rng;
 
@@ -22,13 +20,12 @@ use crate::learn::networks::network::Network;
 use crate::learn::networks::policy::{Nets, Scratch};
 use crate::learn::networks::shapes::Shapes;
 use crate::learn::phased::PhasedLearner;
-use crate::learn::settings::{Backend, LearnSettings};
+use crate::learn::settings::LearnSettings;
 use crate::learn::update::gradient::FullGradient;
 use crate::learn::update::losses::Losses;
 use crate::learn::update::objective::count_parameters;
-use crate::learn::update::profile::{Profile, Stage};
-use crate::learn::update::reference::{Layers, Parameters, Reference};
-use crate::learn::update::tape::Tape;
+use crate::learn::update::profile::Profile;
+use crate::learn::update::reference::{Parameters, Reference};
 use crate::learn::update::threads::Threads;
 use crate::learn::update::training::Training;
 use crate::pulse::Pulse;
@@ -59,10 +56,6 @@ pub struct Gdg {
     /// Inference buffers, lent to those three.
     scratch: Scratch,
     training: Training<Shapes>,
-    backend: Backend,
-    /// The networks on a tape backend, if one is selected; each update is written back to
-    /// `training`.
-    tape: Option<Tape>,
 }
 
 impl Gdg {
@@ -84,8 +77,6 @@ impl Gdg {
             short_pairs: ShortPairs::default(),
             imagined_walks: ImaginedWalks::default(),
             scratch: Scratch::default(),
-            tape: Tape::new(settings.backend, training.networks())?,
-            backend: settings.backend,
             training,
         })
     }
@@ -121,13 +112,13 @@ impl Gdg {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn update_on(
-        &mut self,
+        &self,
         batch: &Batch,
         pulse: Option<&Pulse>,
         profile: &mut Profile,
     ) -> Result<Losses> {
         self.training.batch().write().clone_from(batch);
-        self.update_networks(pulse, profile)
+        self.training.update(pulse, profile)
     }
 
     /// Returns the losses and the gradients (flat parameters and table) of the first critic, the
@@ -136,7 +127,7 @@ impl Gdg {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [FullGradient; 3])> {
+    pub fn gradients(&self, batch: &Batch) -> Result<(Losses, [FullGradient; 3])> {
         let (losses, model) = (self.training.compute_gradients(batch)?, self.shapes().critics);
         Ok((losses, [0, model, model + 1].map(|k| self.training.full_gradient(k))))
     }
@@ -145,8 +136,8 @@ impl Gdg {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn reference(&self, layers: Layers) -> Result<Reference<'_>> {
-        Reference::new(self.shapes(), self.training.networks(), layers)
+    pub fn reference(&self) -> Result<Reference<'_>> {
+        Reference::new(self.shapes(), self.training.networks())
     }
 
     /// Returns the losses in candle operations at the weights that targets use: the running
@@ -154,11 +145,11 @@ impl Gdg {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn target_reference(&self, layers: Layers) -> Result<Reference<'_>> {
+    pub fn target_reference(&self) -> Result<Reference<'_>> {
         let encoder = &self.shapes().encoder;
         let networks = self.training.networks();
         let parameters = networks.map(|network| Parameters::copied(network, encoder, true));
-        Reference::with_parameters(self.shapes(), parameters.collect::<Result<_>>()?, layers)
+        Reference::with_parameters(self.shapes(), parameters.collect::<Result<_>>()?)
     }
 
     /// Calls `use_nets` with the current networks or their running averages; no update can run in
@@ -210,26 +201,9 @@ impl PhasedLearner for Gdg {
         })
     }
 
-    fn update_networks(&mut self, pulse: Option<&Pulse>, profile: &mut Profile) -> Result<Losses> {
-        let Self { training, tape: Some(tape), .. } = self else {
-            return self.training.update(pulse, profile);
-        };
-        let (began, steps) = (Instant::now(), training.updates() + 1);
-        let losses =
-            tape.update(training.objective(), &training.batch().read(), steps, training.rates())?;
-        tape.write_back(training.networks(), steps)?;
-        profile.lap(Stage::Tape, began);
-        Ok(losses)
-    }
-
     fn critics_for_export(&self, averaged: bool) -> Result<Option<CriticsExport>> {
         let (shapes, model) = (self.shapes(), self.model());
         let critics = (0..shapes.critics).map(|k| self.critic(k));
         CriticsExport::of(shapes, critics, model, averaged).map(Some)
-    }
-
-    fn restored(&mut self) -> Result<()> {
-        self.tape = Tape::new(self.backend, self.training.networks())?;
-        Ok(())
     }
 }

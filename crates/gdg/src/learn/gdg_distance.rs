@@ -19,7 +19,6 @@ use crate::learn::learner::{LearnerKind, TrainingData};
 use crate::learn::phased::PhasedLearner;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::objective::count_parameters;
-use crate::learn::update::tape::refuse_tape;
 use crate::learn::update::threads::Threads;
 use crate::learn::update::training::Training;
 use objective::GivenDistance;
@@ -52,7 +51,6 @@ impl GdgDistance {
         threads: impl Into<Threads>,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self> {
-        refuse_tape(settings.backend, NAME)?;
         let objective = GivenDistance::new(spec, settings);
         let training = Training::new(objective, settings, threads, rng)?;
         Ok(Self { sampler: BatchSampler::new(spec, settings), training })

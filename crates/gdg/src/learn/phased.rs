@@ -12,7 +12,6 @@ use crate::learn::update::losses::Losses;
 use crate::learn::update::objective::Objective;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::training::Training;
-use crate::pulse::Pulse;
 use crate::store::Store;
 
 /// A learner whose networks are updated in phases, on several threads.
@@ -35,26 +34,6 @@ pub trait PhasedLearner: Send {
         data: TrainingData,
         batch: &mut <Self::Objective as Objective>::Batch,
     ) -> candle_core::Result<()>;
-
-    /// Updates the networks once on the latest batch; see [`Training::update`].
-    ///
-    /// # Errors
-    /// Returns candle's error if a tensor operation fails.
-    fn update_networks(
-        &mut self,
-        pulse: Option<&Pulse>,
-        profile: &mut Profile,
-    ) -> candle_core::Result<Losses> {
-        self.training().update(pulse, profile)
-    }
-
-    /// Called after the networks have been restored.
-    ///
-    /// # Errors
-    /// Returns candle's error if a tensor operation fails.
-    fn restored(&mut self) -> candle_core::Result<()> {
-        Ok(())
-    }
 
     /// Returns whether other programs can run its actor.
     fn exports_actor(&self) -> bool {
@@ -82,7 +61,7 @@ impl<L: PhasedLearner> Learner for L {
         self.sample(data, &mut batch)?;
         *self.training().batch().write() = batch;
         profile.lap(Stage::Sample, began);
-        Ok(self.update_networks(Some(pulse), profile)?)
+        Ok(self.training().update(Some(pulse), profile)?)
     }
 
     fn policy(&self, averaged: bool) -> Result<Arc<dyn Policy>, LearnError> {
@@ -115,7 +94,6 @@ impl<L: PhasedLearner> Learner for L {
     }
 
     fn load(&mut self, store: &Store) -> Result<(), LearnError> {
-        load_networks(store, self.training().named())?;
-        Ok(self.restored()?)
+        Ok(load_networks(store, self.training().named())?)
     }
 }

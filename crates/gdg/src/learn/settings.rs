@@ -18,17 +18,6 @@ pub enum LossScale {
     Log,
 }
 
-/// What computes updates. All give the same results up to rounding; only the first is
-/// multithreaded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Backend {
-    /// Hand-written kernels on the CPU, without a tape.
-    Fused,
-    /// Candle's tape on the CPU, with each MLP as one operation.
-    Tape,
-}
-
 settings! {
     /// Settings of networks, losses and batches.
     pub struct LearnSettings {
@@ -204,9 +193,6 @@ settings! {
             grid_learning_rate: f32 = 5e-3;
                 "Adam's learning rate for the grid encoding",
                 values: Values::POSITIVE;
-            backend: Backend = Backend::Fused;
-                "implementation of updates: hand-written kernels, or candle's tape",
-                values: Values::word(&["fused", "tape"]), effect: NewNetworks;
         }
     }
 }

@@ -2,7 +2,6 @@
 
 #[cfg(test)]
 pub mod autograd;
-pub mod fused;
 pub mod gradient;
 pub mod losses;
 pub mod objective;
@@ -12,6 +11,5 @@ pub mod reference;
 pub mod rows;
 pub mod step;
 pub mod straight;
-pub mod tape;
 pub mod threads;
 pub mod training;

@@ -7,7 +7,6 @@ use rand::{RngExt, SeedableRng};
 
 use super::*;
 use crate::learn::networks::network::Network;
-use crate::learn::settings::Backend;
 use crate::learn::update::autograd::{assert_close, random_state, spec, variables_of};
 use crate::learn::update::losses::EXCESS_WEIGHT;
 use crate::learn::update::profile::Profile;
@@ -213,13 +212,4 @@ fn gradients_match_autograd_whatever_the_settings() {
     let bounded = LearnSettings { actor_bound: 0.05, actor_l2: 0.0, ..settings(40, 32, 2, 1) };
     check(SPARSE, &spec(2, 2, true), &bounded);
     check(SPARSE, &spec(2, 2, true), &LearnSettings { actor_bound: 0.0, actor_l2: 0.7, ..bounded });
-}
-
-#[test]
-fn a_backend_that_a_learner_has_not_is_refused_by_name() {
-    let settings = LearnSettings { backend: Backend::Tape, ..LearnSettings::of(Preset::Tuned) };
-    let refused =
-        (HER.create)(&spec(2, 2, true), &settings, 1.into(), &mut ChaCha8Rng::seed_from_u64(1));
-    let message = refused.err().unwrap().to_string();
-    assert!(message.contains("her") && message.contains("backend=fused"), "{message}");
 }

@@ -12,7 +12,7 @@ use crate::learn::networks::export::NamedTensor;
 use crate::learn::update::autograd::{assert_close, batch, spec, variables_of};
 use crate::learn::update::losses::EXCESS_WEIGHT;
 use crate::learn::update::profile::Profile;
-use crate::learn::update::reference::{Layers, Reference, mlp, pair_rows};
+use crate::learn::update::reference::{Reference, mlp, pair_rows};
 use crate::learn::update::straight::typical_step;
 use crate::settings::Preset;
 
@@ -40,8 +40,7 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     let shapes = &learner.training.objective().shapes;
     let variables = |k: usize| variables_of(learner.training.network(k), &shapes.encoder);
     let ((model, model_vars), (actor, actor_vars)) = (variables(MODEL), variables(ACTOR));
-    let reference =
-        Reference::with_parameters(shapes, vec![model, actor.clone()], Layers::Linear).unwrap();
+    let reference = Reference::with_parameters(shapes, vec![model, actor.clone()]).unwrap();
     let model_loss =
         reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
     assert_close("model", learner.training.full_gradient(MODEL), &model_loss, &model_vars);

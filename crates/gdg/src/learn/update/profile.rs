@@ -17,22 +17,19 @@ pub enum Stage {
     ActorGradient,
     /// The actor's optimiser step and average.
     ActorStep,
-    /// A whole update on candle's tape, in place of the four phases above.
-    Tape,
     /// Building the bridge graph and its distances for distillation.
     Graph,
 }
 
 impl Stage {
     /// All phases, in order.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 7] = [
         Self::Explore,
         Self::Sample,
         Self::CriticModelGradients,
         Self::CriticModelSteps,
         Self::ActorGradient,
         Self::ActorStep,
-        Self::Tape,
         Self::Graph,
     ];
 
@@ -45,7 +42,6 @@ impl Stage {
             Self::CriticModelSteps => "steps of critics and model",
             Self::ActorGradient => "gradient of the actor",
             Self::ActorStep => "step of the actor",
-            Self::Tape => "update on candle's tape",
             Self::Graph => "bridge graph",
         }
     }

@@ -1,5 +1,5 @@
 //! The learner's losses in candle operations with autograd: the oracle for its hand-written
-//! gradients, and the basis of updates on other devices.
+//! gradients, and where to try a change of a loss first.
 
 use candle_core::{D, Device, Result, Tensor, Var, bail};
 use candle_nn::{Linear, Module};
@@ -15,7 +15,6 @@ use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Network;
 use crate::learn::networks::shapes::Shapes;
 use crate::learn::settings::LossScale;
-use crate::learn::update::fused::fused_mlp;
 use crate::learn::update::losses::{EXCESS_WEIGHT, LARGEST_ERROR, WAY_OUT_WEIGHT};
 use crate::learn::update::rows::{mispredicted, parts_of, rows_of_part};
 
@@ -46,22 +45,12 @@ impl Parameters {
     }
 }
 
-/// How an MLP's layers are computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layers {
-    /// With candle-nn's Linear, one operation at a time; on any device.
-    Linear,
-    /// As one operation (`fused_mlp`); on the CPU only.
-    Fused,
-}
-
 /// Losses of a learner's networks as candle tensors; `backward` yields all gradients.
 pub struct Reference<'a> {
     shapes: &'a Shapes,
     critics: Vec<Parameters>,
     model: Parameters,
     actor: Parameters,
-    layers: Layers,
 }
 
 impl<'a> Reference<'a> {
@@ -72,7 +61,6 @@ impl<'a> Reference<'a> {
     pub(in crate::learn) fn new(
         shapes: &'a Shapes,
         networks: impl Iterator<Item = &'a Network>,
-        layers: Layers,
     ) -> Result<Self> {
         let networks = networks.map(|network| {
             // The first row of each line holds the values.
@@ -80,30 +68,18 @@ impl<'a> Reference<'a> {
             let table = network.table().map(values).transpose()?;
             Ok(Parameters { dense: network.dense().as_tensor().clone(), table })
         });
-        Self::with_parameters(shapes, networks.collect::<Result<_>>()?, layers)
+        Self::with_parameters(shapes, networks.collect::<Result<_>>()?)
     }
 
     /// Creates the losses at given parameters, in the same order.
     pub(in crate::learn) fn with_parameters(
         shapes: &'a Shapes,
         mut networks: Vec<Parameters>,
-        layers: Layers,
     ) -> Result<Self> {
         let (Some(actor), Some(model)) = (networks.pop(), networks.pop()) else {
             bail!("too few networks")
         };
-        Ok(Self { shapes, critics: networks, model, actor, layers })
-    }
-
-    fn shapes(&self) -> &Shapes {
-        self.shapes
-    }
-
-    fn mlp(&self, shape: &Mlp, parameters: &Tensor, x: &Tensor) -> Result<Tensor> {
-        match self.layers {
-            Layers::Linear => mlp(shape, parameters, x),
-            Layers::Fused => fused_mlp(shape, x, parameters),
-        }
+        Ok(Self { shapes, critics: networks, model, actor })
     }
 
     /// Returns D(s, g) by critic `k`, `(rows)`; `states` `(rows, state_dim)`, `goals` `(rows,
@@ -113,9 +89,9 @@ impl<'a> Reference<'a> {
     /// Returns candle's error if a tensor operation fails.
     pub fn distances(&self, k: usize, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let critic = &self.critics[k];
-        let x = pair_rows(&self.shapes().encoder, critic, states, goals)?;
-        let z = self.mlp(&self.shapes().critic, &critic.dense, &x)?.squeeze(1)?;
-        softplus(&z)? * f64::from(self.shapes().distance_scale)
+        let x = pair_rows(&self.shapes.encoder, critic, states, goals)?;
+        let z = mlp(&self.shapes.critic, &critic.dense, &x)?.squeeze(1)?;
+        softplus(&z)? * f64::from(self.shapes.distance_scale)
     }
 
     /// Returns the actions mu(s, g), `(rows, action_dim)`.
@@ -127,8 +103,8 @@ impl<'a> Reference<'a> {
     }
 
     fn actor_outputs(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
-        let x = pair_rows(&self.shapes().encoder, &self.actor, states, goals)?;
-        self.mlp(&self.shapes().actor, &self.actor.dense, &x)
+        let x = pair_rows(&self.shapes.encoder, &self.actor, states, goals)?;
+        mlp(&self.shapes.actor, &self.actor.dense, &x)
     }
 
     /// Returns the predicted next states f(s, a), `(rows, state_dim)`.
@@ -136,15 +112,14 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn predictions(&self, states: &Tensor, actions: &Tensor) -> Result<Tensor> {
-        let encoder = &self.shapes().encoder;
+        let encoder = &self.shapes.encoder;
         let u = scaled(encoder, states)?;
         let mut columns = vec![state_row(encoder, &u)?];
         if let (Some(grid), Some(table)) = (encoder.grid(), &self.model.table) {
             columns.push(encode(grid, table, &achieved(encoder, &u)?)?);
         }
         columns.push(actions.clone());
-        let change =
-            self.mlp(&self.shapes().model, &self.model.dense, &Tensor::cat(&columns, 1)?)?;
+        let change = mlp(&self.shapes.model, &self.model.dense, &Tensor::cat(&columns, 1)?)?;
         states + change.broadcast_mul(&row(&encoder.spec().change_scale, states.device())?)?
     }
 
@@ -154,7 +129,7 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn targets(&self, batch: &Batch, device: &Device) -> Result<Tensor> {
-        let spec = self.shapes().encoder.spec();
+        let spec = self.shapes.encoder.spec();
         let tensor = |numbers: &[f32], width: usize| {
             Tensor::from_slice(numbers, (batch.len(), width), device)
         };
@@ -169,7 +144,7 @@ impl<'a> Reference<'a> {
         if batch.greedy_targets {
             let next = self.predictions(&states, &self.actions(&states, &goals)?)?;
             let capped = far.minimum(&(self.joint_distances(&next, &goals)? + 1.0)?)?;
-            let has_check = self.shapes().model_check;
+            let has_check = self.shapes.model_check;
             far = if has_check {
                 self.mispredicted(batch, device)?.where_cond(&far, &capped)?
             } else {
@@ -188,7 +163,7 @@ impl<'a> Reference<'a> {
 
     /// Returns 1 where the model mispredicts a pair's own step, otherwise 0, `(rows)`.
     fn mispredicted(&self, batch: &Batch, device: &Device) -> Result<Tensor> {
-        let spec = self.shapes().encoder.spec();
+        let spec = self.shapes.encoder.spec();
         let s = spec.state_dim();
         let tensor = |numbers: &[f32], width: usize| {
             Tensor::from_slice(numbers, (batch.len(), width), device)
@@ -208,7 +183,7 @@ impl<'a> Reference<'a> {
     /// Returns D(s, g) by one or two critics, `(rows)`: between their mean and their maximum.
     fn joint_distances(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let first = self.distances(0, states, goals)?;
-        let below = 0.5 * (1.0 - f64::from(self.shapes().pessimism));
+        let below = 0.5 * (1.0 - f64::from(self.shapes.pessimism));
         (1..self.critics.len()).try_fold(first, |d, k| {
             let own = self.distances(k, states, goals)?;
             d.maximum(&own)? - ((d - own)?.abs()? * below)?
@@ -227,14 +202,14 @@ impl<'a> Reference<'a> {
         targets: &Tensor,
     ) -> Result<Tensor> {
         let distance = self.distances(k, states, goals)?;
-        let scale = |d: &Tensor| match self.shapes().loss {
+        let scale = |d: &Tensor| match self.shapes.loss {
             LossScale::Squared => Ok(d.clone()),
             LossScale::Sqrt => (d + 0.25)?.sqrt(),
             LossScale::Log => (d + 1.0)?.log(),
         };
         let error = (scale(&distance)? - scale(targets)?)?;
         let above = error.gt(0.0)?.to_dtype(error.dtype())?;
-        let expectile = f64::from(self.shapes().expectile);
+        let expectile = f64::from(self.shapes.expectile);
         let weight = ((above * (2.0 * expectile - 1.0))? + (1.0 - expectile))?;
         (weight * error.sqr()?)?.mean_all()
     }
@@ -265,7 +240,7 @@ impl<'a> Reference<'a> {
     /// its change scale.
     fn model_errors(&self, states: &Tensor, actions: &Tensor, next: &Tensor) -> Result<Tensor> {
         let scale =
-            row(&zero_to_infinity(&self.shapes().encoder.spec().change_scale), states.device())?;
+            row(&zero_to_infinity(&self.shapes.encoder.spec().change_scale), states.device())?;
         (self.predictions(states, actions)? - next)?.broadcast_div(&scale)
     }
 
@@ -288,7 +263,7 @@ impl<'a> Reference<'a> {
         let next = self.predictions(states, &own_outputs.tanh()?)?;
         let after = self.distances(0, &next, towards)?;
         let outputs = own_outputs.abs()?;
-        let bound = self.shapes().actor_bound;
+        let bound = self.shapes.actor_bound;
         let excess = if frees_stuck {
             let progress = (self.distances(0, states, towards)? - &after)?.detach();
             let full = |value: f32| Tensor::full(value, progress.shape(), progress.device());
@@ -301,7 +276,7 @@ impl<'a> Reference<'a> {
         };
         let excess = (excess.relu()?.sqr()?.sum(D::Minus1)? * f64::from(EXCESS_WEIGHT))?;
         let weighted = (&after * weights)?;
-        if !self.shapes().unblock_actor {
+        if !self.shapes.unblock_actor {
             return Ok((weighted.mean_all()?, excess.mean_all()?));
         }
         let (found, ways) = self.ways_out(states, towards, &next, &after)?;
@@ -322,7 +297,7 @@ impl<'a> Reference<'a> {
         next: &Tensor,
         after: &Tensor,
     ) -> Result<(Tensor, Tensor)> {
-        let (shapes, device) = (self.shapes(), states.device());
+        let (shapes, device) = (self.shapes, states.device());
         let spec = shapes.encoder.spec();
         let scale = row(&spec.change_scale, device)?.affine(f64::from(BLOCKED_CHANGE), 0.0)?;
         let moved = (next - states)?
