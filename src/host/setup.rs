@@ -174,12 +174,6 @@ pub fn prepare(
         ));
     }
     warnings.extend(trainer.world().take_warnings());
-    if trainer.rollout().has_restarted() {
-        let title = sanitized(trainer.world().title());
-        warnings.push(format!(
-            "{title}: the agents begin new episodes, as their environments could not be put back"
-        ));
-    }
     if let Some(path) = &request.scenario {
         let maze =
             PointMaze::downcast_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
