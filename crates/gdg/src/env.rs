@@ -10,7 +10,6 @@ pub mod fetch_reach;
 mod goal_space;
 pub mod gym;
 pub mod maze;
-mod probes;
 mod region;
 mod task;
 mod walls;
@@ -29,12 +28,12 @@ pub use abilities::{
     Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, Recorded, Rendered,
     Rendering,
 };
+pub use abilities::{MAX_PROBES, Probes};
 pub use error::EnvError;
 pub use fetch_reach::{ArmScene, FetchReach};
 pub use goal_space::GoalSpace;
 pub use gym::GymOptions;
 pub use maze::PointMaze;
-pub use probes::{MAX_PROBES, Probes};
 pub use region::Region;
 pub(crate) use task::{BUDGET_FACTOR, MAX_BUDGET_STEPS};
 pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value};
 
-use super::{EnvError, Environment, GroundTruth, Probes, Region, Scene, Task, TaskSet};
+use super::{EnvError, Environment, GroundTruth, Region, Scene, Task, TaskSet};
 use crate::store::Store;
 
 /// The abilities of a world; by default none.
@@ -163,19 +163,17 @@ pub trait Drawn {
 
 /// A world that renders pictures of itself.
 pub trait Rendered {
-    /// Returns a copy of the world with one agent, as [`Environment::fork`] does, of which there are
-    /// pictures.
-    ///
-    /// # Errors
-    /// The world fails.
-    fn fork(&self) -> Result<Box<dyn Environment>, EnvError>;
-
-    /// Returns a picture of the agent, with `goal` `(goal_dim)` in it if the world marks goals, of
-    /// at most this width and height in pixels.
+    /// Returns a picture of `agent`, with `goal` `(goal_dim)` in it if the world marks goals, of at
+    /// most this width and height in pixels.
     ///
     /// # Errors
     /// A text that says why there is none; everything else goes on.
-    fn picture(&self, goal: &[f32], most: (usize, usize)) -> Result<Rendering, String>;
+    fn picture(
+        &self,
+        agent: usize,
+        goal: &[f32],
+        most: (usize, usize),
+    ) -> Result<Rendering, String>;
 }
 
 /// A picture that a world has rendered.
@@ -223,4 +221,20 @@ pub struct Change {
     pub warning: Option<String>,
     /// Facts about the change for the run's records, by name.
     pub facts: Map<String, Value>,
+}
+
+/// Maximum number of places of a film. A frame then takes less time than two updates.
+pub const MAX_PROBES: usize = 1_350;
+
+/// The states at which a film shows D, and the goal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Probes {
+    /// The number of places, constant during a run. A place may have no state.
+    pub places: usize,
+    /// The place of each state, below `places`.
+    pub place_of: Vec<u32>,
+    /// `(states, state_dim)`.
+    pub states: Vec<f32>,
+    /// `(goal_dim)`.
+    pub goal: Vec<f32>,
 }

@@ -12,13 +12,9 @@
 mod arm;
 mod constraints;
 mod dynamics;
-mod kinematics;
-mod linear;
 mod model;
 mod probe_lattice;
 mod scene;
-mod solver;
-mod wall;
 
 use std::sync::Arc;
 
@@ -36,8 +32,8 @@ use constraints::Rows;
 use model::GOAL_CENTRE;
 pub use probe_lattice::ProbeLattice;
 pub use scene::{ArmScene, Corners, Pose};
+pub use scene::{WALL, Wall};
 use scene::{guide, random_goal};
-pub use wall::{WALL, Wall};
 
 /// Registry entry of the arm.
 pub const KIND: WorldKind = WorldKind {

@@ -1,6 +1,5 @@
 //! The point maze: continuous positions on a grid map, the setting of SoRB (Eysenbach et al. 2019).
 
-mod ogbench;
 mod probe_grid;
 mod tasks;
 mod truth;

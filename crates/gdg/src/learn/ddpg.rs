@@ -13,7 +13,6 @@
 mod batch;
 mod losses;
 mod objective;
-mod policy;
 mod returns;
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,5 @@
 //! Networks: inputs, weights, running averages, and policies for inference.
 
-pub mod adam;
 pub mod dense;
 pub mod encoder;
 pub mod export;
@@ -11,6 +10,4 @@ pub mod mlp;
 pub mod network;
 pub mod policy;
 pub mod shapes;
-pub mod state;
 pub mod table;
-pub mod touched;

@@ -9,7 +9,6 @@ pub mod pool;
 pub mod profile;
 pub mod reference;
 pub mod rows;
-pub mod step;
 pub mod straight;
 pub mod threads;
 pub mod training;

@@ -19,7 +19,7 @@ pub struct StepSearch {
 }
 
 /// The four sides, then the corners.
-pub(super) const OFFSETS: [(isize, isize); 8] =
+const OFFSETS: [(isize, isize); 8] =
     [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 
 const WEST: u8 = 0b0001;
@@ -42,9 +42,7 @@ impl Components {
     pub fn largest(&self) -> u32 {
         (0..self.sizes.len()).rev().max_by_key(|i| self.sizes[*i]).unwrap_or(0) as u32
     }
-}
 
-impl Components {
     /// Returns the cells of `grid`'s largest component, in row order.
     pub fn largest_cells<'a>(&'a self, grid: &'a Grid) -> impl Iterator<Item = Cell> + 'a {
         let largest = self.largest();
@@ -74,11 +72,6 @@ impl StepSearch {
             steps: vec![UNREACHABLE; grid.free().len()],
             reached: Vec::new(),
         }
-    }
-
-    /// Returns the open neighbours of each cell, as a bit set over [`OFFSETS`].
-    pub(super) fn into_moves(self) -> Vec<u8> {
-        self.moves
     }
 
     /// Returns the steps from `cell` to every cell (row-major), [`UNREACHABLE`] where there is no

@@ -1,14 +1,17 @@
 //! Moving AI `.scen` files: tasks on a map.
 
+use std::cell::Cell as Counter;
+use std::f64::consts::SQRT_2;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
+use pathfinding::directed::astar::astar;
+
 use super::distance::StepSearch;
-use super::error::{MapError, MapResult};
 use super::formats::{Agent, MapFormat, agents, is_mapf};
 use super::grid::{Cell, Grid};
-use super::octile::{OctileSearch, least_length};
 use super::text::Text;
+use super::text::{MapError, MapResult};
 use crate::text::SourceLine;
 
 /// One task of a scenario.
@@ -31,13 +34,13 @@ const FIELDS: usize = 9;
 /// Tolerance for stated lengths below the true ones, in cells: files round.
 const LENGTH_TOLERANCE: f64 = 0.01;
 
-/// Maximum number of cells that all length checks visit together: less than a second, and no path
-/// length overflows.
-const MOST_VISITS: usize = 3_000_000;
+/// Lengths of a straight and a diagonal move, rounded down.
+const STRAIGHT: usize = 1000;
+const DIAGONAL: usize = 1414;
 
-/// Tasks are checked in this many passes, so that on large maps, where time runs out, the checked
-/// ones are spread evenly.
-const ROUNDS: usize = 64;
+/// Maximum number of cells that the searches for the lengths of all written tasks visit together:
+/// seconds.
+const MOST_VISITS: usize = 3_000_000;
 
 /// A scenario as read from its file, for any map.
 #[derive(Clone, Debug)]
@@ -110,10 +113,10 @@ impl Scenario {
     fn of_marks(grid: &Grid, name: &str) -> Option<Self> {
         let (starts, goals) = (grid.starts(), grid.goals());
         let most = if starts.is_empty() { 0 } else { goals.len().max(starts.len()) };
-        let mut search = OctileSearch::new(grid, MOST_VISITS);
+        let left = Counter::new(MOST_VISITS);
         let pairs = starts.iter().cycle().zip(goals.iter().cycle()).take(most);
         let entries = pairs.filter_map(|(start, goal)| {
-            let length = search.shortest(*start, *goal)?;
+            let length = shortest_length(grid, *start, *goal, &left)?;
             let (width, height) = (grid.width(), grid.height());
             let cells = format!("{}\t{}\t{}\t{}", start.x, start.y, goal.x, goal.y);
             Some((
@@ -191,17 +194,12 @@ impl Scenario {
     }
 
     /// Checks that each of `tasks` (this scenario's, on `grid`) has a path, and that its stated
-    /// length is not below that of the shortest one. On large maps, only evenly spread tasks are
-    /// checked.
+    /// length is not below that of a path without any wall.
     ///
     /// # Errors
     /// Names the task that cannot be on this map.
     pub fn check_lengths(&self, tasks: &[ScenarioTask], grid: &Grid) -> MapResult<()> {
-        let too_short = |entry: &Entry, length: f64, least: f64, why: &str| {
-            let problem = format!("the octile length {length} is too short: {why} {least:.2} long");
-            let help = "lengths are those of shortest paths, diagonals count 1.41 and cut no corners; is this the right map?";
-            entry.error(&self.file, 8..=8, problem, help)
-        };
+        let components = StepSearch::new(grid).components(grid).of_cell;
         for (entry, task) in self.entries.iter().zip(tasks) {
             let [start, goal] = [task.start, task.goal].map(|cell| (cell.x, cell.y));
             // Lengths in scaled scenarios may count cells of either map.
@@ -209,30 +207,45 @@ impl Scenario {
             if let Some(length) = entry.length
                 && length + LENGTH_TOLERANCE < least
             {
-                return Err(too_short(entry, length, least, "a path without any wall is"));
+                let problem = format!(
+                    "the octile length {length} is too short: a path without any wall is {least:.2} long"
+                );
+                let help = "lengths are those of shortest paths, diagonals count 1.41 and cut no corners; is this the right map?";
+                return Err(entry.error(&self.file, 8..=8, problem, help));
             }
-        }
-        let mut search = OctileSearch::new(grid, MOST_VISITS);
-        let components = StepSearch::new(grid).components(grid).of_cell;
-        let rounds = (0..ROUNDS).flat_map(|round| (round..tasks.len()).step_by(ROUNDS));
-        for (entry, task) in rounds.map(|i| (&self.entries[i], &tasks[i])) {
-            let [from, to] = [task.start, task.goal].map(|cell| components[grid.index(cell)]);
-            if from != to {
+            if components[grid.index(task.start)] != components[grid.index(task.goal)] {
                 let help = "starts and goals must be connected; is this the right map?";
                 let problem = "no path leads from this start to this goal".to_owned();
                 return Err(entry.error(&self.file, 4..=7, problem, help));
             }
-            let Some(length) = entry.length.filter(|_| !entry.is_scaled(grid)) else { continue };
-            match search.shortest(task.start, task.goal) {
-                Some(least) if length + LENGTH_TOLERANCE < least => {
-                    return Err(too_short(entry, length, least, "the shortest path is"));
-                }
-                Some(_) => {}
-                None => break,
-            }
         }
         Ok(())
     }
+}
+
+/// Length of the shortest path, in cells, as Moving AI states it: a diagonal counts sqrt 2, and cuts
+/// no corner. `None` if there is none, or the visits that are `left` are used up.
+fn shortest_length(grid: &Grid, start: Cell, goal: Cell, left: &Counter<usize>) -> Option<f64> {
+    let is_straight = |a: Cell, b: Cell| a.x == b.x || a.y == b.y;
+    let moves = |at: &Cell| {
+        let at = *at;
+        left.set(left.get().saturating_sub(1));
+        let open = grid.neighbours(at).take(if left.get() > 0 { 8 } else { 0 });
+        open.map(move |next| (next, if is_straight(at, next) { STRAIGHT } else { DIAGONAL }))
+    };
+    let to_goal = |at: &Cell| {
+        let (x, y) = (at.x.abs_diff(goal.x), at.y.abs_diff(goal.y));
+        x.min(y) * DIAGONAL + x.abs_diff(y) * STRAIGHT
+    };
+    let (path, _) = astar(&start, moves, to_goal, |at| *at == goal)?;
+    let lengths = path.windows(2).map(|p| if is_straight(p[0], p[1]) { 1.0 } else { SQRT_2 });
+    Some(lengths.sum())
+}
+
+/// Lower bound on the length, in cells, of a path between two cells.
+fn least_length((ax, ay): (usize, usize), (bx, by): (usize, usize)) -> f64 {
+    let (x, y) = (ax.abs_diff(bx) as f64, ay.abs_diff(by) as f64);
+    x.min(y) * SQRT_2 + (x - y).abs()
 }
 
 impl Entry {
@@ -387,7 +400,17 @@ fn is_name_of(name: &str, grid: &Grid) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::map::{parse_map, parse_scenario_bytes};
+
+    #[test]
+    fn lengths_go_around_walls_and_cut_no_corners() {
+        let grid = parse_map("map", b"...#\n.#..\n...#\n####\n..#.\n").expect("a map");
+        let (a, b) = (Cell::new(1, 0), Cell::new(1, 2));
+        let length = |to, visits| shortest_length(&grid, a, to, &Counter::new(visits));
+        assert_eq!([b, a].map(|to| length(to, 1000)), [Some(4.0), Some(0.0)]);
+        assert_eq!((length(Cell::new(0, 4), 1000), length(b, 3)), (None, None));
+    }
 
     #[test]
     fn a_cell_that_does_not_fit_is_named_as_in_the_file() {

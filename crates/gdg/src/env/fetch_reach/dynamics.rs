@@ -3,8 +3,8 @@
 
 use glam::{DMat3, DVec3};
 
-use super::kinematics::Frames;
-use super::linear::Matrix;
+use super::arm::Frames;
+use super::model::Matrix;
 use super::model::{BODIES, CHAIN, JOINTS, Joints, point_inertia};
 
 /// Gravity in m/s².
@@ -140,7 +140,7 @@ impl Dynamics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::env::fetch_reach::linear::{dot, product};
+    use crate::env::fetch_reach::model::{dot, product};
 
     const ANGLES: Joints = [0.3, -0.8, 0.4, 1.3, -0.6, 0.9, 1.1];
     const VELOCITIES: Joints = [0.5, -0.3, 0.8, 0.2, -0.9, 0.4, -0.7];

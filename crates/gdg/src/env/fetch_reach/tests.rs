@@ -2,11 +2,11 @@ use glam::DVec3;
 use rand::SeedableRng;
 
 use super::arm::FULL_STATE;
-use super::constraints::{self, Mocap};
+use super::constraints::{self, Mocap, accelerations};
 use super::dynamics::Dynamics;
-use super::linear::{add_scaled, dot, product};
 use super::model::{JOINTS, Joints};
-use super::wall::SPHERES;
+use super::model::{add_scaled, dot, product};
+use super::scene::SPHERES;
 use super::*;
 
 fn rng(seed: u64) -> ChaCha8Rng {
@@ -52,7 +52,7 @@ fn newtons_method_finds_the_minimum_with_many_rows_active() {
         constraints::wall(&mut rows, &frames, &arm.velocities, &WALL);
         most = most.max(rows.inequalities().len());
         let dynamics = Dynamics::new(&frames, &arm.angles, &arm.velocities);
-        let found = |start: f64| solver::accelerations(&dynamics, &rows, &[start; JOINTS]);
+        let found = |start: f64| accelerations(&dynamics, &rows, &[start; JOINTS]);
         let (a, other) = (found(0.0), found(30.0));
         let (gradient, scale) = gradient(&dynamics, &rows, &a);
         assert!(gradient.iter().all(|v| v.abs() < 1e-10 * scale), "{gradient:?} of {scale}");

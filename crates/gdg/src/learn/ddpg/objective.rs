@@ -2,11 +2,10 @@
 
 use super::batch::Transitions;
 use super::losses::{Buffers, Rows, Shapes};
-use super::policy::Nets;
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::policy::{Policy, Scratch};
-use crate::learn::networks::touched::TouchedCorners;
+use crate::learn::networks::table::TouchedCorners;
 use crate::learn::update::objective::{NetworkPlan, NetworkWeights, Objective, Part};
 use crate::learn::update::rows::{find_corners, parts_of};
 
@@ -76,5 +75,38 @@ impl Objective for Shapes {
         let mut distances = vec![0.0; batch.len()];
         nets.distances(&batch.states, &batch.goals, &mut distances, &mut Scratch::default());
         distances
+    }
+}
+
+/// Borrowed weights of critics and actor. There is no dynamics model, so actions cannot be improved
+/// by lookahead.
+pub struct Nets<'a> {
+    pub shapes: &'a Shapes,
+    pub critics: Vec<Weights<'a>>,
+    pub actor: Weights<'a>,
+}
+
+impl Policy for Nets<'_> {
+    /// Converts Q(s, mu(s, g), g) by the most pessimistic critic to steps (see
+    /// [`super::returns::Returns::steps`]).
+    fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        scratch.for_pairs(&self.shapes.encoder, states, goals, out, 1, |pairs, out, buffers| {
+            self.shapes.values_of_actor(self.actor, &self.critics, pairs, &[], out, buffers);
+            out.iter_mut().for_each(|q| *q = self.shapes.returns.steps(*q));
+        });
+    }
+
+    fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        let width = self.shapes.actor.outputs;
+        scratch.for_pairs(
+            &self.shapes.encoder,
+            states,
+            goals,
+            out,
+            width,
+            |pairs, out, [ws, _]| {
+                ws.actions(&self.shapes.encoder, &self.shapes.actor, self.actor, pairs, out);
+            },
+        );
     }
 }

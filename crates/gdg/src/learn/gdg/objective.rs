@@ -6,7 +6,7 @@ use crate::learn::networks::features::{Pairs, SharedFeatures};
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::policy::{Nets, Policy, Scratch};
 use crate::learn::networks::shapes::{Path, Shapes};
-use crate::learn::networks::touched::TouchedCorners;
+use crate::learn::networks::table::TouchedCorners;
 use crate::learn::update::gradient::Gradient;
 use crate::learn::update::losses::{ActorBuffers, ActorLossOptions};
 use crate::learn::update::objective::{NetworkPlan, NetworkWeights, Objective, Part};

@@ -8,7 +8,7 @@ use crate::learn::networks::features::{Pairs, SharedFeatures};
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::policy::{Policy, Scratch};
 use crate::learn::networks::shapes::{MAX_STATE_DIM, Shapes, Workspaces};
-use crate::learn::networks::touched::TouchedCorners;
+use crate::learn::networks::table::TouchedCorners;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::gradient::Gradient;
 use crate::learn::update::losses::ModelLoss;

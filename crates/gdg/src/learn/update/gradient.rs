@@ -1,14 +1,16 @@
-//! The gradient of one network.
+//! The gradient of one network, from all parts of a batch, and its optimiser step.
 
 use std::ops::Range;
 
+use candle_core::Result;
 use parking_lot::Mutex;
 
 use crate::learn::kernels::kernel;
+use crate::learn::networks::dense::LearningRates;
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::features::Pairs;
 use crate::learn::networks::network::Network;
-use crate::learn::networks::touched::TouchedCorners;
+use crate::learn::networks::table::TouchedCorners;
 
 /// Gradient of one network from one part of a batch.
 #[derive(Clone, Debug, Default)]
@@ -78,4 +80,49 @@ pub fn full_gradient<P>(
     }
     let table = network.halves().1.map(|table| touched.table_gradient(&encoded, table.channels()));
     FullGradient { dense, table: table.unwrap_or_default() }
+}
+
+/// Half of a network: the two are stepped in separate tasks.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Half {
+    Dense,
+    Table,
+}
+
+impl Half {
+    /// Returns the half that task number `task` of a phase of steps handles.
+    pub fn for_task(task: usize) -> Self {
+        if task.is_multiple_of(2) { Self::Table } else { Self::Dense }
+    }
+}
+
+/// Steps one half of a network with the sum of its gradients in all `parts`. Moves these out of the
+/// parts meanwhile, so that other threads can lock the parts for their own steps.
+///
+/// # Errors
+/// Returns candle's error if a tensor operation fails.
+pub fn step_half<P>(
+    network: &Network,
+    half: Half,
+    touched: &TouchedCorners,
+    rates: LearningRates,
+    parts: &[Mutex<P>],
+    gradient: impl Fn(&mut P) -> &mut Gradient,
+) -> Result<()> {
+    let numbers = |part: &mut P, exchange: &mut Vec<f32>| {
+        let gradient = gradient(part);
+        std::mem::swap(
+            exchange,
+            if half == Half::Dense { &mut gradient.dense } else { &mut gradient.encoded },
+        );
+    };
+    let mut taken: Vec<Vec<f32>> = vec![Vec::new(); parts.len()];
+    parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));
+    let result = match (half, network.halves()) {
+        (Half::Dense, (dense, _)) => dense.step(&mut taken, rates),
+        (Half::Table, (_, Some(table))) => table.step(touched, &taken, rates),
+        (Half::Table, (_, None)) => Ok(()),
+    };
+    parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));
+    result
 }

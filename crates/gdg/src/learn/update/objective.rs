@@ -8,7 +8,7 @@ use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::{Network, OwnedWeights, Weights};
 use crate::learn::networks::policy::{Policy, Scratch};
-use crate::learn::networks::touched::TouchedCorners;
+use crate::learn::networks::table::TouchedCorners;
 use crate::learn::update::gradient::Gradient;
 use crate::learn::update::losses::Losses;
 

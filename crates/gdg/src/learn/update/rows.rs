@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::learn::data::batch::Batch;
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::shapes::Shapes;
-use crate::learn::networks::touched::TouchedCorners;
+use crate::learn::networks::table::TouchedCorners;
 
 /// Number of parts that a batch is split into, and minimum rows per part. The parts do not depend
 /// on the number of threads and are summed in order, so the results do not depend on it either.

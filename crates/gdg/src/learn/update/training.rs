@@ -11,19 +11,19 @@ use candle_core::Result;
 use parking_lot::{Mutex, RwLock};
 use rand_chacha::ChaCha8Rng;
 
-use crate::learn::networks::adam::LearningRates;
+use crate::learn::networks::dense::LearningRates;
 use crate::learn::networks::export::ActorExport;
 use crate::learn::networks::network::{LockedNetwork, Network, Weights};
 use crate::learn::networks::shapes::check_state_dim;
-use crate::learn::networks::touched::TouchedCorners;
+use crate::learn::networks::table::TouchedCorners;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::gradient::{FullGradient, Gradient, full_gradient};
+use crate::learn::update::gradient::{Half, step_half};
 use crate::learn::update::losses::Losses;
 use crate::learn::update::objective::{Frozen, NetworkPlan, NetworkWeights, Objective, Part};
 use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::rows::parts_of;
-use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::threads::Threads;
 use crate::pulse::Pulse;
 

@@ -1,8 +1,8 @@
 //! D4RL's mazes: rows in one string, with backslashes between them: `"#####\\#GOO#\\#####"`, as
 //! Python source or as the string itself.
 
-use super::super::error::MapResult;
 use super::super::grid::Grid;
+use super::super::text::MapResult;
 use super::super::text::{Place, Text};
 use super::list::after_name;
 use super::notes::{comment, with_comment};

@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use super::super::error::{MapError, MapResult};
 use super::super::grid::{Grid, is_size, size_limits};
+use super::super::text::{MapError, MapResult};
 use super::marks;
 use super::rows::{Mark, grid};
 

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::super::error::{MapError, MapResult};
 use super::super::grid::Grid;
+use super::super::text::{MapError, MapResult};
 use super::super::text::{Place, Text};
 use super::notes::{comment, with_comment};
 use super::yaml::{Event, events};

@@ -1,8 +1,8 @@
 //! Maps of planners for many agents (libMultiRobotPlanning and its relatives): YAML with the
 //! dimensions, the obstacles, and each agent's start and goal.
 
-use super::super::error::MapResult;
 use super::super::grid::{Cell, Grid, MAX_CELLS, is_size, size_limits};
+use super::super::text::MapResult;
 use super::super::text::{Place, Text};
 use super::notes::{column_and_row, with_notes, yaml_lines};
 use super::ros::has_key;

@@ -2,8 +2,8 @@
 
 use std::num::IntErrorKind;
 
-use super::super::error::MapResult;
 use super::super::grid::{Cell, Grid, MAX_SIDE, is_size};
+use super::super::text::MapResult;
 use super::super::text::Text;
 use super::MapFormat;
 use super::plain::{check_row_length, check_some_free, unknown_character};

@@ -1,10 +1,10 @@
 //! What a map has besides its cells, as `key: value`: in YAML, in comments, in properties. Other
 //! programs ignore it.
 
-use super::super::error::{MapError, MapResult};
 use super::super::grid::{Cell, Grid};
 use super::super::scale::MapScale;
 use super::super::text::Text;
+use super::super::text::{MapError, MapResult};
 use super::yaml::{Node, tree};
 use crate::text::SourceLine;
 

@@ -1,7 +1,7 @@
 //! Rows of numbers: digits as in OGBench's layouts (`1001`), and CSV, as NumPy and Tiled export it.
 
-use super::super::error::MapResult;
 use super::super::grid::Grid;
+use super::super::text::MapResult;
 use super::super::text::{Place, Text};
 use super::{MapFormat, Mark, Rows, Source, marks};
 

@@ -1,8 +1,8 @@
 //! PGM and PPM images, in binary and as text.
 
-use super::super::error::{MapError, MapResult};
 use super::super::grid::{Grid, MAX_SIDE};
 use super::super::text::error_at_byte;
+use super::super::text::{MapError, MapResult};
 use super::image::Image;
 use super::notes::{comment, with_comment};
 use super::{MapFormat, Mark, marks};

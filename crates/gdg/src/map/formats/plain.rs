@@ -1,8 +1,8 @@
 //! Plain ASCII maps: one character per cell.
 
-use super::super::error::{MapError, MapResult};
 use super::super::grid::{Cell, Grid, is_size};
 use super::super::text::Text;
+use super::super::text::{MapError, MapResult};
 use super::numbers::size_rows;
 use super::rows::too_large;
 use super::{MapFormat, Mark, marks};

@@ -4,8 +4,8 @@ use std::io::Cursor;
 
 use png::{BitDepth, ColorType, Compression, Decoder, Encoder, EncodingError, Transformations};
 
-use super::super::error::{MapError, MapResult};
 use super::super::grid::Grid;
+use super::super::text::{MapError, MapResult};
 use super::MapFormat;
 use super::image::Image;
 use super::notes::{comment, with_comment};

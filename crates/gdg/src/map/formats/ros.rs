@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::super::error::{MapError, MapResult};
-use super::super::file::read as read_file;
 use super::super::grid::{Cell, Grid};
+use super::super::load::read as read_file;
 use super::super::text::Text;
+use super::super::text::{MapError, MapResult};
 use super::image::Image;
 use super::notes::{with_notes, yaml_lines};
 use super::yaml::{Node, tree};
@@ -36,7 +36,7 @@ struct Frame {
     /// Metres per cell.
     resolution: f64,
     /// The lower left corner of the image, in metres. The third number of a file's origin, an angle,
-    /// is ignored, as ROS itself does mostly.
+    /// is ignored, as ROS itself does mostly, in a file without starts and goals.
     origin: [f64; 2],
 }
 
@@ -140,6 +140,14 @@ fn frame(text: &Text, root: &Node) -> MapResult<Frame> {
         Some(origin) => origin.list(text, HELP)?.iter().map(number).collect::<MapResult<_>>()?,
     };
     let along = |axis: usize| origin.get(axis).copied().unwrap_or(0.0);
+    let marks = || ["starts", "goals"].iter().find_map(|key| root.get(key));
+    if along(2) != 0.0
+        && let Some(marks) = marks()
+    {
+        let problem = format!("the origin turns the map by {}, and these places with it", along(2));
+        let help = "give an origin whose third number, an angle, is 0";
+        return Err(text.error_at(marks.place, problem, help));
+    }
     Ok(Frame { resolution, origin: [along(0), along(1)] })
 }
 

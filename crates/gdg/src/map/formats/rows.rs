@@ -1,7 +1,7 @@
 //! A map as it is read, row by row.
 
-use super::super::error::{MapError, MapResult};
 use super::super::grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
+use super::super::text::{MapError, MapResult};
 use super::super::text::{Place, Text};
 use crate::text::counted;
 

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use roxmltree::{Document, Node};
 
-use super::super::error::{MapError, MapResult};
 use super::super::grid::Grid;
+use super::super::text::{MapError, MapResult};
 use super::super::text::{Place, Text};
 use super::notes::{KEYS, VALUES, scale_values, with_value};
 use super::{MapFormat, Mark, Rows, Source, marks};
@@ -82,12 +82,7 @@ fn read(source: &Source) -> MapResult<Grid> {
         let problem = format!("layers lie within more than {MOST} others");
         return Err(text.error_at(place_of(text, deep.range().start), problem, HELP));
     }
-    let is_wall = |layer: &&Node| {
-        let mut names = names(**layer);
-        let words = ["wall", "collision", "obstacle"];
-        names.any(|name| words.iter().any(|word| name.contains(word)))
-    };
-    let named: Vec<Node> = layers.iter().filter(is_wall).copied().collect();
+    let named: Vec<Node> = layers.iter().filter(|layer| is_wall(**layer)).copied().collect();
     let (width, height) = (size(text, root, "width")?, size(text, root, "height")?);
     let mut cells: Vec<Mark> = Vec::new();
     for layer in if named.is_empty() { &layers } else { &named } {
@@ -182,6 +177,12 @@ fn number(text: &Text, node: Node, name: &str) -> MapResult<f32> {
     value.parse().ok().filter(|value: &f32| value.is_finite()).ok_or_else(wrong)
 }
 
+/// Whether a layer or an object is called a wall.
+fn is_wall(node: Node) -> bool {
+    let words = ["wall", "collision", "obstacle"];
+    names(node).any(|name| words.iter().any(|word| name.contains(word)))
+}
+
 /// Returns by how many pixels a layer is moved, or what is in one.
 fn offset(text: &Text, node: Node) -> MapResult<[f32; 2]> {
     node.ancestors().try_fold([0.0; 2], |[x, y], node| {
@@ -222,7 +223,13 @@ fn mark_objects(text: &Text, root: Node, width: usize, cells: &mut [Mark]) -> Ma
                 "Object > Detach Template Instance",
             ));
         }
-        let Some(mark) = names(object).find_map(mark) else { continue };
+        let Some(mark) = names(object).find_map(mark) else {
+            if is_wall(object) {
+                let help = "draw walls as tiles of a layer called walls";
+                return Err(unfit("this object is a wall, which only tiles can be", help));
+            }
+            continue;
+        };
         if object.children().any(|node| ["polygon", "polyline"].contains(&node.tag_name().name())) {
             return Err(unfit("this object is a polygon", "starts and goals are points or tiles"));
         }

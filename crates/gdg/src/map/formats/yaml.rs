@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 use saphyr_parser::{Event as Parsed, Marker, Parser, ScanError};
 
-use super::super::error::MapResult;
+use super::super::text::MapResult;
 use super::super::text::{Place, Text};
 use crate::text::line_and_column;
 
