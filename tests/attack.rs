@@ -35,7 +35,7 @@ fn rng(attack: u64) -> ChaCha8Rng {
     rng
 }
 
-fn load(path: &Path) -> train::Loaded {
+fn load(path: &Path) -> train::Trainer {
     train::load(path, &Registry::builtin(), 1).unwrap_or_else(|e| panic!("{e}"))
 }
 
@@ -59,7 +59,7 @@ fn kills_while_saving_never_corrupt_a_checkpoint() {
         std::thread::sleep(Duration::from_micros(rng.random_range(0..600_000)));
         child.kill().unwrap();
         assert_eq!(child.wait().unwrap().signal(), Some(9));
-        let now = load(&path).trainer.counters().updates;
+        let now = load(&path).counters().updates;
         assert!(now >= updates, "update {updates} was saved, and {now} is left");
         updates = now;
         args = vec![

@@ -89,7 +89,7 @@ fn any_learner_and_planner_combine_and_resume_bitwise() {
         let mut first = trainer(method);
         train_to(&mut first, 450);
         train::save(&first, &SaveTo::Replace(path.clone())).unwrap();
-        let mut resumed = train::load(&path, &registry(), 1).unwrap().trainer;
+        let mut resumed = train::load(&path, &registry(), 1).unwrap();
         assert_eq!(state(&first), state(&resumed), "{method}");
         train_to(&mut resumed, 700);
         assert_eq!(state(&straight), state(&resumed), "{method}");

@@ -18,10 +18,10 @@ use gdg::train::{Registry, data_file};
 pub fn run(args: &ExportDataArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, ".npz"));
     refuse_existing(&path, args.overwrite)?;
-    let loaded = look_into(&args.checkpoint, registry)?;
-    loaded.trainer.check_data().into_diagnostic()?;
+    let trainer = look_into(&args.checkpoint, registry)?;
+    trainer.check_data().into_diagnostic()?;
     let writing = Working::begin("the transitions to be written");
-    let (trainer, progress) = (&loaded.trainer, writing.progress());
+    let progress = writing.progress();
     progress.begin(0, 2);
     let bytes = data_file(trainer.replay(), trainer.world(), progress).into_diagnostic()?;
     progress.begin(1, 2);

@@ -18,9 +18,9 @@ use gdg::train::{Registry, policy_file};
 pub fn run(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, ".policy.safetensors"));
     refuse_existing(&path, args.overwrite)?;
-    let loaded = look_into(&args.checkpoint, registry)?;
+    let trainer = look_into(&args.checkpoint, registry)?;
     let writing = Working::begin("the policy to be written");
     writing.progress().begin(0, 1);
-    let bytes = policy_file(&loaded.trainer, args.plans, writing.progress()).into_diagnostic()?;
+    let bytes = policy_file(&trainer, args.plans, writing.progress()).into_diagnostic()?;
     write_file(&path, &bytes)
 }

@@ -22,8 +22,8 @@ pub fn run(args: &FilmArgs, registry: &Arc<Registry>) -> Result<String, Report> 
     let end = if args.still { ".still.png" } else { ".film.png" };
     let path = args.out.clone().unwrap_or_else(|| beside(&args.checkpoint, end));
     refuse_existing(&path, args.overwrite)?;
-    let loaded = look_into(&args.checkpoint, registry)?;
-    let run = Snapshot::capture(&loaded.trainer).into_diagnostic()?;
+    let trainer = look_into(&args.checkpoint, registry)?;
+    let run = Snapshot::capture(&trainer).into_diagnostic()?;
     let drawing = Working::begin("the film to be drawn");
     let drawn = if args.still {
         still(&run, args.width)

@@ -11,7 +11,7 @@ use crate::host::waiting::Working;
 use gdg::files;
 use gdg::printing::print_text;
 use gdg::text::sanitized_lines;
-use gdg::train::{self, Loaded, Registry};
+use gdg::train::{self, Registry, Trainer};
 
 /// Why a command failed.
 pub struct Failure {
@@ -59,7 +59,7 @@ pub fn beside(checkpoint: &Path, end: &str) -> PathBuf {
 ///
 /// # Errors
 /// The checkpoint cannot be read.
-pub fn look_into(checkpoint: &Path, registry: &Arc<Registry>) -> Result<Loaded, Report> {
+pub fn look_into(checkpoint: &Path, registry: &Arc<Registry>) -> Result<Trainer, Report> {
     let reading = Working::begin("the checkpoint to be read");
     let registry = registry.clone().only_reading();
     let loaded = train::load_with(checkpoint, &registry, 1, reading.progress());

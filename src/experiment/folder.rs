@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::job::{Job, JobResult};
 use crate::host::outputs::elsewhere;
-use gdg::files::{self, LockFile, backup_path, has_extension, is_hidden};
+use gdg::files::{self, LockFile, has_extension, is_hidden};
 use gdg::text::{escape_json_line, sanitized};
 use gdg::train::{describe, is_checkpoint, remove_own};
 
@@ -224,7 +224,7 @@ impl Folder {
         check(self.result(job), "result")?;
         check(self.path(&picture_name(&job.name)), "picture")?;
         let path = self.checkpoint(job);
-        if path.is_file() && !is_checkpoint(&path) && !backup_path(&path).is_file() {
+        if path.is_file() && !is_checkpoint(&path) {
             let problem = "is not a checkpoint of gdg-tui and is not replaced";
             return Err(miette!(help = help, "{}: {problem}", path.display()));
         }
@@ -276,8 +276,7 @@ impl Folder {
         if !keep {
             let checkpoint = self.checkpoint(job);
             // A leftover checkpoint does no harm: the result counts.
-            let _ =
-                (std::fs::remove_file(backup_path(&checkpoint)), std::fs::remove_file(&checkpoint));
+            let _ = std::fs::remove_file(&checkpoint);
             elsewhere(&checkpoint).iter().for_each(|path| remove_own(path));
         }
         drawn.wrap_err("the result is kept, but its picture cannot be written")

@@ -200,12 +200,11 @@ impl Runner {
             found.max_by_key(|path| describe(path).map_or(0, |found| found.updates))
         {
             match train::load(&checkpoint, &self.registry, 1) {
-                Ok(loaded) if job.is_run_of(&loaded.trainer) => {
-                    loaded.trainer.check_data().into_diagnostic()?;
-                    loaded.warning.iter().for_each(|warning| at.progress.line(warning));
-                    let done = length.done(&loaded.trainer.counters());
+                Ok(trainer) if job.is_run_of(&trainer) => {
+                    trainer.check_data().into_diagnostic()?;
+                    let done = length.done(&trainer.counters());
                     at.progress.line(&format!("{name}: resumes after {done} of {amount} {unit}"));
-                    return Ok(loaded.trainer);
+                    return Ok(trainer);
                 }
                 Ok(_) => at
                     .progress

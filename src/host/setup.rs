@@ -19,7 +19,7 @@ use gdg::learn::Threads;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
 use gdg::pulse::Progress;
 use gdg::text::sanitized;
-use gdg::train::{self, Limits, Loaded, Registry, Run, SaveTo, Settings, TrainError, Trainer};
+use gdg::train::{self, Limits, Registry, Run, SaveTo, Settings, TrainError, Trainer};
 
 pub use choice::{RunChoice, run, settings, settings_of, split_prefix};
 pub use data::learn_from;
@@ -102,7 +102,6 @@ pub fn settings_to_print(
         // Nothing is run that a checkpoint names.
         Some(path) => Ok(train::load_with(&path, &registry.clone().only_reading(), 1, progress)
             .map_err(from_checkpoint_error)?
-            .trainer
             .run()
             .settings
             .clone()),
@@ -150,10 +149,10 @@ pub fn prepare(
         refuse_input("--record", path, inputs(request, resumed.as_deref()))?;
     }
     check_options(request, resumed.as_deref(), registry)?;
-    let Loaded { mut trainer, warning } = match &resumed {
+    let (mut trainer, warning) = match &resumed {
         Some(path) => {
             let loaded = train::load_with(path, registry, threads, progress);
-            loaded.map_err(from_checkpoint_error)?
+            (loaded.map_err(from_checkpoint_error)?, None)
         }
         None => begin_run(request, registry, progress)?,
     };
@@ -174,12 +173,6 @@ pub fn prepare(
         ));
     }
     warnings.extend(trainer.world().take_warnings());
-    if trainer.rollout().has_restarted() {
-        let title = sanitized(trainer.world().title());
-        warnings.push(format!(
-            "{title}: the agents begin new episodes, as their environments could not be put back"
-        ));
-    }
     if let Some(path) = &request.scenario {
         let maze =
             PointMaze::downcast_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
@@ -237,7 +230,7 @@ fn begin_run(
     request: &Request,
     registry: &Arc<Registry>,
     progress: &Progress,
-) -> Result<Loaded, Report> {
+) -> Result<(Trainer, Option<String>), Report> {
     let run = self::run(&request.run, &request.map, registry, request.seed)?;
     if let Some(file) = &request.data {
         data::check(file, progress)?;
@@ -250,7 +243,7 @@ fn begin_run(
     let mut trainer = begin(run, &*world, registry, request.threads)?;
     let data = request.data.as_deref();
     let warning = data.map_or(Ok(None), |file| learn_from(&mut trainer, file, progress))?;
-    Ok(Loaded { trainer, warning })
+    Ok((trainer, warning))
 }
 
 /// Gives `maze` the tasks of a scenario; returns a warning if that names another map. The map of a

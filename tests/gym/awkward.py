@@ -12,7 +12,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 import types
 
@@ -133,7 +132,8 @@ class Hangs(Point):
 
 
 class Simulator(Hangs):
-    """Has a process that close() ends, and one and a folder that go as its own process ends.
+    """Has a process that close() ends, two and a folder that go as its own process ends: one of them
+    in a process group of its own.
 
     Lists in a file who they are, and says there when it begins to hang.
     """
@@ -145,7 +145,8 @@ class Simulator(Hangs):
         self.daemon = fork.Process(target=time.sleep, args=(1000,), daemon=True)
         self.daemon.start()
         self.folder = tempfile.TemporaryDirectory()
-        self.note(os.getpid(), self.simulator.pid, self.daemon.pid, self.folder.name)
+        helper = subprocess.Popen(["sleep", "1000"], preexec_fn=os.setpgrp)
+        self.note(os.getpid(), self.simulator.pid, self.daemon.pid, helper.pid, self.folder.name)
 
     def note(self, *words):
         with open("started", "a") as started:
@@ -193,26 +194,6 @@ class Global(Point):
         return super().step(action * np.random.uniform(0.5, 1.0))
 
 
-class Precise(Point):
-    """Keeps its state in numbers of many kinds, which matter late."""
-
-    def reset(self, seed=None, options=None):
-        self.charge, self.count, self.path = np.float32(1.0), 2**60, np.zeros(1)
-        self.last = self.kept = self.path
-        self.__dict__.pop("late", None)
-        return super().reset(seed=seed)
-
-    def step(self, action):
-        self.charge = np.float32(self.charge - np.float32(0.03))
-        self.count += 1
-        self.last, self.path = self.path, np.append(self.path, 0.0)
-        if len(self.path) > 25:
-            # Was a number, then an array, and is new.
-            self.kept, self.late = float(self.last.size), np.bool_(True)
-        factor = 1.0 if self.charge > 0.1 else 0.5
-        return super().step(action * factor * (0.5 if self.count % 30 > 20 else 1.0))
-
-
 class Hidden(Point):
     """Keeps what matters late in an object."""
 
@@ -233,26 +214,6 @@ class Counts(Point):
         super().reset(seed=seed)
         self.at = self.at / (1 + len(self.log) % 2)
         return self.observe(), {}
-
-
-class Late(Point):
-    """What was a number becomes something else late in an episode."""
-
-    becomes = "late"
-
-    def reset(self, seed=None, options=None):
-        self.phase, self.left = 0, 25
-        return super().reset(seed=seed)
-
-    def step(self, action):
-        self.left -= 1
-        if self.left < 0:
-            self.phase = self.becomes
-        return super().step(action)
-
-
-class Locked(Late):
-    becomes = threading.Lock()
 
 
 class Cut(Point):

@@ -1,22 +1,136 @@
 //! File access: regular files only, within size limits, replaced atomically.
 
-mod derived;
-mod facts;
 mod kind;
 mod lock;
-mod names;
 mod read;
-mod verified;
 mod write;
 
-pub use derived::{backup_path, named};
-pub use facts::FileFacts;
+use std::ffi::{OsStr, OsString};
+use std::io::{Error, ErrorKind, Result};
+use std::path::{Path, PathBuf};
+
 pub use kind::{Format, Mismatch, Wanted};
 pub use lock::{LockFile, is_in_use, mark_in_use, while_locked};
-pub use names::{has_extension, is_hidden};
-pub use read::{open, open_or_create, read, read_text};
-pub use verified::write_verified;
+pub use read::{FileFacts, open, open_or_create, read, read_text};
 pub use write::{
     check_name, check_replaceable, check_writable, unused_path, write_atomically, write_to_unused,
     write_unlinked,
 };
+
+use crate::text::beginning;
+
+/// Longest name of a file on common file systems, in bytes.
+const MAX_NAME_BYTES: usize = 255;
+
+/// Prefix and suffix of temporary files.
+const TEMP_AFFIXES: (&str, &str) = (".gdg-", ".tmp");
+
+/// Maximum length of an extension, in bytes: anything longer is part of the stem.
+const MAX_EXTENSION_BYTES: usize = 32;
+
+/// Returns the file in `folder` called `stem` and `end`; a stem that is too long is cut.
+pub fn named(folder: &Path, stem: impl AsRef<OsStr>, end: &str) -> PathBuf {
+    let mut name = fitting(stem.as_ref(), MAX_NAME_BYTES.saturating_sub(end.len()));
+    name.push(end);
+    folder.join(name)
+}
+
+/// Returns `path` with a number after the stem of its name: `run-2.safetensors`.
+fn numbered(path: &Path, number: u64) -> PathBuf {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    match (path.file_stem(), path.extension().map(OsStr::to_string_lossy)) {
+        (Some(stem), Some(extension)) if extension.len() <= MAX_EXTENSION_BYTES => {
+            named(folder, stem, &format!("-{number}.{extension}"))
+        }
+        _ => named(folder, path.file_name().unwrap_or_default(), &format!("-{number}")),
+    }
+}
+
+/// Returns the file beside `path` whose name is that of `path` between `prefix` and `suffix`. If
+/// that is too long, the name is cut and a checksum keeps it distinct from others that begin alike.
+fn beside(path: &Path, prefix: &str, suffix: &str) -> PathBuf {
+    let own = path.file_name().unwrap_or_default();
+    let room = MAX_NAME_BYTES - prefix.len() - suffix.len();
+    let mut name = OsString::from(prefix);
+    if own.len() <= room {
+        name.push(own);
+    } else {
+        let checksum = format!("-{:08x}", crc32fast::hash(own.as_encoded_bytes()));
+        name.push(fitting(own, room - checksum.len()));
+        name.push(checksum);
+    }
+    name.push(suffix);
+    path.with_file_name(name)
+}
+
+/// Returns the beginning of a name in at most `max_bytes` bytes.
+fn fitting(name: &OsStr, max_bytes: usize) -> OsString {
+    if name.len() <= max_bytes {
+        name.to_owned()
+    } else {
+        beginning(&name.to_string_lossy(), max_bytes).into()
+    }
+}
+
+/// Maximum length of a chain of symbolic links, as on Linux.
+const MAX_LINKS: usize = 40;
+
+/// Returns whether a file has this extension, ignoring case.
+pub fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension))
+}
+
+/// Returns whether a file is hidden: macOS puts a `._NAME` beside every `NAME` on foreign file
+/// systems.
+pub fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
+}
+
+/// Resolves the symbolic links at `path`; their target need not exist.
+fn resolve_links(path: &Path) -> Result<PathBuf> {
+    let mut path = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        match path.symlink_metadata() {
+            Ok(metadata) if metadata.is_symlink() => {
+                let to = path.read_link()?;
+                path = path.parent().map_or(to.clone(), |folder| folder.join(&to));
+            }
+            _ => return Ok(path),
+        }
+    }
+    Err(Error::new(ErrorKind::InvalidInput, "has too many levels of symbolic links"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the length of a path's name in bytes.
+    fn bytes(path: &Path) -> usize {
+        path.file_name().expect("a name").len()
+    }
+
+    #[test]
+    fn short_names_are_kept_and_long_ones_fit() {
+        let folder = Path::new("saves");
+        assert_eq!(
+            named(folder, "rooms", "-auto-5.safetensors"),
+            folder.join("rooms-auto-5.safetensors")
+        );
+        assert_eq!(numbered(Path::new("a/b.v2.safetensors"), 3), Path::new("a/b.v2-3.safetensors"));
+        assert_eq!(beside(Path::new("a/b.csv"), ".gdg-", ".tmp"), Path::new("a/.gdg-b.csv.tmp"));
+        // 3 bytes each: no length is a multiple of all rooms.
+        for count in 76..=85 {
+            let path = folder.join("迷".repeat(count));
+            let names = [
+                named(folder, path.file_name().expect("a name"), "-auto-123456.safetensors"),
+                numbered(&path.with_added_extension("safetensors"), 12),
+                numbered(&path, 2),
+                beside(&path, ".gdg-", ".lock.tmp"),
+            ];
+            assert!(
+                names.iter().all(|name| bytes(name) <= MAX_NAME_BYTES && name.to_str().is_some())
+            );
+        }
+    }
+}

@@ -24,9 +24,8 @@ mod visits;
 
 pub use crate::settings::{Effect, Preset, Setting};
 pub use checkpoint::{
-    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, examine, from_bytes,
-    is_checkpoint, is_own, load, load_with, read_history, remove_own, save, unpacked,
-    with_updated_checksum,
+    CheckpointError, Description, LoadError, SaveTo, describe, examine, from_bytes, is_checkpoint,
+    is_own, load, load_with, read_history, remove_own, save, unpacked, with_updated_checksum,
 };
 pub use config::{
     ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from,

@@ -52,7 +52,7 @@ pub fn resumed(run: &Trainer, threads: usize) -> Trainer {
 
 /// Returns the run in a checkpoint.
 pub fn load(path: &Path, threads: usize) -> Trainer {
-    train::load(path, &Registry::builtin(), threads).unwrap().trainer
+    train::load(path, &Registry::builtin(), threads).unwrap()
 }
 
 /// Checks that a run stopped after `at` updates ends, resumed, as one that went on to the `end`,

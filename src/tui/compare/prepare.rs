@@ -15,7 +15,7 @@ use gdg::learn::Threads;
 use gdg::map::{Grid, Reading};
 use gdg::pulse::Progress;
 use gdg::text::sanitized;
-use gdg::train::{self, Loaded, Method, Overrides, Registry, Run, Trainer, settings_from};
+use gdg::train::{self, Method, Overrides, Registry, Run, Trainer, settings_from};
 
 /// The map of two methods, unless another one is given.
 const DEFAULT_MAP: &str = "fourrooms";
@@ -87,10 +87,10 @@ pub fn prepare(
     progress: &Progress,
 ) -> Result<Contestants, Report> {
     check(options)?;
-    let (mut warnings, mut done) = (Vec::new(), 0..);
+    let mut done = 0..;
     let [a, b] = options.contenders.each_ref().map(|contender| {
         progress.begin(done.next().unwrap_or_default(), LETTERS.len());
-        Side::load(contender, options, registry, &mut warnings)
+        Side::load(contender, options, registry)
     });
     let sides = [a?, b?];
     let [a, b] = sides.each_ref().map(Side::beginning);
@@ -103,9 +103,8 @@ pub fn prepare(
     let [a, b] = [(a, LETTERS[0]), (b, LETTERS[1])]
         .map(|(side, letter)| side.prepare(letter, beginning.as_ref(), options, registry));
     let both = [a?, b?];
-    if let Some(maze) = PointMaze::downcast_ref(both[0].trainer.world()) {
-        warnings.extend(maps::warnings(maze.map()));
-    }
+    let maze = PointMaze::downcast_ref(both[0].trainer.world());
+    let warnings = maze.map_or_else(Vec::new, |maze| maps::warnings(maze.map()));
     Ok(Contestants { both, warnings })
 }
 
@@ -179,7 +178,6 @@ impl<'a> Side<'a> {
         contender: &'a Contender,
         options: &ComparisonOptions,
         registry: &Arc<Registry>,
-        warnings: &mut Vec<String>,
     ) -> Result<Self, Report> {
         let path = match contender {
             Contender::Method(method) => return Ok(Self::Method(method)),
@@ -190,9 +188,7 @@ impl<'a> Side<'a> {
             return Err(without_map(path));
         }
         let threads = options.threads.share(LETTERS.len());
-        let Loaded { trainer, warning } =
-            train::load(path, registry, threads).map_err(from_checkpoint_error)?;
-        warnings.extend(warning);
+        let trainer = train::load(path, registry, threads).map_err(from_checkpoint_error)?;
         Ok(Self::Saved(path, Box::new(trainer)))
     }
 

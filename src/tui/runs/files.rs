@@ -11,7 +11,7 @@ use crate::experiment::plot::{self, COLUMN, Options};
 use crate::experiment::runs::{Kind, SavedRun, State, file as read};
 use crate::figure::Format;
 use crate::tui::export::EXPORT_FOLDER;
-use gdg::files::{self, backup_path, unused_path, write_atomically};
+use gdg::files::{self, unused_path, write_atomically};
 use gdg::pulse::Progress;
 use gdg::text::{counted, sanitized};
 
@@ -168,20 +168,18 @@ impl Question {
     }
 }
 
-/// Removes a file, and the backup of a checkpoint.
+/// Removes a file.
 fn remove(file: &Path) -> IoResult<()> {
     let in_use = || Error::new(ErrorKind::ResourceBusy, "another program uses it");
     if files::is_in_use(file) {
         return Err(in_use());
     }
     let removed = files::while_locked(file, || {
-        // A backup would come back in place of its checkpoint. What is gone needs no removal.
-        [&backup_path(file), file].into_iter().try_for_each(|path| {
-            match std::fs::remove_file(path) {
-                Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
-                _ => Ok(()),
-            }
-        })
+        match std::fs::remove_file(file) {
+            // What is gone needs no removal.
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+            _ => Ok(()),
+        }
     });
     removed.unwrap_or_else(|| Err(in_use()))
 }

@@ -189,7 +189,7 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
     let goal = app.arm().goal;
     app.act(Action::Save);
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
-    let mut trainer = train::load(&path, &Registry::builtin(), 1).expect("a checkpoint").trainer;
+    let mut trainer = train::load(&path, &Registry::builtin(), 1).expect("a checkpoint");
     assert_eq!((trainer.counters().updates, trainer.world().kind()), (5, "fetch-reach"));
     trainer.tick().expect("it trains");
     // From a map's screen, loading it switches the world.

@@ -11,8 +11,8 @@ use crate::files;
 use crate::pulse::Progress;
 use crate::text::{counted, grouped, sanitized};
 use crate::train::{
-    self, CheckpointError, Dataset, Limits, Loaded, Notes, Run, SaveTo, TrainError, Trainer,
-    list_settings, memory,
+    self, CheckpointError, Dataset, Limits, Notes, Run, SaveTo, TrainError, Trainer, list_settings,
+    memory,
 };
 
 /// Number of autosaved checkpoints to keep.
@@ -366,13 +366,13 @@ impl Worker {
         let progress = self.opening();
         let (registry, threads) = (self.trainer.registry(), self.trainer.threads());
         let loaded = train::load_with(&path, registry, threads, &progress);
-        let Loaded { trainer, warning } = loaded.map_err(CommandError::NotLoaded)?;
+        let trainer = loaded.map_err(CommandError::NotLoaded)?;
         let phase = self.current.phase.clone();
         self.switch_to(trainer)?;
         if !phase.is_training() {
             self.current.phase = Phase::Paused;
         }
-        let text = warning.unwrap_or_else(|| format!("loaded {}", path.display()));
+        let text = format!("loaded {}", path.display());
         let updates = self.trainer.counters().updates;
         self.current.saved = Some((updates, Arc::new(path)));
         self.current.saved_seconds = self.trainer.seconds();

@@ -163,17 +163,19 @@ pub trait Drawn {
 
 /// A world that renders pictures of itself.
 pub trait Rendered {
-    /// Returns a picture of `agent`, with `goal` `(goal_dim)` in it if the world marks goals, of at
-    /// most this width and height in pixels.
+    /// Returns a copy of the world with one agent, as [`Environment::fork`] does, of which there are
+    /// pictures.
+    ///
+    /// # Errors
+    /// The world fails.
+    fn fork(&self) -> Result<Box<dyn Environment>, EnvError>;
+
+    /// Returns a picture of the agent, with `goal` `(goal_dim)` in it if the world marks goals, of
+    /// at most this width and height in pixels.
     ///
     /// # Errors
     /// A text that says why there is none; everything else goes on.
-    fn picture(
-        &self,
-        agent: usize,
-        goal: &[f32],
-        most: (usize, usize),
-    ) -> Result<Rendering, String>;
+    fn picture(&self, goal: &[f32], most: (usize, usize)) -> Result<Rendering, String>;
 }
 
 /// A picture that a world has rendered.

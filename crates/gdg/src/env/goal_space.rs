@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::{EnvError, Environment, Episodes, Spec, Walls};
+use super::{EnvError, Environment, Episodes, Rendered, Spec, Walls};
 
 /// A world without a picture of its own: its goals, states and steps.
 #[derive(Clone)]
@@ -47,12 +47,13 @@ impl GoalSpace {
         &self.spec
     }
 
-    /// Returns the world with one agent.
+    /// Returns the world with one agent, of which there are pictures if it renders any.
     ///
     /// # Errors
     /// The world fails.
     pub fn world(&self) -> Result<Box<dyn Environment>, EnvError> {
-        self.world.clone()?.fork(1)
+        let world = self.world.clone()?;
+        world.abilities().rendered.map_or_else(|| world.fork(1), Rendered::fork)
     }
 
     /// Returns the most steps that an agent may take to a goal, if the world itself defines them.

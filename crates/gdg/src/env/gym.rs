@@ -1,19 +1,18 @@
 //! Any Gymnasium environment with continuous actions and goals, in a Python process of its own.
 //!
 //! A `process` steps several environments and exchanges one message a step with the program
-//! (`frames`); what the learner needs is found out once (`facts`). Environments are reset with
+//! (`messages`); what the learner needs is found out once (`facts`). Environments are reset with
 //! seeds from the run's random numbers, so that the same seed gives the same run wherever the
-//! environment itself is deterministic.
+//! environment itself is deterministic. A resumed run begins the episodes of its agents again and
+//! repeats what they did.
 
 mod abilities;
-mod description;
 mod facts;
-mod frames;
+mod messages;
 mod options;
 mod pool;
 #[cfg_attr(not(unix), path = "gym/no_process.rs")]
 mod process;
-mod slots;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -27,8 +26,9 @@ use serde::{Deserialize, Serialize};
 use super::{Abilities, EnvError, EnvSettings, Environment, Spec, Walls, WorldKind};
 use crate::pulse::Pulse;
 use crate::store::{Store, StoreError};
-use description::Description;
+use crate::text::counted;
 use facts::Found;
+use messages::{Description, REST};
 pub use options::{Address, GymOptions};
 use pool::Pool;
 use process::{Worker, failed};
@@ -53,14 +53,8 @@ const STORED: &str = "gym";
 /// Tasks of an evaluation that run at once: each takes an environment.
 const TASKS_AT_ONCE: usize = 16;
 
-/// Largest answer with full states.
-const MAX_STATE_BYTES: usize = 64 << 20;
-
-/// What follows the state in a full state: bytes that restore it, or a seed and a task to begin
-/// with. A full state without either is only a state, which no environment can be put into. Earlier
-/// versions wrote 1 before numbers of another form.
-const RESTORED: f64 = 3.0;
-const SEEDED: f64 = 2.0;
+/// In the place of a checksum: whatever comes out of an episode is right.
+const UNCHECKED: f64 = -1.0;
 
 /// Tasks count from 1.
 const NO_TASK: f64 = 0.0;
@@ -70,10 +64,33 @@ const NO_TASK: f64 = 0.0;
 struct Stored {
     address: Address,
     found: Found,
-    /// What the environment says of itself, and the length of full states; earlier checkpoints do
-    /// not have it.
-    #[serde(default)]
-    about: Option<(Description, usize)>,
+    about: Description,
+}
+
+/// How an agent has come to where it is.
+#[derive(Clone, Debug, Default)]
+struct Episode {
+    seed: u32,
+    task: Option<u32>,
+    /// `(steps, action_dim)`, in [-1, 1].
+    actions: Vec<f32>,
+    /// CRC-32 of all that has come out: goal, observations, what was achieved, and the end.
+    checksum: u32,
+}
+
+impl Episode {
+    fn add(&mut self, numbers: &[f32]) {
+        let mut hasher = crc32fast::Hasher::new_with_initial(self.checksum);
+        numbers.iter().for_each(|v| hasher.update(&v.to_le_bytes()));
+        self.checksum = hasher.finalize();
+    }
+
+    /// Adds what a step led to.
+    fn step(&mut self, action: &[f32], row: &[f32], ended: bool) {
+        self.actions.extend(action);
+        self.add(row);
+        self.add(&[f32::from(u8::from(ended))]);
+    }
 }
 
 /// Agents in environments of Gymnasium.
@@ -87,10 +104,13 @@ pub struct Gym {
     ended: Vec<bool>,
     /// Agents whose environments need not be stepped.
     retired: Vec<bool>,
-    /// What restores each agent's environment, once asked for; none if that cannot be.
-    saved: Mutex<Option<Vec<Vec<f64>>>>,
-    /// Whether the workers compute a step.
-    is_stepping: bool,
+    episodes: Vec<Episode>,
+    /// The actions of the step that the workers compute.
+    stepping: Option<Vec<f32>>,
+    /// Whether its agents act. Otherwise, it is only what a checkpoint knows of it.
+    is_open: bool,
+    /// Whether there are pictures of its agent.
+    renders: bool,
 }
 
 impl Gym {
@@ -99,20 +119,21 @@ impl Gym {
     /// # Errors
     /// There is no interpreter, package or environment, or it is not supported.
     pub fn open(address: &Address, options: &GymOptions) -> Result<Self, EnvError> {
-        Ok(Self::without_agents(Arc::new(Pool::open(address, options)?)))
+        Ok(Self::without_agents(Arc::new(Pool::open(address, options)?), true))
     }
 
     fn load(store: &Store, options: &GymOptions) -> Result<Self, EnvError> {
         let Stored { address, found, about } = store.json(STORED)?;
         let address: Address = address.to_string().parse().map_err(StoreError::inconsistent)?;
-        let pool = match about.filter(|_| options.reads_only) {
-            Some(about) => Pool::only_read(&address, options, about, found)?,
-            None => Pool::resume(&address, options, found)?,
+        let pool = if options.reads_only {
+            Pool::only_read(&address, options, about, found)?
+        } else {
+            Pool::resume(&address, options, found)?
         };
-        Ok(Self::without_agents(Arc::new(pool)))
+        Ok(Self::without_agents(Arc::new(pool), !options.reads_only))
     }
 
-    fn without_agents(pool: Arc<Pool>) -> Self {
+    fn without_agents(pool: Arc<Pool>, is_open: bool) -> Self {
         Self {
             pool,
             noise: 0.0,
@@ -120,19 +141,27 @@ impl Gym {
             states: Vec::new(),
             ended: Vec::new(),
             retired: Vec::new(),
-            saved: Mutex::default(),
-            is_stepping: false,
+            episodes: Vec::new(),
+            stepping: None,
+            is_open,
+            renders: false,
         }
+    }
+
+    /// Returns this world with agents that have not begun yet, in these workers.
+    fn with_agents(&self, workers: Vec<(Worker, Range<usize>)>, agents: usize) -> Self {
+        let mut world = Self::without_agents(self.pool.clone(), self.is_open);
+        world.noise = self.noise;
+        *world.workers.get_mut() = workers;
+        world.states = vec![0.0; agents * self.spec().state_dim()];
+        (world.ended, world.retired) = (vec![false; agents], vec![false; agents]);
+        world.episodes = vec![Episode::default(); agents];
+        world
     }
 
     /// Returns how the environment is called and where it comes from.
     pub fn address(&self) -> &Address {
         &self.pool.address
-    }
-
-    /// Returns whether a resumed run goes on exactly where it stopped; otherwise agents restart.
-    pub fn resumes_exactly(&self) -> bool {
-        self.pool.about.restorable
     }
 
     /// Returns the walls of its maze, if it has one.
@@ -149,18 +178,42 @@ impl Gym {
     fn begin(&mut self, agent: usize, seed: u32, task: Option<u32>) -> Result<Vec<f32>, EnvError> {
         let pool = self.pool.clone();
         let begun = self.with_worker(agent, |worker, environment| {
-            slots::reset(worker, &pool.about, environment, seed, task)
+            worker.reset(&pool.about, environment, seed, task)
         })?;
-        self.set_state(agent, &self.state(&begun.row).collect::<Vec<_>>());
+        let mut episode = Episode { seed, task, ..Episode::default() };
+        episode.add(&begun.goal);
+        episode.add(&begun.row);
+        self.episodes[agent] = episode;
+        (self.ended[agent], self.retired[agent]) = (false, false);
+        self.see(agent, &begun.row);
         let goal = self.pool.found.goal_columns.iter().map(|column| begun.goal[*column]);
         Ok(goal.collect())
     }
 
-    fn set_state(&mut self, agent: usize, state: &[f32]) {
+    /// Takes the state of `agent` from what its environment has returned.
+    fn see(&mut self, agent: usize, row: &[f32]) {
+        let state: Vec<f32> = self.state(row).collect();
         let s = state.len();
-        self.states[agent * s..(agent + 1) * s].copy_from_slice(state);
-        (self.ended[agent], self.retired[agent]) = (false, false);
-        *self.saved.get_mut() = None;
+        self.states[agent * s..(agent + 1) * s].copy_from_slice(&state);
+    }
+
+    /// Begins an episode again and repeats its actions; returns whether the same came out.
+    fn repeat(&mut self, agent: usize, episode: &Episode) -> Result<bool, EnvError> {
+        self.begin(agent, episode.seed, episode.task)?;
+        let (pool, a) = (self.pool.clone(), self.spec().action_dim);
+        for action in episode.actions.chunks_exact(a) {
+            // The others rest.
+            let mut stepped = self.with_worker(agent, |worker, environment| {
+                let mut actions = vec![REST; a * environment];
+                actions.extend(action);
+                worker.step(&pool.about, &actions)
+            })?;
+            let Some((row, ended)) = stepped.pop() else { continue };
+            self.episodes[agent].step(action, &row, ended);
+            self.ended[agent] = ended;
+            self.see(agent, &row);
+        }
+        Ok(self.episodes[agent].checksum == episode.checksum)
     }
 
     /// Calls `act` with the worker of `agent` and the number of its environment there.
@@ -182,51 +235,12 @@ impl Gym {
 
     /// Checks that there are workers, none of which has failed before.
     fn check(&self) -> Result<(), EnvError> {
-        let problem = match (self.has_failed(), self.pool.only_read.is_some()) {
+        let problem = match (self.has_failed(), self.is_open) {
             (true, _) => "it has failed before: resume the run from its checkpoint",
-            (false, true) => "only what its checkpoint knows of it is read here",
-            (false, false) => return Ok(()),
+            (false, false) => "only what its checkpoint knows of it is read here",
+            (false, true) => return Ok(()),
         };
         Err(failed(&self.pool.address.id, problem.to_owned(), Vec::new()))
-    }
-
-    /// Has all workers begin a step.
-    fn begin_all(&mut self, actions: &[f32]) -> Result<(), EnvError> {
-        let (about, a) = (&self.pool.about, self.pool.found.spec.action_dim);
-        self.workers.get_mut().iter_mut().try_for_each(|(worker, agents)| {
-            slots::begin_step(worker, about, &actions[a * agents.start..a * agents.end])
-        })
-    }
-
-    /// Waits for the step begun; returns the rows of all environments, and which have ended.
-    fn end_all(&mut self) -> Result<(Vec<Vec<f32>>, Vec<bool>), EnvError> {
-        let (mut rows, mut ended) = (Vec::new(), Vec::new());
-        for (worker, agents) in self.workers.get_mut() {
-            let (more, are_ended) = slots::end_step(worker, &self.pool.about, agents.len())?;
-            rows.extend(more);
-            ended.extend(are_ended);
-        }
-        Ok((rows, ended))
-    }
-
-    /// Returns what restores each agent's environment, as numbers; none if that cannot be, which a
-    /// warning says once.
-    fn save_all(&self) -> Vec<Vec<f64>> {
-        if self.has_failed() || !self.resumes_exactly() {
-            return Vec::new();
-        }
-        let mut all = Vec::new();
-        for (worker, agents) in self.workers.lock().iter_mut() {
-            match slots::save(worker, agents.len()) {
-                Ok(states) => all.extend(states),
-                Err(why) => {
-                    self.pool.warn_of_states(&why);
-                    return Vec::new();
-                }
-            }
-        }
-        let longest = all.iter().map(Vec::len).max().unwrap_or(0);
-        all.iter().map(|bytes| frames::packed(bytes, longest)).collect()
     }
 
     /// Returns the state of `agent`.
@@ -250,7 +264,7 @@ impl Environment for Gym {
     }
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
-        if self.pool.only_read.is_some() {
+        if !self.is_open {
             return Ok(());
         }
         self.begin(agent, rng.next_u32(), None).map(drop)
@@ -280,40 +294,42 @@ impl Environment for Gym {
         let a = self.spec().action_dim;
         for (action, retired) in noisy.chunks_exact_mut(a).zip(&self.retired) {
             if *retired {
-                action.fill(slots::REST);
+                action.fill(REST);
             }
         }
-        self.begin_all(&noisy)?;
-        self.is_stepping = true;
+        self.workers.get_mut().iter_mut().try_for_each(|(worker, agents)| {
+            worker.begin_step(&self.pool.about, &noisy[a * agents.start..a * agents.end])
+        })?;
+        self.stepping = Some(noisy);
         Ok(true)
     }
 
     fn end_step(&mut self) -> Result<(), EnvError> {
-        if !std::mem::take(&mut self.is_stepping) {
+        let (Some(actions), a) = (self.stepping.take(), self.spec().action_dim) else {
             return Ok(());
+        };
+        let mut all = Vec::new();
+        for (worker, agents) in self.workers.get_mut() {
+            all.extend(worker.end_step(&self.pool.about, agents.len())?);
         }
-        let (rows, ended) = self.end_all()?;
-        self.states = rows.iter().flat_map(|row| self.state(row)).collect();
-        self.ended = ended;
-        *self.saved.get_mut() = None;
+        for (agent, (action, (row, ended))) in actions.chunks_exact(a).zip(all).enumerate() {
+            if !self.retired[agent] && !self.ended[agent] {
+                self.episodes[agent].step(action, &row, ended);
+                self.ended[agent] = ended;
+                self.see(agent, &row);
+            }
+        }
         Ok(())
     }
 
     fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError> {
-        let mut world = Self::without_agents(self.pool.clone());
-        world.noise = self.noise;
-        world.states = vec![0.0; agents * self.spec().state_dim()];
-        (world.ended, world.retired) = (vec![false; agents], vec![false; agents]);
-        if self.pool.only_read.is_some() {
-            return Ok(Box::new(world));
-        }
+        let mut workers = Vec::new();
         let each = agents.div_ceil(self.pool.options.workers.max(1)).max(1);
-        for start in (0..agents).step_by(each) {
+        for start in (0..agents).step_by(each).filter(|_| self.is_open) {
             let range = start..(start + each).min(agents);
-            let worker = self.pool.take(range.len())?;
-            world.workers.get_mut().push((worker, range));
+            workers.push((self.pool.take(range.len())?, range));
         }
-        Ok(Box::new(world))
+        Ok(Box::new(self.with_agents(workers, agents)))
     }
 
     fn has_ended(&self, agent: usize) -> bool {
@@ -334,47 +350,48 @@ impl Environment for Gym {
         *self.pool.pulse.lock() = pulse.clone();
     }
 
+    /// The state, and how the agent has come there, unless the environment has failed: seed, task,
+    /// checksum, number of actions and actions, and zeros that make all of one length.
     fn full_state(&self, agent: usize) -> Vec<f64> {
         let mut full = self.state_of(agent);
-        if let Some(length) = self.pool.only_read {
-            full.resize(length.max(full.len()), 0.0);
+        if !self.is_open || self.has_failed() {
             return full;
         }
-        let mut saved = self.saved.lock();
-        if let Some(numbers) = saved.get_or_insert_with(|| self.save_all()).get(agent) {
-            full.push(RESTORED);
-            full.extend(numbers);
-        }
+        let Episode { seed, task, actions, checksum } = &self.episodes[agent];
+        let longest = self.episodes.iter().map(|episode| episode.actions.len()).max();
+        let head = [*seed, task.unwrap_or(0), *checksum, actions.len() as u32];
+        full.extend(head.map(f64::from));
+        full.extend(actions.iter().map(|v| f64::from(*v)));
+        full.extend(vec![0.0; longest.unwrap_or(0) - actions.len()]);
         full
     }
 
     fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool, EnvError> {
         let (state, rest) = full_state.split_at(self.spec().state_dim().min(full_state.len()));
-        match rest {
-            _ if self.pool.only_read.is_some() => {
-                self.set_state(agent, &state.iter().map(|v| *v as f32).collect::<Vec<_>>());
-                Ok(true)
-            }
-            [SEEDED, seed, task] => {
-                let tasks = self.pool.about.tasks.unwrap_or(0);
-                let task = Some(*task as u32).filter(|task| (1..=tasks).contains(task));
-                self.begin(agent, *seed as u32, task)?;
-                Ok(true)
-            }
-            [RESTORED, numbers @ ..] if self.resumes_exactly() => {
-                let Some(bytes) = frames::unpacked(numbers) else { return Ok(false) };
-                let restored = self.with_worker(agent, |worker, environment| {
-                    slots::restore(worker, environment, &bytes)
-                })?;
-                if let Err(why) = restored {
-                    log::warn!("{}: agent {agent} begins a new episode: {why}", KIND.name);
-                    return Ok(false);
-                }
-                self.set_state(agent, &state.iter().map(|v| *v as f32).collect::<Vec<_>>());
-                Ok(true)
-            }
-            _ => Ok(false),
+        if !self.is_open {
+            self.states.splice(agent * state.len()..(agent + 1) * state.len(), as_f32(state));
+            return Ok(true);
         }
+        let [seed, task, checksum, length, actions @ ..] = rest else {
+            self.pool.warn_of_new_episode("it had failed when the run was saved");
+            return Ok(false);
+        };
+        let tasks = self.pool.about.tasks.unwrap_or(0);
+        let episode = Episode {
+            seed: *seed as u32,
+            task: Some(*task as u32).filter(|task| (1..=tasks).contains(task)),
+            actions: as_f32(&actions[..actions.len().min(*length as usize)]).collect(),
+            checksum: *checksum as u32,
+        };
+        let is_same = self.repeat(agent, &episode)? || *checksum == UNCHECKED;
+        if !is_same {
+            let steps = episode.actions.len() / self.spec().action_dim;
+            self.pool.warn_of_new_episode(&format!(
+                "with the same seed and actions, other numbers than before have come out of {}",
+                counted(steps as u64, "step")
+            ));
+        }
+        Ok(is_same)
     }
 
     /// Accepts states of any length: an agent whose state cannot be restored begins an episode.
@@ -397,13 +414,17 @@ impl Environment for Gym {
 
 impl Drop for Gym {
     /// Leaves the workers to the next fork: Python takes seconds to start. After a failure, or during
-    /// a step, answers may still be on their way.
+    /// a step, answers may still be on their way; what renders looks different to others.
     fn drop(&mut self) {
-        let is_idle = !self.has_failed() && !self.is_stepping;
+        let is_idle = !self.has_failed() && self.stepping.is_none() && !self.renders;
         let workers = self.workers.get_mut();
         if is_idle {
             workers.drain(..).for_each(|(worker, _)| self.pool.give_back(worker));
         }
         workers.iter_mut().for_each(|(worker, _)| worker.begin_to_end());
     }
+}
+
+fn as_f32(numbers: &[f64]) -> impl Iterator<Item = f32> + '_ {
+    numbers.iter().map(|v| *v as f32)
 }

@@ -7,9 +7,8 @@ use std::time::{Duration, Instant};
 
 use same_file::Handle;
 
-use super::derived::{TEMP_AFFIXES, beside};
-use super::names::resolve_links;
 use super::read::open_or_create;
+use super::{TEMP_AFFIXES, beside, resolve_links};
 
 /// Timeout and polling interval while another program replaces the same file.
 const MAX_WAIT: Duration = Duration::from_secs(2);

@@ -1,8 +1,9 @@
-//! Reads regular files of bounded size.
+//! Reads regular files of bounded size, and tells files apart.
 
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
+use std::time::SystemTime;
 
 use crate::text::line_and_column;
 
@@ -13,7 +14,7 @@ const WRITE_FIRST: &str = "write what is to be read to a file first, and give th
 /// have no end.
 ///
 /// # Errors
-/// Returns the system's error, or an error if the path is not a regular file.
+/// The system's, or the path is not a regular file.
 pub fn open(path: &Path) -> Result<File> {
     let found = std::fs::metadata(path).map_err(|error| match error.kind() {
         ErrorKind::NotFound if path == Path::new("-") => Error::new(
@@ -116,6 +117,28 @@ pub(super) fn ensure_regular_file(kind: FileType) -> Result<()> {
     #[cfg(not(unix))]
     let kind_name = "something else";
     Err(Error::new(ErrorKind::InvalidInput, format!("is {kind_name}, not a regular file")))
+}
+
+/// Metadata that identifies a file. It differs between files; for the same file, it may change
+/// where inodes are not stable or times are rounded later.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FileFacts {
+    /// Its length.
+    pub bytes: u64,
+    modified: Option<SystemTime>,
+    inode: u64,
+}
+
+impl FileFacts {
+    /// Returns those of the file at `path`, if there is one.
+    pub fn of(path: &Path) -> Option<Self> {
+        let facts = std::fs::metadata(path).ok()?;
+        #[cfg(unix)]
+        let inode = std::os::unix::fs::MetadataExt::ino(&facts);
+        #[cfg(not(unix))]
+        let inode = 0;
+        Some(Self { bytes: facts.len(), modified: facts.modified().ok(), inode })
+    }
 }
 
 #[cfg(test)]

@@ -3,32 +3,25 @@
 //! Features that a file system lacks (hard links, permissions, syncing, locks) are skipped; what it
 //! refuses is an error.
 
-use std::ffi::{OsStr, OsString};
 use std::fs::{File, Metadata};
-use std::io::{Error, ErrorKind, Result, Write};
-use std::path::{Component, Path, PathBuf};
+use std::io::{Error, ErrorKind, Read, Result, Seek, Write};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use tempfile::NamedTempFile;
 
-use super::derived::{MAX_NAME_BYTES, fitting, numbered};
-use super::derived::{TEMP_AFFIXES, backup_path};
 use super::lock::is_at;
-use super::names::resolve_links;
 use super::read::ensure_regular_file;
-
-/// Maximum length of the target's name within that of its temporary file, in bytes: affixes and
-/// random characters fill the rest.
-const MAX_TEMP_STEM_BYTES: usize = 240;
+use super::{MAX_NAME_BYTES, TEMP_AFFIXES, numbered, resolve_links};
 
 /// An unlocked temporary file older than this was left by a killed program.
 const STALE_AFTER: Duration = Duration::from_secs(5);
 
-/// Writes a file atomically, creating its folder if needed. Follows symbolic links, and keeps an
-/// existing file's permissions.
+/// Writes a file atomically, creating its folder if needed: the file there is replaced once what
+/// was written has been read back. Follows symbolic links, and keeps an existing file's permissions.
 ///
 /// # Errors
-/// Returns the system's error, or an error if the target is write-protected or not a regular file.
+/// The system's, or the target is write-protected or not a regular file.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     Target::resolve(path)?.write(bytes, replace)
 }
@@ -45,7 +38,7 @@ pub fn write_unlinked(path: &Path, bytes: &[u8]) -> Result<()> {
 /// it took.
 ///
 /// # Errors
-/// Returns the system's error.
+/// The system's.
 pub fn write_to_unused(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     loop {
         let free = unused_path(path);
@@ -57,47 +50,36 @@ pub fn write_to_unused(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     }
 }
 
-/// Returns `path`, or the first of `path-2`, `path-3` ..., at which there is neither a file nor a
-/// backup.
+/// Returns `path`, or the first of `path-2`, `path-3` ..., at which there is no file.
 pub fn unused_path(path: &Path) -> PathBuf {
-    let taken = |path: &PathBuf| {
-        path.symlink_metadata().is_ok() || backup_path(path).symlink_metadata().is_ok()
-    };
+    let taken = |path: &PathBuf| path.symlink_metadata().is_ok();
     let paths = std::iter::once(path.to_owned()).chain((2..).map(|number| numbered(path, number)));
     paths.into_iter().find(|path| !taken(path)).unwrap_or_else(|| path.to_owned())
 }
 
-/// Checks that a file can be written at `path` right now, in a folder that may have to be created.
-/// Tries every step of writing, under a name with the same characters, as long as the longest
-/// derived from this one; changes nothing.
+/// Checks that a file can be written at `path` right now, in a folder that may have to be created:
+/// writes one of the same name into a temporary folder there. Changes nothing.
 ///
 /// # Errors
-/// Returns the reason why it cannot.
+/// The reason why it cannot.
 pub fn check_writable(path: &Path) -> Result<()> {
-    let mut target = Target::resolve(path)?;
-    let existing =
-        target.folder.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new(""));
-    let missing = target.folder.strip_prefix(existing).unwrap_or(&target.folder);
-    if missing.as_os_str().is_empty() {
-        return target.rehearse();
-    }
-    // The run may still be rejected and must leave no folders behind: missing ones are created
-    // elsewhere.
-    let existing = if existing.as_os_str().is_empty() { Path::new(".") } else { existing };
+    let target = Target::resolve(path)?;
+    let existing = target.folder.ancestors().find(|folder| folder.exists());
+    let existing = existing.filter(|folder| !folder.as_os_str().is_empty());
     let scratch = tempfile::Builder::new()
         .prefix(TEMP_AFFIXES.0)
         .suffix(TEMP_AFFIXES.1)
-        .tempdir_in(existing)
+        .tempdir_in(existing.unwrap_or(Path::new(".")))
         .map_err(unnamed)?;
-    let inside = missing.components().filter(|part| matches!(part, Component::Normal(_)));
-    target.folder = scratch.path().join(inside.collect::<PathBuf>());
-    target.rehearse()
+    let folder = scratch.path().to_owned();
+    let path = folder.join(target.path.file_name().unwrap_or_default());
+    Target { path, folder, ..target }.write(b"gdg-tui", replace).map_err(unnamed)
 }
 
 /// Checks, without writing, that a file may be written at `path`: its name, and what exists there.
 ///
 /// # Errors
-/// Returns the reason why it may not.
+/// The reason why it may not.
 pub fn check_name(path: &Path) -> Result<()> {
     Target::resolve(path).map(drop)
 }
@@ -105,13 +87,13 @@ pub fn check_name(path: &Path) -> Result<()> {
 /// Like [`check_name`], for [`write_unlinked`].
 ///
 /// # Errors
-/// Returns the reason why it may not.
+/// The reason why it may not.
 pub fn check_replaceable(path: &Path) -> Result<()> {
     Target::unlinked(path).map(drop)
 }
 
 /// Moves a temporary file to `path`; replaces the file there.
-pub(super) fn replace(file: NamedTempFile, path: &Path) -> Result<()> {
+fn replace(file: NamedTempFile, path: &Path) -> Result<()> {
     file.persist(path).map(drop).map_err(|e| e.error)
 }
 
@@ -133,15 +115,15 @@ fn place(file: NamedTempFile, path: &Path) -> Result<()> {
 }
 
 /// A file to be written: its path with links resolved, and the metadata of the existing file.
-pub(super) struct Target {
-    pub path: PathBuf,
+struct Target {
+    path: PathBuf,
     folder: PathBuf,
     existing: Option<Metadata>,
 }
 
 impl Target {
     /// Returns the file that `path` leads to.
-    pub fn resolve(path: &Path) -> Result<Self> {
+    fn resolve(path: &Path) -> Result<Self> {
         Self::at(resolve_links(path)?)
     }
 
@@ -186,60 +168,39 @@ impl Target {
         Ok(Self { path, folder, existing })
     }
 
-    /// Returns a file in the same folder that is written with the same permissions.
-    pub fn called(&self, path: PathBuf) -> Self {
-        Self { path, folder: self.folder.clone(), existing: self.existing.clone() }
-    }
-
-    /// Returns whether the file already exists.
-    pub fn exists(&self) -> bool {
-        self.existing.is_some()
-    }
-
     /// Writes `bytes` to a temporary file next to the target, which `persist` then moves into
     /// place.
-    pub fn write(
+    fn write(
         &self,
         bytes: &[u8],
         persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>,
     ) -> Result<()> {
         let missing: Vec<&Path> =
             self.folder.ancestors().take_while(|folder| !folder.exists()).collect();
-        self.write_in_folder(bytes, persist).inspect_err(|_| {
+        let write = || {
+            let mut file = self.create_temporary()?;
+            file.write_all(bytes).map_err(unnamed)?;
+            sync(file.as_file())?;
+            if !holds(file.as_file(), bytes)? {
+                let problem = "what was written could not be read back: nothing is replaced";
+                return Err(Error::new(ErrorKind::InvalidData, problem));
+            }
+            persist(file, &self.path)?;
+            sync_folder(&self.folder)
+        };
+        write().inspect_err(|_| {
             // Folders created for a failed write are removed.
             missing.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));
         })
     }
 
-    /// Like [`Self::write`], but leaves the folders that it has created.
-    fn write_in_folder(
-        &self,
-        bytes: &[u8],
-        persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>,
-    ) -> Result<()> {
-        let mut file = self.create_temporary(TEMP_AFFIXES.0.as_ref())?;
-        file.write_all(bytes).map_err(unnamed)?;
-        sync(file.as_file())?;
-        persist(file, &self.path)?;
-        sync_folder(&self.folder)
-    }
-
-    /// Does all that [`Self::write`] does, and removes the result.
-    fn rehearse(&self) -> Result<()> {
-        let mut prefix = OsString::from(TEMP_AFFIXES.0);
-        prefix.push(fitting(self.path.file_name().unwrap_or_default(), MAX_TEMP_STEM_BYTES));
-        // Dropping it also removes a file that has replaced it.
-        let place = self.create_temporary(&prefix)?.into_temp_path();
-        self.called(place.to_path_buf()).write(b"gdg-tui", replace)
-    }
-
     /// Creates a temporary file in the target's folder, with the permissions intended for the
     /// target.
-    fn create_temporary(&self, prefix: &OsStr) -> Result<NamedTempFile> {
+    fn create_temporary(&self) -> Result<NamedTempFile> {
         std::fs::create_dir_all(&self.folder)?;
         remove_stale(&self.folder);
         let mut builder = tempfile::Builder::new();
-        builder.prefix(prefix).suffix(TEMP_AFFIXES.1);
+        builder.prefix(TEMP_AFFIXES.0).suffix(TEMP_AFFIXES.1);
         // Temporary files are private by default; give a new file the user's default permissions,
         // but none that the existing one lacks: they might not be revocable.
         #[cfg(unix)]
@@ -257,6 +218,20 @@ impl Target {
         }
         Ok(file)
     }
+}
+
+/// Whether these bytes are what a file holds.
+fn holds(mut file: &File, bytes: &[u8]) -> Result<bool> {
+    let mut found = vec![0; bytes.len().min(1 << 20)];
+    file.rewind()?;
+    for expected in bytes.chunks(found.len().max(1)) {
+        let found = &mut found[..expected.len()];
+        file.read_exact(found)?;
+        if found != expected {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Strips the name of the temporary file, which means nothing to users, from a system error.
@@ -295,7 +270,7 @@ fn sync(file: &File) -> Result<()> {
 }
 
 /// Syncs a folder, so that its entries survive a power failure.
-pub(super) fn sync_folder(folder: &Path) -> Result<()> {
+fn sync_folder(folder: &Path) -> Result<()> {
     #[cfg(unix)]
     match File::open(folder) {
         // A folder can be writable but not readable.

@@ -286,18 +286,16 @@ pub fn is_own(path: &Path) -> bool {
     FileIdentity::known(path).is_some_and(|known| known.is_at(path))
 }
 
-/// Removes a checkpoint and its backup if it [`is_own`]. Errors are ignored: a leftover file does
-/// no harm.
+/// Removes a checkpoint if it [`is_own`]. Errors are ignored: a leftover file does no harm.
 pub fn remove_own(path: &Path) {
     files::while_locked(path, || {
         if is_own(path) {
-            let _ = (std::fs::remove_file(files::backup_path(path)), std::fs::remove_file(path));
+            let _ = std::fs::remove_file(path);
         }
     });
 }
 
-/// Writes a checkpoint and returns its path. A crash leaves either the old or the new file; the old
-/// one is kept until the new one has been read back.
+/// Writes a checkpoint and returns its path. A crash leaves either the old or the new file.
 ///
 /// # Errors
 /// The file system or the learner fails, or numbers are not finite.
@@ -328,7 +326,7 @@ fn write(to: &SaveTo, bytes: &[u8]) -> std::io::Result<PathBuf> {
         if is_foreign(path) {
             return Ok::<_, std::io::Error>(None);
         }
-        files::write_verified(path, bytes, |found| content::from_bytes(found, u64::MAX).is_ok())?;
+        files::write_atomically(path, bytes)?;
         FileIdentity::record(path, FileFacts::of(path), contents);
         Ok(Some(path.clone()))
     };
@@ -345,18 +343,10 @@ fn write(to: &SaveTo, bytes: &[u8]) -> std::io::Result<PathBuf> {
     Ok(path)
 }
 
-/// A run loaded from a checkpoint.
-pub struct Loaded {
-    /// The run.
-    pub trainer: Trainer,
-    /// Warning for the user: the file was damaged and its backup was loaded.
-    pub warning: Option<String>,
-}
-
 /// Parts of loading: the file is read, its arrays are unpacked, and the run is put together.
 const LOAD_STAGES: usize = 3;
 
-/// Loads a run from a checkpoint, or from its backup if the file is damaged and a backup exists.
+/// Loads a run from a checkpoint.
 ///
 /// # Errors
 /// The file cannot be read or is not a checkpoint of this program.
@@ -364,7 +354,7 @@ pub fn load(
     path: &Path,
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
-) -> Result<Loaded, CheckpointError> {
+) -> Result<Trainer, CheckpointError> {
     load_with(path, registry, threads, &Progress::default())
 }
 
@@ -377,34 +367,19 @@ pub fn load_with(
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
     progress: &Progress,
-) -> Result<Loaded, CheckpointError> {
+) -> Result<Trainer, CheckpointError> {
     progress.begin(0, LOAD_STAGES);
     let facts = FileFacts::of(path);
     let threads = threads.into();
-    let parse = |bytes: Vec<u8>| parse(&bytes, registry, threads, progress);
-    let bytes = read(path);
-    let contents = bytes.as_ref().map_or(0, |bytes| crc32fast::hash(bytes));
-    let problem = match bytes.map(parse) {
-        Ok(Ok(trainer)) => {
-            FileIdentity::record(path, facts, contents);
-            return Ok(Loaded { trainer, warning: None });
+    let bytes = read(path).map_err(|problem| unreadable(path, &problem))?;
+    match parse(&bytes, registry, threads, progress) {
+        Ok(trainer) => {
+            FileIdentity::record(path, facts, crc32fast::hash(&bytes));
+            Ok(trainer)
         }
-        Ok(Err(LoadError::Train(TrainError::Env(error)))) => {
-            return Err(without_world(path, &error));
-        }
-        Ok(Err(error)) => error.to_string(),
-        Err(problem) => problem,
-    };
-    let backup = files::backup_path(path);
-    let Some(Ok(Ok(trainer))) = backup.is_file().then(|| read(&backup).map(parse)) else {
-        return Err(unreadable(path, &problem));
-    };
-    FileIdentity::record(path, facts, contents);
-    let problem = truncated(&problem, MAX_REASON_CHARS);
-    let [name, previous] = [path, &backup].map(|path| sanitized(&path.to_string_lossy()));
-    let warning = format!("{name} {problem}; loaded the previous save, {previous}");
-    log::warn!("{warning}");
-    Ok(Loaded { trainer, warning: Some(warning) })
+        Err(LoadError::Train(TrainError::Env(error))) => Err(without_world(path, &error)),
+        Err(error) => Err(unreadable(path, &error.to_string())),
+    }
 }
 
 /// Why bytes cannot be loaded as a checkpoint.

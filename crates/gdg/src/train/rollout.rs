@@ -86,8 +86,6 @@ pub struct Rollout {
     scratch: Scratch,
     excursions: Excursions,
     leaps: Leaps,
-    /// Whether agents began new episodes when the run was resumed.
-    restarted: bool,
     last_search: Option<Arc<SearchOutcome>>,
 }
 
@@ -128,7 +126,6 @@ impl Rollout {
             aside: None,
             scratch: Scratch::default(),
             leaps: Leaps::default(),
-            restarted: false,
             last_search: None,
         })
     }
@@ -156,12 +153,6 @@ impl Rollout {
             (None, Some(goal)) => (goal, Vec::new()),
             (None, None) => (&agent.goal, Vec::new()),
         }
-    }
-
-    /// Returns whether agents began new episodes when the run was resumed, as the world could not
-    /// put them back.
-    pub fn has_restarted(&self) -> bool {
-        self.restarted
     }
 
     /// Returns the leaps seen.

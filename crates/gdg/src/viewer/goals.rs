@@ -144,7 +144,7 @@ impl GoalsWorker {
         }
         let began = Instant::now();
         let picture = match world.abilities().rendered {
-            Some(rendered) => rendered.picture(0, goal, most).map(Arc::new),
+            Some(rendered) => rendered.picture(goal, most).map(Arc::new),
             None => Err("this world renders no pictures".to_owned()),
         };
         (self.view.picture, self.pictured) = (Some(picture), shown);

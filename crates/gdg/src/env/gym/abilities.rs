@@ -6,9 +6,8 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value, json};
 
-use super::frames::{Expected, MAX_TEXT_BYTES, Request, f32_bytes, rendering};
 use super::pool::Pool;
-use super::{Address, Gym, NO_TASK, SEEDED, STORED, Stored, TASKS_AT_ONCE};
+use super::{Address, Gym, NO_TASK, STORED, Stored, TASKS_AT_ONCE, UNCHECKED};
 use crate::env::walls::WallsTruth;
 use crate::env::{
     Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, GroundTruth, Recorded,
@@ -44,7 +43,6 @@ impl Recorded for Gym {
             "change_per_step": spec.change_scale,
             "position_scale": spec.position_scale,
             "workers": self.pool.options.workers,
-            "resumes": if about.restorable { "exactly" } else { "with new episodes" },
         });
         Map::from_iter([("gym".to_owned(), facts)])
     }
@@ -72,9 +70,7 @@ impl Recorded for Gym {
 
     fn save(&self, store: &mut Store) {
         let Pool { address, found, about, .. } = &*self.pool;
-        let full_state = if self.states.is_empty() { 0 } else { self.full_state(0).len() };
-        let about = Some((about.clone(), full_state));
-        let (address, found) = (address.clone(), found.clone());
+        let (address, found, about) = (address.clone(), found.clone(), about.clone());
         // All its numbers are finite, so this cannot fail.
         let _ = store.put_json(STORED, &Stored { address, found, about });
     }
@@ -113,22 +109,22 @@ impl Drawn for Gym {
 }
 
 impl Rendered for Gym {
-    fn picture(
-        &self,
-        agent: usize,
-        goal: &[f32],
-        (width, height): (usize, usize),
-    ) -> Result<Rendering, String> {
+    fn fork(&self) -> Result<Box<dyn Environment>, EnvError> {
+        let mut worker = self.pool.start()?;
+        worker.make(1, true)?;
+        let mut world = self.with_agents(vec![(worker, 0..1)], 1);
+        world.renders = true;
+        Ok(Box::new(world))
+    }
+
+    fn picture(&self, goal: &[f32], most: (usize, usize)) -> Result<Rendering, String> {
         let mut workers = self.workers.lock();
-        let found = workers.iter_mut().find(|(_, agents)| agents.contains(&agent));
-        let Some((worker, agents)) = found else { unreachable!("every agent has a worker") };
-        let head = [agent - agents.start, width.max(1), height.max(1)];
-        let head = head.map(|number| (number as u32).to_le_bytes()).concat();
-        let most = Expected::AtMost(8 + (3 * width * height).max(MAX_TEXT_BYTES));
-        let reply = worker
-            .ask(Request::Picture, &[head, f32_bytes(goal)].concat(), most)
-            .map_err(|error| error.to_string())?;
-        rendering(&reply)
+        let worker = workers.first_mut().filter(|(worker, _)| self.renders && !worker.is_broken);
+        let (worker, _) = worker.ok_or("it renders no pictures here")?;
+        worker.picture(goal, most).map_err(|error| match error {
+            EnvError::Failed { problem, .. } => problem,
+            other => other.to_string(),
+        })
     }
 }
 
@@ -137,12 +133,9 @@ impl Evaluated for Gym {
     /// of each of its tasks.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError> {
         let groups = self.pool.about.tasks.unwrap_or(1);
-        let mut world = Self::without_agents(self.pool.clone());
-        let s = self.spec().state_dim();
-        (world.states, world.ended, world.retired) = (vec![0.0; s], vec![false], vec![false]);
         // As many environments as its tasks need later.
         let together = TASKS_AT_ONCE.min(per_group * groups as usize).max(1);
-        world.workers.get_mut().push((self.pool.take(together)?, 0..1));
+        let mut world = self.with_agents(vec![(self.pool.take(together)?, 0..1)], 1);
         let mut set = TaskSet { distances: vec![None; groups as usize], ..TaskSet::default() };
         for group in 0..groups {
             let task = self.pool.about.tasks.map(|_| 1 + group);
@@ -150,7 +143,7 @@ impl Evaluated for Gym {
                 let seed = rng.next_u32();
                 let goal = world.begin(0, seed, task)?;
                 let mut start = world.state_of(0);
-                start.extend([SEEDED, f64::from(seed), task.map_or(NO_TASK, f64::from)]);
+                start.extend([f64::from(seed), task.map_or(NO_TASK, f64::from), UNCHECKED, 0.0]);
                 set.tasks.push(Task { start, goal, shortest: None, group: group as usize });
             }
         }

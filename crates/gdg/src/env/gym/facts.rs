@@ -6,10 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::GymOptions;
-use super::description::Description;
-use super::frames::{Expected, Request, f64_bytes, f64_numbers};
+use super::messages::{Begun, Description};
 use super::process::Worker;
-use super::slots::{Begun, reset, step};
 use crate::env::{EnvError, MAX_MAGNITUDE, Spec, Walls};
 use crate::store::StoreError;
 
@@ -44,8 +42,8 @@ const LEAST_RANGE: f32 = 0.1;
 const LEAST_CHANGE: f32 = 0.01;
 const LEAST_CHANGE_RADII: f32 = 0.05;
 
-/// Goal spaces of at most three dimensions and at least this many goal radii across are grids'
-/// business: smaller ones are learned faster without.
+/// Networks read grids of goal spaces of at most three dimensions that are at least this many goal
+/// radii across: smaller ones are learned faster without.
 const POSITIONS_RADII: f32 = 12.0;
 
 /// Radii along different axes that differ by more than this share are not those of a ball.
@@ -134,7 +132,7 @@ pub fn find(
     let mut seen = Seen::default();
     for i in 0..RESETS {
         let task = about.tasks.map(|tasks| 1 + i as u32 % tasks);
-        let Begun { row, goal } = reset(worker, about, 0, rng.random(), task)?;
+        let Begun { row, goal } = worker.reset(about, 0, rng.random(), task)?;
         seen.starts.push(row);
         seen.goals.push(goal);
     }
@@ -157,15 +155,16 @@ fn walk(
     about: &Description,
     rng: &mut ChaCha8Rng,
 ) -> Result<Vec<Vec<f32>>, EnvError> {
-    let mut rows = vec![reset(worker, about, 0, rng.random(), None)?.row];
+    let mut rows = vec![worker.reset(about, 0, rng.random(), None)?.row];
     let mut action = vec![0.0; about.low.len()];
     for i in 0..about.episode_steps().map_or(WALK_STEPS, |limit| limit.min(WALK_STEPS)) {
         if i == 0 || rng.random::<f32>() < 1.0 / HOLD_STEPS {
             action.fill_with(|| rng.random_range(-1.0..=1.0));
         }
-        let (mut next, ended) = step(worker, about, &action)?;
-        rows.append(&mut next);
-        if ended[0] {
+        let next = worker.step(about, &action)?;
+        let has_ended = next.iter().any(|(_, ended)| *ended);
+        rows.extend(next.into_iter().map(|(row, _)| row));
+        if has_ended {
             break;
         }
     }
@@ -312,7 +311,7 @@ fn asked_radius(worker: &mut Worker, about: &Description, seen: &Seen) -> Result
         let mut differs = |distance: f64| {
             let mut desired = goal.clone();
             desired[axis] += distance;
-            rewards(worker, &[&goal, &goal], &[&goal, &desired]).map(|r| r[0] != r[1])
+            worker.rewards([&goal, &goal], [&goal, &desired]).map(|r| r[0] != r[1])
         };
         radius_along(&mut differs)
     });
@@ -351,17 +350,6 @@ fn ball(radii: &[Option<f64>]) -> Option<f64> {
     (most <= (1.0 + BALL_TOLERANCE) * least).then_some(0.5 * (least + most))
 }
 
-/// Returns the rewards for pairs of achieved and desired goals.
-fn rewards(
-    worker: &mut Worker,
-    achieved: &[&[f64]],
-    desired: &[&[f64]],
-) -> Result<Vec<f64>, EnvError> {
-    let body = f64_bytes(&[achieved.concat(), desired.concat()].concat());
-    let expected = Expected::Exactly(8 * achieved.len());
-    Ok(f64_numbers(&worker.ask(Request::Reward, &body, expected)?).collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -379,7 +367,6 @@ mod tests {
             goal_radius: None,
             has_reward: false,
             maze: None,
-            restorable: false,
             renders: false,
             versions: std::collections::BTreeMap::new(),
         }

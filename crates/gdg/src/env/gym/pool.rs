@@ -5,11 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use parking_lot::Mutex;
 
-use super::description::{Description, describe};
 use super::facts::{self, Found};
+use super::messages::Description;
 use super::options::{Address, GymOptions};
 use super::process::Worker;
-use super::{MAX_STATE_BYTES, slots};
 use crate::env::EnvError;
 use crate::pulse::Pulse;
 use crate::store::StoreError;
@@ -22,84 +21,68 @@ pub struct Pool {
     pub about: Description,
     /// What has been found out.
     pub found: Found,
-    /// Length of full states, if the environment is not opened: its agents cannot act.
-    pub only_read: Option<usize>,
     /// Says when training is to stop.
     pub pulse: Arc<Mutex<Pulse>>,
     /// What its users should know and have not been told yet.
     pub warnings: Mutex<Vec<String>>,
-    /// Whether it has been said that states cannot be saved.
-    said_of_states: AtomicBool,
+    /// Whether it has been said that an episode could not be repeated.
+    said: AtomicBool,
     idle: Mutex<Vec<Worker>>,
 }
 
 impl Pool {
     /// Opens an environment and finds out what the learner needs.
-    ///
-    /// # Errors
-    /// It cannot be opened, is not supported, or fails.
     pub fn open(address: &Address, options: &GymOptions) -> Result<Self, EnvError> {
         let pulse = Arc::default();
         let (mut worker, about) = start(address, options, &pulse)?;
         let found = facts::find(&mut worker, &about, options)?;
-        found.check(&about)?;
-        let pool = Self::new(address, options, (about, found), Some(worker), pulse);
+        let pool = Self::new(address, options, about, found, pulse)?;
         pool.about.warnings().into_iter().for_each(|warning| pool.warn(&warning));
+        pool.idle.lock().push(worker);
         Ok(pool)
     }
 
     /// Opens an environment that has been found out about before.
-    ///
-    /// # Errors
-    /// It cannot be opened, is not supported, or has changed.
     pub fn resume(address: &Address, options: &GymOptions, found: Found) -> Result<Self, EnvError> {
         let pulse = Arc::default();
         let (worker, about) = start(address, options, &pulse)?;
-        found.check(&about)?;
-        Ok(Self::new(address, options, (about, found), Some(worker), pulse))
+        let pool = Self::new(address, options, about, found, pulse)?;
+        pool.idle.lock().push(worker);
+        Ok(pool)
     }
 
-    /// Returns what a checkpoint knows of an environment with full states of this length, which is
-    /// not opened and has no workers.
-    ///
-    /// # Errors
-    /// What is known makes no sense.
+    /// Returns what a checkpoint knows of an environment, which is not opened.
     pub fn only_read(
         address: &Address,
         options: &GymOptions,
-        (about, full_state): (Description, usize),
+        about: Description,
         found: Found,
     ) -> Result<Self, EnvError> {
-        if !about.is_sound() || full_state > MAX_STATE_BYTES / 8 {
+        if !about.is_sound() {
             let problem = "what it stores of its environment makes no sense";
             return Err(StoreError::inconsistent(problem).into());
         }
-        found.check(&about)?;
-        let mut pool = Self::new(address, options, (about, found), None, Arc::default());
-        pool.only_read = Some(full_state);
-        Ok(pool)
+        Self::new(address, options, about, found, Arc::default())
     }
 
     fn new(
         address: &Address,
         options: &GymOptions,
-        (about, found): (Description, Found),
-        worker: Option<Worker>,
+        about: Description,
+        found: Found,
         pulse: Arc<Mutex<Pulse>>,
-    ) -> Self {
-        let (address, options) = (address.clone(), options.clone());
-        let idle = Mutex::new(Vec::from_iter(worker));
-        Self {
-            address,
-            options,
+    ) -> Result<Self, EnvError> {
+        found.check(&about)?;
+        Ok(Self {
+            address: address.clone(),
+            options: options.clone(),
             about,
             found,
-            only_read: None,
             pulse,
             warnings: Mutex::default(),
-            said_of_states: AtomicBool::new(false),
-            idle,
-        }
+            said: AtomicBool::new(false),
+            idle: Mutex::default(),
+        })
     }
 
     /// Keeps a warning until it is shown.
@@ -108,17 +91,14 @@ impl Pool {
         self.warnings.lock().push(format!("warning: {}: {warning}", self.address.id));
     }
 
-    /// Warns, once, that and why states cannot be saved.
-    pub fn warn_of_states(&self, why: &str) {
-        if !self.said_of_states.swap(true, Ordering::Relaxed) {
-            self.warn(&format!("agents begin new episodes on resuming: {why}"));
+    /// Warns, once, that an agent begins a new episode, and why.
+    pub fn warn_of_new_episode(&self, why: &str) {
+        if !self.said.swap(true, Ordering::Relaxed) {
+            self.warn(&format!("the agents begin new episodes: {why}"));
         }
     }
 
     /// Returns a worker with at least this number of environments.
-    ///
-    /// # Errors
-    /// None can be started.
     pub fn take(&self, environments: usize) -> Result<Worker, EnvError> {
         let idle = {
             let mut idle = self.idle.lock();
@@ -126,19 +106,19 @@ impl Pool {
             let found = enough.or_else(|| idle.len().checked_sub(1));
             found.map(|i| idle.swap_remove(i))
         };
-        let mut worker = match idle {
-            Some(worker) => worker,
-            None => start(&self.address, &self.options, &self.pulse)?.0,
-        };
-        slots::make(&mut worker, environments)?;
+        let mut worker = idle.map_or_else(|| self.start(), Ok)?;
+        worker.make(environments, false)?;
         Ok(worker)
     }
 
-    /// Takes a worker back, unless it has failed.
+    /// Starts a worker.
+    pub fn start(&self) -> Result<Worker, EnvError> {
+        Ok(start(&self.address, &self.options, &self.pulse)?.0)
+    }
+
+    /// Takes a worker back.
     pub fn give_back(&self, worker: Worker) {
-        if !worker.is_broken {
-            self.idle.lock().push(worker);
-        }
+        self.idle.lock().push(worker);
     }
 }
 
@@ -157,7 +137,7 @@ fn start(
 ) -> Result<(Worker, Description), EnvError> {
     let (python, timeout) = (options.interpreter(), options.timeout);
     let mut worker = Worker::start(&python, &address.id, timeout, pulse.clone())?;
-    let about = describe(&mut worker, address.package.as_deref(), &address.id)?;
+    let about = worker.open(address.package.as_deref(), &address.id)?;
     worker.forget_output();
     Ok((worker, about))
 }

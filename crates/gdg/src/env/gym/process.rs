@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use parking_lot::Mutex;
 use serde::Deserialize;
 
-use super::frames::{self, BadHeader, Expected, HEADER_BYTES, Reply, Request};
+use super::messages::{self, BadHeader, Expected, HEADER_BYTES, Request};
 use crate::env::EnvError;
 use crate::pulse::Pulse;
 use crate::text::truncated;
@@ -46,33 +46,35 @@ header = stream.read(8)
 exec(compile(stream.read(int.from_bytes(header[4:], 'little')), '<worker>', 'exec'))
 ";
 
-/// Modules that environments need, and what installs them. Any other name may be that of anybody's
-/// package.
-const KNOWN_PACKAGES: [(&str, &str); 25] = [
+/// Modules that environments need and packages of the same name install, and those that others do.
+/// Any other name may be that of anybody's package.
+const KNOWN_PACKAGES: [&str; 16] = [
+    "gymnasium",
+    "h5py",
+    "imageio",
+    "jax",
+    "matplotlib",
+    "minari",
+    "mujoco",
+    "networkx",
+    "numba",
+    "numpy",
+    "ogbench",
+    "pandas",
+    "pybullet",
+    "pygame",
+    "scipy",
+    "torch",
+];
+const OTHER_PACKAGES: [(&str, &str); 9] = [
     ("Box2D", "box2d"),
     ("PIL", "pillow"),
     ("cv2", "opencv-python"),
     ("dm_control", "dm-control"),
-    ("gymnasium", "gymnasium"),
     ("gymnasium_robotics", "gymnasium-robotics"),
-    ("h5py", "h5py"),
-    ("imageio", "imageio"),
-    ("jax", "jax"),
-    ("matplotlib", "matplotlib"),
-    ("minari", "minari"),
-    ("mujoco", "mujoco"),
-    ("networkx", "networkx"),
-    ("numba", "numba"),
-    ("numpy", "numpy"),
-    ("ogbench", "ogbench"),
     ("panda_gym", "panda-gym"),
-    ("pandas", "pandas"),
-    ("pybullet", "pybullet"),
-    ("pygame", "pygame"),
-    ("scipy", "scipy"),
     ("skimage", "scikit-image"),
     ("sklearn", "scikit-learn"),
-    ("torch", "torch"),
     ("yaml", "PyYAML"),
 ];
 
@@ -211,9 +213,9 @@ impl Worker {
     /// # Errors
     /// The worker fails; it must not be used again.
     pub fn send(&mut self, request: Request, body: &[u8]) -> Result<(), EnvError> {
-        let frame = frames::request(request, body);
-        self.transfer(&mut Waited::default(), frame.len(), |mut channel, done| {
-            channel.write(&frame[done..])
+        let message = messages::request(request, body);
+        self.transfer(&mut Waited::default(), message.len(), |mut channel, done| {
+            channel.write(&message[done..])
         })
         .map_err(|error| self.broken_off(request, &error))
     }
@@ -225,7 +227,7 @@ impl Worker {
     pub fn answer(&mut self, request: Request, expected: Expected) -> Result<Vec<u8>, EnvError> {
         let (mut waited, mut header) = (Waited::default(), [0; HEADER_BYTES]);
         self.read(&mut header, &mut waited).map_err(|error| self.broken_off(request, &error))?;
-        let (reply, length) = match frames::reply_header(header, expected) {
+        let (is_done, length) = match messages::reply_header(header, expected) {
             Ok(sound) => sound,
             Err(BadHeader::Kind(_)) => {
                 return Err(self.fail("its worker answers something else than asked".to_owned()));
@@ -237,10 +239,7 @@ impl Worker {
         };
         let mut body = vec![0; length];
         self.read(&mut body, &mut waited).map_err(|error| self.broken_off(request, &error))?;
-        match reply {
-            Reply::Done => Ok(body),
-            Reply::Failed => Err(self.exception(request, &body)),
-        }
+        if is_done { Ok(body) } else { Err(self.exception(request, &body)) }
     }
 
     /// Forgets what it has written so far: errors to come have nothing to do with it.
@@ -292,7 +291,6 @@ impl Worker {
             Request::Make => "to be made",
             Request::Reset => "to begin an episode",
             Request::Step => "to step",
-            Request::Save | Request::Restore => "to save or restore its state",
             Request::Reward => "to return rewards",
             Request::Picture => "to render a picture",
         };
@@ -322,9 +320,10 @@ impl Worker {
         };
         let shown = |text: &str| truncated(text, 3 * MAX_SHOWN_CHARS);
         if let Some(module) = found.missing {
-            let package = KNOWN_PACKAGES.iter().find(|(name, _)| *name == module);
-            return self.fail(match package {
-                Some((_, package)) => format!(
+            let known = KNOWN_PACKAGES.iter().find(|name| **name == module).copied();
+            let other = OTHER_PACKAGES.iter().find(|(name, _)| *name == module);
+            return self.fail(match known.or(other.map(|(_, package)| *package)) {
+                Some(package) => format!(
                     "the Python package {module} is missing: python -m pip install {package}, in \
                      the virtual environment that is active or that --python PATH names"
                 ),
@@ -334,6 +333,10 @@ impl Worker {
                     shown(&found.searched.join(", "))
                 ),
             });
+        }
+        // All else goes on without a picture.
+        if request == Request::Picture {
+            return failed(&self.title, shown(&found.error), Vec::new());
         }
         if found.unsupported {
             return self.fail(shown(&found.error));

@@ -1,16 +1,14 @@
 """Runs Gymnasium environments for gdg-tui. Needs only Python, numpy and gymnasium.
 
-The program starts an interpreter with this file and exchanges frames with it over `channel`, a
-socket of its own: standard output and error are the environments'. A frame is a kind and a length
-in bytes, both u32, and that many bytes; all numbers are little-endian. Each request gets one reply:
-OK with what was asked for, or FAILED with JSON that says why.
+The program starts an interpreter with this file and exchanges messages with it over `channel`, a
+socket of its own: standard output and error are the environments'. A message is a kind and a length
+in bytes, both u32, and that many bytes: f64 numbers, unless stated otherwise, all little-endian.
+Each request gets one reply: OK with what was asked for, or FAILED with JSON that says why.
 """
 
-import hashlib
 import importlib
 import json
 import os
-import pickle
 import random
 import select
 import signal
@@ -18,22 +16,18 @@ import struct
 import sys
 import time
 import traceback
-import types
 
 OK, FAILED = 0, 1
-OPEN, MAKE, RESET, STEP, SAVE, RESTORE, REWARD, PICTURE = range(1, 9)
+OPEN, MAKE, RESET, STEP, REWARD, PICTURE = range(1, 7)
 
 # Modules that register well-known environments, for IDs without a package.
 KNOWN_PACKAGES = ("gymnasium_robotics", "ogbench")
 
-# Most numbers of an observation, or of an array of a state: more are an image or the like.
+# Most numbers of an observation: more are an image or the like.
 MAX_NUMBERS = 4096
 
 # Most characters of an exception that are told.
 MAX_TEXT = 4000
-
-# Steps taken twice from the same full state, to find out whether it is one.
-TRIAL_STEPS = 12
 
 # Bounds of actions beyond this are none.
 LARGEST_BOUND = 1e9
@@ -84,19 +78,43 @@ def be_watched_over():
             time.sleep(0.01)
     except OSError:  # It has ended by itself.
         pass
-    try:
-        os.killpg(worker, signal.SIGKILL)
-    except OSError:  # Nothing is left.
-        pass
+    end_session(worker)
     os._exit(0)
+
+
+def end_session(leader):
+    """Ends all processes of a session, also those in process groups of their own."""
+    try:
+        os.killpg(leader, signal.SIGKILL)
+    except OSError:  # Nothing of that group is left.
+        pass
+    ended = set()
+    while found := session(leader) - ended:
+        for process in found:
+            try:
+                os.kill(process, signal.SIGKILL)
+            except OSError:  # It has ended by itself.
+                pass
+        ended |= found
+
+
+def session(leader):
+    """Returns the processes of a session, where the system lists processes in /proc."""
+    found = set()
+    for name in os.listdir("/proc") if os.path.isdir("/proc") else ():
+        try:
+            if name.isdigit() and os.getsid(int(name)) == leader:
+                found.add(int(name))
+        except OSError:  # It has ended.
+            pass
+    return found
 
 
 def close_all():
     """Has the environments end what they have started."""
-    for slot in slots + [renderer]:
+    for slot in slots:
         try:
-            if slot is not None:
-                slot.env.close()
+            slot.env.close()
         except BaseException:  # The others are closed too.
             traceback.print_exc()
 
@@ -114,13 +132,16 @@ def flat_numbers(space, what):
 
 
 class Slot:
-    """One environment, and what is known of its state."""
+    """One environment, whether its episode has ended, and what was observed last."""
 
-    def __init__(self, **how):
-        self.env = make(**how)
+    def __init__(self):
+        self.env = make()
         self.ended = False
-        # Seed and task of its episode.
-        self.begun = None
+        self.last = None
+
+    def row(self):
+        """Returns what is observed, followed by the achieved goal if it is apart, and 1 at the end."""
+        return np.append(self.last, self.ended)
 
 
 class Goals:
@@ -149,13 +170,12 @@ class Goals:
                 f" desired_goal, or its info a goal, as in OGBench; they are {space}"
             )
 
-    def write(self, observation, row):
-        """Writes an observation, followed by the achieved goal if it is apart, to `row`."""
-        if self.in_observation:
-            row[: self.observed] = vector(observation["observation"], self.observed, "observation")
-            row[self.observed :] = vector(observation["achieved_goal"], self.goal, "achieved goal")
-        else:
-            row[:] = vector(observation, self.observed, "observation")
+    def observe(self, observation):
+        """Returns an observation, followed by the achieved goal if it is apart."""
+        if not self.in_observation:
+            return vector(observation, self.observed, "observation").copy()
+        seen = vector(observation["observation"], self.observed, "observation")
+        return np.append(seen, vector(observation["achieved_goal"], self.goal, "achieved goal"))
 
     def desired(self, observation, info):
         if self.in_observation:
@@ -175,11 +195,18 @@ def vector(numbers, length, what):
     return numbers
 
 
-def make(**how):
+def make():
     # Agents may go on beyond the time limit of the registration, as they have other goals: what
     # still is truncated, the environment itself ends.
-    how["max_episode_steps"] = sys.maxsize
-    env = gym.make(environment_id, disable_env_checker=True, **how)
+    how = {"max_episode_steps": sys.maxsize, "disable_env_checker": True}
+    env = None
+    if renders:
+        try:
+            env = gym.make(environment_id, render_mode="rgb_array", **how)
+        except Exception:  # Only pictures need that.
+            traceback.print_exc()
+    if env is None:
+        env = gym.make(environment_id, **how)
     # OGBench's end at their own goal: agents have to see what is beyond.
     if hasattr(env.unwrapped, "_terminate_at_goal"):
         env.unwrapped._terminate_at_goal = False
@@ -215,7 +242,7 @@ def reset(slot, seed, task=-1):
     np.random.seed(seed)
     # OGBench draws actions from it.
     slot.env.unwrapped.action_space.seed(seed)
-    slot.ended, slot.begun = False, (seed, task)
+    slot.ended = False
     try:
         begun = slot.env.reset(seed=seed, options=None if task < 0 else {"task_id": task})
     except TypeError as error:
@@ -247,246 +274,14 @@ def step(slot, action):
     return observation
 
 
-def objects(env):
-    """Returns an environment, its wrappers and the environments in it: what has attributes."""
-    found, rest = [], [env]
-    while rest:
-        item = rest.pop()
-        if not any(item is other for other in found):
-            found.append(item)
-            inner = [value for _, value in sorted(vars(item).items())]
-            rest += [value for value in inner if isinstance(value, gym.Env)]
-    return found
-
-
-def is_mujocos(value, name):
-    return type(value).__name__ == name and type(value).__module__.startswith("mujoco.")
-
-
-def describe(value):
-    """Returns what a full state has of a value: what JSON can say, and an array; otherwise None."""
-    kind, numbers = type(value), (bool, int, float)
-    if value is None or kind in numbers:
-        return ["number", value], None
-    if kind is tuple and all(type(number) in numbers for number in value):
-        return ["tuple", *value], None
-    if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in "fiubcmM":
-        if kind is np.ndarray and value.size <= MAX_NUMBERS:
-            return ["array", value.dtype.str, *value.shape], value
-        if isinstance(value, np.generic):
-            return ["scalar", value.dtype.str], value
-    if kind is np.random.Generator and type(value.bit_generator) is np.random.PCG64:
-        return ["generator", value.bit_generator.state], None
-    if is_mujocos(value, "MjData"):
-        mujoco = importlib.import_module("mujoco")
-        whole = mujoco.mjtState.mjSTATE_INTEGRATION
-        numbers = np.empty(mujoco.mj_stateSize(value.model, whole))
-        mujoco.mj_getState(value.model, value, numbers, whole)
-        return ["mujoco", "<f8", len(numbers)], numbers
-    return None
-
-
-def numbers_of(slot):
-    """Returns the attributes that are numbers: a line of JSON, and the arrays that it names."""
-    head, arrays = [], []
-    for i, item in enumerate(objects(slot.env)):
-        for name, value in sorted(vars(item).items()):
-            found = describe(value)
-            if found is not None:
-                head.append([i, name, *found[0]])
-                arrays += [] if found[1] is None else [found[1].tobytes()]
-    return json.dumps(head).encode() + b"\n" + b"".join(arrays)
-
-
-def put(slot, body):
-    """Gives an environment the attributes that `numbers_of` returned."""
-    items, written = objects(slot.env), []
-    head, arrays = body.split(b"\n", 1)
-    for i, name, kind, *about in json.loads(head):
-        own = vars(items[i])
-        old = own.get(name)
-        if kind == "number":
-            # None takes no object's place: what renders has more of those.
-            if about[0] is not None or describe(old) is not None:
-                own[name] = about[0]
-        elif kind == "tuple":
-            own[name] = tuple(about)
-        elif kind == "generator":
-            if type(old) is not np.random.Generator:
-                old = own[name] = np.random.Generator(np.random.PCG64())
-            old.bit_generator.state = about[0]
-        else:
-            new = np.frombuffer(arrays, about[0], int(np.prod(about[1:])))
-            new, arrays = new.reshape(about[1:]).copy(), arrays[new.nbytes :]
-            if kind == "mujoco":
-                mujoco = importlib.import_module("mujoco")
-                whole = mujoco.mjtState.mjSTATE_INTEGRATION
-                mujoco.mj_setState(old.model, old, new, whole)
-                # Computes what follows from the state, and changes where the solver begins.
-                mujoco.mj_forward(old.model, old)
-                mujoco.mj_setState(old.model, old, new, whole)
-            elif kind == "scalar":
-                own[name] = new[()]
-            elif (
-                type(old) is np.ndarray
-                and (old.dtype, old.shape, old.flags.writeable) == (new.dtype, new.shape, True)
-                # One array of two attributes may have become two.
-                and not any(old is other for other in written)
-            ):
-                # In place: others may look at it.
-                old[...] = new
-                written.append(old)
-            else:
-                own[name] = new
-
-
-class Digest(pickle.Pickler):
-    """Digests what it is given. The pickle itself is not kept, and nothing is ever unpickled."""
-
-    def __init__(self, known):
-        self.hash = hashlib.blake2b(digest_size=8)
-        self.known = {id(value): i for i, value in enumerate(known)}
-        super().__init__(types.SimpleNamespace(write=self.hash.update), 5)
-
-    def persistent_id(self, value):
-        """Returns what stands for a value: its contents count elsewhere, or not at all."""
-        if id(value) in self.known:
-            return f"known {self.known[id(value)]}"
-        if isinstance(value, (type, types.ModuleType)):
-            return f"{getattr(value, '__module__', '')}.{value.__name__}"
-        if isinstance(value, (set, frozenset)):
-            # In an order that is the same in every process.
-            return f"set {sorted(map(repr, value))}"
-        if type(value).__name__.startswith("Mjv"):
-            return "what MuJoCo shows"
-        return None
-
-    def reducer_override(self, value):
-        if isinstance(value, types.FunctionType):
-            kept = [cell.cell_contents for cell in value.__closure__ or ()]
-            return tuple, ([value.__module__, value.__qualname__] + kept,)
-        if is_mujocos(value, "MjModel"):
-            # Without what it only looks like, which may be large.
-            names = [name for name in dir(value) if not name.startswith(("_", "tex_", "mesh_"))]
-            arrays = [(name, getattr(value, name)) for name in names]
-            return tuple, ([pair for pair in arrays if isinstance(pair[1], np.ndarray)],)
-        return NotImplemented
-
-
-def digests(slot):
-    """Returns digests of all attributes that are not numbers, by name."""
-    items, found = objects(slot.env), {}
-    values = [value for item in items for _, value in sorted(vars(item).items())]
-    datas = [value for value in values if is_mujocos(value, "MjData")]
-    for i, item in enumerate(items):
-        for name, value in vars(item).items():
-            if describe(value) is None:
-                digest = Digest(items + datas)
-                try:
-                    digest.dump(value)
-                except Exception as error:
-                    raise Unsupported(
-                        f"its attribute {name} cannot be compared with what it is later: {error}"
-                    ) from error
-                found[f"{i} {name}"] = digest.hash.hexdigest()
-    return found
-
-
-def save(slot):
-    """Returns the full state of an environment as bytes.
-
-    That is how its episode began, digests of its attributes that are no numbers, each with that in
-    the trial of this process, and those that are numbers.
-    """
-    others = {name: [digest, trial.get(name)] for name, digest in digests(slot).items()}
-    return struct.pack("<Ii", *slot.begun) + json.dumps(others).encode() + b"\n" + numbers_of(slot)
-
-
-def restore(slot, state):
-    """Puts an environment into the full state that `save` returned.
-
-    What is no number has to come back by beginning the same episode. What differs from process to
-    process, such as the name of a temporary file, also differs in the trials.
-    """
-    reset(slot, *struct.unpack("<Ii", state[:8]))
-    others, numbers = state[8:].split(b"\n", 1)
-    put(slot, numbers)
-    now = digests(slot)
-    changed = [
-        name
-        for name, (digest, tried) in json.loads(others).items()
-        if tried == trial.get(name) and digest != now.get(name)
-    ]
-    if changed or numbers_of(slot) != numbers:
-        names = ", ".join(name.split()[-1] for name in changed)
-        why = f"attributes that are no numbers change: {names}" if changed else "it has changed"
-        raise Unsupported(why)
-
-
-def try_states():
-    """Finds out by trying whether full states bring back exactly what follows.
-
-    Returns whether that is so of what is observed, and of all that is known of the environment.
-    """
-
-    def walk():
-        rows = []
-        for action in actions:
-            if slot.ended:
-                break
-            row = np.empty(goals.observed + goals.achieved, dtype=np.float64)
-            goals.write(step(slot, action.copy()), row)
-            rows.append(row)
-        return np.array(rows)
-
-    global trial
-    used = lambda: (random.getstate(), str(np.random.get_state(legacy=False)))
-    slot = slots[0]
-    try:
-        space = slot.env.action_space
-        low, high = filled_bounds(space)
-        draws = np.random.default_rng(0).random((TRIAL_STEPS, len(low)))
-        actions = (low + draws * (high - low)).astype(space.dtype)
-        reset(slot, 1)
-        before = used()
-        step(slot, actions[0])
-        state = save(slot)
-        first = walk()
-        # Other random numbers than the environment's own are no part of its state.
-        own_randomness = used() == before
-        reset(slot, 2)
-        try:
-            restore(slot, state)
-            is_whole = True
-        except Unsupported as why:
-            print(f"agents will begin new episodes on resuming: {why}")
-            is_whole = False
-        # Only now, so that all attributes were compared.
-        trial = {name: own for name, (own, _) in json.loads(state[8:].split(b"\n", 1)[0]).items()}
-        is_same = own_randomness and np.array_equal(first, walk())
-        return is_same, is_same and is_whole
-    except Exception as error:  # Whatever it is, states cannot be saved.
-        print(f"its states cannot be saved: {said(error)}")
-        return False, False
-
-
 def bounds(values):
     """Returns bounds of actions, None where there is none. Some spaces write it as the largest number."""
     return [float(v) if abs(v) <= LARGEST_BOUND else None for v in values]
 
 
-def filled_bounds(space):
-    """Returns lowest and highest actions. Without a bound, a range is as long as [-1, 1], or that."""
-    pairs = []
-    for low, high in zip(bounds(space.low), bounds(space.high)):
-        if low is None:
-            low = -1.0 if high is None else high - 2.0
-        pairs.append((low, low + 2.0 if high is None else max(low, high)))
-    return np.array(pairs).T
-
-
-def open_environment(config):
-    """Imports what is needed, makes the first environment and returns its description."""
+def open_environment(body):
+    """Imports what is needed, makes the first environment and describes it. Body and answer are JSON."""
+    config = json.loads(body)
     global gym, np, environment_id, goals, actions_length
     # Also for the interpreters that packages start when they are imported, as glfw does.
     is_safe = "PYTHONSAFEPATH" in os.environ
@@ -521,12 +316,14 @@ def open_environment(config):
             " are supported"
         )
     goals = Goals(slot)
-    own = slot.env.unwrapped
+    return json.dumps(describe(slot, config["package"])).encode()
+
+
+def describe(slot, package):
+    actions, own = slot.env.action_space, slot.env.unwrapped
     radius = getattr(own, "distance_threshold", getattr(own, "_goal_tol", None))
     says_radius = isinstance(radius, (int, float, np.number)) and 0 < radius < float("inf")
-    tasks = getattr(own, "num_tasks", None) if not goals.in_observation else None
     limit = gym.spec(slot.env.spec.id).max_episode_steps
-    is_same, is_whole = try_states()
     return {
         "observed": goals.observed,
         "achieved": goals.achieved,
@@ -534,14 +331,12 @@ def open_environment(config):
         "low": bounds(actions.low),
         "high": bounds(actions.high),
         "time_limit": None if limit is None else int(limit),
-        "tasks": tasks,
+        "tasks": None if goals.in_observation else getattr(own, "num_tasks", None),
         "goal_radius": float(radius) if says_radius else None,
         "has_reward": hasattr(own, "compute_reward"),
         "maze": find_maze(own),
-        "restorable": is_whole,
-        # Pictures are of another environment in the same state.
-        "renders": is_same and "rgb_array" in (slot.env.metadata or {}).get("render_modes", ()),
-        "versions": versions(config["package"]),
+        "renders": "rgb_array" in (slot.env.metadata or {}).get("render_modes", ()),
+        "versions": versions(package),
     }
 
 
@@ -554,75 +349,54 @@ def versions(package):
     return found
 
 
+def numbers(body):
+    return np.frombuffer(body, dtype="<f8")
+
+
 def step_all(body):
-    """Steps the first environments, one per row of actions; returns rows and who has ended."""
+    """Steps the first environments, one per row of actions; returns their rows."""
     space = slots[0].env.action_space
-    actions = np.frombuffer(body, dtype="<f4").reshape(-1, actions_length)
-    rows = np.zeros((len(actions), goals.observed + goals.achieved), dtype="<f4")
-    ended = bytearray(len(actions))
-    for i, (slot, action) in enumerate(zip(slots, actions)):
+    actions = numbers(body).reshape(-1, actions_length)
+    for slot, action in zip(slots, actions):
         # Not a number is the action of those that rest.
         if not slot.ended and action[0] == action[0]:
-            goals.write(step(slot, action.astype(space.dtype)), rows[i])
-            slot.last = rows[i]
-        else:
-            rows[i] = slot.last
-        ended[i] = slot.ended
-    return rows.tobytes() + bytes(ended)
+            slot.last = goals.observe(step(slot, action.astype(space.dtype)))
+    return np.concatenate([slot.row() for slot in slots[: len(actions)]])
 
 
 def reset_one(body):
-    index, seed, task = struct.unpack("<IIi", body)
+    """Begins an episode, given environment, seed and task; returns its row and the desired goal."""
+    index, seed, task = map(int, numbers(body))
     slot = slots[index]
     observation, info = reset(slot, seed, task)
-    row = np.empty(goals.observed + goals.achieved, dtype="<f4")
-    goals.write(observation, row)
-    slot.last = row
-    return row.tobytes() + goals.desired(observation, info).astype("<f4").tobytes()
-
-
-def attempted(act):
-    """Returns what `act` does, or why it cannot be done: states that are lost end no run."""
-    try:
-        return b"\1" + act()
-    except BaseException as error:  # Also what would end this process.
-        traceback.print_exc()
-        return b"\0" + said(error)[:MAX_TEXT].encode()
-
-
-def save_all(body):
-    count, most = struct.unpack("<II", body)
-    states = [save(slot) for slot in slots[:count]]
-    if sum(map(len, states)) > most:
-        raise Unsupported(f"its states have more than {most >> 20} MiB")
-    return b"".join(struct.pack("<I", len(state)) + state for state in states)
-
-
-def restore_one(body):
-    restore(slots[struct.unpack("<I", body[:4])[0]], body[4:])
-    return b""
+    slot.last = goals.observe(observation)
+    return np.append(slot.row(), goals.desired(observation, info))
 
 
 def make_all(body):
-    (count,) = struct.unpack("<I", body)
+    """Has at least so many environments; with a second number that is not 0, which all render."""
+    global renders
+    count, renders = map(int, numbers(body))
+    if renders:
+        while slots:
+            slots.pop().env.close()
     while len(slots) < count:
         slots.append(Slot())
-    return b""
+    return ()
 
 
 def reward(body):
     """Returns the reward for pairs of achieved and desired goals."""
-    achieved, desired = np.frombuffer(body, dtype="<f8").reshape(2, -1, goals.goal)
+    achieved, desired = numbers(body).reshape(2, -1, goals.goal)
     own = slots[0].env.unwrapped
     try:
-        rewards = [float(np.asarray(own.compute_reward(a, d, {}))) for a, d in zip(achieved, desired)]
+        return [float(np.asarray(own.compute_reward(a, d, {}))) for a, d in zip(achieved, desired)]
     except Exception as error:
         traceback.print_exc()
         raise Unsupported(
             f"its compute_reward does not say when a goal is reached: give --goal-radius; it"
             f" raised {said(error)}"
         ) from error
-    return np.array(rewards, dtype="<f8").tobytes()
 
 
 def show_goal(own, goal):
@@ -636,34 +410,27 @@ def show_goal(own, goal):
 
 
 def picture(body):
-    """Returns a picture of an environment, or why there is none: width 0, height 0 and a text.
-
-    Another environment, which renders, is put into its state, so that the others need no window.
+    """Returns a picture of the first environment with this goal in it, of at most this width and
+    height: its width, and rows of red, green and blue, all as bytes.
     """
-    global renderer
-    index, width, height = struct.unpack("<III", body[:12])
+    width, height = map(int, numbers(body)[:2])
+    own = slots[0].env
     try:
-        if renderer is None:
-            renderer = Slot(render_mode="rgb_array")
-        if renderer.begun != slots[index].begun:
-            reset(renderer, *slots[index].begun)
-        put(renderer, numbers_of(slots[index]))
-        show_goal(renderer.env.unwrapped, np.frombuffer(body[12:], dtype="<f4"))
-        whole = np.asarray(renderer.env.render())
-        if whole.ndim != 3 or whole.shape[2] != 3 or whole.dtype != np.uint8:
-            raise ValueError(f"an array of shape {whole.shape} of {whole.dtype} is no RGB picture")
-        # Each pixel is the mean of a square.
-        side = max(1, -(-whole.shape[1] // width), -(-whole.shape[0] // height))
-        side = min(side, *whole.shape[:2])
-        rows, columns = whole.shape[0] // side, whole.shape[1] // side
-        squares = whole[: rows * side, : columns * side].reshape(rows, side, columns, side, 3)
-        pixels = squares.mean(axis=(1, 3)).astype(np.uint8).tobytes()
-        return struct.pack("<II", columns, rows) + pixels
-    except Exception as error:  # Nothing else depends on a picture.
-        text = said(error)[-1000:]
+        show_goal(own.unwrapped, numbers(body)[2:])
+        whole = np.asarray(own.render())
+    except Exception as error:
+        text = said(error)
         if "GL" in text and "MUJOCO_GL" not in os.environ:
             text = f"MUJOCO_GL=egl or osmesa may help without a display; {text}"
-        return struct.pack("<II", 0, 0) + text.encode()
+        raise Unsupported(text) from error
+    if whole.ndim != 3 or whole.shape[2] != 3 or whole.dtype != np.uint8:
+        raise Unsupported(f"an array of shape {whole.shape} of {whole.dtype} is no RGB picture")
+    # Each pixel is the mean of a square.
+    side = max(1, -(-whole.shape[1] // width), -(-whole.shape[0] // height))
+    side = min(side, *whole.shape[:2])
+    rows, columns = whole.shape[0] // side, whole.shape[1] // side
+    squares = whole[: rows * side, : columns * side].reshape(rows, side, columns, side, 3)
+    return struct.pack("<I", columns) + squares.mean(axis=(1, 3)).astype(np.uint8).tobytes()
 
 
 def safe(text):
@@ -701,12 +468,10 @@ def why(error):
 
 def serve():
     handlers = {
-        OPEN: lambda body: json.dumps(open_environment(json.loads(body))).encode(),
+        OPEN: open_environment,
         MAKE: make_all,
         RESET: reset_one,
         STEP: step_all,
-        SAVE: lambda body: attempted(lambda: save_all(body)),
-        RESTORE: lambda body: attempted(lambda: restore_one(body)),
         REWARD: reward,
         PICTURE: picture,
     }
@@ -714,16 +479,16 @@ def serve():
         kind, length = struct.unpack("<II", header)
         body = stream.read(length)
         try:
-            reply = (OK, handlers[kind](body))
+            answer = handlers[kind](body)
+            is_text = isinstance(answer, bytes)
+            reply = OK, answer if is_text else np.asarray(answer, dtype="<f8").tobytes()
         except BaseException as error:  # Also what would end this process.
-            reply = (FAILED, why(error))
+            reply = FAILED, why(error)
         channel.sendall(struct.pack("<II", reply[0], len(reply[1])) + reply[1])
 
 
 slots = []
-renderer = None
-# Digests of what is no number, in the trial of this process.
-trial = {}
+renders = False
 begin()
 worker = os.getpid()
 try:

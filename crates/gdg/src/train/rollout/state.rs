@@ -136,7 +136,6 @@ impl Rollout {
         self.agents = state.agents;
         self.rng = state.rng;
         self.leaps = state.leaps;
-        self.restarted = false;
         self.pending = state.round.map(|round| {
             (self.before, self.actions) = (round.before, round.actions);
             Pending::Done(round.ended)
@@ -152,7 +151,6 @@ impl Rollout {
                 candidates.end_episode(i);
                 self.env.restart(i, &mut self.rng)?;
                 self.begin_episode(i);
-                self.restarted = true;
                 self.pending = None;
             }
         }
