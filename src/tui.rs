@@ -42,6 +42,7 @@ mod input;
 mod interface;
 mod job_control;
 mod keymap;
+mod layer;
 mod layers;
 mod layout;
 mod link;
@@ -49,17 +50,16 @@ mod lists;
 mod log;
 mod marker;
 mod measure;
-mod offer;
 mod output;
 mod panes;
 mod projection;
 mod raster;
-mod reading;
 mod record;
 mod render;
 mod runs;
 mod scene;
 mod screen;
+mod session;
 mod sheet;
 mod slice;
 mod style;
@@ -69,7 +69,6 @@ mod tests;
 mod text;
 mod theme;
 mod tool;
-mod tour;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -80,8 +79,9 @@ use miette::{IntoDiagnostic, Report, miette};
 use crate::host::report::ExplainedError;
 use crate::host::setup::{self, Setup};
 use crate::host::signals::TerminationSignal;
-use app::{App, Files};
-pub use compare::{ComparisonOptions, Contender, prepare as prepare_comparison, run as compare};
+use app::App;
+use compare::Comparison;
+pub use compare::{ComparisonOptions, Contender, Contestants, prepare as prepare_comparison};
 pub use config::{
     UiConfig, load as load_config, parse as parse_config, template as config_template,
 };
@@ -97,6 +97,7 @@ pub use marker::Marker;
 pub use measure::{MeasuredInterface, MeasuredScreen};
 use record::Recorder;
 pub use runs::{Next as NextAfterRuns, Opened, Opener, RunsScreen, Wish};
+use session::{Files, Session, files};
 
 /// How the interface is shown and recorded.
 pub struct InterfaceOptions {
@@ -183,26 +184,26 @@ pub fn run(
     let Setup { trainer, limits, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
     let search =
-        resumed.is_none().then(|| offer::search(trainer.world().title().to_owned()).ok()).flatten();
+        resumed.is_none().then(|| files::search(trainer.world().title().to_owned())).flatten();
     // What is to be saved elsewhere is not saved yet.
     let engine = Engine::resume(trainer, limits, resumed.filter(|_| save.is_none()), [])
         .into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let mut app = App::new(engine.link(), viewer, config, keymap.clone(), Files { save });
-    app.search = search;
-    app.screen.first_run = is_first_run();
+    let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), Files { save });
+    session.search = search;
+    session.screen.first_run = is_first_run();
     let file =
         named_map.filter(|file| file.to_str().is_none_or(|name| map::builtin(name).is_none()));
     let file = file.filter(|file| file.is_file()).map(Path::to_owned);
     // Writing to the disk must not delay the first frame.
     let remember = |file: PathBuf| {
         let thread = std::thread::Builder::new().name("recent maps".to_owned());
-        thread.spawn(move || app::remember_map(&file)).ok()
+        thread.spawn(move || files::remember_map(&file)).ok()
     };
     let remembering = file.and_then(remember);
-    notice.inspect(|notice| app.screen.notify(notice));
-    warnings.iter().for_each(|warning| app.screen.notify(warning));
-    let shown = stage.show(app, |app| app.close(engine, true));
+    notice.inspect(|notice| session.screen.notify(notice));
+    warnings.iter().for_each(|warning| session.screen.notify(warning));
+    let shown = stage.show(App::new(session), |app| app.close(vec![engine]));
     remembering.map(JoinHandle::join);
     shown
 }
@@ -217,8 +218,8 @@ fn is_first_run() -> bool {
 /// # Errors
 /// The run needs more memory than is left.
 pub fn prepare_tour(threads: Threads, registry: &Arc<Registry>) -> Result<Trainer, Report> {
-    let run = app::tour_run();
-    let maze = setup::open_maze(Path::new(app::TOUR_MAP), &Reading::default(), &run, registry)?;
+    let run = session::tour_run();
+    let maze = setup::open_maze(Path::new(session::TOUR_MAP), &Reading::default(), &run, registry)?;
     setup::begin(run, &maze, registry, threads)
 }
 
@@ -233,8 +234,26 @@ pub fn take_tour(
     let PreparedInterface { config, keymap, stage, .. } = interface;
     let engine = Engine::start(trainer, Limits::default()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let mut app = App::new(engine.link(), viewer, config, keymap.clone(), Files::default());
-    app.screen.first_run = is_first_run();
-    app.begin_tour();
-    stage.show(app, |app| app.close(engine, true))
+    let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), Files::default());
+    session.screen.first_run = is_first_run();
+    session.begin_tour();
+    stage.show(App::new(session), |app| app.close(vec![engine]))
+}
+
+/// Shows a comparison; returns the exit status, and what is said about files.
+///
+/// # Errors
+/// Errors of the terminal or of training.
+pub fn compare(
+    Contestants { both, warnings }: Contestants,
+    interface: &mut PreparedInterface,
+) -> Result<(u8, String), Report> {
+    let PreparedInterface { config, keymap, notice, stage, .. } = interface;
+    let (mut comparison, engines) = Comparison::start(both, config, keymap, Limits::default())?;
+    let notices: Vec<&str> =
+        notice.iter().copied().chain(warnings.iter().map(String::as_str)).collect();
+    if !notices.is_empty() {
+        comparison.notify(&notices.join("; "));
+    }
+    stage.show(App::of(comparison), |app| app.close(engines.into()))
 }

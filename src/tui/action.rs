@@ -1,207 +1,126 @@
-//! User actions. Keys, footer, help and command palette all come from this one table.
+//! User actions. Keys, footer, help, command palette and what an action does all come from one table.
 
 mod table;
 
+use super::compare::Comparison;
 use super::layers::Overlay;
 use super::panes::Pane;
+use super::session::Session;
 use super::tool::Tool;
 pub use table::SECTIONS;
 
 /// A user action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
-    /// Pause or resume training.
     TogglePause,
-    /// Run one update, then pause.
     StepUpdate,
-    /// Train until an episode ends, then pause.
     StepEpisode,
-    /// Fewer updates per second.
     Slower,
-    /// More updates per second.
     Faster,
-    /// Freeze the screen while training continues, or unfreeze it.
     Freeze,
-    /// Evaluate now.
     Evaluate,
-    /// Restart with another seed.
     NewSeed,
-    /// Change a setting.
     Settings,
-    /// Give the selected setting its default.
     ResetSetting,
-    /// Continue with another method.
     Method,
-    /// Continue with a preset's settings.
     Preset,
-    /// Set a random goal.
     NewGoal,
     /// Move the goal or the cursor by one cell, given as (columns to the right, rows down).
     Move(isize, isize),
-    /// Put the goal at the cursor.
     GoalHere,
-    /// Put the walking agent at the cursor, or else at the goal.
     StartHere,
-    /// Put the walking agent at a random place.
     NewStart,
-    /// Change what the walking agent does when it arrives.
     OnArrival,
-    /// Follow the next exploring agent.
     Follow,
     /// Colour the map by the next (`true`) or the previous field.
     Field(bool),
-    /// Show or hide an overlay.
     Toggle(Overlay),
-    /// Draw the map with other characters.
     Marker,
-    /// Zoom in.
     ZoomIn,
-    /// Zoom out.
     ZoomOut,
-    /// Show the whole map.
     ZoomOff,
-    /// Move the visible part of the map.
     Pan(isize, isize),
-    /// Show or hide a cursor that describes its cell.
     Inspect,
-    /// Go back in time, to an earlier picture of the film.
     Back,
-    /// Go forward in time, to a later picture or to the present.
     Forth,
-    /// Choose the next projection of an arm.
     Projection,
-    /// Show the chosen projection alone, or all of them.
     Alone,
-    /// Change the colours.
     Theme,
-    /// Select a pane.
     Show(Pane),
-    /// Select the next pane.
     NextPane,
-    /// Maximise the selected pane, or restore it.
     Maximise,
-    /// Scroll curves and log back or forward.
     Scroll(isize),
-    /// Switch curves between linear and logarithmic scales.
     LogScale,
-    /// Lay the curves of a saved run under those of this one, or take them away.
     LayUnder,
-    /// Open or close the map editor.
     ToggleEdit,
-    /// Select an editor tool.
     Tool(Tool),
-    /// Use the tool at the cursor.
     Apply,
-    /// Undo the latest edit.
     Undo,
-    /// Redo the edit undone last.
     Redo,
-    /// Write the map to a file.
     SaveMap,
-    /// Open another map.
     OpenMap,
-    /// Open a random map.
     RandomMap,
-    /// Create an empty map.
     NewMap,
-    /// Resize the map.
     ResizeMap,
-    /// Save a checkpoint.
     Save,
-    /// Save a checkpoint under a name.
     SaveAs,
-    /// Load a checkpoint.
     Load,
-    /// Resume the saved run that is offered.
     Resume,
-    /// Set the interval of automatic checkpoints.
     Autosave,
-    /// Export the map, the curves or the screen to a file.
     Export,
-    /// Export the film as an animation.
     ExportFilm,
-    /// Explain how to compare two methods.
     Compare,
-    /// Take the guided tour.
     Tour,
-    /// Go to the next step of the tour.
     NextTourStep,
-    /// End the tour.
     EndTour,
-    /// Find an action by name.
     Palette,
-    /// Show or hide the help.
     Help,
-    /// Search the help.
     SearchHelp,
-    /// Close the topmost dialog or mode.
     Close,
-    /// Draw the whole screen again.
     Redraw,
-    /// Stop the program until the shell resumes it.
     Suspend,
-    /// Quit.
     Quit,
-    /// Show the other side of a comparison, or both, larger.
     NextLarger,
     /// Show this side of a comparison larger, or both equally large.
     Larger(usize),
-    /// Draw a comparison's curves over another quantity.
     Axis,
-    /// Something with the runs of a list.
     List(ListAction),
 }
 
 /// What can be done with a list of runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ListAction {
-    /// Mark the selected run, or unmark it.
     Mark,
-    /// Type words that runs must have.
     Filter,
-    /// Sort by the next column.
     Sort,
-    /// Reverse the order.
     Reverse,
-    /// Draw curves of the next measure.
     Measure,
-    /// Draw curves over the next quantity.
     Axis,
-    /// Resume the selected run.
     Resume,
-    /// Show what two runs have learned side by side.
     Compare,
-    /// Write the curves to files.
     Plot,
-    /// Delete the files of runs.
     Delete,
 }
 
-/// The mode of the screen, which determines the active bindings.
+/// What the screen shows, which determines the active bindings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// Watching a run.
     Watching,
-    /// Editing its map.
     Editing,
-    /// Watching a run while a saved one is offered: the keys added to those of [`Self::Watching`].
+    /// While a saved run is offered: the keys added to those of [`Self::Watching`].
     Offered,
-    /// Taking the guided tour: the keys added to those of [`Self::Watching`].
+    /// During the tour: the keys added to those of [`Self::Watching`].
     Touring,
-    /// Comparing two runs.
     Comparing,
-    /// Editing the map of both.
     EditingBoth,
-    /// Choosing a setting from the list.
+    /// In the list of settings.
     Settings,
-    /// Reading the help.
     Help,
-    /// Looking at a list of runs.
+    /// In a list of runs.
     Listing,
 }
 
 impl Mode {
-    /// All modes.
     const ALL: [Self; 9] = [
         Self::Watching,
         Self::Editing,
@@ -213,78 +132,26 @@ impl Mode {
         Self::Help,
         Self::Listing,
     ];
-}
 
-impl Action {
-    /// Returns whether it is available in a list of runs.
-    fn applies_to_lists(self) -> bool {
-        use Action as A;
-        matches!(self, A::Move(0, _) | A::Help | A::Close | A::Redraw | A::Suspend | A::Quit)
-    }
-
-    /// Returns whether it is available in a comparison, for both sides.
-    fn applies_to_two(self) -> bool {
-        use Action as A;
-        matches!(
-            self,
-            A::TogglePause
-                | A::StepUpdate
-                | A::StepEpisode
-                | A::Freeze
-                | A::Evaluate
-                | A::NewGoal
-                | A::Move(..)
-                | A::NewStart
-                | A::StartHere
-                | A::GoalHere
-                | A::OnArrival
-                | A::Field(_)
-                | A::Toggle(_)
-                | A::Inspect
-                | A::ZoomIn
-                | A::ZoomOut
-                | A::ZoomOff
-                | A::Pan(..)
-                | A::Back
-                | A::Forth
-                | A::Marker
-                | A::ToggleEdit
-                | A::Tool(_)
-                | A::Apply
-                | A::Undo
-                | A::Redo
-                | A::SaveMap
-                | A::Export
-                | A::Palette
-                | A::Help
-                | A::Close
-                | A::Redraw
-                | A::Suspend
-                | A::Quit
-        )
-    }
+    /// The modes of comparisons.
+    pub const OF_COMPARISONS: [Self; 2] = [Self::Comparing, Self::EditingBoth];
 }
 
 /// When a binding's keys are active.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum When {
-    /// Always.
     Always,
     /// While the editor is open.
     Editing,
     /// While the editor is closed.
     Watching,
-    /// Only in comparisons.
     Comparing,
-    /// While a saved run is offered: these keys take precedence over those of [`Self::Watching`].
+    /// These keys take precedence over those of [`Self::Watching`].
     Offered,
-    /// During the tour: these keys take precedence over those of [`Self::Watching`].
+    /// So do these.
     Touring,
-    /// In the list of settings.
     Settings,
-    /// In the help.
     Help,
-    /// In a list of runs.
     Listing,
 }
 
@@ -302,14 +169,25 @@ impl When {
     }
 }
 
-/// One entry of the table.
+/// What an action does in a comparison.
+#[derive(Clone, Copy, Debug)]
+pub enum Both {
+    /// The same as in a single run, on each side.
+    Each,
+    /// The same as in a single run, on the side that holds the dialogs.
+    First,
+    /// Something of its own.
+    Own(fn(&mut Comparison, Action)),
+    /// Nothing, and why.
+    Refused(&'static str),
+}
+
+/// An action: its names, its keys, and what it does.
 #[derive(Debug)]
 pub struct Binding {
-    /// The action performed.
     pub action: Action,
     /// Its name in the configuration.
     pub name: &'static str,
-    /// When the keys are active.
     pub when: When,
     /// Default keys, which the configuration can replace.
     pub keys: &'static [&'static str],
@@ -319,25 +197,35 @@ pub struct Binding {
     pub long: &'static str,
     /// Other words that users may search for.
     pub words: &'static str,
+    /// What it does to a run.
+    pub run: fn(&mut Session, Action),
+    pub both: Both,
+    /// Whether it shows or changes something that the past does not have: it returns to the present.
+    pub is_about_present: bool,
+    /// Whether lists of runs have it as well.
+    pub is_in_lists: bool,
 }
 
 /// A group of bindings.
 #[derive(Debug)]
 pub struct Section {
-    /// The group's title.
     pub title: &'static str,
-    /// The bindings.
     pub bindings: &'static [Binding],
 }
 
-/// Returns all bindings.
 pub fn bindings() -> impl Iterator<Item = &'static Binding> {
     SECTIONS.iter().flat_map(|section| section.bindings)
+}
+
+/// Returns the row of an action, the first of several.
+pub fn binding_of(action: Action) -> Option<&'static Binding> {
+    bindings().find(|binding| binding.action == action)
 }
 
 impl Binding {
     /// Returns whether its keys are active in `mode`.
     pub fn is_active(&self, mode: Mode) -> bool {
+        let in_comparisons = !matches!(self.both, Both::Refused(_));
         match (mode, self.when) {
             (Mode::Watching, when) => matches!(when, When::Always | When::Watching),
             (Mode::Editing, when) => matches!(when, When::Always | When::Editing),
@@ -347,16 +235,12 @@ impl Binding {
             | (Mode::Settings, When::Settings)
             | (Mode::Help, When::Help)
             | (Mode::Listing, When::Listing) => true,
-            (Mode::Listing, When::Always) => self.action.applies_to_lists(),
-            (Mode::Comparing, when) => {
-                !matches!(when, When::Editing | When::Touring) && self.action.applies_to_two()
-            }
+            (Mode::Listing, When::Always) => self.is_in_lists,
+            (Mode::Comparing, When::Always | When::Watching) => in_comparisons,
             // Its other keys choose tools.
             (Mode::EditingBoth, When::Comparing) => !matches!(self.action, Action::Larger(_)),
-            (Mode::EditingBoth, when) => {
-                matches!(when, When::Always | When::Editing) && self.action.applies_to_two()
-            }
-            (Mode::Touring | Mode::Settings | Mode::Help | Mode::Listing, _) => false,
+            (Mode::EditingBoth, When::Always | When::Editing) => in_comparisons,
+            _ => false,
         }
     }
 

@@ -51,12 +51,10 @@ impl<T: Send + 'static> Background<T> {
         self.is_finished()
     }
 
-    /// Returns whether it is done.
     pub fn is_finished(&self) -> bool {
         self.thread.is_finished()
     }
 
-    /// Returns what it does.
     pub fn what(&self) -> &str {
         &self.what
     }

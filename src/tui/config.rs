@@ -20,13 +20,11 @@ use gdg::text::{Excerpt, sanitized, sanitized_lines, truncated};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct UiConfig {
-    /// Colours.
     pub theme: ThemeName,
     /// What the map is drawn with.
     pub marker: Marker,
     /// Minutes between automatic checkpoints; 0 for none.
     pub autosave_minutes: f64,
-    /// Keys by action name.
     keys: BTreeMap<String, toml::Spanned<Vec<String>>>,
 }
 
@@ -70,17 +68,14 @@ fn folders() -> Option<ProjectDirs> {
     ProjectDirs::from("", "", "gdg-tui")
 }
 
-/// Returns the default path of the configuration.
 pub fn default_path() -> Option<PathBuf> {
     folders().map(|dirs| dirs.config_dir().join("config.toml"))
 }
 
-/// Returns the path of the list of recently opened maps.
 pub fn recent_path() -> Option<PathBuf> {
     state_path("recent.json")
 }
 
-/// Returns the path of the file that exists once the interface has been used.
 pub fn used_path() -> Option<PathBuf> {
     state_path("used")
 }
@@ -156,7 +151,6 @@ fn error(
     Box::new(UiConfigError { location, problem, help, excerpt })
 }
 
-/// Returns a file with all settings at their defaults.
 pub fn template() -> String {
     let default = UiConfig::default();
     let names = |names: Vec<&str>| names.join(", ");

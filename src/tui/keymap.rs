@@ -18,9 +18,7 @@ pub struct Keymap {
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{binding}: {problem}")]
 pub struct KeymapError {
-    /// The binding's name.
     pub binding: String,
-    /// What is wrong.
     pub problem: String,
     /// What is expected instead.
     pub help: String,
@@ -113,7 +111,6 @@ impl Keymap {
     }
 }
 
-/// Returns the name of a pressed key.
 pub fn name_of(key: KeyEvent) -> String {
     display_name(normalised(KeyCombination::from(key)))
 }
@@ -170,7 +167,6 @@ fn normalised(key: KeyCombination) -> KeyCombination {
     KeyCombination::new(code, modifiers)
 }
 
-/// Shortens key names, using symbols for arrows.
 fn short_name(key: &str) -> String {
     let pairs = [
         ("Left", "\u{2190}"),

@@ -13,7 +13,6 @@ pub enum Overlay {
     Unexplored,
     /// Exploring agents, their trails, and their goals at the frontier.
     Agents,
-    /// Bridge candidates.
     Candidates,
     /// Edges of the bridge graph.
     Edges,
@@ -36,7 +35,6 @@ impl Overlay {
         Self::Path,
     ];
 
-    /// Returns the name shown on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Contours => "contours",
@@ -50,7 +48,6 @@ impl Overlay {
         }
     }
 
-    /// Returns whether it is empty for methods without bridges.
     pub fn needs_bridges(self) -> bool {
         matches!(self, Self::Candidates | Self::Edges | Self::Search | Self::Path)
     }

@@ -19,16 +19,13 @@ pub enum Click {
     Act(Action),
     /// Accepts the answer to the topmost dialog.
     Answer,
-    /// Closes the topmost dialog.
     Close,
 }
 
 /// Where things were drawn.
 #[derive(Clone, Debug, Default)]
 pub struct ScreenLayout {
-    /// The whole screen.
     pub screen: Rect,
-    /// The map.
     pub map: Option<MapFrame>,
     /// The contour interval in steps, if lines are drawn.
     pub contour_interval: Option<f32>,
@@ -44,13 +41,11 @@ pub struct ScreenLayout {
     pub map_pane: Rect,
     /// The minimap in the corner, if shown.
     pub minimap: Option<MapFrame>,
-    /// The topmost dialog.
     pub dialog: Rect,
     /// The rows of the topmost list, and the index of the first one shown.
     pub rows: (Rect, usize),
     /// The lines of the help shown.
     pub help_lines: Option<Range<usize>>,
-    /// The charts over updates.
     pub charts: Vec<ChartArea>,
     /// The box of the guided tour, and the step it belongs to.
     pub tour: Option<(usize, Rect)>,
@@ -60,12 +55,10 @@ pub struct ScreenLayout {
 }
 
 impl ScreenLayout {
-    /// Creates an empty record for a screen of this size.
     pub fn new(screen: Rect) -> Self {
         Self { screen, ..Self::default() }
     }
 
-    /// Removes all clickable areas.
     pub fn forget_clicks(&mut self) {
         self.clicks.clear();
         self.charts.clear();

@@ -23,12 +23,10 @@ impl Link {
         Self { engine, viewer, goal_requests: 0, rng }
     }
 
-    /// Returns the trainer's side.
     pub fn engine(&self) -> &EngineLink {
         &self.engine
     }
 
-    /// Returns the viewer's side.
     pub fn viewer(&self) -> &Viewer {
         &self.viewer
     }
@@ -44,17 +42,14 @@ impl Link {
         sent
     }
 
-    /// Sends a request to the viewer.
     pub fn request(&self, request: impl Into<Request>) {
         self.viewer.request(request);
     }
 
-    /// Returns the number of the latest goal request.
     pub fn goal_request(&self) -> u64 {
         self.goal_requests
     }
 
-    /// Returns the number of a new goal request.
     pub fn next_goal_request(&mut self) -> u64 {
         self.goal_requests += 1;
         self.goal_requests

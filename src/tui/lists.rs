@@ -6,7 +6,7 @@ use std::sync::Arc;
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
-use super::dialog::{Choice, Item, Picker};
+use super::dialog::{Choice, Item, ListKind, Picker};
 use crate::host::runs::resume_command;
 use crate::tui::action::{Action, Binding, Mode, When, bindings};
 use crate::tui::output::ExportKind;
@@ -129,10 +129,8 @@ pub fn presets(now: Preset) -> Picker {
 
 /// Lists the settings of `run` by group, with a mark where they differ from those of its preset.
 pub fn settings(screen: &Screen) -> Picker {
-    let mut picker =
-        Picker::new("change a setting (* differs from its default)", setting_items(screen));
-    picker.button = Some((Action::ResetSetting, "default"));
-    picker
+    let title = "change a setting (* differs from its default)";
+    Picker::new(title, setting_items(screen)).of(ListKind::Settings)
 }
 
 /// Describes the settings of the run shown.
@@ -192,7 +190,7 @@ pub fn quit_choices(snapshot: &Snapshot, is_map_edited: bool, file: &Path) -> Pi
         Item::new("quit without saving", lost, Choice::Quit { save: false }).on('n'),
         Item::new("cancel", "", Choice::Nothing).on('c'),
     ];
-    Picker::new("save before quitting?", items)
+    Picker::new("save before quitting?", items).of(ListKind::Quit)
 }
 
 /// Asks whether to load a checkpoint while training is unsaved.

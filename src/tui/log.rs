@@ -13,11 +13,9 @@ const FADE_DURATION: Duration = Duration::from_secs(2);
 /// A message to show.
 #[derive(Clone, Copy, Debug)]
 pub struct Notice<'a> {
-    /// The text.
     pub text: &'a str,
     /// Whether it is about to disappear.
     pub fades: bool,
-    /// Whether something went wrong.
     pub is_error: bool,
 }
 
@@ -34,7 +32,6 @@ pub struct Log {
 }
 
 impl Log {
-    /// Starts the log of a run, with its past entries.
     pub fn start_run(&mut self, past: &[LogEntry]) {
         if past.is_empty() {
             return;
@@ -69,14 +66,12 @@ impl Log {
         &self.entries
     }
 
-    /// Returns the current notice.
     pub fn notice(&self) -> Option<Notice<'_>> {
         let (since, text) = self.notice.as_ref()?;
         let fades = clock::now().duration_since(*since) > self.duration();
         Some(Notice { text, fades, is_error: self.is_error })
     }
 
-    /// Removes the notice and returns its text.
     pub fn take(&mut self) -> Option<String> {
         self.notice.take().map(|(_, text)| text)
     }
@@ -91,7 +86,6 @@ impl Log {
         self.notice.take_if(|(since, _)| *since < moment);
     }
 
-    /// Returns how long the notice is shown before it fades.
     fn duration(&self) -> Duration {
         if self.is_error { ERROR_DURATION } else { NOTICE_DURATION }
     }

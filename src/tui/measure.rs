@@ -10,13 +10,14 @@ use ratatui::layout::Rect;
 use ratatui::{Terminal, TerminalOptions, Viewport};
 use tokio::sync::watch;
 
-use super::app::{App, Files};
+use super::app::App;
 use super::config::UiConfig;
 use super::event_loop::{FrameTimer, INPUT_FRAME_INTERVAL};
 use super::graphics::patches::Patches;
 use super::graphics::{Graphics, Protocol, Redraw};
 use super::interface::Interface;
 use super::keymap::Keymap;
+use super::session::{Files, Session};
 use super::theme::{ColourDepth, Theme, ThemeName};
 use gdg::engine::{Command, Engine, Phase, Snapshot};
 use gdg::train::{Limits, TrainError, Trainer};
@@ -47,7 +48,6 @@ impl MeasuredScreen {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Characters, Self::Kitty, Self::Sixel];
 
-    /// Returns its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Characters => "characters",
@@ -68,7 +68,6 @@ impl MeasuredScreen {
 
 /// Measurements of a watched run.
 pub struct InterfaceMeasurement {
-    /// Updates per second.
     pub updates_per_second: f64,
     /// Time taken by each frame, in microseconds.
     pub frames_us: Vec<f64>,
@@ -89,15 +88,21 @@ impl MeasuredInterface {
         let viewer = Viewer::start(&engine)?;
         let keymap = Keymap::new(&BTreeMap::new()).map_err(std::io::Error::other)?;
         let config = UiConfig::default();
-        let mut app = App::new(engine.link(), viewer, &config, keymap, Files::default());
-        app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
+        let session = Session::new(engine.link(), viewer, &config, keymap, Files::default());
+        let mut app = App::new(session);
+        app.first_mut().screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
         let patches = screen.graphics().map(|graphics| (Patches::new(graphics.protocol), graphics));
         app.set_graphics(screen.graphics(), Redraw::All);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
         let terminal =
             Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
-        let mut measured =
-            Self { snapshots: app.snapshots(), views: app.views(), app, terminal, patches };
+        let mut measured = Self {
+            snapshots: app.first().snapshots(),
+            views: app.first().views(),
+            app,
+            terminal,
+            patches,
+        };
         measured.command(Command::Pause, &Phase::Paused);
         Ok(measured)
     }
@@ -110,15 +115,15 @@ impl MeasuredInterface {
         let mut frames_us = Vec::new();
         let mut timer = FrameTimer::default();
         self.command(Command::Resume, &Phase::Running);
-        let (began, before) = (Instant::now(), self.app.screen.snapshot.counters.updates);
+        let (began, before) = (Instant::now(), self.app.first().screen.snapshot.counters.updates);
         while began.elapsed() < time {
             std::thread::sleep(INPUT_FRAME_INTERVAL);
             if self.snapshots.has_changed().unwrap_or(false) {
-                self.app.on_snapshot(self.snapshots.borrow_and_update().clone());
+                self.app.first_mut().on_snapshot(self.snapshots.borrow_and_update().clone());
                 timer.changed = true;
             }
             if self.views.has_changed().unwrap_or(false) {
-                self.app.on_view(self.views.borrow_and_update().clone());
+                self.app.first_mut().on_view(self.views.borrow_and_update().clone());
                 timer.changed = true;
             }
             if timer.is_due() {
@@ -148,7 +153,7 @@ impl MeasuredInterface {
             }
         }
         self.command(Command::Pause, &Phase::Paused);
-        let updates = self.app.screen.snapshot.counters.updates - before;
+        let updates = self.app.first().screen.snapshot.counters.updates - before;
         Ok(InterfaceMeasurement {
             updates_per_second: updates as f64 / began.elapsed().as_secs_f64(),
             frames_us,
@@ -157,10 +162,10 @@ impl MeasuredInterface {
 
     /// Sends a command and waits until training is in phase `then`.
     fn command(&mut self, command: Command, then: &Phase) {
-        self.app.command(command);
+        self.app.first_mut().command(command);
         while self.snapshots.borrow_and_update().phase != *then {
             std::thread::sleep(Duration::from_millis(1));
         }
-        self.app.on_snapshot(self.snapshots.borrow().clone());
+        self.app.first_mut().on_snapshot(self.snapshots.borrow().clone());
     }
 }

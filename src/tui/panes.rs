@@ -8,11 +8,9 @@ pub enum Pane {
     Training,
     /// Success, coverage, losses and errors over time.
     Curves,
-    /// The followed agent.
     Walk,
     /// The legend of the map.
     Legend,
-    /// The log.
     Log,
 }
 
@@ -20,7 +18,6 @@ impl Pane {
     /// All panes, in the order of their keys.
     pub const ALL: [Self; 5] = [Self::Training, Self::Curves, Self::Walk, Self::Legend, Self::Log];
 
-    /// Returns the pane's name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Training => "train",
@@ -31,7 +28,6 @@ impl Pane {
         }
     }
 
-    /// Returns the next pane.
     #[must_use]
     pub fn next(self) -> Self {
         Self::ALL[(self as usize + 1) % Self::ALL.len()]

@@ -20,7 +20,6 @@ pub(super) mod footer;
 mod header;
 pub(super) mod help;
 mod hint;
-mod log;
 mod side;
 mod tour;
 mod training;
@@ -30,7 +29,6 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Color;
 use ratatui::widgets::Paragraph;
 
-use super::dialog::Dialog;
 use super::layout::ScreenLayout;
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
@@ -52,24 +50,12 @@ const LEAST_GAIN_BELOW: f32 = 1.25;
 const WIDE_SCREEN: u16 = 110;
 const VERY_WIDE_SCREEN: u16 = 160;
 
-/// Draws everything and returns where it is; `cache` keeps what the next frame can reuse.
-pub fn draw(frame: &mut Frame, screen: &Screen, scene: &Scene, cache: &mut Cache) -> ScreenLayout {
-    let mut layout = draw_panes(frame, screen, scene, cache);
-    if let Some(top) = screen.dialogs.last() {
-        // Panes below a dialog do not react to clicks.
-        layout.forget_clicks();
-        match top {
-            Dialog::Help(help) => help::draw(frame, screen, scene, help, &mut layout),
-            Dialog::Pick(picker) => {
-                dialog::draw_picker(frame, frame.area(), screen, picker, &mut layout);
-            }
-            Dialog::Ask(prompt) => {
-                dialog::draw_prompt(frame, frame.area(), screen, prompt, &mut layout);
-            }
-        }
-    }
-    finish_frame(frame, &screen.theme);
-    layout
+/// What is drawn on, what is drawn, and where it is.
+pub struct Page<'a, 'b> {
+    frame: &'a mut Frame<'b>,
+    screen: &'a Screen,
+    scene: &'a Scene,
+    layout: ScreenLayout,
 }
 
 /// Leaves out characters that act on a terminal, as names may contain some, and gives text without a
@@ -94,22 +80,24 @@ pub fn finish_frame(frame: &mut Frame, theme: &Theme) {
     }
 }
 
-/// Draws everything except dialogs.
+/// Draws everything but dialogs, and returns where it is; `cache` keeps what the next frame can
+/// reuse.
 pub fn draw_panes(
     frame: &mut Frame,
     screen: &Screen,
     scene: &Scene,
     cache: &mut Cache,
 ) -> ScreenLayout {
-    let mut layout = ScreenLayout::new(frame.area());
+    let whole = frame.area();
+    let mut page = Page { frame, screen, scene, layout: ScreenLayout::new(whole) };
     let [head, body, foot] =
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)])
-            .areas(frame.area());
-    header::draw(frame, head, screen, scene, &mut layout);
+            .areas(whole);
+    header::draw(&mut page, head);
     let panel = Panel::place(body, scene.proportions());
-    layout.lacks_panel = panel == Panel::Nowhere;
+    page.layout.lacks_panel = panel == Panel::Nowhere;
     if screen.maximised {
-        side::draw_maximised(frame, body, screen, scene, &mut layout);
+        side::draw_maximised(&mut page, body);
     } else {
         let [map_pane, side] = match panel {
             Panel::Beside(columns) => {
@@ -120,18 +108,18 @@ pub fn draw_panes(
             }
             Panel::Nowhere => [body, Rect::default()],
         };
-        layout.map_pane = map_pane;
+        page.layout.map_pane = map_pane;
         let [map, info] =
             Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
-        scene.draw(frame, [map, info], screen, &mut layout, cache);
-        hint::draw(frame, map, screen, scene, &mut layout);
-        tour::draw(frame, map, screen, scene, &mut layout);
+        scene.draw(page.frame, [map, info], screen, &mut page.layout, cache);
+        hint::draw(&mut page, map);
+        tour::draw(&mut page, map);
         if !side.is_empty() {
-            side::draw(frame, side, screen, scene, &mut layout);
+            side::draw(&mut page, side);
         }
     }
-    footer::draw(frame, foot, screen, scene, &mut layout);
-    layout
+    footer::draw(&mut page, foot);
+    page.layout
 }
 
 /// Where the panel with the panes goes.
@@ -141,7 +129,6 @@ enum Panel {
     Beside(u16),
     /// Below the map, with this many rows.
     Below(u16),
-    /// There is no room.
     Nowhere,
 }
 

@@ -4,20 +4,17 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::background::{self, Background};
 use super::busy::{Busy, Lasting};
 use super::clock;
 use super::config::{UiConfig, used_path};
-use super::dialog::Dialog;
+use super::dialog::{Dialog, ListKind, Picker};
 use super::graphics::{Graphics, Redraw};
 use super::keymap::Keymap;
 use super::layers::Overlays;
 use super::layout::ScreenLayout;
 use super::log::Log;
 use super::panes::Pane;
-use super::reading::Read;
 use super::theme::{ColourDepth, Theme};
-use super::tour::ShownStep;
 use crate::experiment::runs::SavedRun;
 use crate::tui::marker::Marker;
 use gdg::bridge::SearchOutcome;
@@ -34,17 +31,13 @@ const BANNER_DURATION: Duration = Duration::from_secs(10);
 
 /// Everything that the screen shows around the scene, and how it shows the scene.
 pub struct Screen {
-    /// Keys and their actions.
     pub keymap: Keymap,
-    /// Colours.
     pub theme: Theme,
-    /// The training state shown.
     pub snapshot: Arc<Snapshot>,
     /// The latest training state; a frozen screen shows an earlier one.
     pub latest: Arc<Snapshot>,
     /// The names of the run's settings that differ from those of its preset.
     pub changed_settings: HashSet<String>,
-    /// The log.
     pub log: Log,
     /// The field shown by the colours.
     pub field: Field,
@@ -56,7 +49,6 @@ pub struct Screen {
     pub graphics: Option<Graphics>,
     /// How much of the pictures is redrawn.
     pub redraw: Redraw,
-    /// The selected pane.
     pub pane: Pane,
     /// Whether that pane fills the screen.
     pub maximised: bool,
@@ -74,10 +66,6 @@ pub struct Screen {
     pub busy: Option<Busy>,
     /// For how long an evaluation has been running, if one is.
     pub evaluating: Option<Lasting>,
-    /// The map or checkpoints that are being read.
-    pub reading: Option<Background<Read>>,
-    /// How long to wait for them before the interface goes on.
-    pub reading_patience: Duration,
     /// Whether the map is drawn for a file, which has no keys.
     pub on_paper: bool,
     /// Whether the screen is frozen.
@@ -131,8 +119,6 @@ impl Screen {
             pausing: false,
             busy: None,
             evaluating: None,
-            reading: None,
-            reading_patience: background::PATIENCE,
             on_paper: false,
             frozen: false,
             least_farthest: 0.0,
@@ -168,7 +154,6 @@ impl Screen {
         self.explained.as_ref().or(self.snapshot.search.as_ref())
     }
 
-    /// Returns method, preset, seed and settings.
     pub fn run(&self) -> &Run {
         &self.snapshot.run
     }
@@ -188,9 +173,20 @@ impl Screen {
         self.log.add(text, self.latest.seconds, self.latest.updates(), true);
     }
 
-    /// Opens a dialog on top of the others.
     pub fn open(&mut self, dialog: impl Into<Dialog>) {
         self.dialogs.push(dialog.into());
+    }
+
+    pub fn list_of(&mut self, kind: ListKind) -> Option<&mut Picker> {
+        self.dialogs.iter_mut().find_map(|dialog| match dialog {
+            Dialog::Pick(picker) if picker.kind == kind => Some(picker),
+            _ => None,
+        })
+    }
+
+    /// Scrolls curves and log by pages: back if negative.
+    pub fn scroll(&mut self, pages: isize) {
+        self.scrolled = self.scrolled.saturating_add_signed(-pages);
     }
 
     /// Hides the hint that explains the screen, now and in later runs.
@@ -216,12 +212,10 @@ impl Screen {
         dropped
     }
 
-    /// Returns how many of the updates shown are not saved in any checkpoint.
     pub fn unsaved_updates(&self) -> u64 {
         self.snapshot.unsaved_updates()
     }
 
-    /// Returns a summary of the latest evaluation of the current method.
     pub fn success(&self) -> Option<Success> {
         self.snapshot.evaluation().map(|(updates, e)| e.success(self.snapshot.learned(*updates)))
     }
@@ -275,4 +269,28 @@ impl Screen {
             None => text,
         }
     }
+}
+
+/// A caption and its subject.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Caption {
+    /// Two or three short sentences.
+    pub text: String,
+    /// Positions that the box never covers; it points to the first.
+    pub subject: Vec<[f32; 2]>,
+    /// Signs drawn on the map.
+    pub marks: Vec<([f32; 2], char)>,
+    /// Whether its subject is currently visible.
+    pub seen: bool,
+}
+
+/// The step shown.
+#[derive(Clone, Debug)]
+pub struct ShownStep {
+    pub step: usize,
+    /// Its title, with its number.
+    pub title: String,
+    /// Whether the tour waits for the user's first click, which ends it.
+    pub is_last: bool,
+    pub caption: Caption,
 }

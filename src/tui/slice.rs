@@ -10,9 +10,7 @@ use gdg::viewer::goals::Slice;
 /// Two components of goals, and their pixels on the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShownSlice {
-    /// The pixels.
     pub frame: MapFrame,
-    /// What they show.
     pub slice: Slice,
 }
 

@@ -7,7 +7,6 @@ mod dialogs;
 mod drawing;
 mod editing;
 mod found;
-mod frozen;
 mod goals;
 mod mouse;
 mod past;
@@ -19,7 +18,6 @@ mod staged;
 mod table;
 mod tour;
 mod walls;
-mod words;
 
 use std::collections::BTreeMap;
 use std::ops::{Deref, DerefMut};
@@ -38,13 +36,16 @@ use ratatui::style::Color;
 use tokio::sync::watch;
 
 use super::action::{Action, Binding, Mode, bindings};
-use super::app::offer::offer;
-use super::app::{App, Files};
+use super::app::{App, Base};
 use super::config::UiConfig;
 use super::dialog::Dialog;
+use super::export::{ExportError, contents};
 use super::interface::Interface;
 use super::keymap::Keymap;
+use super::output::ExportKind;
 use super::scene::{ArmState, MazeState, Scene};
+use super::session::files::offer;
+use super::session::{Cx, Files, Session};
 use super::theme::{ColourDepth, Theme, ThemeName};
 use super::tool::Tool;
 use gdg::engine::{Command, Engine, EngineLink, Phase, Snapshot};
@@ -95,32 +96,48 @@ fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {
     let files = Files { save: save.map(SaveTo::CreateNew) };
     let engine = Engine::start(trainer, limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
-    let mut app = App::new(engine.link(), viewer, &UiConfig::default(), keymap(), files);
+    let mut app = app_with(engine.link(), viewer, files);
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
-    app.screen.reading_patience = Duration::from_secs(20);
+    app.reading_patience = Duration::from_secs(20);
     // Tests that fail while a run is saved leave nothing in the repository.
     app.saver.folder = std::env::temp_dir().join("gdg-tui-tests");
-    app.saver.start_run(&app.screen.snapshot);
+    let Session { saver, cx, .. } = &mut *app;
+    saver.start_run(&cx.screen.snapshot);
     app
 }
 
-impl App {
-    /// Returns the map of the latest snapshot.
+fn app_with(engine: EngineLink, viewer: Viewer, files: Files) -> App {
+    App::new(Session::new(engine, viewer, &UiConfig::default(), keymap(), files))
+}
+
+/// Tests of a single run look into it.
+impl Deref for App {
+    type Target = Session;
+
+    fn deref(&self) -> &Session {
+        self.first()
+    }
+}
+
+impl DerefMut for App {
+    fn deref_mut(&mut self) -> &mut Session {
+        self.first_mut()
+    }
+}
+
+impl Session {
     fn drawn_map(&self) -> &Grid {
         &self.screen.snapshot.scene.maze().expect("a maze").map
     }
 
-    /// Returns the maze that is shown.
     fn maze(&self) -> &MazeState {
         self.scene.maze().expect("a maze")
     }
 
-    /// Returns the maze that is shown, mutably.
     fn maze_mut(&mut self) -> &mut MazeState {
         self.scene.maze_mut().expect("a maze")
     }
 
-    /// Returns the arm that is shown.
     fn arm(&self) -> &ArmState {
         match &self.scene {
             Scene::Arm(arm) => arm,
@@ -130,10 +147,11 @@ impl App {
 
     /// Puts an arm's goal at `at`.
     fn set_arm_goal(&mut self, at: [f32; 3]) {
-        self.in_scene(|scene, screen, link| match scene {
+        let Cx { screen, scene, link, .. } = &mut self.cx;
+        match scene {
             Scene::Arm(arm) => arm.set_goal(at, screen, link),
             Scene::Maze(_) | Scene::Goals(_) => panic!("an arm"),
-        });
+        }
     }
 
     /// Puts the goal at `cell`, or at the free cell nearest to it.
@@ -141,9 +159,11 @@ impl App {
         self.in_maze(|maze, screen, link| maze.set_goal(cell, screen, link));
     }
 
-    /// Changes the map.
-    fn change_map(&mut self, map: Option<Arc<Grid>>) {
-        self.in_maze(|maze, screen, link| maze.change_map(map, screen, link));
+    fn change_cell(&mut self, cell: Cell, free: bool) {
+        self.in_maze(|maze, screen, link| {
+            let map = maze.map.with_cells([(cell, free)]).map(Arc::new);
+            maze.change_map(map, screen, link);
+        });
     }
 
     /// Shows the snapshot after `change`.
@@ -160,7 +180,6 @@ impl App {
         self.on_view(View::Maze(Arc::new(view)));
     }
 
-    /// Returns the frame of the film that is shown.
     fn shown_past(&self) -> Option<&FilmFrame> {
         match &self.scene {
             Scene::Maze(maze) => maze.past(),
@@ -211,7 +230,6 @@ impl Still {
         }
     }
 
-    /// Publishes a snapshot as a trainer does, and shows it.
     fn publish(&mut self, snapshot: Snapshot) {
         let snapshot = Arc::new(snapshot);
         self.snapshots.send_replace(snapshot.clone());
@@ -232,9 +250,9 @@ fn still_of(trainer: &Trainer) -> Still {
     let pulse = Pulse::default();
     let engine = EngineLink::new(sender, snapshots, pulse.clone());
     let viewer = Viewer::new(request, views);
-    let mut app = App::new(engine, viewer, &UiConfig::default(), keymap(), Files::default());
+    let mut app = app_with(engine, viewer, Files::default());
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
-    app.screen.reading_patience = Duration::from_secs(20);
+    app.reading_patience = Duration::from_secs(20);
     Still { app, commands, requests, snapshots: publish, _views: show, pulse }
 }
 
@@ -260,7 +278,11 @@ fn saved_run(folder: &Path, app: &App) -> Description {
     train::describe(&path).expect("a checkpoint")
 }
 
-/// Returns the method that uses the actor alone.
+fn export(kind: ExportKind, app: &mut App) -> Result<Vec<u8>, ExportError> {
+    let Cx { screen, scene, .. } = &mut app.cx;
+    contents(kind, screen, scene)
+}
+
 fn gdg() -> Method {
     "gdg".parse().expect("a method")
 }
@@ -348,12 +370,10 @@ pub(super) fn text(terminal: &Terminal<TestBackend>) -> String {
     rows.collect::<Vec<_>>().join("\n")
 }
 
-/// Returns what the screen says.
 pub(super) fn shown_by(app: &mut (impl Driven + ?Sized), width: u16, height: u16) -> String {
     text(&draw(app, width, height))
 }
 
-/// Returns the first place of a text on the screen.
 pub(super) fn place_of(shown: &str, text: &str) -> Position {
     let mut lines = shown.lines().enumerate();
     let found = lines.find_map(|(y, line)| Some((y, line.split_once(text)?.0)));
@@ -361,7 +381,6 @@ pub(super) fn place_of(shown: &str, text: &str) -> Position {
     Position::new(before.chars().count() as u16, y as u16)
 }
 
-/// Returns the message that is shown.
 fn notice(app: &App) -> String {
     app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default()
 }
@@ -374,14 +393,12 @@ fn press_with(app: &mut (impl Driven + ?Sized), code: KeyCode, modifiers: KeyMod
     app.event(&Event::Key(KeyEvent::new(code, modifiers)));
 }
 
-/// Replaces what is typed in a prompt.
 fn enter(app: &mut (impl Driven + ?Sized), text: &str) {
     press_with(app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(app, text);
     press(app, KeyCode::Enter);
 }
 
-/// Returns an app that does not train.
 fn stopped(map: Grid, method: Method, save: Option<PathBuf>) -> App {
     app_saving_to(map, method, Limits { updates: Some(0), ..Limits::default() }, save)
 }

@@ -6,7 +6,6 @@ use unicode_truncate::UnicodeTruncateStr;
 use super::style::{BOLD, DIM};
 use gdg::text::{display_width, fitted, grouped};
 
-/// Formats a name and a value.
 pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {
     Line::from(vec![Span::styled(format!(" {name:<10}"), DIM), Span::raw(value.to_string())])
 }
@@ -28,7 +27,6 @@ pub fn explain(line: &mut Line<'static>, meanings: &[(&str, &str)]) {
     }
 }
 
-/// Formats a heading within a pane.
 pub fn heading(text: &str) -> Line<'static> {
     Line::styled(format!(" {text}"), BOLD)
 }

@@ -3,12 +3,9 @@
 /// A drawing tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tool {
-    /// Draws walls.
     #[default]
     Pencil,
-    /// Draws floor.
     Eraser,
-    /// Draws a straight wall.
     Line,
     /// Draws walls around a rectangle.
     Rectangle,
@@ -32,7 +29,6 @@ impl Tool {
         Self::Goal,
     ];
 
-    /// Returns what the mouse buttons do with it.
     pub fn mouse(self) -> &'static str {
         match self {
             Self::Pencil => "drag: walls, right drag: floor",
@@ -55,7 +51,6 @@ impl Tool {
         }
     }
 
-    /// Returns the tool's name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pencil => "wall",

@@ -60,12 +60,19 @@ fn modules_depend_only_on_those_before_them() {
     }
 }
 
+/// The table of commands, whose rows name the functions that carry them out: those lie above what
+/// reads names and keys from the table.
+const COMMANDS: [&str; 2] = ["tui", "action"];
+
 /// Within a module, its parts, each with all that is inside it, form no circle either.
 #[test]
 fn parts_of_a_module_form_no_circle() {
     for (modules, _) in crates() {
         let mut parts: BTreeMap<Name, BTreeMap<String, BTreeSet<String>>> = BTreeMap::new();
         for (from, to) in modules.arrows().into_keys() {
+            if from.starts_with(&COMMANDS.map(str::to_owned)) {
+                continue;
+            }
             let common = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
             if common < from.len() && common < to.len() {
                 let uses = parts.entry(from[..common].to_vec()).or_default();

@@ -8,11 +8,12 @@ use ratatui::text::Span;
 use ratatui::widgets::Paragraph;
 
 use super::pace::Moment;
-use super::{Comparison, LETTERS, Side};
+use super::{Comparison, LETTERS};
 use crate::tui::action::Action;
 use crate::tui::layout::{ChartArea, Click, ScreenLayout};
 use crate::tui::render::chart::{self, Curve};
 use crate::tui::render::curves;
+use crate::tui::session::Session;
 use crate::tui::style::{BOLD, DIM};
 use crate::tui::theme::{ColourDepth, blend};
 use gdg::train::Evaluation;
@@ -22,24 +23,21 @@ const FAINT: f32 = 0.5;
 
 /// Returns the curves of a side: its success, and that of the actor alone if the method plans.
 fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
-    let Side { app, pace, .. } = &comparison.sides[own];
-    let (run, mono) = (app.screen.run(), app.screen.theme.depth == ColourDepth::Mono);
+    let screen = &comparison.sessions[own].screen;
+    let (run, mono) = (screen.run(), screen.theme.depth == ColourDepth::Mono);
     let points = |value: &dyn Fn(&Evaluation) -> Option<f64>| {
-        let evaluations = app.screen.snapshot.evaluations.iter();
-        let point = |(updates, e): &(u64, Evaluation)| {
-            Some((pace.at(*updates as f64).along(comparison.axis), value(e)?))
-        };
+        let evaluations = screen.snapshot.evaluations.iter();
+        let point =
+            |(updates, e): &(u64, Evaluation)| Some((comparison.along(own, *updates), value(e)?));
         evaluations.filter_map(point).collect()
     };
     // Without colours, other characters tell the sides apart: the second one is dotted.
     let marker = if mono && own == 1 { Marker::Custom('\u{2022}') } else { Marker::Braille };
-    let style = if mono { Style::new() } else { curves::colour(&app.screen.theme, own) };
+    let style = if mono { Style::new() } else { curves::colour(&screen.theme, own) };
     // Not every terminal draws colours faintly by itself.
-    let page = app.screen.theme.page.map_or((0, 0, 0), |(_, page)| page);
+    let page = screen.theme.page.map_or((0, 0, 0), |(_, page)| page);
     let fainter = match style.fg {
-        Some(Color::Rgb(r, g, b)) => {
-            style.fg(app.screen.theme.colour(blend((r, g, b), page, FAINT)))
-        }
+        Some(Color::Rgb(r, g, b)) => style.fg(screen.theme.colour(blend((r, g, b), page, FAINT))),
         _ => style,
     };
     let name = format!("{} {}", LETTERS[own], run.method.name());
@@ -60,11 +58,11 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
 
 /// Returns where the map was edited, which is the same map for both.
 fn edits(comparison: &Comparison, window: [f64; 2]) -> Vec<f64> {
-    let of = |side: &Side| {
-        let edits = side.app.screen.snapshot.edits.clone();
-        edits.iter().map(|at| side.pace.at(*at as f64).along(comparison.axis)).collect::<Vec<_>>()
+    let of = |own: usize| {
+        let edits = comparison.sessions[own].screen.snapshot.edits.iter();
+        edits.map(move |at| comparison.along(own, *at))
     };
-    let mut edits = comparison.sides.iter().flat_map(of).collect::<Vec<_>>();
+    let mut edits: Vec<f64> = (0..2).flat_map(of).collect();
     edits.sort_by(f64::total_cmp);
     curves::apart(edits.into_iter(), window)
 }
@@ -73,8 +71,8 @@ fn edits(comparison: &Comparison, window: [f64; 2]) -> Vec<f64> {
 /// lines mark the moments of the past that are shown.
 pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     let all: Vec<Curve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
-    let now = |side: &Side| Moment::from(&*side.app.screen.snapshot).along(comparison.axis);
-    let last = comparison.sides.iter().map(now).fold(1.0, f64::max);
+    let now = |session: &Session| Moment::from(&*session.screen.snapshot).along(comparison.axis);
+    let last = comparison.sessions.iter().map(now).fold(1.0, f64::max);
     let edits = edits(comparison, [0.0, last]);
     let edited = Span::styled(format!("  {} {}", curves::MARK, curves::EDITED), DIM);
     let names = all.iter().map(|curve| {
@@ -95,7 +93,7 @@ pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut
     let (faint, strong): (Vec<&Curve>, Vec<&Curve>) =
         all.iter().partition(|curve| curve.style.add_modifier.contains(Modifier::DIM));
     let lines = faint.into_iter().chain(strong).map(Curve::line);
-    let past = comparison.sides.each_ref().map(|side| comparison.past_at(side));
+    let past = [0, 1].map(|side| comparison.past_at(side));
     let moments: Vec<_> = past.into_iter().flatten().map(|at| [(at, 0.0), (at, 1.0)]).collect();
     let edits: Vec<_> = edits.into_iter().map(|at| [(at, 0.0), (at, 1.0)]).collect();
     let upright = |style, points| chart::Line { style, marker: Marker::Braille, points };

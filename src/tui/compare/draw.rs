@@ -18,17 +18,16 @@ use ratatui::text::Span;
 use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::facts::{Fact, column, facts, text};
-use super::{Comparison, Side, curves, meaning};
+use super::{Comparison, Side, curves};
 use crate::tui::action::{Action, Mode};
-use crate::tui::app::App;
-use crate::tui::dialog::Dialog;
-use crate::tui::interface::Interface;
+use crate::tui::layer::draw_dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::raster::{MapFrame, Viewport};
-use crate::tui::render::{dialog, finish_frame, footer, help, too_small};
+use crate::tui::render::{finish_frame, footer, too_small};
 use crate::tui::scene::Cache;
 use crate::tui::scene::maze::{info, map, minimap};
+use crate::tui::session::{Cx, Session};
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::fitted_lines;
 use gdg::engine::Phase;
@@ -49,7 +48,6 @@ const LARGER: (u16, u16) = (2, 1);
 
 /// Where everything is.
 pub struct Parts {
-    /// What can be clicked.
     pub layout: ScreenLayout,
     /// Both maps, with facts and titles.
     pub maps: Rect,
@@ -59,34 +57,20 @@ pub struct Parts {
 
 /// Draws everything; returns what can be clicked.
 pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
-    let mut caches = comparison.sides.each_mut().map(|side| std::mem::take(&mut side.cache));
+    let mut caches = comparison.sessions.each_mut().map(|own| std::mem::take(&mut own.cache));
     let Parts { layout, sides, .. } = draw_parts(frame, comparison, caches.each_mut());
-    for (side, cache) in comparison.sides.iter_mut().zip(caches) {
-        side.cache = cache;
+    for (session, cache) in comparison.sessions.iter_mut().zip(caches) {
+        session.cache = cache;
     }
     let Some(mut drawn) = sides else { return layout };
-    let App { screen, scene, .. } = &comparison.sides[0].app;
-    let whole = frame.area();
-    match screen.dialogs.last() {
-        Some(Dialog::Help(help)) => {
-            let about = comparison.sides.each_ref().map(|side| (&*side.title, side.about.as_ref()));
-            let introduction = meaning::introduction(about);
-            help::draw_for_comparisons(frame, screen, scene, (help, &introduction), &mut drawn[0]);
-        }
-        Some(Dialog::Pick(list)) => {
-            dialog::draw_picker(frame, whole, screen, list, &mut drawn[0]);
-        }
-        Some(Dialog::Ask(prompt)) => {
-            dialog::draw_prompt(frame, whole, screen, prompt, &mut drawn[0]);
-        }
-        None => {}
-    }
+    let Cx { screen, scene, .. } = &comparison.sessions[0].cx;
+    draw_dialog(frame, screen, scene, &mut drawn[0]);
     finish_frame(frame, &screen.theme);
     // The same lines on both sides, from the next frame on.
     let interval = drawn.iter().filter_map(|side| side.own_contour_interval).fold(0.0, f32::max);
-    for (side, drawn) in comparison.sides.iter_mut().zip(drawn) {
-        side.app.screen.least_contour_interval = interval;
-        side.app.drawn(drawn);
+    for (session, drawn) in comparison.sessions.iter_mut().zip(drawn) {
+        session.screen.least_contour_interval = interval;
+        session.drawn(drawn);
     }
     layout
 }
@@ -121,7 +105,7 @@ pub fn draw_parts(frame: &mut Frame, comparison: &Comparison, caches: [&mut Cach
     let areas = [left, right];
     let facts = [0, 1].map(|own| {
         let (arrived, races) = comparison.race.results(own);
-        facts(&comparison.sides[own], arrived, races)
+        facts(&comparison.sessions[own], arrived, races)
     });
     let texts = [0, 1].map(|own| text(&facts[own], areas[own].width));
     let most = texts.iter().map(Vec::len).max().unwrap_or(0);
@@ -130,16 +114,15 @@ pub fn draw_parts(frame: &mut Frame, comparison: &Comparison, caches: [&mut Cach
     for (own, cache) in caches.into_iter().enumerate() {
         let title = Rect { height: 1, ..areas[own] };
         layout.add(title, Click::Act(Action::Larger(own)));
-        let side = &comparison.sides[own];
-        draw_title(frame, title, side);
+        draw_title(frame, title, comparison, own);
         let rest = Rect { y: title.y + 1, height: areas[own].height - 1, ..areas[own] };
         let [about, rest] =
             Layout::vertical([Constraint::Length(u16::from(explains)), Constraint::Min(0)])
                 .areas(rest);
-        draw_about(frame, about, side);
+        draw_about(frame, about, &comparison.sides[own]);
         let rows = if comparison.larger.is_none() { most } else { texts[own].len() };
         let shown = (&*facts[own], rows as u16);
-        draw_side(frame, rest, side, shown, cache, &mut drawn[own]);
+        draw_side(frame, rest, &comparison.sessions[own], shown, cache, &mut drawn[own]);
     }
     curves::draw(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
@@ -147,21 +130,20 @@ pub fn draw_parts(frame: &mut Frame, comparison: &Comparison, caches: [&mut Cach
 }
 
 fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
-    let side = training_side(comparison);
-    let screen = &side.app.screen;
+    let Cx { screen, scene, .. } = &training_side(comparison).cx;
     let mut bar = ClickableLine::default();
     let act = |action| Some(Click::Act(action));
     bar.push(Span::styled(" gdg-tui compare ", BOLD.patch(REVERSED)), act(Action::Help));
-    bar.push(Span::styled(format!(" {} ", side.maze().map.name()), BOLD), None);
+    bar.push(Span::styled(format!(" {} ", comparison.maze(0).map.name()), BOLD), None);
     // Saved runs may have others, which their titles give.
-    let [a, b] = comparison.sides.each_ref().map(|side| side.app.screen.run().seed);
+    let [a, b] = comparison.sessions.each_ref().map(|session| session.screen.run().seed);
     if a == b {
         bar.push(Span::raw(format!("seed {a} ")), None);
     }
     let phase = if matches!(screen.snapshot.phase, Phase::Failed(_)) {
         "stopped".to_owned()
     } else {
-        side.app.scene.phase(screen)
+        scene.phase(screen)
     };
     bar.push(Span::styled(format!(" {phase} "), BOLD), act(Action::TogglePause));
     let more = if comparison.is_past() {
@@ -182,21 +164,21 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
 }
 
 /// Returns the side that shows whether training runs: one that trains, if any does.
-fn training_side(comparison: &Comparison) -> &Side {
-    let [a, b] = comparison.sides.each_ref();
-    if b.app.is_training() && !a.app.is_training() { b } else { a }
+fn training_side(comparison: &Comparison) -> &Session {
+    let [a, b] = &comparison.sessions;
+    if b.is_training() && !a.is_training() { b } else { a }
 }
 
 /// Draws the title of a side: what it is, and whether it has stopped or shows its past.
-fn draw_title(frame: &mut Frame, area: Rect, side: &Side) {
-    let Side { app, title, .. } = side;
-    let screen = &app.screen;
+fn draw_title(frame: &mut Frame, area: Rect, comparison: &Comparison, own: usize) {
+    let (title, screen) = (&comparison.sides[own].title, &comparison.sessions[own].screen);
+    let shown = grouped(comparison.shown_updates(own));
     let state = match (&screen.snapshot.phase, &screen.past) {
         (Phase::Failed(error), _) => format!("stopped: {error} "),
         (_, Some(past)) if screen.snapshot.is_edited_since(past.updates) => {
-            format!("at update {}, walls of today ", grouped(side.shown_updates()))
+            format!("at update {shown}, walls of today ")
         }
-        (_, Some(_)) => format!("at update {} ", grouped(side.shown_updates())),
+        (_, Some(_)) => format!("at update {shown} "),
         (Phase::Paused, _) => "paused ".to_owned(),
         _ => String::new(),
     };
@@ -218,12 +200,12 @@ fn draw_about(frame: &mut Frame, area: Rect, side: &Side) {
 fn draw_side(
     frame: &mut Frame,
     area: Rect,
-    side: &Side,
+    session: &Session,
     (facts, rows): (&[Fact], u16),
     cache: &mut Cache,
     layout: &mut ScreenLayout,
 ) {
-    let App { screen, scene, .. } = &side.app;
+    let Cx { screen, scene, .. } = &session.cx;
     let [inner, meaning] =
         Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(area);
     let beside =
@@ -250,14 +232,14 @@ fn draw_side(
 /// Draws a notice, or the available actions and their keys. The tools of the editor stay visible,
 /// so notices are in the first row then.
 fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
-    let App { screen, scene, .. } = &training_side(comparison).app;
+    let Cx { screen, scene, .. } = &training_side(comparison).cx;
     let (notice, is_editing) = (comparison.notice(), comparison.is_editing());
     if let Some((text, notice)) = &notice {
         let at = if is_editing { Rect { y: 0, ..area } } else { area };
         footer::draw_notice(frame, at, &screen.theme, Notice { text, ..*notice });
     }
     if is_editing {
-        let editor = &comparison.sides[comparison.editor_at].maze().editor;
+        let editor = &comparison.maze(comparison.editor_at).editor;
         footer::editing(screen, editor, area.width).draw(frame, area, layout);
     } else if notice.is_none() {
         footer::keys(screen, scene, Mode::Comparing, area.width, false).draw(frame, area, layout);

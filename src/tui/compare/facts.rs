@@ -3,7 +3,8 @@
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-use super::Side;
+use super::maze_of;
+use crate::tui::session::Session;
 use crate::tui::style::{BOLD, DIM};
 use crate::tui::text::short;
 
@@ -24,7 +25,6 @@ const FIRST: [&str; 2] = ["success", "D error"];
 /// How a fact follows the others in text.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
-    /// On its own.
     Own,
     /// In brackets, as it explains the fact before it.
     Aside,
@@ -40,8 +40,8 @@ impl Fact {
 
 /// Returns the facts about a side, the most important first; its agent has finished
 /// `arrived` of `races` races at the goal.
-pub fn facts(side: &Side, arrived: u32, races: u32) -> Vec<Fact> {
-    let (snapshot, walk) = (&side.app.screen.snapshot, &side.maze().view.walk);
+pub fn facts(session: &Session, arrived: u32, races: u32) -> Vec<Fact> {
+    let (snapshot, walk) = (&session.screen.snapshot, &maze_of(session).view.walk);
     let mut facts = vec![
         Fact::new("steps", short(snapshot.counters.env_steps as f64)),
         Fact::new("updates", short(snapshot.counters.updates as f64)),
@@ -50,14 +50,14 @@ pub fn facts(side: &Side, arrived: u32, races: u32) -> Vec<Fact> {
             ..Fact::new("rate", format!("{}/s", short(snapshot.rates.0)))
         },
     ];
-    let success = side.app.screen.success();
+    let success = session.screen.success();
     let rate = |rate: f64| format!("{rate:.2}");
     let value = success
         .map_or("-".to_owned(), |s| s.planned.or(s.greedy).map_or("no tasks".to_owned(), rate));
     facts.push(Fact { style: BOLD, ..Fact::new("success", value) });
     let unknown = || "-".to_owned();
     // Unknown values are shown too, so that what follows does not move.
-    if side.app.screen.run().method.plans() {
+    if session.screen.run().method.plans() {
         let greedy = success.and_then(|s| s.greedy).map_or_else(unknown, rate);
         facts.push(Fact { place: Place::Aside, ..Fact::new("greedy", greedy) });
     }
@@ -83,7 +83,6 @@ pub fn facts(side: &Side, arrived: u32, races: u32) -> Vec<Fact> {
     facts
 }
 
-/// Returns the facts below each other.
 pub fn column(facts: &[Fact]) -> Vec<Line<'static>> {
     let line = |fact: &Fact| {
         let name = format!(" {:<NAME_WIDTH$}", fact.name);

@@ -10,16 +10,13 @@ const MAX_MOMENTS: usize = 4096;
 /// Progress at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moment {
-    /// Updates done.
     pub updates: f64,
-    /// Environment steps taken.
     pub env_steps: f64,
     /// Training time, in seconds.
     pub seconds: f64,
 }
 
 impl Moment {
-    /// Returns where it is along an axis.
     pub fn along(self, axis: Axis) -> f64 {
         match axis {
             Axis::Updates => self.updates,
@@ -45,7 +42,6 @@ impl From<&Snapshot> for Moment {
 pub struct Pace(Vec<Moment>);
 
 impl Pace {
-    /// Returns the moments that the history of a saved run knows.
     pub fn of(history: &History) -> Self {
         let mut pace = Self::default();
         for made in history.evaluations().iter().filter_map(|(at, _)| history.moment(*at)) {
@@ -58,7 +54,6 @@ impl Pace {
         pace
     }
 
-    /// Adds the moment of a snapshot.
     pub fn add(&mut self, snapshot: &Snapshot) {
         self.add_moment(snapshot.into());
     }

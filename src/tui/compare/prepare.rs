@@ -15,7 +15,7 @@ use gdg::learn::Threads;
 use gdg::map::{Grid, Reading};
 use gdg::pulse::Progress;
 use gdg::text::sanitized;
-use gdg::train::{self, Method, Overrides, Registry, Run, Trainer, settings_from};
+use gdg::train::{self, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
 /// The map of two methods, unless another one is given.
 const DEFAULT_MAP: &str = "fourrooms";
@@ -25,7 +25,6 @@ const DEFAULT_MAP: &str = "fourrooms";
 pub enum Contender {
     /// A method, which begins a run.
     Method(Method),
-    /// A saved run.
     Checkpoint(PathBuf),
 }
 
@@ -44,36 +43,29 @@ pub struct ComparisonOptions {
     pub set: Vec<String>,
     /// Threads per side; otherwise half of the cores.
     pub threads: Threads,
-    /// The recording to write.
     pub recording: Option<PathBuf>,
 }
 
 /// A run that takes part in a comparison.
 pub struct Contestant {
-    /// The run.
     pub trainer: Trainer,
     /// Letter, method, preset, and settings of this side alone; of a saved run, file and seed.
     pub title: String,
-    /// Whether it begins paused.
     pub is_paused: bool,
 }
 
 /// Both runs.
 pub struct Contestants {
-    /// From left to right.
     pub both: [Contestant; 2],
     /// Warnings about checkpoints, and about the map.
     pub warnings: Vec<String>,
 }
 
-/// A side before it is prepared.
+/// A side before it is prepared: a method, or a saved run with its map.
 enum Side<'a> {
     Method(&'a Method),
-    Saved(&'a Path, Box<Trainer>),
+    Saved(&'a Path, Box<Trainer>, Arc<Grid>),
 }
-
-/// Where methods begin: on a map, with a seed.
-type Beginning = (Arc<Grid>, u64);
 
 /// Prepares both runs: same map, same seed, each as the trainer would prepare it; or loads them.
 /// Says how far it is to `progress`.
@@ -87,22 +79,30 @@ pub fn prepare(
     progress: &Progress,
 ) -> Result<Contestants, Report> {
     check(options)?;
-    let mut done = 0..;
-    let [a, b] = options.contenders.each_ref().map(|contender| {
-        progress.begin(done.next().unwrap_or_default(), LETTERS.len());
-        Side::load(contender, options, registry)
-    });
-    let sides = [a?, b?];
-    let [a, b] = sides.each_ref().map(Side::beginning);
-    let (a, b) = (a?, b?);
-    if let (Some((a, _)), Some((b, _))) = (&a, &b) {
+    let load = |own: usize| {
+        progress.begin(own, LETTERS.len());
+        load(&options.contenders[own], options, registry)
+    };
+    let sides = [load(0)?, load(1)?];
+    if let [Side::Saved(.., a), Side::Saved(.., b)] = &sides {
         check_same(a, b)?;
     }
-    let beginning = a.or(b);
+    let beginning = sides.iter().find_map(|side| match side {
+        Side::Method(_) => None,
+        Side::Saved(_, trainer, map) => Some((map.clone(), trainer.run().seed)),
+    });
     let [a, b] = sides;
-    let [a, b] = [(a, LETTERS[0]), (b, LETTERS[1])]
-        .map(|(side, letter)| side.prepare(letter, beginning.as_ref(), options, registry));
-    let both = [a?, b?];
+    let begin = |side, letter: char| match side {
+        Side::Method(method) => begin(method, letter, beginning.as_ref(), options, registry),
+        Side::Saved(path, trainer, _) => {
+            let (run, file) = (trainer.run(), path.file_name().unwrap_or_default());
+            let (file, method) = (sanitized(&file.to_string_lossy()), run.method.name());
+            let title =
+                format!("{letter} {file}: {method} {} seed {}", run.preset.name(), run.seed);
+            Ok(Contestant { trainer: *trainer, title, is_paused: true })
+        }
+    };
+    let both = [begin(a, LETTERS[0])?, begin(b, LETTERS[1])?];
     let maze = PointMaze::downcast_ref(both[0].trainer.world());
     let warnings = maze.map_or_else(Vec::new, |maze| maps::warnings(maze.map()));
     Ok(Contestants { both, warnings })
@@ -146,13 +146,11 @@ fn check(options: &ComparisonOptions) -> Result<(), Report> {
     Ok(())
 }
 
-/// Reports a saved run of a world without a map.
 fn without_map(path: &Path) -> Report {
     let help = "gdg-tui plot draws curves of runs in every world";
     miette!(help = help, "{}: is of a world without a map", path.display())
 }
 
-/// Checks that two saved runs are on the same map.
 fn check_same(a: &Grid, b: &Grid) -> Result<(), Report> {
     if (a.width(), a.free()) == (b.width(), b.free()) {
         return Ok(());
@@ -172,57 +170,33 @@ impl Contender {
     }
 }
 
-impl<'a> Side<'a> {
-    /// Loads a saved run, unless its world has no map, which may take long to open.
-    fn load(
-        contender: &'a Contender,
-        options: &ComparisonOptions,
-        registry: &Arc<Registry>,
-    ) -> Result<Self, Report> {
-        let path = match contender {
-            Contender::Method(method) => return Ok(Self::Method(method)),
-            Contender::Checkpoint(path) => path,
-        };
-        // A file that cannot be read gets an error of its own.
-        if train::describe(path).is_ok_and(|found| found.world != maze::KIND.name) {
-            return Err(without_map(path));
-        }
-        let threads = options.threads.share(LETTERS.len());
-        let trainer = train::load(path, registry, threads).map_err(from_checkpoint_error)?;
-        Ok(Self::Saved(path, Box::new(trainer)))
+/// Loads a contender, unless its world has no map, which may take long to open.
+fn load<'a>(
+    contender: &'a Contender,
+    options: &ComparisonOptions,
+    registry: &Arc<Registry>,
+) -> Result<Side<'a>, Report> {
+    let path = match contender {
+        Contender::Method(method) => return Ok(Side::Method(method)),
+        Contender::Checkpoint(path) => path,
+    };
+    // A file that cannot be read gets an error of its own.
+    if train::describe(path).is_ok_and(|found| found.world != maze::KIND.name) {
+        return Err(without_map(path));
     }
-
-    /// Returns the map and the seed of a saved run.
-    fn beginning(&self) -> Result<Option<Beginning>, Report> {
-        let Self::Saved(path, trainer) = self else { return Ok(None) };
-        let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| without_map(path))?;
-        Ok(Some((maze.map().clone(), trainer.run().seed)))
-    }
-
-    fn prepare(
-        self,
-        letter: char,
-        beginning: Option<&Beginning>,
-        options: &ComparisonOptions,
-        registry: &Arc<Registry>,
-    ) -> Result<Contestant, Report> {
-        match self {
-            Self::Method(method) => contestant(method, letter, beginning, options, registry),
-            Self::Saved(path, trainer) => {
-                let (run, file) = (trainer.run(), path.file_name().unwrap_or_default());
-                let (file, method) = (sanitized(&file.to_string_lossy()), run.method.name());
-                let title =
-                    format!("{letter} {file}: {method} {} seed {}", run.preset.name(), run.seed);
-                Ok(Contestant { trainer: *trainer, title, is_paused: true })
-            }
-        }
-    }
+    let threads = options.threads.share(LETTERS.len());
+    let trainer = train::load(path, registry, threads).map_err(from_checkpoint_error)?;
+    let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| without_map(path))?;
+    let map = maze.map().clone();
+    Ok(Side::Saved(path, Box::new(trainer), map))
 }
 
-fn contestant(
+/// Begins a run of a method: on the map and with the seed of the run beside it, if that is a saved
+/// one.
+fn begin(
     method: &Method,
     letter: char,
-    beginning: Option<&Beginning>,
+    beside: Option<&(Arc<Grid>, u64)>,
     options: &ComparisonOptions,
     registry: &Arc<Registry>,
 ) -> Result<Contestant, Report> {
@@ -231,20 +205,68 @@ fn contestant(
     let set = setup::settings_of(&side, &options.set);
     let settings = settings_from(preset, &Overrides { set: &set, ..Overrides::default() })
         .map_err(from_config_error)?;
-    let seed = options.seed.or(beginning.map(|(_, seed)| *seed)).unwrap_or(0);
+    let seed = options.seed.or(beside.map(|(_, seed)| *seed)).unwrap_or(0);
     let run = Run { method: method.clone(), preset, seed, settings };
-    let maze = if let Some((map, _)) = beginning {
+    let maze = if let Some((map, _)) = beside {
         setup::maze_on(map.clone(), map.name(), &run)?
     } else {
         let map = options.map.as_deref().unwrap_or(Path::new(DEFAULT_MAP));
         setup::open_maze(map, &options.reading, &run, registry)?
     };
-    let threads = options.threads.share(LETTERS.len());
     let own = options.set.iter().filter_map(|setting| match setup::split_prefix(setting) {
         (Some(prefix), setting) if prefix == side => Some(format!(" {setting}")),
         _ => None,
     });
     let title = format!("{side} {} {}{}", method.name(), preset.name(), own.collect::<String>());
-    let trainer = setup::begin(run, &maze, registry, threads)?;
+    let trainer = setup::begin(run, &maze, registry, options.threads.share(LETTERS.len()))?;
     Ok(Contestant { trainer, title, is_paused: false })
+}
+
+/// Texts about a side, the longer one first.
+pub type Texts = [String; 2];
+
+/// Explains a run's colours and its preset, as far as they are not those of the default method.
+pub fn texts(run: &Run, registry: &Registry) -> Option<Texts> {
+    let parts: Vec<[&str; 2]> =
+        [colours(run, registry), preset(run.preset)].into_iter().flatten().collect();
+    let joined = |i: usize| parts.iter().map(|part| part[i]).collect::<Vec<_>>().join("; ");
+    (!parts.is_empty()).then(|| [joined(0), joined(1)])
+}
+
+/// What the help of a comparison begins with.
+const INTRODUCTION: &str = "Two methods, A and B, train on the same map with the same seed. \
+     Colours show the distance D that each has learned; @ walks to G with what it has learned so \
+     far, in both from the same start. Click on either map to set the goal of both. The editor \
+     draws walls and closes doors on both. Nothing is saved but pictures and maps; gdg-tui compare \
+     --record FILE records the screen.";
+
+/// Returns the text that begins the help, given the sides' titles and what is to be explained.
+pub fn introduction(sides: [(&str, Option<&Texts>); 2]) -> String {
+    let about = sides.into_iter().filter_map(|(title, texts)| {
+        let [long, _] = texts?;
+        Some(format!(" {title}: {long}."))
+    });
+    INTRODUCTION.to_owned() + &about.collect::<String>()
+}
+
+fn colours(run: &Run, registry: &Registry) -> Option<[&'static str; 2]> {
+    match &*run.method.learner {
+        "random" => Some(["D of networks that do not learn", "D of untrained networks"]),
+        "gdg-distance" => Some(["D is given: the straight line to G", "D: the straight line"]),
+        name if registry.learner(name).is_ok_and(|kind| kind.is_rewarded) => {
+            Some(["it has no D: colours show the steps that its Q stands for", "D: steps by its Q"])
+        }
+        _ => None,
+    }
+}
+
+fn preset(preset: Preset) -> Option<[&'static str; 2]> {
+    match preset {
+        Preset::Default => None,
+        Preset::Paper => Some(["paper: exactly as published", "paper: as published"]),
+        Preset::Tuned => {
+            Some(["tuned: the settings with which it does best here", "tuned: best here"])
+        }
+        Preset::Sb3 => Some(["sb3: the defaults of Stable-Baselines3", "sb3: its defaults"]),
+    }
 }

@@ -19,8 +19,9 @@ const MIN_STEPS: u32 = 60;
 /// The current race and the results so far.
 pub struct Race {
     map: Arc<Grid>,
-    start: Cell,
-    goal: Cell,
+    /// Start and goal of the current race.
+    pub start: Cell,
+    pub goal: Cell,
     /// What to do once both have arrived or lost.
     pub on_arrival: OnArrival,
     /// The goal request that began the race on each side: earlier views belong to earlier races.
@@ -36,7 +37,6 @@ pub struct Race {
 }
 
 impl Race {
-    /// Creates a race that has not begun.
     pub fn new(map: Arc<Grid>, seed: u64) -> Self {
         Self {
             map,
@@ -51,25 +51,13 @@ impl Race {
         }
     }
 
-    /// Returns the map on which they race.
     pub fn map(&self) -> &Arc<Grid> {
         &self.map
     }
 
-    /// Goes on with the race on an edited map.
     pub fn change_map(&mut self, map: Arc<Grid>) {
         self.start = map.nearest_free(self.start).unwrap_or(self.start);
         self.map = map;
-    }
-
-    /// Returns the start of the current race.
-    pub fn start(&self) -> Cell {
-        self.start
-    }
-
-    /// Returns the goal of the current race.
-    pub fn goal(&self) -> Cell {
-        self.goal
     }
 
     /// Returns how many races a side has finished at the goal, and how many are over.
@@ -77,13 +65,11 @@ impl Race {
         (self.results.0[side], self.results.1)
     }
 
-    /// Begins a race with the given goal requests.
     pub fn begin(&mut self, start: Cell, goal: Cell, requests: [u64; 2]) {
         (self.start, self.goal, self.requests) = (start, goal, requests);
         (self.arrived, self.over) = ([None; 2], None);
     }
 
-    /// Updates the race from a side's view.
     pub fn observe(&mut self, side: usize, view: &MazeView) {
         let walk = &view.walk;
         if view.goal.1 != self.requests[side] || self.arrived[side].is_some() {
@@ -101,7 +87,6 @@ impl Race {
         }
     }
 
-    /// Returns start and goal of the next race if it is time for one.
     pub fn next_round(&mut self) -> Option<(Cell, Cell)> {
         self.over.filter(|over| over.elapsed() >= REST)?;
         match self.on_arrival {

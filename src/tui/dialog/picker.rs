@@ -4,14 +4,56 @@ use crossterm::event::{Event, KeyCode, KeyEvent};
 use tui_input::Input;
 use tui_input::backend::crossterm::EventHandler;
 
-use super::Choice;
-use super::item::Item;
-use super::prompt::cursor_column;
-use super::ranking::Ranking;
+use super::{Choice, cursor_column, insert_first_line};
 use crate::tui::action::Action;
 
 /// Rows that Page Up and Page Down move the selection by.
 const PAGE: isize = 10;
+
+/// One line of a list.
+#[derive(Clone, Debug)]
+pub struct Item {
+    pub label: String,
+    pub detail: String,
+    /// The title above the first item of a group; empty for none.
+    pub group: &'static str,
+    /// Further lines below the list while the item is selected.
+    pub below: Vec<String>,
+    /// The name of its action; empty for none.
+    pub name: &'static str,
+    pub words: String,
+    /// Whether it is marked, such as a setting that differs from its default.
+    pub marked: bool,
+    /// The key that picks it in a question.
+    pub key: Option<char>,
+    pub choice: Choice,
+}
+
+impl Item {
+    pub fn new(label: impl Into<String>, detail: impl Into<String>, choice: Choice) -> Self {
+        Self {
+            label: label.into(),
+            detail: detail.into(),
+            group: "",
+            below: Vec::new(),
+            name: "",
+            words: String::new(),
+            marked: false,
+            key: None,
+            choice,
+        }
+    }
+
+    #[must_use]
+    pub fn on(self, key: char) -> Self {
+        Self { key: Some(key), ..self }
+    }
+
+    #[must_use]
+    pub fn within(self, group: &'static str) -> Self {
+        Self { group, ..self }
+    }
+}
 
 /// A row of a list.
 #[derive(Clone, Copy, Debug)]
@@ -22,15 +64,22 @@ pub enum Row<'a> {
     Item(&'a Item, bool),
 }
 
+/// Lists that are kept up to date while they are open, and others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ListKind {
+    Plain,
+    Settings,
+    /// The question whether to save before quitting.
+    Quit,
+}
+
 /// A list with its search text and selection.
 #[derive(Debug)]
 pub struct Picker {
-    /// The title.
     pub title: String,
     /// What is shown above the items; empty for nothing.
     pub text: String,
-    /// Another action on the selected item.
-    pub button: Option<(Action, &'static str)>,
+    pub kind: ListKind,
     /// Whether search results are sorted by group first, then by score.
     pub keeps_groups: bool,
     items: Vec<Item>,
@@ -47,10 +96,32 @@ impl Picker {
         let shown = (0..items.len()).collect();
         let (title, typed) = (title.into(), Input::default());
         let text = String::new();
-        Self { title, text, button: None, keeps_groups: false, items, typed, shown, selected: 0 }
+        Self {
+            title,
+            text,
+            kind: ListKind::Plain,
+            keeps_groups: false,
+            items,
+            typed,
+            shown,
+            selected: 0,
+        }
     }
 
-    /// Shows a text above the items.
+    /// Makes it a list of this kind.
+    #[must_use]
+    pub fn of(self, kind: ListKind) -> Self {
+        Self { kind, ..self }
+    }
+
+    pub fn button(&self) -> Option<(Action, &'static str)> {
+        (self.kind == ListKind::Settings).then_some((Action::ResetSetting, "default"))
+    }
+
+    pub fn into_items(self) -> Vec<Item> {
+        self.items
+    }
+
     #[must_use]
     pub fn explaining(self, text: String) -> Self {
         Self { text, ..self }
@@ -70,12 +141,10 @@ impl Picker {
         }
     }
 
-    /// Returns whether the list is a question.
     pub fn is_question(&self) -> bool {
         self.items.iter().any(|item| item.key.is_some())
     }
 
-    /// Returns the search text and the cursor's column in it.
     pub fn typed(&self) -> (&str, usize) {
         (self.typed.value(), cursor_column(&self.typed))
     }
@@ -95,7 +164,6 @@ impl Picker {
         rows
     }
 
-    /// Returns the number of rows without a search text.
     pub fn most_rows(&self) -> usize {
         let titles = self
             .items
@@ -104,17 +172,14 @@ impl Picker {
         self.items.len() + titles.count()
     }
 
-    /// Returns all items, shown or not.
     pub fn items(&self) -> impl Iterator<Item = &Item> {
         self.items.iter()
     }
 
-    /// Returns the selected item.
     pub fn item(&self) -> Option<&Item> {
         self.shown.get(self.selected).map(|i| &self.items[*i])
     }
 
-    /// Returns the selected item's choice.
     pub fn choice(&self) -> Option<&Choice> {
         self.item().map(|item| &item.choice)
     }
@@ -129,7 +194,6 @@ impl Picker {
         there
     }
 
-    /// Moves the selection.
     pub fn move_selection(&mut self, by: isize) {
         let last = self.shown.len().saturating_sub(1);
         self.selected = self.selected.saturating_add_signed(by).min(last);
@@ -162,10 +226,9 @@ impl Picker {
         false
     }
 
-    /// Inserts pasted text.
-    pub fn paste(&mut self, text: &str) {
+    pub fn insert(&mut self, text: &str) {
         if !self.is_question() {
-            super::prompt::insert_first_line(&mut self.typed, text);
+            insert_first_line(&mut self.typed, text);
             self.filter();
         }
     }
@@ -174,7 +237,7 @@ impl Picker {
     pub fn search_names(&mut self, text: &str) {
         let text = text.trim().to_lowercase().replace(' ', "_");
         if !text.is_empty() && self.items.iter().any(|item| item.label.contains(&text)) {
-            self.paste(&text);
+            self.insert(&text);
         }
     }
 
@@ -195,6 +258,105 @@ impl Picker {
         self.shown = scored.into_iter().map(|(i, _)| i).collect();
         self.selected = 0;
     }
+}
+
+/// Scores of a typed word that equals a word or is its prefix, in an item's name, in its search
+/// words and in its details; and of one inside a word of the name.
+const NAME: [u32; 2] = [100, 70];
+const WORDS: [u32; 2] = [90, 60];
+const DETAIL: [u32; 2] = [30, 20];
+const WITHIN_NAME: u32 = 40;
+
+/// Bonus for a name that begins with a typed word, and for a word in both name and search words.
+const FIRST: u32 = 5;
+const IN_BOTH: u32 = 10;
+
+/// Stop words.
+const FILLERS: [&str; 7] = ["a", "an", "the", "of", "in", "to", "for"];
+
+/// Ranks items by a search text.
+struct Ranking {
+    typed: String,
+    /// Its words, without stop words unless there are no others.
+    words: Vec<String>,
+}
+
+impl Ranking {
+    /// Score of a name that the typed letters abbreviate.
+    const GUESS: u32 = 1;
+
+    fn new(typed: &str) -> Self {
+        let typed = typed.trim().to_lowercase();
+        let all: Vec<String> = typed.split_whitespace().map(str::to_owned).collect();
+        let telling: Vec<String> =
+            all.iter().filter(|word| !FILLERS.contains(&word.as_str())).cloned().collect();
+        Self { typed, words: if telling.is_empty() { all } else { telling } }
+    }
+
+    /// Returns how well `item` matches, or `None` if it does not. Every typed word must match, or
+    /// the typed letters must abbreviate the name.
+    fn score(&self, item: &Item) -> Option<u32> {
+        let name = item.label.to_lowercase();
+        if self.typed.is_empty() {
+            return Some(0);
+        }
+        if name == self.typed {
+            return Some(u32::MAX);
+        }
+        // The action's own name comes first, with or without its hyphens.
+        let own = item.name.replace('-', " ");
+        if own == self.typed.replace('-', " ") {
+            return Some(u32::MAX - 1);
+        }
+        let words = item.words.to_lowercase();
+        let detail = item.detail.to_lowercase();
+        let below = item.below.join(" ").to_lowercase();
+        let of_one = |typed: &str| {
+            let of_name = in_words(&name, typed, NAME)
+                .map(|score| score + if name.starts_with(typed) { FIRST } else { 0 })
+                .or(name.contains(typed).then_some(WITHIN_NAME));
+            let of_detail = in_words(&detail, typed, DETAIL).max(in_words(&below, typed, DETAIL));
+            let of_words = in_words(&words, typed, WORDS);
+            let in_both = if of_name.is_some() && of_words.is_some() { IN_BOTH } else { 0 };
+            of_name.max(of_words).max(of_detail).map(|score| score + in_both)
+        };
+        // Settings have underscores where users may type hyphens.
+        let of = |typed: &String| of_one(typed).max(of_one(&typed.replace('-', "_")));
+        let all: Option<u32> = self.words.iter().map(of).sum();
+        all.or_else(|| abbreviates(&self.typed, &name).then_some(Self::GUESS))
+    }
+}
+
+/// Returns whether `letters` abbreviates `name`: in order, each letter begins a word or directly
+/// follows the letter before.
+fn abbreviates(letters: &str, name: &str) -> bool {
+    let (letters, name): (Vec<char>, Vec<char>) =
+        (letters.chars().collect(), name.chars().collect());
+    // The positions after each match of the letters so far.
+    let mut ends = vec![0];
+    for (n, letter) in letters.iter().enumerate() {
+        let begins_word = |i: usize| i == 0 || !name[i - 1].is_alphanumeric();
+        let matches =
+            |i: usize| name[i] == *letter && (begins_word(i) || n > 0 && ends.contains(&i));
+        let first = ends.iter().min().copied().unwrap_or(name.len());
+        ends = (first..name.len()).filter(|i| matches(*i)).map(|i| i + 1).collect();
+    }
+    !ends.is_empty()
+}
+
+/// Returns the score of a word in a text: `[whole, begins]`.
+fn in_words(text: &str, typed: &str, [whole, begins]: [u32; 2]) -> Option<u32> {
+    let mut words =
+        text.split(|c: char| !c.is_alphanumeric() && c != '_' && c != '@').flat_map(|word| {
+            // The parts of a setting's name count as words as well.
+            std::iter::once(word).chain(word.split('_'))
+        });
+    let best = |word: &str| match word {
+        _ if word == typed => Some(whole),
+        _ if word.starts_with(typed) => Some(begins),
+        _ => None,
+    };
+    words.by_ref().filter_map(best).max()
 }
 
 #[cfg(test)]

@@ -20,9 +20,7 @@ const MIN_NAME_COLUMNS: usize = 10;
 
 /// A curve, with its name.
 pub struct Curve {
-    /// Its name.
     pub name: String,
-    /// Its colour.
     pub style: Style,
     /// The characters it is drawn with.
     pub marker: Marker,
@@ -31,7 +29,6 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// Returns its line.
     pub fn line(&self) -> Line<'_> {
         let Self { style, marker, points, .. } = self;
         Line { style: *style, marker: *marker, points }
@@ -40,7 +37,6 @@ impl Curve {
 
 /// A line of a chart.
 pub struct Line<'a> {
-    /// Its colour.
     pub style: Style,
     /// The characters it is drawn with.
     pub marker: Marker,

@@ -7,10 +7,9 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::chart;
+use super::{Page, chart};
 use crate::experiment::plot::Axis;
-use crate::tui::layout::{ChartArea, ScreenLayout};
-use crate::tui::scene::Scene;
+use crate::tui::layout::ChartArea;
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM};
 use crate::tui::text::short;
@@ -53,7 +52,6 @@ impl Series {
         Self { name: name.to_owned(), parts: vec![points.collect()], is_under: false }
     }
 
-    /// Returns a saved run's series.
     fn under(screen: &Screen, value: impl Fn(&Evaluation) -> Option<f64>) -> Option<Self> {
         let run = screen.under.as_deref()?;
         let axis = axis(screen);
@@ -91,14 +89,8 @@ impl Plot {
     }
 }
 
-/// Draws as many charts as fit, the most informative first.
-pub fn draw(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &Screen,
-    scene: &Scene,
-    layout: &mut ScreenLayout,
-) {
+pub fn draw(page: &mut Page, area: Rect) {
+    let Page { frame, screen, scene, layout } = page;
     let mut plots = plots(screen, scene.has_true_distances());
     let columns = if area.width >= MIN_TWO_CHART_WIDTH { 2 } else { 1 };
     let rows =
@@ -213,13 +205,11 @@ impl<'a> Window<'a> {
         self.parts.iter().flat_map(|(_, points)| points).map(|point| point.1)
     }
 
-    /// Returns the lowest and the highest value of the vertical axis.
     fn y(&self) -> [f64; 2] {
         let low = if self.log { self.values().fold(f64::INFINITY, f64::min) } else { 0.0 };
         [low, self.plot.max.unwrap_or_else(|| self.values().fold(low + 1e-6, f64::max))]
     }
 
-    /// Returns the label of a value on the vertical axis.
     fn label(&self, y: f64) -> String {
         match if self.log { 10f64.powf(y) } else { y } {
             y if self.plot.percent => format!("{:.0} %", 100.0 * y),
@@ -247,7 +237,6 @@ impl<'a> Window<'a> {
         lines
     }
 
-    /// Explains why there is nothing to draw.
     fn why_empty(&self, screen: &Screen) -> &'static str {
         match screen.snapshot.evaluations.is_empty() {
             _ if self.plot.log && self.plot.series.len() == 1 => " no data yet",
@@ -383,7 +372,6 @@ pub fn marker(theme: &Theme, i: usize) -> Marker {
     }
 }
 
-/// Returns the character that stands for a line in front of its name.
 pub fn symbol(marker: Marker) -> char {
     match marker {
         Marker::Custom(sign) => sign,

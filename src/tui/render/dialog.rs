@@ -31,13 +31,8 @@ const KEY_MARGIN: usize = 2;
 
 /// Draws a list. If any item is too long for its row, the selected item is shown in full below the
 /// list.
-pub fn draw_picker(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &Screen,
-    picker: &Picker,
-    layout: &mut ScreenLayout,
-) {
+pub fn draw_picker(frame: &mut Frame, screen: &Screen, picker: &Picker, layout: &mut ScreenLayout) {
+    let area = frame.area();
     let width = usize::from(without_slivers(area, list_width(picker, area.width) as u16));
     let columns = width.saturating_sub(2);
     let labels = label_width(picker, columns);
@@ -132,7 +127,6 @@ fn rows_below(picker: &Picker, columns: usize, labels: usize) -> u16 {
     picker.items().map(|item| 1 + full_text(item, columns).len() as u16).max().unwrap_or(0)
 }
 
-/// Returns whether all about an item fits on its row.
 fn fits(item: &Item, labels: usize, columns: usize) -> bool {
     item.below.is_empty() && display_width(&item.detail) <= room_beside(item, labels, columns)
 }
@@ -187,14 +181,8 @@ fn draw_search(frame: &mut Frame, line: Rect, picker: &Picker) {
     set_cursor(frame, line, 2 + cursor);
 }
 
-/// Draws a question.
-pub fn draw_prompt(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &Screen,
-    prompt: &Prompt,
-    layout: &mut ScreenLayout,
-) {
+pub fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut ScreenLayout) {
+    let area = frame.area();
     let width = without_slivers(area, MAX_PROMPT_WIDTH);
     let (text, style) = match &prompt.error {
         Some(error) => (error.as_str(), screen.theme.failure()),
@@ -225,14 +213,13 @@ pub fn draw_prompt(
     frame.render_widget(Paragraph::new(text), below);
 }
 
-/// Returns the buttons of a list.
 fn buttons(screen: &Screen, picker: &Picker) -> Vec<(String, Click)> {
-    let accept = if picker.button.is_some() { "change" } else { "accept" };
+    let accept = if picker.button().is_some() { "change" } else { "accept" };
     let own = |(action, label): (Action, &str)| {
         (format!(" {}: {label} ", screen.keymap.key_of(action)), Click::Act(action))
     };
     let mut buttons = vec![(format!(" Enter: {accept} "), Click::Answer)];
-    buttons.extend(picker.button.map(own));
+    buttons.extend(picker.button().map(own));
     buttons.push((" Esc: close ".to_owned(), Click::Close));
     buttons
 }

@@ -6,9 +6,10 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Clear, Paragraph};
 
+use super::Page;
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::keymap::Keymap;
-use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::log::Notice;
 use crate::tui::scene::Scene;
 use crate::tui::scene::maze::Editor;
@@ -26,13 +27,8 @@ const MAX_NOTICE_ROWS: usize = 4;
 const LAST_KEYS: [Action; 3] = [Action::Palette, Action::Help, Action::Quit];
 
 /// Draws the line, and the rest of a long notice above it.
-pub fn draw(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &Screen,
-    scene: &Scene,
-    layout: &mut ScreenLayout,
-) {
+pub fn draw(page: &mut Page, area: Rect) {
+    let Page { frame, screen, scene, layout } = page;
     let notice = screen.log.notice();
     // The tools of the editor stay visible, as does the line above them that explains colours.
     let tools = scene.maze().map(|maze| &maze.editor).filter(|editor| editor.is_open());
@@ -175,7 +171,6 @@ fn tool_bar(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     bar
 }
 
-/// Adds an action's key and label, both clickable.
 fn key(bar: &mut ClickableLine, keymap: &Keymap, action: Action, label: &str, style: Style) {
     bar.push(Span::styled(format!(" {}", keymap.key_of(action)), BOLD), Click::Act(action));
     bar.push(Span::styled(label.to_owned(), style), Click::Act(action));

@@ -1,27 +1,19 @@
 //! The top line: map, method, preset, seed, phase, unsaved updates.
 
-use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::Span;
 
+use super::Page;
 use crate::tui::action::Action;
-use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
-use crate::tui::scene::Scene;
-use crate::tui::screen::Screen;
+use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use gdg::text::{fitted, grouped};
 
 /// Names longer than this, in columns, are shortened before anything is left out.
 const LONG_TITLE: usize = 24;
 
-/// Draws the line.
-pub fn draw(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &Screen,
-    scene: &Scene,
-    layout: &mut ScreenLayout,
-) {
+pub fn draw(page: &mut Page, area: Rect) {
+    let Page { frame, screen, scene, layout } = page;
     let run = screen.run();
     let unsaved = screen.unsaved_updates();
     let saved = match &screen.snapshot.saved {
@@ -75,7 +67,6 @@ pub fn draw(
     bar.draw(frame, area, layout);
 }
 
-/// Returns the columns of parts of the line.
 fn width(parts: &[(Span, Action)]) -> usize {
     parts.iter().map(|(span, _)| span.width()).sum()
 }

@@ -28,13 +28,12 @@ const NARROW_NAME_WIDTH: usize = 8;
 /// Columns from which the help is wide.
 const WIDE: usize = 60;
 
-/// The subject of the help: a run or a comparison.
-#[derive(Clone, Copy)]
-struct Subject<'a> {
-    introduction: &'a str,
-    /// Bindings active in any of these are listed.
-    modes: &'a [Mode],
-}
+/// The modes of a run whose bindings are listed.
+const OF_RUNS: [Mode; 6] =
+    [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring, Mode::Settings, Mode::Help];
+
+/// Those of a comparison.
+const OF_COMPARISONS: [Mode; 3] = [Mode::Comparing, Mode::EditingBoth, Mode::Help];
 
 /// Draws the help in the middle of the screen, scrolled at most to the end of the text.
 pub fn draw(
@@ -44,36 +43,8 @@ pub fn draw(
     help: &Help,
     layout: &mut ScreenLayout,
 ) {
-    let modes =
-        &[Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring, Mode::Settings, Mode::Help];
-    let subject = Subject { introduction: scene.introduction(), modes };
-    draw_on(frame, screen, scene, help, subject, layout);
-}
-
-/// Draws the help of comparisons, which begins with this introduction, like [`draw`].
-pub fn draw_for_comparisons(
-    frame: &mut Frame,
-    screen: &Screen,
-    scene: &Scene,
-    (help, introduction): (&Help, &str),
-    layout: &mut ScreenLayout,
-) {
-    let modes = &[Mode::Comparing, Mode::EditingBoth, Mode::Help];
-    let subject = Subject { introduction, modes };
-    draw_on(frame, screen, scene, help, subject, layout);
-}
-
-/// Draws the help on a subject like [`draw`].
-fn draw_on(
-    frame: &mut Frame,
-    screen: &Screen,
-    scene: &Scene,
-    help: &Help,
-    subject: Subject,
-    layout: &mut ScreenLayout,
-) {
     let width = without_slivers(frame.area(), HELP_WIDTH);
-    let entries = entries(screen, scene, usize::from(width.saturating_sub(2)), subject);
+    let entries = entries(screen, scene, usize::from(width.saturating_sub(2)), help);
     draw_entries(frame, &screen.keymap, &entries, help, layout);
 }
 
@@ -97,7 +68,6 @@ pub fn draw_for_lists(frame: &mut Frame, keymap: &Keymap, help: &Help, layout: &
     draw_entries(frame, keymap, &entries, help, layout);
 }
 
-/// Draws entries, each as its lines.
 fn draw_entries(
     frame: &mut Frame,
     keymap: &Keymap,
@@ -144,7 +114,6 @@ fn buttons(keymap: &Keymap, shown: Range<usize>, all: usize, room: usize) -> Cli
     bar
 }
 
-/// Returns the lines of the entries that contain all typed words.
 fn matches(entries: &[Vec<Line<'static>>], typed: &str) -> Vec<Line<'static>> {
     let words: Vec<String> = typed.to_lowercase().split_whitespace().map(str::to_owned).collect();
     let found = |entry: &&Vec<Line>| {
@@ -160,19 +129,18 @@ fn matches(entries: &[Vec<Line<'static>>], typed: &str) -> Vec<Line<'static>> {
 }
 
 /// Returns all entries and titles, each as its lines, wrapped to `width`.
-fn entries(
-    screen: &Screen,
-    scene: &Scene,
-    width: usize,
-    subject: Subject,
-) -> Vec<Vec<Line<'static>>> {
+fn entries(screen: &Screen, scene: &Scene, width: usize, help: &Help) -> Vec<Vec<Line<'static>>> {
     let key = screen.keymap.key_of(Action::Palette);
-    let is_active = |b: &Binding| subject.modes.iter().any(|mode| b.is_active(*mode));
+    let (introduction, modes) = match &help.comparison {
+        Some(introduction) => (&**introduction, &OF_COMPARISONS[..]),
+        None => (scene.introduction(), &OF_RUNS[..]),
+    };
+    let is_active = |b: &Binding| modes.iter().any(|mode| b.is_active(*mode));
     let finds = bindings().any(|b| b.action == Action::Palette && is_active(b));
     let how = format!(
         " Where the help shows \"{key} ...\" instead of a key, type {key} and some letters."
     );
-    let introduction = subject.introduction.to_owned() + if finds { &how } else { "" };
+    let introduction = introduction.to_owned() + if finds { &how } else { "" };
     let introduction = wrapped_evenly(&introduction, width.saturating_sub(2).max(8));
     let mut entries = vec![
         introduction.into_iter().map(|line| Line::raw(format!(" {line}"))).collect::<Vec<_>>(),
@@ -205,7 +173,6 @@ fn entries(
     entries
 }
 
-/// Returns a name and what it means, wrapped beside the name.
 fn entry(name: &str, meaning: &str, place: &str, width: usize) -> Vec<Line<'static>> {
     let names = if width >= WIDE { NAME_WIDTH } else { NARROW_NAME_WIDTH };
     let room = width.saturating_sub(names + 4).max(8);

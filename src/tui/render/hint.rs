@@ -1,15 +1,14 @@
 //! The hint above the map: which moment is shown, or for a while how to draw on the map, a saved run
 //! to resume, or what the screen shows.
 
-use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::Span;
 use ratatui::widgets::Clear;
 
-use super::footer;
+use super::{Page, footer};
 use crate::host::runs;
 use crate::tui::action::Action;
-use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, REVERSED};
@@ -17,13 +16,8 @@ use crate::tui::theme::ColourDepth;
 use gdg::text::grouped;
 
 /// Draws the line at the top of the map's `area`, if there is anything to say.
-pub fn draw(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &Screen,
-    scene: &Scene,
-    layout: &mut ScreenLayout,
-) {
+pub fn draw(page: &mut Page, area: Rect) {
+    let Page { frame, screen, scene, layout } = page;
     if screen.tour.is_some() {
         return;
     }
@@ -58,13 +52,9 @@ fn past(screen: &Screen, scene: &Scene, width: usize) -> Option<ClickableLine> {
     let (long, short) = (goal("D to G, the film's goal"), goal("G is the film's"));
     let texts = [
         (format!("update {then} of {now}{success}{walls}{long}"), " back and forth"),
-        (format!("update {then}{success}{walls}{long}"), " back and forth"),
         (format!("update {then}{success}{walls}{short}"), " back and forth"),
         (format!("update {then}{success}{walls}{short}"), ""),
-        (format!("update {then}{walls}{short}"), ""),
-        (format!("update {then}{success}{walls}"), " back and forth"),
         (format!("update {then}{walls}"), " back and forth"),
-        (format!("update {then}{walls}"), ""),
         (format!("update {then}"), ""),
     ];
     if screen.on_paper {
@@ -96,7 +86,6 @@ fn how_to_draw(screen: &Screen, scene: &Scene, width: u16) -> Option<ClickableLi
     Some(plain(&format!(" {mouse} ")))
 }
 
-/// Returns a line that is only text.
 fn plain(text: &str) -> ClickableLine {
     let mut line = ClickableLine::default();
     line.push(Span::styled(text.to_owned(), REVERSED), None);
@@ -117,10 +106,8 @@ fn offer(screen: &Screen, width: usize) -> Option<ClickableLine> {
     let updates = format!("{method}{} updates", grouped(found.updates));
     let variants = [
         (format!("{text}{}", success.unwrap_or_default()), true),
-        (text.clone(), true),
-        (text, false),
+        (text, true),
         (updates, true),
-        ("saved run".to_owned(), true),
         ("saved run".to_owned(), false),
     ];
     let lines = variants.map(|(text, hides)| {
@@ -146,7 +133,6 @@ fn what_to_see(screen: &Screen, width: usize) -> Option<ClickableLine> {
     let short = if mono { "@ walks to G" } else { "light = near G" };
     let texts = [
         (long, "click anywhere: a new goal", true),
-        (long, "click anywhere: a new goal", false),
         (short, "click: a new goal", false),
         (short, "click: goal", false),
     ];
@@ -165,7 +151,6 @@ fn what_to_see(screen: &Screen, width: usize) -> Option<ClickableLine> {
     fitting(lines, width)
 }
 
-/// Adds an action's key and what it does, both clickable.
 fn push_key(line: &mut ClickableLine, screen: &Screen, action: Action, what: &str) {
     let key = format!(" {} ", screen.keymap.key_of(action));
     line.push(Span::styled(key, BOLD.patch(REVERSED)), Click::Act(action));

@@ -7,14 +7,14 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-use super::{curves, log, training};
+use super::{Page, curves, training};
 use crate::tui::action::Action;
-use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::panes::Pane;
 use crate::tui::scene::{FIRST_OVERLAY, Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::{EXPLAINED_WIDTH, explain, fitted_lines};
+use crate::tui::text::{EXPLAINED_WIDTH, clock, explain, fitted_lines, short, wrapped};
 
 /// Minimum rows for two panes below each other, and for three.
 const TWO_PANE_ROWS: u16 = 30;
@@ -23,20 +23,13 @@ const THREE_PANE_ROWS: u16 = 48;
 /// Minimum width of each column of panes.
 const MIN_COLUMN_WIDTH: u16 = 36;
 
-/// Draws the panel.
-pub fn draw(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &Screen,
-    scene: &Scene,
-    layout: &mut ScreenLayout,
-) {
+pub fn draw(page: &mut Page, area: Rect) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    tabs(frame, head, screen, scene, layout);
+    tabs(page, head);
     // The panes beside and below the selected one, the most informative first.
     let mut others =
         [Pane::Training, Pane::Curves, Pane::Walk, Pane::Legend, Pane::Log].into_iter();
-    let chosen = screen.pane;
+    let chosen = page.screen.pane;
     let mut next = move || others.find(|pane| *pane != chosen);
     let rows = match body.height {
         h if h >= THREE_PANE_ROWS => 3,
@@ -50,8 +43,8 @@ pub fn draw(
     let mut first = Some(chosen);
     for area in areas.iter() {
         let panes: Vec<Pane> = (0..rows).filter_map(|_| first.take().or_else(&mut next)).collect();
-        for (pane, area) in panes.iter().zip(stack(*area, &panes, screen, scene)) {
-            draw_pane(frame, area, screen, scene, layout, *pane);
+        for (pane, area) in panes.iter().zip(stack(*area, &panes, page.screen, page.scene)) {
+            draw_pane(page, area, *pane);
         }
     }
 }
@@ -88,28 +81,15 @@ pub fn lines(pane: Pane, screen: &Screen, scene: &Scene, width: u16) -> Option<V
     }
 }
 
-/// Draws the selected pane over the whole area.
-pub fn draw_maximised(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &Screen,
-    scene: &Scene,
-    layout: &mut ScreenLayout,
-) {
+pub fn draw_maximised(page: &mut Page, area: Rect) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    tabs(frame, head, screen, scene, layout);
-    let pane = screen.pane;
-    draw_pane(frame, body, screen, scene, layout, pane);
+    tabs(page, head);
+    draw_pane(page, body, page.screen.pane);
 }
 
-fn draw_pane(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &Screen,
-    scene: &Scene,
-    layout: &mut ScreenLayout,
-    pane: Pane,
-) {
+fn draw_pane(page: &mut Page, area: Rect, pane: Pane) {
+    let Page { frame, screen, scene, .. } = page;
+    let (screen, scene) = (*screen, *scene);
     let title = match pane {
         Pane::Training => "training",
         Pane::Curves => "curves",
@@ -130,39 +110,32 @@ fn draw_pane(
     }
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    match pane {
-        Pane::Curves => curves::draw(frame, inner, screen, scene, layout),
-        Pane::Log => log::draw(frame, inner, screen),
-        _ => frame.render_widget(
-            Paragraph::new(fitted_lines(
-                lines(pane, screen, scene, inner.width).unwrap_or_default(),
-                inner.width,
-            )),
-            inner,
-        ),
-    }
-    if pane == Pane::Training {
-        // A click on the line about the next evaluation asks for one.
-        let of_evaluations = |line: &Line| line.to_string().trim_start().starts_with("next ");
-        let row = lines(pane, screen, scene, inner.width)
-            .unwrap_or_default()
-            .iter()
-            .position(of_evaluations);
-        for row in row.into_iter().filter_map(|row| inner.rows().nth(row)) {
-            layout.add(row, Click::Act(Action::Evaluate));
+    let mut clicks = Vec::new();
+    match (pane, lines(pane, screen, scene, inner.width)) {
+        (Pane::Curves, _) => curves::draw(page, inner),
+        (_, None) => draw_log(frame, inner, screen),
+        (_, Some(lines)) => {
+            let rows = inner.rows().zip(&lines);
+            let click = |(row, line): (Rect, &Line)| {
+                let asks = pane == Pane::Training && line.to_string().starts_with(" next ");
+                asks.then_some((row, Action::Evaluate))
+            };
+            clicks.extend(rows.filter_map(click));
+            frame.render_widget(Paragraph::new(fitted_lines(lines, inner.width)), inner);
         }
     }
     if pane == Pane::Legend {
-        for (row, overlay) in inner.rows().skip(FIRST_OVERLAY).zip(scene.overlays()) {
-            layout.add(row, Click::Act(Action::Toggle(overlay)));
-        }
+        let rows = inner.rows().skip(FIRST_OVERLAY).zip(scene.overlays());
+        clicks.extend(rows.map(|(row, overlay)| (row, Action::Toggle(overlay))));
     }
-    layout.add(Rect { height: 1, ..area }, Click::Act(Action::Show(pane)));
+    clicks.push((Rect { height: 1, ..area }, Action::Show(pane)));
+    clicks.into_iter().for_each(|(row, action)| page.layout.add(row, Click::Act(action)));
 }
 
 /// Draws the names of the panes and their keys, the selected one reversed; close together or
 /// without keys where there is no room.
-fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, scene: &Scene, layout: &mut ScreenLayout) {
+fn tabs(page: &mut Page, area: Rect) {
+    let Page { frame, screen, scene, layout } = page;
     let tabs = Pane::ALL.map(|pane| {
         let name = if pane == Pane::Legend { scene.noun() } else { pane.name() };
         (screen.keymap.key_of(Action::Show(pane)), name)
@@ -189,4 +162,25 @@ fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, scene: &Scene, layout: &
         );
     }
     bar.draw(frame, area, layout);
+}
+
+/// Draws as many entries as fit, wrapped; scrolling moves by half the height.
+fn draw_log(frame: &mut Frame, area: Rect, screen: &Screen) {
+    let width = usize::from(area.width).saturating_sub(2).max(8);
+    let mut lines: Vec<Line> = Vec::new();
+    for entry in screen.log.entries() {
+        let when = format!(" {} at {}", clock(entry.seconds), short(entry.updates as f64));
+        lines.push(Line::from(Span::styled(when, DIM)));
+        lines.extend(
+            wrapped(&entry.text, width).into_iter().map(|text| Line::from(format!("  {text}"))),
+        );
+    }
+    if lines.is_empty() {
+        lines.push(Line::styled(" no events yet", DIM));
+    }
+    let height = usize::from(area.height);
+    let most = lines.len().saturating_sub(height);
+    let back = (screen.scrolled * (height / 2).max(1)).min(most);
+    let from = most - back;
+    frame.render_widget(Paragraph::new(lines.split_off(from)), area);
 }

@@ -6,15 +6,16 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Padding, Paragraph};
 
+use super::Page;
 use crate::tui::action::Action;
 use crate::tui::glyphs::Glyphs;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
-use crate::tui::scene::{MazeState, Scene};
-use crate::tui::screen::Screen;
+use crate::tui::scene::MazeState;
+use crate::tui::screen::{Screen, ShownStep};
 use crate::tui::style::{BOLD, REVERSED};
 use crate::tui::text::wrapped;
 use crate::tui::theme::ColourDepth;
-use crate::tui::tour::ShownStep;
+
 use gdg::text::display_width;
 
 /// Widths of the box that are tried, in columns, and what border and padding take.
@@ -32,13 +33,8 @@ const TOUCHED_COST: f32 = 2.0;
 const HIDDEN_COST: f32 = 30.0;
 
 /// Draws the caption into the map's `area`, and its signs on the map.
-pub fn draw(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &Screen,
-    scene: &Scene,
-    layout: &mut ScreenLayout,
-) {
+pub fn draw(page: &mut Page, area: Rect) {
+    let Page { frame, screen, scene, layout } = page;
     let (Some(tour), Some(map_frame)) = (&screen.tour, &layout.map) else { return };
     let mut glyphs = Glyphs { map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
     for (at, sign) in &tour.caption.marks {

@@ -91,7 +91,6 @@ fn count(screen: &Screen, n: u64) -> String {
     if screen.snapshot.phase.is_training() { short(n as f64) } else { grouped(n) }
 }
 
-/// Returns the losses of the learner's networks.
 fn losses(screen: &Screen) -> Vec<Line<'static>> {
     let snapshot = &screen.snapshot;
     if !snapshot.learns {
@@ -225,7 +224,6 @@ fn bridges(screen: &Screen, scene: &Scene) -> Vec<Line<'static>> {
     vec![fact("bridges", bridges), fact("search", search)]
 }
 
-/// Describes how time is spent.
 fn time(screen: &Screen) -> Option<Line<'static>> {
     let spent = |phase| screen.snapshot.profile.spent(phase).as_secs_f64();
     let all: f64 = Stage::ALL.into_iter().map(spent).sum();

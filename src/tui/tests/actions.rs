@@ -5,33 +5,10 @@ use crate::tui::action::When;
 use crate::tui::dialog::Choice;
 use crate::tui::panes::Pane;
 
-/// Returns whether the trainer has a binding, not only comparisons.
 fn is_of_trainer(binding: &Binding) -> bool {
     [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring]
         .into_iter()
         .any(|mode| binding.is_active(mode))
-}
-
-#[test]
-fn the_help_lists_every_action() {
-    let mut app = still();
-    press(&mut app, KeyCode::Char('?'));
-    let mut help = String::new();
-    loop {
-        let page = shown_by(&mut app, 80, 24);
-        if help.ends_with(&page) {
-            break;
-        }
-        help += &page;
-        press(&mut app, KeyCode::PageDown);
-    }
-    for binding in bindings().filter(|b| is_of_trainer(b) && app.scene.offers(b.action)) {
-        // Long descriptions are wrapped.
-        let mut words = binding.long.split_whitespace();
-        assert!(words.all(|word| help.contains(word)), "{} is missing", binding.name);
-        let keys = app.screen.keymap.display_keys(binding);
-        assert!(keys.iter().all(|key| help.contains(key.as_str())), "keys of {}", binding.name);
-    }
 }
 
 /// Returns whether an action changes nothing on this screen, or has nothing to act on here.

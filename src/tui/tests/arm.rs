@@ -26,7 +26,7 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
 }
 
 /// Returns the view of the arm in [`staged_app`].
-fn staged_view(app: &App) -> ArmView {
+fn staged_view(app: &Session) -> ArmView {
     let goal = app.arm().goal;
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
     let planes: Vec<_> =
@@ -157,10 +157,10 @@ fn the_arm_can_be_drawn_at_every_size_and_magnification_and_exported() {
         (group.distance_steps, group.distance_cm) = (None, Some(7.0 + i as f64));
     }
     app.change_snapshot(|snapshot| snapshot.evaluations = Arc::new(vec![(500, evaluation)]));
-    let csv = crate::tui::export::contents(ExportKind::CurvesCsv, &mut app.screen, &app.scene);
+    let csv = export(ExportKind::CurvesCsv, &mut app);
     assert!(String::from_utf8_lossy(&csv.expect("a table")).contains(",greedy_at_7_cm,"));
     for kind in ExportKind::ALL {
-        let is_written = crate::tui::export::contents(kind, &mut app.screen, &app.scene).is_ok();
+        let is_written = export(kind, &mut app).is_ok();
         let is_filmed = matches!(kind, ExportKind::Still | ExportKind::Film);
         assert_eq!(is_written, !is_filmed, "{kind:?}: nothing has been filmed");
     }

@@ -1,11 +1,10 @@
 //! Comparisons: two runs on one screen.
 
-mod both;
-
 use super::staged::{evaluation, staged_view};
 use super::*;
 use crate::tui::compare::{Comparison, ComparisonOptions, Contender, Contestant, prepare};
 use crate::tui::graphics::{Graphics, Protocol, Redraw};
+use crate::tui::tests::past::film;
 use gdg::env::FetchReach;
 use gdg::pulse::Progress;
 use gdg::train::{Counters, Evaluation};
@@ -16,7 +15,63 @@ fn trainer(method: &str, seed: u64) -> Trainer {
     seeded_trainer(&world, method.parse().expect("a method"), &Registry::builtin(), seed)
 }
 
-fn comparison_with(methods: [&str; 2], limits: Limits) -> Comparison {
+/// An application with a comparison, and its engines.
+pub(super) struct Both {
+    app: App,
+    engines: Vec<Engine>,
+}
+
+impl Driven for Both {
+    fn event(&mut self, event: &Event) {
+        self.app.on_event(event);
+    }
+
+    fn frame(&mut self, frame: &mut ratatui::Frame) {
+        self.app.draw(frame);
+    }
+}
+
+impl Both {
+    fn comparison(&mut self) -> &mut Comparison {
+        match &mut self.app.base {
+            Base::Comparison(comparison) => comparison,
+            Base::Run(_) => panic!("a comparison"),
+        }
+    }
+
+    fn apps(&mut self) -> [&mut Session; 2] {
+        self.comparison().sessions.each_mut()
+    }
+
+    fn on_snapshot(&mut self, side: usize, snapshot: &Arc<Snapshot>) {
+        self.apps()[side].on_snapshot(snapshot.clone());
+        self.comparison().follow(side, snapshot, &View::default());
+    }
+
+    fn on_view(&mut self, side: usize, view: &View) {
+        let session = &mut self.apps()[side];
+        session.on_view(view.clone());
+        let snapshot = session.screen.latest.clone();
+        self.comparison().follow(side, &snapshot, view);
+    }
+
+    fn refresh(&mut self) {
+        for side in 0..2 {
+            let session = &self.apps()[side];
+            let (snapshot, view) =
+                (session.snapshots().borrow().clone(), session.views().borrow().clone());
+            self.on_snapshot(side, &snapshot);
+            self.on_view(side, &view);
+        }
+    }
+
+    fn stop(self) -> Vec<Option<Trainer>> {
+        drop(self.app);
+        self.engines.into_iter().map(Engine::stop).collect()
+    }
+}
+
+fn comparison_with(methods: [&str; 2], limits: Limits) -> Both {
     let [a, b] = methods.map(|method| (trainer(method, 1), method));
     let contestants = [(a, 'A'), (b, 'B')].map(|((trainer, method), letter)| Contestant {
         title: format!("{letter} {method} {}", trainer.run().preset.name()),
@@ -30,21 +85,22 @@ fn comparison_with(methods: [&str; 2], limits: Limits) -> Comparison {
     comparison
 }
 
-fn start(contestants: [Contestant; 2], limits: Limits) -> Comparison {
-    Comparison::start(contestants, &UiConfig::default(), &keymap(), limits).expect("a comparison")
+fn start(contestants: [Contestant; 2], limits: Limits) -> Both {
+    let started = Comparison::start(contestants, &UiConfig::default(), &keymap(), limits);
+    let (comparison, engines) = started.expect("a comparison");
+    Both { app: App::of(comparison), engines: engines.into() }
 }
 
-fn comparison() -> Comparison {
+fn comparison() -> Both {
     comparison_with(["gdg-bridge", "gdg"], Limits::default())
 }
 
-fn stopped_comparison() -> Comparison {
+fn stopped_comparison() -> Both {
     let limits = Limits { updates: Some(0), ..Limits::default() };
     comparison_with(["gdg-bridge", "gdg"], limits)
 }
 
-/// Returns a comparison in the middle of both runs, with fixed numbers.
-pub(super) fn staged(width: u16, height: u16) -> Comparison {
+pub(super) fn staged(width: u16, height: u16) -> Both {
     let mut comparison = stopped_comparison();
     draw(&mut comparison, width, height);
     for side in 0..2 {
@@ -70,30 +126,19 @@ pub(super) fn staged(width: u16, height: u16) -> Comparison {
 }
 
 /// Returns the character that shows the centre of `cell` on a side.
-fn character_of(comparison: &mut Comparison, side: usize, cell: Cell) -> Position {
+fn character_of(comparison: &mut Both, side: usize, cell: Cell) -> Position {
     let frame = comparison.apps()[side].screen.layout.map.clone().expect("the map is drawn");
     frame.character_of(cell.centre()).expect("the cell is shown")
 }
 
 /// Applies what engines and viewers publish until `is` holds.
-fn wait_until(comparison: &mut Comparison, is: impl Fn([&mut App; 2]) -> bool) {
+fn wait_until(comparison: &mut Both, is: impl Fn([&mut Session; 2]) -> bool) {
     let began = Instant::now();
     while !is(comparison.apps()) {
         assert!(began.elapsed() < Duration::from_mins(1), "timed out");
         std::thread::sleep(Duration::from_millis(5));
         comparison.refresh();
-        comparison.on_tick();
-    }
-}
-
-#[test]
-fn every_screen_size_can_be_drawn() {
-    let mut comparison = comparison();
-    for (width, height) in [(1, 1), (2, 1), (1, 9), (7, 3), (40, 10), (60, 18), (400, 120)] {
-        for key in ['1', '2', '?', 'q'] {
-            press(&mut comparison, KeyCode::Char(key));
-            draw(&mut comparison, width, height);
-        }
+        comparison.app.on_tick();
     }
 }
 
@@ -167,37 +212,13 @@ fn each_side_is_the_run_that_its_method_would_be_alone() {
 }
 
 #[test]
-fn both_pause_and_resume_and_quitting_asks_nothing() {
-    let mut comparison = comparison();
-    press(&mut comparison, KeyCode::Char(' '));
-    wait_until(&mut comparison, |apps| {
-        apps.iter().all(|app| app.screen.snapshot.phase == Phase::Paused)
-    });
-    assert!(shown_by(&mut comparison, 80, 24).contains("paused") && !comparison.is_training());
-    let before = comparison.apps().map(|app| app.screen.snapshot.counters.updates);
-    press(&mut comparison, KeyCode::Char(' '));
-    wait_until(&mut comparison, |apps| {
-        apps.iter().zip(before).all(|(app, before)| app.screen.snapshot.counters.updates > before)
-    });
-    press(&mut comparison, KeyCode::Char('?'));
-    press(&mut comparison, KeyCode::Char('q'));
-    assert!(!comparison.is_done(), "it closes the help");
-    press(&mut comparison, KeyCode::Char('q'));
-    assert!(comparison.is_done());
-    let closed = comparison.close();
-    assert!(closed.saved.is_ok() && !closed.failed, "{} {:?}", closed.summary, closed.saved);
-    for run in ["A: gdg-bridge on rooms", "B: gdg on rooms"] {
-        assert!(closed.summary.contains(run), "{}", closed.summary);
-    }
-}
-
-#[test]
 fn both_maps_are_pictures_on_which_the_same_distance_has_the_same_colour() {
     let mut comparison = comparison();
     let graphics = Graphics { protocol: Protocol::Sixel, character: (8, 16) };
-    comparison.set_graphics(Some(graphics), Redraw::All);
+    comparison.app.set_graphics(Some(graphics), Redraw::All);
     draw(&mut comparison, 120, 40);
-    let areas: Vec<_> = comparison.pictures().iter().map(|picture| Some(picture.area)).collect();
+    let areas: Vec<_> =
+        comparison.app.pictures().iter().map(|picture| Some(picture.area)).collect();
     let maps = comparison.apps().map(|app| app.screen.layout.map.as_ref().map(|map| map.area));
     assert_eq!(areas, maps);
     wait_until(&mut comparison, |apps| {
@@ -206,7 +227,6 @@ fn both_maps_are_pictures_on_which_the_same_distance_has_the_same_colour() {
     });
 }
 
-/// Returns the options of a comparison on the command line.
 fn options(contenders: [Contender; 2]) -> ComparisonOptions {
     ComparisonOptions {
         contenders,
@@ -243,7 +263,7 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
     let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
     let contestants = prepare(&both, &registry, &Progress::default()).expect("two saved runs").both;
     let mut comparison = start(contestants, Limits::default());
-    let paused = |app: &App| {
+    let paused = |app: &Session| {
         assert_eq!(app.screen.snapshot.counters.env_steps, 0, "shown as it was saved");
         app.screen.snapshot.phase == Phase::Paused
     };
@@ -287,4 +307,118 @@ fn what_cannot_stand_beside_a_saved_run_is_refused() {
         let error = refused.err().expect("it is refused");
         assert!(error.to_string().contains(problem), "{error}");
     }
+}
+
+fn maps(comparison: &mut Both) -> [Arc<Grid>; 2] {
+    comparison.apps().map(|app| app.maze().map.clone())
+}
+
+fn wait_for_trainers(comparison: &mut Both) {
+    wait_until(comparison, |apps| {
+        apps.iter().all(|app| app.drawn_map().free() == app.maze().map.free())
+    });
+}
+
+#[test]
+fn an_edit_on_either_side_goes_to_both_trainers_and_so_does_its_undo() {
+    let mut comparison = comparison();
+    draw(&mut comparison, 80, 24);
+    let before = rooms();
+    press(&mut comparison, KeyCode::Char('e'));
+    let cells = [Cell::new(2, 1), Cell::new(15, 4)];
+    for (side, cell) in cells.into_iter().enumerate() {
+        let at = character_of(&mut comparison, side, cell);
+        click(&mut comparison, MouseButton::Left, at);
+        assert!(maps(&mut comparison).iter().all(|map| !map.is_free(cell)), "{cell:?}");
+    }
+    wait_for_trainers(&mut comparison);
+    assert!(comparison.apps().iter().all(|app| app.screen.snapshot.phase.is_training()));
+    press(&mut comparison, KeyCode::Char('u'));
+    assert!(
+        maps(&mut comparison).iter().all(|map| map.is_free(cells[1]) && !map.is_free(cells[0]))
+    );
+    press(&mut comparison, KeyCode::Char('u'));
+    assert!(maps(&mut comparison).iter().all(|map| map.free() == before.free()));
+    wait_for_trainers(&mut comparison);
+}
+
+#[test]
+fn the_editor_draws_by_keyboard_on_both() {
+    let mut comparison = stopped_comparison();
+    draw(&mut comparison, 80, 24);
+    let goal = comparison.apps()[0].maze().goal;
+    type_text(&mut comparison, "e3x");
+    (0..2).for_each(|_| press(&mut comparison, KeyCode::Left));
+    let previews = comparison.apps().map(|app| {
+        app.maze().editor.preview().map(|(cells, _)| cells.into_owned()).expect("a line")
+    });
+    assert_eq!(previews[0].len(), 3);
+    assert_eq!(previews[0], previews[1], "the line that is being drawn is shown on both");
+    press(&mut comparison, KeyCode::Enter);
+    assert!(maps(&mut comparison).iter().all(|map| !map.is_free(goal)));
+    let [a, b] = comparison.apps().map(|app| app.maze().goal);
+    assert!(a == b && a != goal, "the goal has left the wall on both sides");
+    press(&mut comparison, KeyCode::Esc);
+    press(&mut comparison, KeyCode::Char('u'));
+    assert!(maps(&mut comparison).iter().all(|map| map.is_free(goal)), "also with a closed editor");
+}
+
+fn stage_films(comparison: &mut Both, updates: [&[u64]; 2]) {
+    for (side, updates) in updates.into_iter().enumerate() {
+        let app = &comparison.apps()[side].screen.snapshot.clone();
+        let film = film(comparison.apps()[side], updates);
+        comparison.on_snapshot(side, &Arc::new(Snapshot { film, ..(**app).clone() }));
+    }
+}
+
+fn shown_updates(comparison: &mut Both) -> [Option<u64>; 2] {
+    comparison.apps().map(|app| app.screen.past.as_ref().map(|frame| frame.updates))
+}
+
+#[test]
+fn both_look_back_at_the_same_place_along_the_axis() {
+    let mut comparison = staged(80, 24);
+    // An update is 16 environment steps on one side, and 12 on the other.
+    stage_films(&mut comparison, [&[1, 2_500, 5_000], &[1, 2_500, 7_500]]);
+    for (key, expected) in [
+        (KeyCode::Char('['), [Some(5_000), Some(7_500)]),
+        (KeyCode::Char('['), [Some(2_500); 2]),
+        (KeyCode::Char('['), [Some(1); 2]),
+        (KeyCode::Char('['), [Some(1); 2]),
+        (KeyCode::Char(']'), [Some(2_500); 2]),
+        (KeyCode::Char(']'), [Some(5_000), Some(7_500)]),
+        (KeyCode::Char(']'), [None; 2]),
+        (KeyCode::Char('['), [Some(5_000), Some(7_500)]),
+        (KeyCode::Esc, [None; 2]),
+    ] {
+        press(&mut comparison, key);
+        assert_eq!(shown_updates(&mut comparison), expected, "after {key:?}");
+        let shown = shown_by(&mut comparison, 120, 40);
+        assert_eq!(shown.contains("looking back"), expected[0].is_some(), "{shown}");
+    }
+}
+
+#[test]
+fn a_click_on_the_curves_looks_back_and_an_edit_returns() {
+    let mut comparison = staged(80, 24);
+    stage_films(&mut comparison, [&[1, 2_500, 5_000, 10_000], &[1, 2_500, 5_000, 10_000]]);
+    draw(&mut comparison, 80, 24);
+    // The left quarter of the chart's rows, above those with the axis and the keys.
+    mouse(&mut comparison, MouseEventKind::Down(MouseButton::Left), Position::new(24, 19));
+    assert_eq!(shown_updates(&mut comparison), [Some(2_500); 2]);
+    press(&mut comparison, KeyCode::Char('e'));
+    assert_eq!(shown_updates(&mut comparison), [None; 2], "the present is edited");
+}
+
+#[test]
+fn pictures_show_both_maps_or_the_whole_screen() {
+    let mut comparison = staged(80, 24);
+    for (kind, least) in [(ExportKind::ScreenPng, 16 * 24), (ExportKind::MapPng, 16 * 10)] {
+        let file = comparison.comparison().contents(kind).expect("a picture");
+        let reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a PNG");
+        let (width, height) = (reader.info().width, reader.info().height);
+        assert!(width == 8 * 80 && (least..=16 * 24).contains(&height), "{width} x {height}");
+    }
+    let drawing = comparison.comparison().contents(ExportKind::ScreenSvg).expect("a drawing");
+    assert!(drawing.starts_with(b"<svg"));
 }

@@ -13,14 +13,11 @@ fn click_on(app: &mut impl Driven, (width, height): (u16, u16), text: &str) {
 const SMALL: (u16, u16) = (80, 24);
 
 #[test]
-fn clicks_switch_panes_and_overlays() {
+fn clicks_reach_what_is_on_top_and_nothing_else() {
     let mut app = still();
     click_on(&mut app, SMALL, "4map 5log");
-    assert_eq!(app.screen.pane, Pane::Legend);
     click_on(&mut app, SMALL, "bridge edges");
     assert!(app.screen.overlays.has(Overlay::Edges));
-    click_on(&mut app, SMALL, "contours");
-    assert!(!app.screen.overlays.has(Overlay::Contours));
     press(&mut app, KeyCode::Char('e'));
     click_on(&mut app, SMALL, "box");
     assert_eq!(app.maze().editor.tool, Tool::Rectangle);
@@ -35,15 +32,10 @@ fn clicks_switch_panes_and_overlays() {
     // With a second pane below, clicking its title selects it.
     click_on(&mut app, (120, 40), "\u{250c} training");
     assert_eq!(app.screen.pane, Pane::Training);
-}
-
-#[test]
-fn clicks_answer_and_close_dialogs() {
-    let mut app = still();
     app.act(Action::Method);
     draw(&mut app, 80, 24);
     click(&mut app, MouseButton::Left, Position::new(0, 23));
-    assert!(app.screen.dialogs.is_empty(), "a click outside closes it");
+    assert!(app.screen.dialogs.is_empty(), "a click outside closes a dialog");
     assert!(!app.maze().editor.is_open(), "and does nothing else");
     app.act(Action::Autosave);
     type_text(&mut app, "7");
@@ -54,7 +46,6 @@ fn clicks_answer_and_close_dialogs() {
     assert_eq!(app.screen.theme.name, ThemeName::Light);
 }
 
-/// Returns an app on a map much wider than its pane, drawn once.
 fn wide() -> App {
     let map =
         parse_map("wide", format!("{}\n", ".".repeat(200)).repeat(120).as_bytes()).expect("a map");
@@ -92,7 +83,6 @@ fn zooming_keeps_the_place_under_the_mouse_and_can_be_reset() {
     assert!(window(&mut app)[2] >= 200.0);
 }
 
-/// Returns the part of the map that is drawn.
 fn window(app: &mut App) -> [f32; 4] {
     draw(app, 80, 24);
     app.screen.layout.map.clone().expect("a map").raster.window

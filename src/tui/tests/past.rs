@@ -2,7 +2,7 @@
 
 use super::staged::staged_app;
 use super::*;
-use crate::tui::export::{contents, name};
+use crate::tui::export::name;
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use gdg::env::FetchReach;
@@ -11,7 +11,7 @@ use gdg::viewer::maze::FilmedMap;
 use gdg::viewer::{MazeView, View};
 
 /// Returns a film on the rooms map: distances grow with the updates.
-pub(super) fn film(app: &App, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
+pub(super) fn film(app: &Session, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
     let (mut world, mut film) = (PointMaze::new(app.maze().map.clone(), 2), Film::default());
     world.set_full_state(0, &[3.5, 3.5]);
     world.set_full_state(1, &[14.5, 1.5]);
@@ -28,7 +28,6 @@ pub(super) fn film(app: &App, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
     film.frames().clone()
 }
 
-/// Returns an app in the middle of a run with a film of these updates.
 pub(super) fn filmed_app(updates: &[u64], width: u16, height: u16) -> Still {
     let mut app = staged_app(width, height);
     let film = film(&app, updates);
@@ -36,7 +35,6 @@ pub(super) fn filmed_app(updates: &[u64], width: u16, height: u16) -> Still {
     app
 }
 
-/// Shows what the viewer will compute for the selected moment.
 fn stage_past(app: &mut App) {
     let frame = app.screen.past.clone().expect("the past is looked at");
     let raster = app.screen.layout.map.clone().expect("the map is drawn").raster;
@@ -98,10 +96,10 @@ fn a_click_on_the_curves_goes_to_that_update_and_one_on_the_map_returns() {
 fn the_film_is_exported_from_any_moment() {
     let mut app = filmed_app(&[1, 2_500], 80, 24);
     press(&mut app, KeyCode::Char('['));
-    let bytes = contents(ExportKind::Film, &mut app.app.screen, &app.app.scene).expect("a film");
+    let bytes = export(ExportKind::Film, &mut app).expect("a film");
     let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
     assert_eq!(reader.info().animation_control().expect("an animation").num_frames, 2);
-    let bytes = contents(ExportKind::Still, &mut app.app.screen, &app.app.scene).expect("a map");
+    let bytes = export(ExportKind::Still, &mut app).expect("a map");
     let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
     assert!(reader.info().animation_control().is_none() && reader.info().width == 1_600);
 }
@@ -113,9 +111,8 @@ fn pictures_of_the_past_are_named_and_described_by_what_they_show() {
     press(&mut app, KeyCode::Char('['));
     stage_past(&mut app);
     assert!(shown_by(&mut app, 120, 40).contains("walls of today"));
-    let App { screen, scene, .. } = &mut app.app;
-    assert!(name(ExportKind::MapSvg, screen, scene).ends_with("-2500"));
-    let picture = contents(ExportKind::MapSvg, screen, scene).expect("a picture");
+    assert!(name(ExportKind::MapSvg, &app.screen, &app.scene).ends_with("-2500"));
+    let picture = export(ExportKind::MapSvg, &mut app).expect("a picture");
     // Each character is an element of its own, and blanks are none.
     let picture = String::from_utf8(picture).expect("text");
     let picture: String = picture.lines().filter(|line| !line.starts_with('<')).collect();

@@ -1,34 +1,76 @@
-//! Checkpoints and maps are written.
+//! Checkpoints, maps and exports are written, and nothing is lost by quitting.
 
 use super::staged::staged_app;
 use super::*;
 use crate::tui::dialog::Choice;
-use crate::tui::export::contents;
 use crate::tui::graphics::{Graphics, Protocol, Redraw};
-use crate::tui::output::ExportKind;
+use crate::tui::lists;
+use gdg::map::MapScale;
+
+/// Returns an app that trains the rooms and saves them to a file, after its first update.
+fn training(path: PathBuf) -> App {
+    let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path));
+    wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
+    app
+}
+
+/// The same, paused.
+fn paused(path: PathBuf) -> App {
+    let mut app = training(path);
+    press(&mut app, KeyCode::Char(' '));
+    wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
+    app
+}
+
+fn tick(app: &mut App) {
+    app.saver.autosave.minutes = 1e-5;
+    std::thread::sleep(Duration::from_millis(20));
+    app.on_tick();
+}
 
 #[test]
-fn autosaves_use_their_own_files_and_only_the_newest_are_kept() {
+fn autosaves_have_their_own_files_of_which_the_newest_are_kept_and_none_is_written_twice() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("kept.safetensors");
-    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
+    let mut app = training(path.clone());
     app.on_tick();
     assert!(app.screen.snapshot.autosaves.is_empty(), "not yet");
-    app.saver.autosave.minutes = 1e-6;
     let mut all = std::collections::BTreeSet::new();
     while all.len() < 5 {
-        let updates = app.screen.snapshot.counters.updates;
-        app.on_tick();
-        wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
+        let updates = app.screen.snapshot.updates();
+        tick(&mut app);
+        wait_until(&mut app, |app| app.screen.snapshot.updates() > updates);
         all.extend(app.screen.snapshot.autosaves.iter().map(|(_, path)| path.clone()));
     }
     let there: Vec<_> = all.iter().filter(|path| path.is_file()).collect();
     assert!((1..=4).contains(&there.len()), "the newest are kept: {there:?}");
-    assert!(
-        !path.exists() && app.screen.snapshot.saved.is_none(),
-        "the user's own file is left alone"
-    );
+    assert!(!path.exists() && app.screen.snapshot.saved.is_none(), "the user's own file is left");
+
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut app = paused(folder.path().join("run.safetensors"));
+    for edits in 1..=2 {
+        (0..5).for_each(|_| tick(&mut app));
+        wait_until(&mut app, |app| app.screen.snapshot.autosaves.len() == edits);
+        let files = std::fs::read_dir(folder.path()).expect("a folder").count();
+        assert_eq!(files, edits, "an edit alone is worth another file, nothing else");
+        let cell = app.maze().map.free_cells().next().expect("a free cell");
+        app.change_cell(cell, false);
+        wait_until(&mut app, |app| !app.maze().map.is_free(cell));
+    }
+}
+
+#[test]
+fn an_autosave_that_fails_is_tried_again_in_a_paused_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let blocked = folder.path().join("runs");
+    std::fs::write(&blocked, "a file, where a folder is needed").expect("a file");
+    let mut app = paused(blocked.join("run.safetensors"));
+    tick(&mut app);
+    wait_until(&mut app, |app| app.screen.snapshot.notice.is_error);
+    assert!(app.screen.snapshot.autosaves.is_empty());
+    std::fs::remove_file(&blocked).and_then(|()| std::fs::create_dir(&blocked)).expect("a folder");
+    tick(&mut app);
+    wait_until(&mut app, |app| app.screen.snapshot.autosaves.len() == 1);
 }
 
 #[test]
@@ -36,19 +78,27 @@ fn saving_keeps_another_runs_file_and_replaces_the_runs_own() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("mine.safetensors");
     std::fs::write(&path, b"another run's").expect("written");
-    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
+    let mut app = training(path.clone());
     let own = folder.path().join("mine-2.safetensors");
     for _ in 0..2 {
-        let (before, updates) =
-            (app.screen.snapshot.saved.clone(), app.screen.snapshot.counters.updates);
-        wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
+        let (before, updates) = (app.screen.snapshot.saved.clone(), app.screen.snapshot.updates());
+        wait_until(&mut app, |app| app.screen.snapshot.updates() > updates);
         app.act(Action::Save);
         wait_until(&mut app, |app| app.screen.snapshot.saved != before);
-        let (_, saved) = app.screen.snapshot.saved.clone().expect("saved");
-        assert_eq!(*saved, own);
+        assert_eq!(*app.screen.snapshot.saved.clone().expect("saved").1, own);
     }
     assert_eq!(std::fs::read(&path).expect("there"), b"another run's");
     assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 2);
+    // New networks do not replace the file of those before.
+    let before = std::fs::read(&own).expect("saved");
+    set(&mut app, "hidden", "8");
+    let said = "hidden 16 -> 8; networks reset, replay kept";
+    wait_until(&mut app, |app| app.screen.log.entries().iter().any(|entry| entry.text == said));
+    app.act(Action::Save);
+    wait_until(&mut app, |app| {
+        app.screen.snapshot.saved.as_ref().is_some_and(|(_, saved)| **saved != own)
+    });
+    assert_eq!(std::fs::read(&own).expect("still there"), before);
 }
 
 #[test]
@@ -57,8 +107,7 @@ fn a_failed_save_before_quitting_asks_for_another_file() {
     let blocked = folder.path().join("file");
     std::fs::write(&blocked, b"").expect("written");
     let path = blocked.join("below.safetensors");
-    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path));
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
+    let mut app = training(path);
     app.act(Action::Quit);
     let has_failed = |app: &App| matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some());
     wait_until(&mut app, has_failed);
@@ -74,42 +123,163 @@ fn a_failed_save_before_quitting_asks_for_another_file() {
 }
 
 #[test]
-fn writing_a_map_asks_before_replacing_a_file() {
+fn what_a_map_file_would_replace_or_lose_is_asked_about() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("kept.txt");
-    std::fs::write(&file, "something else").expect("a file");
+    let file = |name: &str| folder.path().join(name);
+    let save_as = |app: &mut App, name: &str| {
+        app.act(Action::SaveMap);
+        enter(app, &file(name).to_string_lossy());
+        shown_by(app, 200, 40)
+    };
+    let marks = |name: &str| {
+        let map = gdg::map::load_map(&file(name)).expect("a map");
+        map.starts().len() + map.goals().len()
+    };
     let mut app = still();
-    draw(&mut app, 80, 24);
-    press_with(&mut app, KeyCode::Char('w'), KeyModifiers::CONTROL);
-    enter(&mut app, &file.to_string_lossy());
-    let shown = shown_by(&mut app, 80, 24);
-    assert!(shown.contains("the file exists: Enter again"), "{shown}");
-    assert_eq!(std::fs::read_to_string(&file).expect("the file"), "something else");
+    // A file, and the image beside a map.
+    for (name, replaced, warning) in [
+        ("kept.txt", "kept.txt", "the file exists: Enter again"),
+        ("scan.yaml", "scan.pgm", "scan.pgm exists: Enter again"),
+    ] {
+        std::fs::write(file(replaced), "something else").expect("a file");
+        let shown = save_as(&mut app, name);
+        assert!(shown.contains(warning), "{shown}");
+        assert_eq!(std::fs::read_to_string(file(replaced)).expect("the file"), "something else");
+        press(&mut app, KeyCode::Enter);
+        assert!(app.screen.dialogs.is_empty() && gdg::map::load_map(&file(replaced)).is_ok());
+    }
+    assert_eq!(marks("kept.txt"), 1, "with its goal");
+    // Starts and goals that the format does not have.
+    let shown = save_as(&mut app, "rooms.map");
+    assert!(shown.contains("the format movingai has no goals: NAME.txt keeps them"), "{shown}");
+    assert!(!file("rooms.map").exists(), "nothing is written yet");
     press(&mut app, KeyCode::Enter);
-    assert!(app.screen.dialogs.is_empty());
-    let written = gdg::map::load_map(&file).expect("a map");
-    assert_eq!((written.free(), written.goals()), (rooms().free(), rooms().goals()));
-    // So does the image beside a map.
-    let image = folder.path().join("scan.pgm");
-    std::fs::write(&image, "something else").expect("a file");
-    app.act(Action::SaveMap);
-    enter(&mut app, &folder.path().join("scan.yaml").to_string_lossy());
-    let shown = shown_by(&mut app, 200, 24);
-    assert!(shown.contains("scan.pgm exists: Enter again"), "{shown}");
-    assert_eq!(std::fs::read_to_string(&image).expect("the file"), "something else");
-    press(&mut app, KeyCode::Enter);
-    assert!(app.screen.dialogs.is_empty() && gdg::map::load_map(&image).is_ok());
+    assert_eq!((app.screen.dialogs.len(), marks("rooms.map")), (0, 0));
+    let shown = save_as(&mut app, "rooms.map");
+    assert!(shown.contains("keeps them, and the file exists"), "{shown}");
+    press(&mut app, KeyCode::Esc);
+    // A checkpoint is never replaced.
+    let checkpoint = saved_run(folder.path(), &app).file;
+    let before = std::fs::read(&checkpoint).expect("a checkpoint");
+    for _ in 0..2 {
+        let shown = save_as(&mut app, "saved.safetensors");
+        assert!(shown.contains("this file is a checkpoint"), "{shown}");
+    }
+    assert!(std::fs::read(&checkpoint).expect("still there") == before);
+    // A maze of blocks keeps its scale in an image, not in plain text.
+    let scale = MapScale { cell: 2, ..MapScale::default() };
+    let mut app = still_on(scale.of("rooms", &rooms()).expect("a map"), gdg());
+    let shown = save_as(&mut app, "blocks.txt");
+    assert!(shown.contains("has no cells per block 2: NAME.png keeps them"), "{shown}");
+    press(&mut app, KeyCode::Esc);
+    save_as(&mut app, "blocks.png");
+    let kept = gdg::map::load_map(&file("blocks.png")).expect("a map");
+    assert_eq!((app.screen.dialogs.len(), kept.scale()), (0, scale));
+}
+
+fn saved_app() -> Still {
+    let mut app = staged_app(80, 24);
+    app.change_snapshot(|saved| {
+        saved.saved = Some((saved.counters.updates, Arc::new("saves/kept.safetensors".into())));
+        saved.saved_seconds = saved.seconds;
+    });
+    app
+}
+
+fn train_on(app: &mut App, seconds: f64, updates: u64) {
+    let mut latest = (*app.screen.latest).clone();
+    latest.counters.updates += updates;
+    latest.seconds += seconds;
+    app.on_snapshot(Arc::new(latest));
 }
 
 #[test]
-fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
+fn what_is_unsaved_is_asked_about_on_quit_and_saved_on_a_signal() {
+    let is_named = |app: &Still| app.saver.named.is_some();
     let mut app = staged_app(80, 24);
     app.act(Action::Quit);
     assert!(!app.is_done() && app.screen.dialogs.len() == 1, "twelve seconds are asked about");
     press_with(&mut app, KeyCode::Char('c'), KeyModifiers::CONTROL);
-    assert!(app.is_done() && app.saver.named.is_none(), "twice leaves without saving");
+    assert!(app.is_done() && !is_named(&app), "twice leaves without saving");
     app.on_signal();
     assert!(app.saver.named.as_ref().is_some_and(|path| path.starts_with("saves")));
+    // From ten seconds on, however fast it was before, also behind a frozen screen.
+    for (seconds, updates, frozen, asks) in [
+        (0.0, 0, true, false),
+        (9.0, 3, false, false),
+        (11.0, 3, false, true),
+        (60.0, 6_000, true, true),
+    ] {
+        let mut app = saved_app();
+        if frozen {
+            press(&mut app, KeyCode::Char('F'));
+        }
+        let shown = app.screen.snapshot.updates();
+        assert!(!app.saver.has_something_to_autosave(&app.cx));
+        train_on(&mut app, seconds, updates);
+        assert!(!frozen || app.screen.snapshot.updates() == shown, "the screen stays");
+        assert_eq!(app.saver.has_something_to_autosave(&app.cx), updates > 0);
+        press(&mut app, KeyCode::Char('q'));
+        assert_eq!(app.is_done(), !asks, "{seconds} s");
+        let asked = shown_by(&mut app, 80, 24);
+        assert_eq!(
+            asked.contains(&format!("{} unsaved updates", gdg::text::grouped(updates))),
+            asks
+        );
+        app.on_signal();
+        assert_eq!(is_named(&app), updates > 0, "a signal saves what quitting would discard");
+    }
+}
+
+#[test]
+fn a_frozen_screen_says_what_was_saved_and_keeps_what_is_changed() {
+    let mut app = staged_app(80, 24);
+    press(&mut app, KeyCode::Char('F'));
+    let mut latest = (*app.screen.latest).clone();
+    latest.notice.number += 1;
+    latest.notice.text = "autosaved kept-auto.safetensors".to_owned();
+    app.on_snapshot(Arc::new(latest.clone()));
+    assert!(shown_by(&mut app, 80, 24).contains("autosaved kept-auto"));
+    latest.phase = Phase::Done;
+    app.on_snapshot(Arc::new(latest));
+    assert!(shown_by(&mut app, 80, 24).contains("limit reached"));
+    let mut app = still();
+    press(&mut app, KeyCode::Char('F'));
+    for (name, value) in [("expectile", "0.7"), ("tau", "0.01")] {
+        set(&mut app, name, value);
+        app.obey();
+        let settings = train::list_settings(&app.screen.run().settings);
+        for (name, value) in [("expectile", "0.7"), (name, value)] {
+            assert!(settings.contains(&(name.to_owned(), value.to_owned())), "{name} is kept");
+        }
+    }
+}
+
+#[test]
+fn an_edited_map_is_not_discarded_without_a_question() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut app = paused(folder.path().join("own.safetensors"));
+    app.saver.named = None;
+    let save_as = |app: &mut App, action: Action, name: &str| {
+        app.act(action);
+        enter(app, &folder.path().join(name).to_string_lossy());
+    };
+    let asks = |app: &mut App| {
+        press(app, KeyCode::Char('q'));
+        let asked = app.screen.dialogs.len() == 1;
+        press(app, KeyCode::Esc);
+        asked
+    };
+    let cell = app.maze().map.free_cells().next().expect("a free cell");
+    app.change_cell(cell, false);
+    assert!(asks(&mut app), "although it has hardly been trained");
+    save_as(&mut app, Action::SaveMap, "edited.txt");
+    assert!(!app.scene.has_unsaved_map());
+    app.change_cell(cell, true);
+    assert!(asks(&mut app));
+    save_as(&mut app, Action::SaveAs, "run");
+    wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
+    assert!(!app.scene.has_unsaved_map(), "a checkpoint has the map too");
 }
 
 #[test]
@@ -128,7 +298,6 @@ fn a_checkpoint_that_is_not_written_yet_is_written_on_closing() {
     }
 }
 
-/// Enters a value for a setting.
 fn set(app: &mut App, name: &str, value: &str) {
     app.choose(Choice::Setting(name.to_owned()));
     type_text(app, value);
@@ -175,23 +344,61 @@ fn what_resets_trained_networks_is_asked_about_and_can_save_first() {
 }
 
 #[test]
-fn new_networks_do_not_replace_the_checkpoint_of_those_before() {
+fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
     let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("own.safetensors");
-    let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path.clone()));
-    wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
-    app.act(Action::Save);
-    wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
-    let before = std::fs::read(&path).expect("saved");
-    set(&mut app, "hidden", "8");
-    let said = "hidden 16 -> 8; networks reset, replay kept";
-    wait_until(&mut app, |app| app.screen.log.entries().iter().any(|entry| entry.text == said));
-    app.act(Action::Save);
-    wait_until(&mut app, |app| {
-        app.screen.snapshot.saved.as_ref().is_some_and(|(_, saved)| **saved != path)
-    });
-    assert!(folder.path().join("own-2.safetensors").is_file());
-    assert_eq!(std::fs::read(&path).expect("still there"), before);
+    let start = |app: &App| {
+        Choice::StartOn(Arc::new(Grid::empty("hall", 30, app.maze().map.height())), None)
+    };
+    std::fs::write(folder.path().join("file"), b"").expect("written");
+    for (place, works) in [("run.safetensors", true), ("file/run.safetensors", false)] {
+        let path = folder.path().join(place);
+        let mut app = training(path.clone());
+        let (then, generation) = (start(&app), app.screen.snapshot.generation);
+        let Choice::StartOn(map, _) = &then else { unreachable!("it starts a run") };
+        app.screen.open(lists::map_switch_choices(map, None, None, None, true));
+        press(&mut app, KeyCode::Char('s'));
+        if works {
+            wait_until(&mut app, |app| app.screen.snapshot.generation > generation);
+            let updates = train::describe(&path).expect("a checkpoint").updates;
+            assert!(updates > 0 && app.scene.title(&app.screen.snapshot) == "hall", "{updates}");
+        } else {
+            wait_until(&mut app, |app| app.screen.snapshot.save_failed.0 > 0);
+            let updates = app.screen.snapshot.updates();
+            wait_until(&mut app, |app| app.screen.snapshot.updates() > updates);
+            assert_eq!(
+                (app.screen.snapshot.generation, app.scene.title(&app.screen.snapshot)),
+                (generation, "rooms")
+            );
+        }
+    }
+}
+
+#[test]
+fn a_restart_with_another_seed_offers_to_save_what_would_be_lost() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.safetensors");
+    for (answer, saves) in [('n', false), ('d', false), ('s', true)] {
+        let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path.clone()));
+        // As after some time of training.
+        app.act(Action::ToggleEdit);
+        app.act(Action::Apply);
+        wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
+        let generation = app.screen.snapshot.generation;
+        press(&mut app, KeyCode::Esc);
+        press(&mut app, KeyCode::Char('R'));
+        press(&mut app, KeyCode::Enter);
+        assert!(
+            shown_by(&mut app, 80, 24)
+                .contains("start a new run on this map with seed 2 without saving")
+        );
+        press(&mut app, KeyCode::Char(answer));
+        if answer == 'n' {
+            assert!(app.screen.dialogs.is_empty() && app.screen.run().seed == 1, "nothing happens");
+            continue;
+        }
+        wait_until(&mut app, |app| app.screen.snapshot.generation > generation);
+        assert_eq!((app.screen.run().seed, path.exists()), (2, saves));
+    }
 }
 
 #[test]
@@ -201,7 +408,7 @@ fn closing_says_of_one_moment_what_is_saved_and_what_is_not() {
     let trainer = trainer_in(&PointMaze::new(Arc::new(rooms()), 0), gdg(), &Registry::builtin());
     let engine = Engine::start(trainer, Limits::default()).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
-    let mut app = App::new(engine.link(), viewer, &UiConfig::default(), keymap(), Files::default());
+    let mut app = app_with(engine.link(), viewer, Files::default());
     app.saver.to = SaveTo::CreateNew(path.clone());
     let further = |app: &mut App| {
         let now = app.screen.snapshot.updates();
@@ -216,10 +423,10 @@ fn closing_says_of_one_moment_what_is_saved_and_what_is_not() {
     further(&mut app);
     // Worth keeping: an edit.
     let cell = app.maze().map.free_cells().next().expect("a free cell");
-    app.change_map(app.maze().map.with_cells([(cell, false)]).map(Arc::new));
+    app.change_cell(cell, false);
     let (saved, autosaved) =
         (app.screen.snapshot.saved.clone().expect("saved").0, app.screen.snapshot.autosaves[0].0);
-    let summary = app.close(engine, true).summary.replace(',', "");
+    let summary = app.close(vec![engine]).summary.replace(',', "");
     let number = |before: &str| {
         let digits = summary.split(before).nth(1).unwrap_or_else(|| panic!("{before}: {summary}"));
         let end = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
@@ -237,7 +444,7 @@ fn everything_can_be_exported() {
     let app = &mut app.app;
     press(app, KeyCode::Char('?'));
     for kind in ExportKind::ALL {
-        let made = contents(kind, &mut app.screen, &app.scene);
+        let made = export(kind, app);
         if matches!(kind, ExportKind::Still | ExportKind::Film) {
             assert!(made.expect_err("no film").to_string().contains("no film"));
             continue;
@@ -271,18 +478,17 @@ fn everything_can_be_exported() {
 
 #[test]
 fn exports_have_all_colours_and_characters_whatever_the_terminal_has() {
-    let export = |depth, graphics| {
+    let exported = |depth, graphics| {
         let mut app = staged_app(80, 24);
         app.screen.theme = Theme::new(ThemeName::Dark, depth);
         app.set_graphics(graphics, Redraw::All);
         draw(&mut app, 80, 24);
-        let app = &mut app.app;
-        let svg = contents(ExportKind::MapSvg, &mut app.screen, &app.scene).expect("an export");
+        let svg = export(ExportKind::MapSvg, &mut app).expect("an export");
         assert_eq!(app.screen.theme.depth, depth, "the screen keeps its colours");
         svg
     };
     let pixels = Graphics { protocol: Protocol::Kitty, character: (8, 16) };
-    let own = export(ColourDepth::True, None);
-    assert!(own == export(ColourDepth::Basic, None));
-    assert!(own == export(ColourDepth::True, Some(pixels)));
+    let own = exported(ColourDepth::True, None);
+    assert!(own == exported(ColourDepth::Basic, None));
+    assert!(own == exported(ColourDepth::True, Some(pixels)));
 }

@@ -8,7 +8,6 @@ use crate::tui::panes::Pane;
 use gdg::bridge::EdgeStatus;
 use gdg::viewer::maze::Exploration;
 
-/// Compares a screen with its snapshot.
 pub(super) fn check(name: &str, app: &mut impl Driven, width: u16, height: u16) {
     let shown = picture(&draw(app, width, height));
     let name = format!("{name}-{width}x{height}");

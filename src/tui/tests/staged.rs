@@ -23,7 +23,6 @@ fn score(success: f64) -> Score {
     }
 }
 
-/// Returns the fraction explored at a share of the run.
 fn coverage(at: f64) -> f64 {
     0.8 * at.sqrt()
 }
@@ -115,7 +114,7 @@ fn staged_agent() -> FollowedAgent {
 }
 
 /// Returns the view of the rooms map in [`staged_app`].
-pub(super) fn staged_view(app: &App) -> MazeView {
+pub(super) fn staged_view(app: &Session) -> MazeView {
     let frame = app.screen.layout.map.clone().expect("the map is drawn");
     let field = |i: usize| {
         let (column, row) = (i % frame.raster.pixels.0, i / frame.raster.pixels.0);

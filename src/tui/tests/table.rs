@@ -180,7 +180,6 @@ const ROWS: &[Row] = &[
     (List, SMALL, "?", &["mark"], &["damaged.safetensors"]),
 ];
 
-/// Presses the keys of a row.
 fn play(app: &mut dyn Driven, (width, height): (u16, u16), keys: &str) {
     let mut rest = keys;
     while let Some(first) = rest.chars().next() {

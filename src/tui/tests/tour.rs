@@ -1,8 +1,8 @@
 //! The guided tour.
 
 use super::*;
-use crate::tui::app::ALL_STEPS as STEPS;
 use crate::tui::layers::Overlay;
+use crate::tui::session::ALL_STEPS as STEPS;
 use gdg::bridge::Candidates;
 use gdg::engine::Networks;
 use gdg::env::Environment;
@@ -35,10 +35,10 @@ fn step(app: &App) -> Option<usize> {
 }
 
 fn advance(app: &mut App, by: Duration) {
-    app.guide.advance(by, &mut app.scene, &mut app.screen, &mut app.link);
+    let Session { guide, cx, .. } = &mut **app;
+    guide.advance(by, cx);
 }
 
-/// Lets the step reach its time limit.
 fn time_out(app: &mut App) {
     advance(app, Duration::from_mins(1));
     advance(app, Duration::from_secs(1));
@@ -158,7 +158,6 @@ fn steps_wait_until_what_they_explain_is_seen() {
     assert_eq!(step(&app), Some(2), "a while after it was seen");
 }
 
-/// Returns the numbers of a text.
 fn numbers(text: &str) -> Vec<f32> {
     let digits = text.split(|c: char| !c.is_ascii_digit()).filter(|part| !part.is_empty());
     digits.map(|number| number.parse().expect("a number")).collect()

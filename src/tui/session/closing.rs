@@ -1,11 +1,11 @@
-//! Closing the interface: the run is saved if that is wanted, and the terminal says what is left.
+//! Closing a run: it is saved if that is wanted, and the terminal says what is left.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use miette::Report;
 
-use super::App;
+use super::Session;
 use super::saving::{is_worth_saving, notes};
 use crate::host::logging;
 use crate::host::outputs::save_elsewhere;
@@ -18,7 +18,7 @@ use gdg::engine::{Engine, Phase, Snapshot};
 use gdg::text::grouped;
 use gdg::train::{self, Notes, SaveTo, Trainer};
 
-impl App {
+impl Session {
     /// Ends training, and saves if that is requested and not yet done. The summary says how much is
     /// not saved if the run `is_kept` at all.
     pub fn close(mut self, engine: Engine, is_kept: bool) -> ClosedRun {
@@ -32,16 +32,16 @@ impl App {
         let mut ending = Ending {
             files: String::new(),
             is_wanted: self.saver.named.is_some(),
-            is_worth_saving: is_worth_saving(&self.scene, &self.screen),
+            is_worth_saving: is_worth_saving(&self),
             is_kept,
             has_unsaved_map: self.scene.has_unsaved_map(),
             tells_lost: false,
         };
-        let notes = notes(&self.scene, &self.screen);
-        let Self { saver, scene, mut screen, link, .. } = self;
-        let snapshots = engine.snapshots();
+        let notes = notes(&self);
+        let Self { saver, cx, .. } = self;
+        let (mut screen, snapshots) = (cx.screen, engine.snapshots());
         // The trainer ends once nothing can send it commands any more.
-        drop(link);
+        drop(cx.link);
         let trainer = engine.stop();
         // All that is said is said of one moment: the trainer may be farther than its last snapshot.
         let mut snapshot = Snapshot::clone(&snapshots.borrow());
@@ -59,7 +59,7 @@ impl App {
         let files = ending.files;
         let newest = saved_to.or_else(|| newest_file(&snapshot));
         screen.snapshot = Arc::new(snapshot);
-        let mut summary = screen.summary(scene.title(&screen.snapshot)) + &files;
+        let mut summary = screen.summary(cx.scene.title(&screen.snapshot)) + &files;
         if let Some(file) = newest {
             summary += &format!("\nresume with: {}", runs::resume_command(&file));
         }
@@ -155,7 +155,6 @@ fn save_somewhere(trainer: &Trainer, to: &SaveTo) -> (Option<PathBuf>, Result<()
     }
 }
 
-/// Returns the run's latest file: its own or an autosaved one.
 fn newest_file(snapshot: &Snapshot) -> Option<PathBuf> {
     let own = snapshot.saved.as_ref().map(|(_, path)| path.to_path_buf());
     let autosaves = snapshot.autosaves.iter().map(|(_, path)| path.clone());

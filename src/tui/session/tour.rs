@@ -10,15 +10,12 @@ mod steps;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::view;
+use super::{Cx, view};
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
-use crate::tui::link::Link;
 use crate::tui::raster::Viewport;
-use crate::tui::scene::Scene;
 use crate::tui::scene::maze::{self, maze_on};
-use crate::tui::screen::Screen;
-use crate::tui::tour::{Caption, ShownStep};
+use crate::tui::screen::{Caption, Screen, ShownStep};
 use bridges::BridgeHunt;
 use gdg::engine::Command;
 use gdg::map::{Cell, Grid, builtin};
@@ -84,7 +81,6 @@ impl Tour {
         self.step + 1 == STEPS.len()
     }
 
-    /// Returns what is shown of the current step.
     fn shown(&self, caption: Caption) -> ShownStep {
         let title = format!("{}/{} {}", self.step + 1, STEPS.len(), self.current().title);
         ShownStep { step: self.step, title, is_last: self.is_last(), caption }
@@ -111,25 +107,23 @@ pub struct Guide {
 }
 
 impl Guide {
-    /// Starts the tour's run, with which the tour begins.
-    pub fn request(&mut self, screen: &mut Screen, link: &Link) {
+    pub fn request(&mut self, cx: &mut Cx) {
         if let Some(map) = builtin(MAP) {
             let start = Command::StartRun(Box::new(run()), maze_on(Arc::new(map)));
-            self.is_requested = link.command(start, screen);
+            self.is_requested = cx.command(start);
         }
     }
 
-    /// Begins the tour of the run that is shown.
-    pub fn begin(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-        if let Some(maze) = scene.maze_mut() {
+    pub fn begin(&mut self, cx: &mut Cx) {
+        if let Some(maze) = cx.scene.maze_mut() {
             maze.editor.close();
             maze.viewport = Viewport::default();
         }
-        (screen.maximised, screen.following) = (false, None);
+        (cx.screen.maximised, cx.screen.following) = (false, None);
         for overlay in [Overlay::Contours, Overlay::Agents, Overlay::Path] {
-            show_overlay(overlay, true, scene, screen, link);
+            show_overlay(overlay, true, cx);
         }
-        view::show_field(Field::Learned, screen, link);
+        view::show_field(cx, Field::Learned);
         let tour = self.tour.insert(Tour {
             step: 0,
             elapsed: 0.0,
@@ -145,94 +139,87 @@ impl Guide {
             watched: Watched::default(),
             arrived_at: None,
             shows_search: false,
-            on_arrival: screen.on_arrival,
+            on_arrival: cx.screen.on_arrival,
             ticked: Instant::now(),
         });
-        view::set_on_arrival(OnArrival::Wait, screen, link);
-        tour.enter(scene, screen, link);
+        view::set_on_arrival(cx, OnArrival::Wait);
+        tour.enter(cx);
     }
 
     /// Goes to the next step; after the last one, the tour is over.
-    pub fn next_step(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    pub fn next_step(&mut self, cx: &mut Cx) {
         match &mut self.tour {
-            Some(tour) if tour.is_last() => self.end(scene, screen, link),
+            Some(tour) if tour.is_last() => self.end(cx),
             Some(tour) => {
                 tour.step += 1;
-                tour.enter(scene, screen, link);
+                tour.enter(cx);
             }
             None => {}
         }
     }
 
     /// Ends the tour and leaves the trainer as the user would have found it.
-    pub fn end(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    pub fn end(&mut self, cx: &mut Cx) {
         let Some(tour) = &mut self.tour else { return };
-        tour.hide_bridge(scene, screen, link);
+        tour.hide_bridge(cx);
         // If the trainer is busy, the tour goes on until the door is open.
-        if tour.open_door(scene, screen, link) {
-            view::set_on_arrival(tour.on_arrival, screen, link);
-            self.forget(screen);
+        if tour.open_door(cx) {
+            view::set_on_arrival(cx, tour.on_arrival);
+            self.forget(&mut cx.screen);
             // The line about what there is to see would repeat it.
-            screen.on_first_use();
+            cx.screen.on_first_use();
         }
     }
 
-    /// Shows nothing of a tour any more.
     pub fn forget(&mut self, screen: &mut Screen) {
         (self.tour, screen.tour, screen.explained) = (None, None, None);
     }
 
     /// Handles the passing of time; returns whether the screen changes.
-    pub fn on_tick(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) -> bool {
+    pub fn on_tick(&mut self, cx: &mut Cx) -> bool {
         let Some(tour) = &mut self.tour else { return false };
         let now = Instant::now();
         let passed = now - std::mem::replace(&mut tour.ticked, now);
-        self.advance(passed, scene, screen, link)
+        self.advance(passed, cx)
     }
 
     /// Moves the tour on by some time, unless it is paused; returns whether the screen changes.
-    pub fn advance(
-        &mut self,
-        passed: Duration,
-        scene: &mut Scene,
-        screen: &mut Screen,
-        link: &mut Link,
-    ) -> bool {
-        let Some(tour) = self.tour.as_mut().filter(|_| !is_waiting(screen)) else { return false };
+    pub fn advance(&mut self, passed: Duration, cx: &mut Cx) -> bool {
+        let Some(tour) = self.tour.as_mut().filter(|_| !is_waiting(&cx.screen)) else {
+            return false;
+        };
         tour.elapsed += passed.as_secs_f32();
         if tour.elapsed - tour.looked_at < LOOK_INTERVAL_SECS {
             return false;
         }
         tour.looked_at = tour.elapsed;
         let over = tour.is_over();
-        tour.walk_again(scene, screen, link);
+        tour.walk_again(cx);
         if over {
-            self.next_step(scene, screen, link);
+            self.next_step(cx);
             return true;
         }
         if std::mem::take(&mut tour.enters_again) {
-            tour.enter(scene, screen, link);
+            tour.enter(cx);
             return true;
         }
-        tour.look(scene, screen)
+        tour.look(cx)
     }
 }
 
 /// What it does and sees on the screen.
 impl Tour {
-    /// Begins the current step.
-    fn enter(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+    fn enter(&mut self, cx: &mut Cx) {
         (self.elapsed, self.looked_at) = (0.0, 0.0);
         (self.arrived_at, self.seen_at) = (None, None);
         self.stays = false;
-        if let Some(enter) = self.current().enter {
-            enter(self, scene, screen, link);
-        }
-        self.look(scene, screen);
+        (self.current().enter)(self, cx);
+        self.look(cx);
     }
 
     /// Looks what has become of the step's subject; returns whether the caption changes.
-    fn look(&mut self, scene: &Scene, screen: &mut Screen) -> bool {
+    fn look(&mut self, cx: &mut Cx) -> bool {
+        let Cx { screen, scene, .. } = cx;
         let Some(maze) = scene.maze() else { return false };
         let caption = (self.current().look)(maze, screen, self);
         if caption.seen {
@@ -246,46 +233,42 @@ impl Tour {
         changed
     }
 
-    /// Sends the agent from its start to the goal.
-    fn send_walker(&mut self, screen: &mut Screen, link: &Link) {
-        maze::place_walker(Some(self.start), screen, link);
+    fn send_walker(&mut self, cx: &mut Cx) {
+        maze::place_walker(Some(self.start), &mut cx.screen, &cx.link);
         self.arrived_at = None;
     }
 
     /// Sends the agent off again a while after it has arrived.
-    fn walk_again(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) {
-        let walk = scene.maze().map(|maze| maze.view.walk);
+    fn walk_again(&mut self, cx: &mut Cx) {
+        let walk = cx.scene.maze().map(|maze| maze.view.walk);
         if !walk.is_some_and(|walk| walk.arrived || walk.gave_up) {
             self.arrived_at = None;
             return;
         }
         let arrived_at = *self.arrived_at.get_or_insert(self.elapsed);
         if !self.stays && self.elapsed - arrived_at > REST_SECS {
-            self.send_walker(screen, link);
+            self.send_walker(cx);
         }
     }
 
-    /// Moves the goal and sends the agent there.
-    fn aim_at(&mut self, goal: Cell, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-        if let Some(maze) = scene.maze_mut() {
-            maze.set_goal(goal, screen, link);
-        }
-        self.send_walker(screen, link);
+    fn aim_at(&mut self, goal: Cell, cx: &mut Cx) {
+        cx.in_maze(|maze, screen, link| maze.set_goal(goal, screen, link));
+        self.send_walker(cx);
     }
 
-    fn hide_bridge(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-        screen.explained = None;
-        if std::mem::take(&mut self.shows_bridge) && screen.field.depends_on_start() {
-            view::show_field(Field::Learned, screen, link);
+    fn hide_bridge(&mut self, cx: &mut Cx) {
+        cx.screen.explained = None;
+        if std::mem::take(&mut self.shows_bridge) && cx.screen.field.depends_on_start() {
+            view::show_field(cx, Field::Learned);
         }
         if std::mem::take(&mut self.shows_search) {
-            show_overlay(Overlay::Search, false, scene, screen, link);
+            show_overlay(Overlay::Search, false, cx);
         }
     }
 
     /// Opens the door that the tour has closed, if any; returns whether it is open.
-    fn open_door(&mut self, scene: &mut Scene, screen: &mut Screen, link: &mut Link) -> bool {
-        let open = edit_cells(&self.closed, true, scene, screen, link);
+    fn open_door(&mut self, cx: &mut Cx) -> bool {
+        let open = edit_cells(&self.closed, true, cx);
         if open {
             self.closed.clear();
         }
@@ -294,38 +277,27 @@ impl Tour {
 }
 
 /// Shows or hides an overlay; returns whether that changed anything.
-fn show_overlay(
-    overlay: Overlay,
-    shown: bool,
-    scene: &mut Scene,
-    screen: &mut Screen,
-    link: &mut Link,
-) -> bool {
-    let changes = screen.overlays.has(overlay) != shown;
+fn show_overlay(overlay: Overlay, shown: bool, cx: &mut Cx) -> bool {
+    let changes = cx.screen.overlays.has(overlay) != shown;
     if changes {
-        view::act(Action::Toggle(overlay), scene, screen, link);
+        view::toggle_overlay(cx, Action::Toggle(overlay));
     }
     changes
 }
 
 /// Makes cells free or walls, as the editor does; returns whether they are.
-fn edit_cells(
-    cells: &[Cell],
-    free: bool,
-    scene: &mut Scene,
-    screen: &mut Screen,
-    link: &mut Link,
-) -> bool {
-    let Some(maze) = scene.maze_mut() else { return false };
-    let map = maze.map.clone();
-    let inside = |cell: &&Cell| map.contains(**cell);
-    let done = |map: &Grid| cells.iter().filter(inside).all(|cell| map.is_free(*cell) == free);
-    if !done(&map) {
-        let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
-        let new = changed.and_then(|new| maze.editor.offer(&map, new));
-        maze.change_map(new, screen, link);
-    }
-    done(&maze.map)
+fn edit_cells(cells: &[Cell], free: bool, cx: &mut Cx) -> bool {
+    cx.in_maze(|maze, screen, link| {
+        let map = maze.map.clone();
+        let inside = |cell: &&Cell| map.contains(**cell);
+        let done = |map: &Grid| cells.iter().filter(inside).all(|cell| map.is_free(*cell) == free);
+        if !done(&map) {
+            let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
+            let new = changed.and_then(|new| maze.editor.offer(&map, new));
+            maze.change_map(new, screen, link);
+        }
+        done(&maze.map)
+    })
 }
 
 /// Whether the tour is paused: while training is, and while something hides the map.

@@ -3,13 +3,11 @@
 use super::bridges::FoundBridge;
 use super::{Tour, Watched, edit_cells, show_overlay};
 use crate::tui::action::Action;
-use crate::tui::app::view;
 use crate::tui::layers::Overlay;
-use crate::tui::link::Link;
-use crate::tui::scene::{MazeState, Scene};
-use crate::tui::screen::Screen;
+use crate::tui::scene::MazeState;
+use crate::tui::screen::{Caption, Screen};
+use crate::tui::session::{Cx, view};
 use crate::tui::theme::ColourDepth;
-use crate::tui::tour::Caption;
 use gdg::draw::{ContourLine, contour_lines};
 use gdg::learn::Scratch;
 use gdg::map::Cell;
@@ -46,68 +44,39 @@ const SPACING: f32 = 2.0;
 
 /// A step.
 pub struct Step {
-    /// The caption's title.
     pub title: &'static str,
     /// Seconds to read it after its subject has been seen, and until it ends anyway.
     pub reading_secs: f32,
     pub limit_secs: f32,
-    /// What it does at first, if anything.
-    pub enter: Option<fn(&mut Tour, &mut Scene, &mut Screen, &mut Link)>,
+    /// What it does at first.
+    pub enter: fn(&mut Tour, &mut Cx),
     /// What it says now.
     pub look: fn(&MazeState, &Screen, &mut Tour) -> Caption,
 }
 
+const fn step(
+    title: &'static str,
+    [reading_secs, limit_secs]: [f32; 2],
+    enter: fn(&mut Tour, &mut Cx),
+    look: fn(&MazeState, &Screen, &mut Tour) -> Caption,
+) -> Step {
+    Step { title, reading_secs, limit_secs, enter, look }
+}
+
 /// All steps.
 pub const STEPS: &[Step] = &[
-    Step {
-        title: "No reward",
-        reading_secs: 8.0,
-        limit_secs: 8.0,
-        enter: Some(aim_at_wall),
-        look: wandering,
-    },
-    Step { title: "D bends", reading_secs: 7.0, limit_secs: 25.0, enter: None, look: bending },
-    Step { title: "Contours", reading_secs: 7.0, limit_secs: 10.0, enter: None, look: contour },
-    Step {
-        title: "Too far",
-        reading_secs: 6.0,
-        limit_secs: 30.0,
-        enter: Some(colour_from_start),
-        look: too_far,
-    },
-    Step {
-        title: "A bridge",
-        reading_secs: 8.0,
-        limit_secs: 8.0,
-        enter: Some(colour_over_each),
-        look: bridge,
-    },
-    Step {
-        title: "Over the bridge",
-        reading_secs: 4.0,
-        limit_secs: 14.0,
-        enter: Some(walk_over),
-        look: over_bridge,
-    },
-    Step { title: "A plan", reading_secs: 1.5, limit_secs: 16.0, enter: Some(aim_far), look: plan },
-    Step {
-        title: "A door closes",
-        reading_secs: 5.0,
-        limit_secs: 24.0,
-        enter: Some(close_door),
-        look: closed,
-    },
-    Step {
-        title: "It opens again",
-        reading_secs: 4.0,
-        limit_secs: 12.0,
-        enter: Some(open_door),
-        look: opened,
-    },
-    Step { title: "Now you", reading_secs: 12.0, limit_secs: 12.0, enter: None, look: now_you },
+    step("No reward", [8.0, 8.0], |tour, cx| tour.aim_at(GOAL_AT_WALL, cx), wandering),
+    step("D bends", [7.0, 25.0], |_, _| {}, bending),
+    step("Contours", [7.0, 10.0], |_, _| {}, contour),
+    step("Too far", [6.0, 30.0], colour_from_start, too_far),
+    step("A bridge", [8.0, 8.0], colour_over_each, bridge),
+    step("Over the bridge", [4.0, 14.0], walk_over, over_bridge),
+    step("A plan", [1.5, 16.0], aim_far, plan),
+    step("A door closes", [5.0, 24.0], close_door, closed),
+    step("It opens again", [4.0, 12.0], open_door, opened),
+    step("Now you", [12.0, 12.0], |_, _| {}, now_you),
 ];
 
-/// Returns D from a position to the goal.
 fn distance_to_goal(maze: &MazeState, screen: &Screen, from: [f32; 2]) -> f32 {
     distance(screen, &from, &maze.goal.centre())
 }
@@ -133,17 +102,8 @@ fn straight(from: [f32; 2], to: [f32; 2]) -> f32 {
     (from[0] - to[0]).abs().max((from[1] - to[1]).abs())
 }
 
-/// Returns the rest of the agent's planned path, from where it is.
-fn path_ahead(maze: &MazeState) -> Vec<[f32; 2]> {
-    points_along(&maze.view.way)
-}
-
 fn is_mono(screen: &Screen) -> bool {
     screen.theme.depth == ColourDepth::Mono
-}
-
-fn aim_at_wall(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-    tour.aim_at(GOAL_AT_WALL, scene, screen, link);
 }
 
 fn wandering(maze: &MazeState, screen: &Screen, _: &mut Tour) -> Caption {
@@ -242,18 +202,18 @@ fn no_bridge(maze: &MazeState) -> Caption {
 
 /// Puts start and goal at the ends of the bridge that has been found, and sends the agent off;
 /// returns whether one has.
-fn stage_bridge(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) -> bool {
+fn stage_bridge(tour: &mut Tour, cx: &mut Cx) -> bool {
     if let Some(FoundBridge { stops: [start, _, goal], .. }) = tour.hunt.best.clone() {
         let cell = |at: [f32; 2]| Cell::new(at[0] as usize, at[1] as usize);
         (tour.start, tour.shows_bridge) = (cell(start), true);
-        tour.aim_at(cell(goal), scene, screen, link);
+        tour.aim_at(cell(goal), cx);
     }
     tour.shows_bridge
 }
 
-fn colour_from_start(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-    if stage_bridge(tour, scene, screen, link) {
-        view::show_field(Field::FromStart, screen, link);
+fn colour_from_start(tour: &mut Tour, cx: &mut Cx) {
+    if stage_bridge(tour, cx) {
+        view::show_field(cx, Field::FromStart);
     }
 }
 
@@ -274,17 +234,17 @@ fn too_far(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     Caption { text, subject: vec![goal, start], marks, seen: true }
 }
 
-fn colour_over_each(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-    show_bridge(tour, scene, screen, link);
+fn colour_over_each(tour: &mut Tour, cx: &mut Cx) {
+    show_bridge(tour, cx);
     if tour.shows_bridge {
-        view::show_field(Field::OverEach, screen, link);
+        view::show_field(cx, Field::OverEach);
     }
 }
 
-fn show_bridge(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-    view::show_field(Field::Learned, screen, link);
-    if tour.shows_bridge || stage_bridge(tour, scene, screen, link) {
-        tour.shows_search |= show_overlay(Overlay::Search, true, scene, screen, link);
+fn show_bridge(tour: &mut Tour, cx: &mut Cx) {
+    view::show_field(cx, Field::Learned);
+    if tour.shows_bridge || stage_bridge(tour, cx) {
+        tour.shows_search |= show_overlay(Overlay::Search, true, cx);
     }
 }
 
@@ -304,10 +264,10 @@ fn bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     Caption { text, subject: vec![bridge, start, goal], marks: Vec::new(), seen: true }
 }
 
-fn walk_over(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-    show_bridge(tour, scene, screen, link);
+fn walk_over(tour: &mut Tour, cx: &mut Cx) {
+    show_bridge(tour, cx);
     if tour.shows_bridge {
-        tour.send_walker(screen, link);
+        tour.send_walker(cx);
         tour.stays = true;
     }
 }
@@ -334,14 +294,14 @@ fn over_bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     Caption { text, subject, marks: Vec::new(), seen }
 }
 
-fn aim_far(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-    tour.hide_bridge(scene, screen, link);
+fn aim_far(tour: &mut Tour, cx: &mut Cx) {
+    tour.hide_bridge(cx);
     tour.start = START;
-    tour.aim_at(FAR_GOAL, scene, screen, link);
+    tour.aim_at(FAR_GOAL, cx);
 }
 
 fn plan(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
-    let path = path_ahead(maze);
+    let path = points_along(&maze.view.way);
     if path.len() > tour.route.len() {
         tour.route.clone_from(&path);
     }
@@ -353,25 +313,24 @@ fn plan(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     Caption { text, subject: [vec![maze.goal.centre()], path].concat(), marks: Vec::new(), seen }
 }
 
-/// Returns the cells of a door, given two of its corners.
 fn cells_between([from, to]: [Cell; 2]) -> Vec<Cell> {
     (from.y..=to.y).flat_map(|y| (from.x..=to.x).map(move |x| Cell::new(x, y))).collect()
 }
 
-fn close_door(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
+fn close_door(tour: &mut Tour, cx: &mut Cx) {
     let leads_through = |cells: &[Cell]| {
         tour.route.iter().any(|at| cells.iter().any(|cell| straight(cell.centre(), *at) <= 0.5))
     };
     let through = DOORS.iter().find(|(corners, _)| leads_through(&cells_between(*corners)));
     let (corners, before) = through.unwrap_or(&DOORS[0]);
-    let Some(maze) = scene.maze() else { return };
-    let distance = distance_to_goal(maze, screen, before.centre());
+    let Some(maze) = cx.scene.maze() else { return };
+    let distance = distance_to_goal(maze, &cx.screen, before.centre());
     tour.watched = Watched { place: before.centre(), before: distance, most: distance };
     let door = cells_between(*corners);
-    if edit_cells(&door, false, scene, screen, link) {
+    if edit_cells(&door, false, cx) {
         tour.closed = door;
     }
-    tour.send_walker(screen, link);
+    tour.send_walker(cx);
 }
 
 /// Returns the door that was closed, the place before it, and the path of the agent.
@@ -379,7 +338,7 @@ fn around_door(maze: &MazeState, tour: &Tour) -> Vec<[f32; 2]> {
     let place = tour.watched.place;
     let door = DOORS.iter().find(|(_, before)| before.centre() == place).unwrap_or(&DOORS[0]).0;
     let door = cells_between(door).into_iter().map(Cell::centre);
-    [vec![place], door.collect(), path_ahead(maze)].concat()
+    [vec![place], door.collect(), points_along(&maze.view.way)].concat()
 }
 
 fn closed(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
@@ -399,9 +358,9 @@ fn closed(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     Caption { text, subject, marks: vec![(place, 'P')], seen: now >= LONGER * before }
 }
 
-fn open_door(tour: &mut Tour, scene: &mut Scene, screen: &mut Screen, link: &mut Link) {
-    tour.open_door(scene, screen, link);
-    tour.send_walker(screen, link);
+fn open_door(tour: &mut Tour, cx: &mut Cx) {
+    tour.open_door(cx);
+    tour.send_walker(cx);
 }
 
 fn opened(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {

@@ -1,19 +1,19 @@
-//! Saving the run, and quitting without losing it.
+//! Saving the run, by the user and automatically, and quitting without losing it.
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Instant;
 
-use super::autosave::{Autosave, Content};
+use super::{Cx, Session};
 use crate::host::logging;
 use crate::host::runs::SAVES;
 use crate::tui::dialog::{Choice, Picker, Prompt, Question};
-use crate::tui::link::Link;
 use crate::tui::lists;
-use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use gdg::engine::{Command, Snapshot};
 use gdg::files::{named, unused_path};
-use gdg::train::{Notes, SaveTo};
+use gdg::map::Grid;
+use gdg::train::{Notes, Run, SaveTo};
 
 /// Unsaved training that quitting may discard without asking.
 const MAX_DISCARDED_SECS: f64 = 10.0;
@@ -21,7 +21,6 @@ const MAX_DISCARDED_SECS: f64 = 10.0;
 /// Files named on the command line.
 #[derive(Default)]
 pub struct Files {
-    /// Where to save.
     pub save: Option<SaveTo>,
 }
 
@@ -34,7 +33,6 @@ pub struct Saver {
     files: Files,
     /// The folder of runs without a file of their own.
     pub folder: PathBuf,
-    /// When the run is saved automatically.
     pub autosave: Autosave,
     quit_state: QuitState,
     /// Whether a checkpoint is asked for and not written yet.
@@ -47,8 +45,8 @@ pub struct Saver {
     was_training: bool,
     /// Whether there was an internal error.
     pub has_failed: bool,
-    /// Whether a failure opens a dialog that offers to save.
-    offers: bool,
+    /// Whether a failure opens a dialog that offers to save: a comparison saves nothing.
+    pub offers: bool,
 }
 
 /// The progress of quitting.
@@ -82,11 +80,6 @@ impl Saver {
         }
     }
 
-    /// Never offers to save after a failure: a comparison saves nothing.
-    pub fn offers_nothing(&mut self) {
-        self.offers = false;
-    }
-
     /// Chooses the file for the run in `snapshot`: a file belongs to the run that wrote or loaded
     /// it.
     pub fn start_run(&mut self, snapshot: &Snapshot) {
@@ -114,57 +107,58 @@ impl Saver {
         }
     }
 
-    /// Returns the intended name of the next checkpoint, without its extension.
-    pub fn stem(&self) -> String {
-        self.to.path().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
+    fn ask_file(&self, title: &str, hint: String) -> Prompt {
+        let stem = self.to.path().file_stem().map(|s| s.to_string_lossy().into_owned());
+        Prompt::new(Question::SaveAs, title, hint, stem.unwrap_or_default())
     }
 }
 
 /// Saving.
 impl Saver {
     /// Saves the run; returns whether the trainer accepted the command.
-    pub fn save(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) -> bool {
-        screen.notify(&format!("saving {} ...", self.next_file().display()));
-        self.request_save(scene, screen, link)
+    pub fn save(&mut self, cx: &mut Cx) -> bool {
+        cx.screen.notify(&format!("saving {} ...", self.next_file().display()));
+        self.request_save(cx)
     }
 
-    fn request_save(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) -> bool {
-        self.is_awaited =
-            link.command(Command::Save(self.to.clone(), notes(scene, screen)), screen);
+    fn request_save(&mut self, cx: &mut Cx) -> bool {
+        self.is_awaited = cx.command(Command::Save(self.to.clone(), notes(cx)));
         self.is_awaited
     }
 
     /// Saves the run, and then does something else unless that fails.
-    pub fn save_then(&mut self, then: Choice, scene: &Scene, screen: &mut Screen, link: &Link) {
-        self.then = Some(then).filter(|_| self.save(scene, screen, link));
+    pub fn save_then(&mut self, then: Choice, cx: &mut Cx) {
+        self.then = Some(then).filter(|_| self.save(cx));
     }
 
     /// Saves to a file named by the user, who has confirmed replacing it if it exists.
-    pub fn save_under(&mut self, path: PathBuf, scene: &Scene, screen: &mut Screen, link: &Link) {
+    pub fn save_under(&mut self, path: PathBuf, cx: &mut Cx) {
         self.to = SaveTo::Replace(path);
-        if self.save(scene, screen, link) && self.quit_state == QuitState::Asking {
+        if self.save(cx) && self.quit_state == QuitState::Asking {
             self.quit_state = QuitState::Saving;
         }
     }
 
     /// Saves a run that has reached its limit, if the command line names a file.
-    pub fn save_at_limit(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) {
+    pub fn save_at_limit(&mut self, cx: &mut Cx) {
         if self.named.is_some() {
-            self.request_save(scene, screen, link);
+            self.request_save(cx);
         }
     }
 
     /// Saves automatically, to a file next to the user's own.
-    fn autosave(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) {
-        self.autosave.begin(content(scene, screen));
-        let command = Command::Autosave(self.to.path().to_owned(), notes(scene, screen));
-        link.command(command, screen);
+    fn autosave(&mut self, cx: &mut Cx) {
+        self.autosave.writing = Some(Content::of(cx));
+        cx.command(Command::Autosave(self.to.path().to_owned(), notes(cx)));
     }
 
     /// Returns whether anything has changed since the latest autosave. What has not needs no other
     /// copy, which would take the place of an older one.
-    pub fn has_something_to_autosave(&self, scene: &Scene, screen: &Screen) -> bool {
-        screen.latest.unsaved_updates() > 0 && self.autosave.wants(&content(scene, screen))
+    pub fn has_something_to_autosave(&self, cx: &Cx) -> bool {
+        let Autosave { writing, written, .. } = &self.autosave;
+        cx.screen.latest.unsaved_updates() > 0
+            && writing.is_none()
+            && written.as_ref() != Some(&Content::of(cx))
     }
 }
 
@@ -172,44 +166,40 @@ impl Saver {
 impl Saver {
     /// Handles a request to quit. A checkpoint that is asked for and not written yet, as the
     /// environment may hang, is written on closing.
-    pub fn quit(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) {
+    pub fn quit(&mut self, cx: &mut Cx) {
         if self.is_awaited {
             self.named.get_or_insert_with(|| self.to.path().to_owned());
             self.is_done = true;
         } else if self.named.is_some() {
-            self.save_and_quit(scene, screen, link);
-        } else if is_worth_saving(scene, screen) {
-            screen.open(self.quit_question(scene, screen));
+            self.save_and_quit(cx);
+        } else if is_worth_saving(cx) {
+            cx.screen.open(self.quit_question(cx));
         } else {
             self.is_done = true;
         }
     }
 
-    /// Returns the question whether to save before quitting.
-    pub fn quit_question(&self, scene: &Scene, screen: &Screen) -> Picker {
-        lists::quit_choices(&screen.latest, scene.has_unsaved_map(), &self.next_file())
+    pub fn quit_question(&self, cx: &Cx) -> Picker {
+        lists::quit_choices(&cx.screen.latest, cx.scene.has_unsaved_map(), &self.next_file())
     }
 
-    /// Quits once the run is saved.
-    pub fn save_and_quit(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) {
-        let up_to_date = screen.latest.unsaved_updates() == 0 && !scene.has_unsaved_map();
-        if screen.latest.saved.is_some() && up_to_date {
+    pub fn save_and_quit(&mut self, cx: &mut Cx) {
+        if cx.screen.latest.saved.is_some() && !is_unsaved(cx) {
             self.is_done = true;
             return;
         }
-        self.was_training = screen.latest.phase.is_training();
-        link.command(Command::Pause, screen);
-        if self.save(scene, screen, link) {
+        self.was_training = cx.screen.latest.phase.is_training();
+        cx.command(Command::Pause);
+        if self.save(cx) {
             self.quit_state = QuitState::Saving;
         }
     }
 
     /// Handles a closed dialog: quitting is cancelled, and training paused for it resumes.
-    pub fn cancel_quit(&mut self, screen: &mut Screen, link: &Link) {
-        let asking = self.quit_state == QuitState::Asking;
-        self.quit_state = QuitState::No;
-        if asking && self.was_training {
-            link.command(Command::Resume, screen);
+    pub fn cancel_quit(&mut self, cx: &mut Cx) {
+        let was = std::mem::replace(&mut self.quit_state, QuitState::No);
+        if was == QuitState::Asking && self.was_training {
+            cx.command(Command::Resume);
         }
     }
 }
@@ -217,20 +207,15 @@ impl Saver {
 /// What happens to the run.
 impl Saver {
     /// Handles the outcome of saves since `before`; returns what to do after one.
-    pub fn on_snapshot(
-        &mut self,
-        before: &Snapshot,
-        scene: &mut Scene,
-        screen: &mut Screen,
-    ) -> Option<Choice> {
-        let now = screen.latest.clone();
+    pub fn on_snapshot(&mut self, before: &Snapshot, cx: &mut Cx) -> Option<Choice> {
+        let now = cx.screen.latest.clone();
         let mut then = None;
         if let Some((_, path)) = &now.saved
             && before.saved.as_ref().is_none_or(|(_, earlier)| !Arc::ptr_eq(earlier, path))
         {
             self.to = SaveTo::Replace(path.to_path_buf());
             self.is_awaited = false;
-            scene.keep_map();
+            cx.scene.keep_map();
             self.is_done |= self.quit_state == QuitState::Saving;
             then = self.then.take();
         }
@@ -240,34 +225,33 @@ impl Saver {
             if self.quit_state == QuitState::Saving {
                 self.quit_state = QuitState::Asking;
                 let title = "not saved: save elsewhere and quit (Esc cancels)";
-                let mut prompt = Prompt::new(Question::SaveAs, title, "", self.stem());
+                let mut prompt = self.ask_file(title, String::new());
                 prompt.error = Some(now.save_failed.1.clone());
-                screen.open(prompt);
+                cx.screen.open(prompt);
             }
         }
         if !Arc::ptr_eq(&now.autosaves, &before.autosaves) {
-            self.autosave.done();
+            self.autosave.written = self.autosave.writing.take();
         }
         then
     }
 
     /// Handles the passing of time: reports internal errors, saves the run after the first one, and
     /// saves it automatically.
-    pub fn on_tick(&mut self, scene: &Scene, screen: &mut Screen, link: &Link) {
+    pub fn on_tick(&mut self, cx: &mut Cx) {
         for failure in gdg::faults::take_failures() {
             let text = format!("internal error in thread {}: {}", failure.thread, failure.message);
-            screen.report(&text);
+            cx.screen.report(&text);
             if !std::mem::replace(&mut self.has_failed, true) {
-                self.autosave(scene, screen, link);
-                self.show_failure("internal error", &text, screen);
+                self.autosave(cx);
+                self.show_failure("internal error", &text, &mut cx.screen);
             }
         }
-        if self.autosave.is_due() && self.has_something_to_autosave(scene, screen) {
-            self.autosave(scene, screen, link);
+        if self.autosave.is_due() && self.has_something_to_autosave(cx) {
+            self.autosave(cx);
         }
     }
 
-    /// Handles training that stopped without reaching a limit.
     pub fn on_training_failed(&self, error: &str, screen: &mut Screen) {
         screen.report(&format!("training stopped: {error}"));
         if !self.has_failed {
@@ -283,26 +267,82 @@ impl Saver {
 
     /// Handles a signal to end the program, which cannot ask: whatever is unsaved will be saved on
     /// closing.
-    pub fn on_signal(&mut self, scene: &Scene, screen: &Screen) {
-        let is_unsaved = screen.latest.unsaved_updates() > 0 || scene.has_unsaved_map();
-        if is_unsaved && self.named.is_none() {
+    pub fn on_signal(&mut self, cx: &Cx) {
+        if is_unsaved(cx) && self.named.is_none() {
             self.named = Some(self.to.path().to_owned());
         }
     }
 }
 
-/// Returns what a checkpoint keeps of the screen.
-pub fn notes(scene: &Scene, screen: &Screen) -> Notes {
-    Notes { log: screen.log.entries().to_vec(), goal: scene.goal() }
+/// What an autosave keeps.
+#[derive(PartialEq)]
+struct Content {
+    run: Arc<Run>,
+    updates: u64,
+    map: Option<Arc<Grid>>,
 }
 
-/// Returns what an autosave would save now.
-fn content(scene: &Scene, screen: &Screen) -> Content {
-    let map = scene.maze().map(|maze| maze.map.clone());
-    Content { run: screen.latest.run.clone(), updates: screen.latest.updates(), map }
+impl Content {
+    fn of(cx: &Cx) -> Self {
+        let (latest, map) = (&cx.screen.latest, cx.scene.maze().map(|maze| maze.map.clone()));
+        Self { run: latest.run.clone(), updates: latest.updates(), map }
+    }
+}
+
+/// When the run is saved automatically.
+pub struct Autosave {
+    /// Minutes between two; 0 for none.
+    pub minutes: f64,
+    since: Instant,
+    /// What is being saved, and what was saved last.
+    writing: Option<Content>,
+    written: Option<Content>,
+}
+
+impl Autosave {
+    fn every(minutes: f64) -> Self {
+        Self { minutes, since: Instant::now(), writing: None, written: None }
+    }
+
+    pub fn set_interval(&mut self, minutes: f64) {
+        (self.minutes, self.since) = (minutes, Instant::now());
+    }
+
+    /// Returns whether an interval is over, and begins the next one.
+    fn is_due(&mut self) -> bool {
+        let due = self.minutes > 0.0 && self.since.elapsed().as_secs_f64() > 60.0 * self.minutes;
+        if due {
+            self.since = Instant::now();
+        }
+        due
+    }
+
+    /// Handles an error: perhaps it was the autosave that failed; then it is tried again.
+    pub fn failed(&mut self) {
+        self.writing = None;
+    }
+}
+
+pub fn ask_file(session: &mut Session) {
+    let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
+    let prompt = session.saver.ask_file("save the checkpoint as", hint);
+    session.open(prompt);
+}
+
+pub fn ask_interval(session: &mut Session) {
+    let (now, hint) = (session.saver.autosave.minutes.to_string(), "minutes; 0 turns autosave off");
+    session.open(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
+}
+
+pub fn notes(cx: &Cx) -> Notes {
+    Notes { log: cx.screen.log.entries().to_vec(), goal: cx.scene.goal() }
+}
+
+fn is_unsaved(cx: &Cx) -> bool {
+    cx.screen.latest.unsaved_updates() > 0 || cx.scene.has_unsaved_map()
 }
 
 /// Returns whether enough is unsaved to be worth asking about: training, or any edit of the map.
-pub fn is_worth_saving(scene: &Scene, screen: &Screen) -> bool {
-    screen.latest.unsaved_seconds() > MAX_DISCARDED_SECS || scene.has_unsaved_map()
+pub fn is_worth_saving(cx: &Cx) -> bool {
+    cx.screen.latest.unsaved_seconds() > MAX_DISCARDED_SECS || cx.scene.has_unsaved_map()
 }

@@ -1,0 +1,470 @@
+//! A run on the screen: forwards what the user does to trainer and viewer, and what they publish to
+//! the screen.
+//!
+//! What commands do with it: `time`, `view`, `runs`, `files`, `saving`, `closing`, `tour`. `answer`:
+//! dialogs and their answers; `mouse`: the mouse.
+
+mod answer;
+mod closing;
+pub mod files;
+mod mouse;
+pub mod runs;
+pub mod saving;
+pub mod time;
+mod tour;
+pub mod view;
+
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
+use std::time::Duration;
+
+use ratatui::Frame;
+use tokio::sync::watch;
+
+use super::action::{Action, Binding, Mode, binding_of};
+use super::background::{self, Background};
+use super::busy::{Busy, Lasting};
+use super::clock;
+use super::config::UiConfig;
+use super::dialog::{Choice, Dialog, ListKind};
+use super::interface::TerminalRequest;
+use super::keymap::Keymap;
+use super::layer::draw_dialog;
+use super::layout::ScreenLayout;
+use super::link::Link;
+use super::lists;
+use super::render;
+use super::scene::{Cache, MazeState, Scene};
+use super::screen::Screen;
+use super::theme::ThemeName;
+use files::{Exports, Search, Show};
+use gdg::engine::{Command, EngineLink, NextEvaluation, Phase, Snapshot};
+use gdg::text::grouped;
+use gdg::viewer::{Field, Request, View, Viewer};
+pub use saving::Files;
+use saving::{Saver, is_worth_saving};
+#[cfg(test)]
+pub use tour::ALL_STEPS;
+use tour::Guide;
+pub use tour::{MAP as TOUR_MAP, run as tour_run};
+
+/// What commands act on: the screen, what is drawn in the place of the map, and the ways to trainer
+/// and viewer.
+pub struct Cx {
+    pub screen: Screen,
+    pub scene: Scene,
+    pub link: Link,
+    /// The map or checkpoints that are being read, and how long to wait for them before the
+    /// interface goes on.
+    pub reading: Option<Background<Show>>,
+    pub reading_patience: Duration,
+}
+
+impl Cx {
+    /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
+    pub fn command(&mut self, command: Command) -> bool {
+        self.link.command(command, &mut self.screen)
+    }
+
+    /// Returns to the present; returns whether the past was shown.
+    pub fn return_to_present(&mut self) -> bool {
+        self.link.return_to_present(&mut self.screen)
+    }
+
+    pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
+        self.link.engine().snapshots()
+    }
+
+    pub fn views(&self) -> watch::Receiver<View> {
+        self.link.viewer().views()
+    }
+
+    pub fn act_in_scene(&mut self, action: Action) {
+        self.scene.act(action, &mut self.screen, &mut self.link);
+    }
+
+    /// Lets the maze react to something, if the scene is one.
+    pub fn in_maze<T: Default>(
+        &mut self,
+        react: impl FnOnce(&mut MazeState, &mut Screen, &mut Link) -> T,
+    ) -> T {
+        let Self { screen, scene, link, .. } = self;
+        scene.maze_mut().map_or_else(T::default, |maze| react(maze, screen, link))
+    }
+}
+
+/// A run on the screen, and what goes on around it.
+pub struct Session {
+    pub cx: Cx,
+    snapshots: watch::Receiver<Arc<Snapshot>>,
+    views: watch::Receiver<View>,
+    pub saver: Saver,
+    pub exports: Exports,
+    /// Looks for a saved run to offer.
+    pub search: Option<Search>,
+    pub guide: Guide,
+    /// What the terminal has been asked to do.
+    pub terminal_request: Option<TerminalRequest>,
+    /// What the next frame can reuse.
+    pub cache: Cache,
+    /// The theme in use, while others are shown that are selected in the list of themes.
+    pub previewed_over: Option<ThemeName>,
+    /// What had been typed when an item was picked from a list.
+    pub typed: String,
+    /// Whether the screen was frozen when that was last looked at.
+    was_frozen: bool,
+}
+
+impl Deref for Session {
+    type Target = Cx;
+
+    fn deref(&self) -> &Cx {
+        &self.cx
+    }
+}
+
+impl DerefMut for Session {
+    fn deref_mut(&mut self) -> &mut Cx {
+        &mut self.cx
+    }
+}
+
+impl Session {
+    /// Opens the screen on the run of `engine`, with the goal that the run was saved with, the map's
+    /// own or a random one; `viewer` computes what it shows.
+    pub fn new(
+        engine: EngineLink,
+        viewer: Viewer,
+        config: &UiConfig,
+        keymap: Keymap,
+        files: Files,
+    ) -> Self {
+        let (snapshots, views) = (engine.snapshots(), viewer.views());
+        let snapshot = snapshots.borrow().clone();
+        let cx = Cx {
+            scene: Scene::of(&snapshot),
+            link: Link::new(engine, viewer, &snapshot),
+            screen: Screen::new(config, keymap, snapshot),
+            reading: None,
+            reading_patience: background::PATIENCE,
+        };
+        let mut session = Self {
+            cx,
+            snapshots,
+            views,
+            saver: Saver::new(files, config.autosave_minutes),
+            exports: Exports::default(),
+            search: None,
+            guide: Guide::default(),
+            terminal_request: None,
+            cache: Cache::with_pictures(),
+            previewed_over: None,
+            typed: String::new(),
+            was_frozen: false,
+        };
+        session.start_run();
+        session
+    }
+
+    fn start_run(&mut self) {
+        let Self { cx, saver, guide, .. } = self;
+        saver.start_run(&cx.screen.snapshot);
+        cx.screen.log.start_run(&cx.screen.snapshot.notes.log);
+        (cx.screen.following, cx.screen.offer) = (None, None);
+        guide.forget(&mut cx.screen);
+        cx.return_to_present();
+        cx.screen.layout = ScreenLayout::default();
+        cx.scene.enter(&cx.screen.snapshot);
+        if !cx.scene.has_field(cx.screen.field, &cx.screen) {
+            cx.screen.field = Field::default();
+        }
+        // Another kind of scene has a worker of its own, which does not know these yet.
+        cx.link.request(Request::Field(cx.screen.field));
+        cx.link.request(Request::OnArrival(cx.screen.on_arrival));
+        cx.scene.start(&mut cx.screen, &mut cx.link);
+        if std::mem::take(&mut guide.is_requested) {
+            self.begin_tour();
+        }
+        self.thaw();
+    }
+
+    pub fn begin_tour(&mut self) {
+        self.screen.frozen = false;
+        self.thaw();
+        self.guide.begin(&mut self.cx);
+    }
+
+    /// Shows the present state once the screen is frozen no more.
+    pub fn thaw(&mut self) {
+        if std::mem::replace(&mut self.was_frozen, self.cx.screen.frozen) && !self.screen.frozen {
+            let (snapshot, view) = (self.snapshots.borrow().clone(), self.views.borrow().clone());
+            self.on_snapshot(snapshot);
+            self.on_view(view);
+        }
+    }
+
+    pub fn end_event(&mut self) {
+        self.typed.clear();
+        self.thaw();
+    }
+
+    pub fn mode(&self) -> Mode {
+        self.scene.mode(&self.screen)
+    }
+
+    pub fn is_training(&self) -> bool {
+        self.screen.snapshot.phase.is_training()
+    }
+
+    pub fn open(&mut self, dialog: impl Into<Dialog>) {
+        self.screen.open(dialog);
+    }
+}
+
+/// Actions.
+impl Session {
+    /// Performs an action.
+    pub fn act(&mut self, action: Action) {
+        let Some(binding) = binding_of(action) else { return };
+        if !self.scene.offers(action) {
+            return self.refuse(binding);
+        }
+        if binding.is_about_present {
+            time::leave_past(self);
+        }
+        let (began, dialogs) = (clock::now(), self.screen.dialogs.len());
+        (binding.run)(self, action);
+        if self.screen.dialogs.len() > dialogs {
+            // An error that was there before says nothing about the new dialog.
+            self.screen.log.dismiss_before(began);
+        }
+        self.thaw();
+    }
+
+    fn refuse(&mut self, binding: &Binding) {
+        let (title, other) = (self.scene.title(&self.screen.snapshot), self.scene.other_noun());
+        let text = format!("{title} has no {other}, which \"{}\" is for", binding.name);
+        self.screen.notify(&text);
+    }
+
+    pub fn act_in_scene(&mut self, action: Action) {
+        self.cx.act_in_scene(action);
+    }
+
+    /// Performs an action on the goal, after which nobody needs a hint how to set it.
+    pub fn act_on_goal(&mut self, action: Action) {
+        self.screen.on_first_use();
+        self.cx.act_in_scene(action);
+    }
+
+    /// Lists the settings; what has just been typed may name one.
+    pub fn open_settings(&mut self) {
+        let mut list = lists::settings(&self.screen);
+        list.search_names(&self.typed);
+        self.open(list);
+    }
+
+    pub fn search_help(&mut self) {
+        if let Some(Dialog::Help(help)) = self.screen.dialogs.last_mut() {
+            help.searching = true;
+        }
+    }
+
+    pub fn resume_offered(&mut self) {
+        match self.screen.offer.take() {
+            Some(found) => self.choose(Choice::Load(found.file)),
+            None => self.act(Action::Load),
+        }
+    }
+
+    pub fn offer_tour(&mut self) {
+        let choices = lists::tour_choices(&self.screen.latest, is_worth_saving(self));
+        self.open(choices);
+    }
+
+    pub fn ask_terminal(&mut self, request: TerminalRequest) {
+        self.terminal_request = Some(request);
+    }
+
+    pub fn save(&mut self) {
+        self.saver.save(&mut self.cx);
+    }
+
+    pub fn quit(&mut self) {
+        self.catch_up();
+        self.saver.quit(&mut self.cx);
+    }
+}
+
+/// Time, trainer and viewer.
+impl Session {
+    /// Waits for the next snapshot or view, and shows it. Nothing is lost if the future is dropped.
+    pub async fn update(&mut self) {
+        tokio::select! {
+            Ok(()) = self.snapshots.changed() => {
+                let snapshot = self.snapshots.borrow_and_update().clone();
+                self.on_snapshot(snapshot);
+            }
+            Ok(()) = self.views.changed() => {
+                let view = self.views.borrow_and_update().clone();
+                self.on_view(view);
+            }
+            // Both threads have ended.
+            else => std::future::pending().await,
+        }
+        self.thaw();
+    }
+
+    /// Handles the passing of time; returns whether the screen changes.
+    pub fn on_tick(&mut self) -> bool {
+        let Self { cx, exports, saver, search, guide, .. } = self;
+        exports.on_tick(cx);
+        saver.on_tick(cx);
+        let offer_changed = files::offer_on_tick(search, &mut cx.screen);
+        let tour_changed = guide.on_tick(cx);
+        let log_changed = cx.screen.log.on_tick();
+        let read = files::on_tick(cx);
+        let busy_changed = self.update_busy();
+        read || log_changed || offer_changed || tour_changed || busy_changed
+    }
+
+    /// Looks at what the trainer is doing; returns whether the screen changes.
+    pub fn update_busy(&mut self) -> bool {
+        let Cx { link, screen, .. } = &mut self.cx;
+        let evaluating = match screen.snapshot.next_evaluation {
+            NextEvaluation::Running(since) => {
+                Some(Lasting::now(since, &screen.snapshot.evaluation_progress))
+            }
+            _ => None,
+        };
+        let now = (Busy::now(link.engine()), evaluating);
+        let before = (screen.busy, screen.evaluating);
+        (screen.busy, screen.evaluating) = now;
+        now != before
+    }
+
+    pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
+        let before = std::mem::replace(&mut self.screen.latest, snapshot);
+        self.show_snapshot(&before);
+        let then = self.saver.on_snapshot(&before, &mut self.cx);
+        then.into_iter().for_each(|then| self.choose(then));
+        let Self { cx, saver, guide, .. } = self;
+        let latest = cx.screen.latest.clone();
+        cx.screen.pausing &= latest.phase.is_training();
+        let notice = &latest.notice;
+        if notice.number > before.notice.number {
+            if notice.is_error {
+                saver.autosave.failed();
+                cx.screen.report(&notice.text);
+            } else {
+                cx.screen.notify(&notice.text);
+            }
+            // A run that cannot be started is no tour.
+            guide.is_requested &= !notice.is_error;
+        }
+        match &latest.phase {
+            Phase::Failed(error) if before.phase != latest.phase => {
+                saver.on_training_failed(error, &mut cx.screen);
+            }
+            Phase::Done if before.phase.is_training() => {
+                let key = cx.screen.keymap.key_of(Action::TogglePause);
+                cx.screen.notify(&format!("done: limit reached; {key} continues without it"));
+                saver.save_at_limit(cx);
+            }
+            _ => {}
+        }
+    }
+
+    /// Shows the latest snapshot, which came after `before`; on a frozen screen, only what the user
+    /// has decided. A new run is shown in any case.
+    fn show_snapshot(&mut self, before: &Snapshot) {
+        let screen = &mut self.cx.screen;
+        let is_new_run = screen.latest.generation != before.generation;
+        if screen.frozen && !is_new_run {
+            Arc::make_mut(&mut screen.snapshot).follow_decisions(&screen.latest);
+        } else {
+            let shown = std::mem::replace(&mut screen.snapshot, screen.latest.clone());
+            if is_new_run {
+                self.start_run();
+            } else if screen.latest.evaluations.len() > shown.evaluations.len() {
+                log_evaluation(screen);
+            }
+        }
+        if self.screen.latest.run != before.run {
+            self.screen.update_changed_settings();
+            self.refresh(ListKind::Settings);
+        }
+        self.refresh(ListKind::Quit);
+    }
+
+    fn refresh(&mut self, kind: ListKind) {
+        if self.screen.list_of(kind).is_none() {
+            return;
+        }
+        let items = match kind {
+            ListKind::Settings => lists::setting_items(&self.screen),
+            ListKind::Quit => self.saver.quit_question(&self.cx).into_items(),
+            ListKind::Plain => return,
+        };
+        if let Some(list) = self.screen.list_of(kind) {
+            list.update(items);
+        }
+    }
+
+    /// Handles the latest snapshot if it has not been handled yet.
+    pub fn catch_up(&mut self) {
+        if self.snapshots.has_changed().unwrap_or(true) {
+            let snapshot = self.snapshots.borrow_and_update().clone();
+            self.on_snapshot(snapshot);
+        }
+    }
+
+    pub fn on_view(&mut self, view: View) {
+        let Cx { screen, scene, link, .. } = &mut self.cx;
+        // The past can be looked at on a frozen screen.
+        if !screen.frozen || screen.past.is_some() {
+            scene.show(view, screen, link);
+        }
+    }
+}
+
+/// Drawing.
+impl Session {
+    pub fn draw(&mut self, frame: &mut Frame) {
+        self.cache.begin();
+        let Cx { screen, scene, .. } = &self.cx;
+        let mut layout = render::draw_panes(frame, screen, scene, &mut self.cache);
+        draw_dialog(frame, screen, scene, &mut layout);
+        render::finish_frame(frame, &screen.theme);
+        self.drawn(layout);
+    }
+
+    /// Handles a drawn frame: stores its places for clicks, and has the viewer compute what its
+    /// pixels show.
+    pub fn drawn(&mut self, layout: ScreenLayout) {
+        let Cx { screen, scene, link, .. } = &mut self.cx;
+        let before = std::mem::replace(&mut screen.layout, layout);
+        if let (Some(Dialog::Help(help)), Some(lines)) =
+            (screen.dialogs.last_mut(), &screen.layout.help_lines)
+        {
+            (help.first, help.page) = (lines.start, lines.len());
+        }
+        scene.drawn(before, screen, link);
+    }
+}
+
+fn log_evaluation(screen: &mut Screen) {
+    let snapshot = &screen.snapshot;
+    let Some((updates, e)) = snapshot.evaluations.last() else { return };
+    let updates = snapshot.learned(*updates);
+    let error =
+        e.distance_error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
+    // Training goes on while tasks are walked.
+    let at = if updates == snapshot.updates() {
+        String::new()
+    } else {
+        format!(" at {}", grouped(updates))
+    };
+    let text = format!("evaluated{at}: {}{error}", e.success(updates));
+    screen.log.record(&text, snapshot.seconds, snapshot.updates());
+}

@@ -1,0 +1,122 @@
+//! Training and time: pausing, stepping, speed, freezing, and looking back at the film of how
+//! distance was learned.
+
+use std::sync::Arc;
+
+use super::Cx;
+use crate::tui::action::Action;
+use crate::tui::render::curves::along;
+use crate::tui::screen::Screen;
+use gdg::engine::{Command, Step};
+use gdg::train::FilmFrame;
+use gdg::viewer::Request;
+
+/// Selectable speed limits, in updates per second; beyond the last one there is no limit.
+const SPEEDS: [f64; 9] = [1.0, 3.0, 10.0, 30.0, 100.0, 200.0, 400.0, 800.0, 1600.0];
+
+pub fn toggle_pause(cx: &mut Cx) {
+    let trains = cx.snapshots().borrow().phase.is_training();
+    if cx.command(if trains { Command::Pause } else { Command::Resume }) {
+        cx.screen.pausing = trains;
+    }
+}
+
+/// Runs a step, pausing training first if necessary.
+pub fn step(cx: &mut Cx, step: Step) {
+    if cx.screen.snapshot.phase.is_training() && cx.command(Command::Pause) {
+        cx.screen.pausing = true;
+    }
+    cx.command(Command::Step(step));
+}
+
+pub fn evaluate(cx: &mut Cx) {
+    cx.command(Command::Evaluate);
+}
+
+pub fn change_speed(cx: &mut Cx, faster: bool) {
+    // Without a limit, the next slower speed is the first one below the actual rate. A method that
+    // does not learn has a limit of its own.
+    let snapshot = &cx.screen.snapshot;
+    let learns = snapshot.learns;
+    let rate = Some(snapshot.rates.0).filter(|rate| (!faster || !learns) && *rate > 0.0);
+    let now = snapshot.speed.or(rate).unwrap_or(f64::INFINITY);
+    let speed = if faster {
+        let next = SPEEDS.into_iter().find(|speed| *speed > now);
+        next.or(SPEEDS.last().copied().filter(|_| !learns))
+    } else {
+        SPEEDS.into_iter().rev().find(|speed| *speed < now).or(Some(SPEEDS[0]))
+    };
+    if cx.command(Command::LimitSpeed(speed)) {
+        cx.screen.say(&match speed {
+            Some(speed) => format!("at most {speed:.0} updates per second"),
+            None => "no speed limit".to_owned(),
+        });
+    }
+}
+
+/// Goes back to the frame before the moment shown, or forth to the one after it; from the last one
+/// to the present.
+pub fn step_through_film(cx: &mut Cx, forth: bool) {
+    if let Some(problem) = cannot_look_back(&cx.screen) {
+        return cx.screen.say(&problem);
+    }
+    let film = cx.screen.snapshot.film.clone();
+    let shown = cx.screen.past.as_ref().map(|frame| frame.updates);
+    match (forth, shown) {
+        (true, None) => {
+            let key = cx.screen.keymap.key_of(Action::Back);
+            cx.screen.say(&format!("this is the present: {key} goes back"));
+        }
+        (true, Some(shown)) => {
+            look_at(cx, film.iter().find(|frame| frame.updates > shown).cloned());
+        }
+        (false, shown) => {
+            match film.iter().rfind(|frame| shown.is_none_or(|shown| frame.updates < shown)) {
+                Some(frame) => look_at(cx, Some(frame.clone())),
+                None => cx.screen.say("this is the first picture of the film"),
+            }
+        }
+    }
+}
+
+/// Goes to the frame nearest to a place along the curves.
+pub fn look_at_curves(cx: &mut Cx, at: f64) {
+    if let Some(problem) = cannot_look_back(&cx.screen) {
+        return cx.screen.say(&problem);
+    }
+    let off = |frame: &FilmFrame| (along(&cx.screen, frame.updates) - at).abs();
+    let film = cx.screen.snapshot.film.iter();
+    let nearest = film.min_by(|a, b| off(a).total_cmp(&off(b))).cloned();
+    look_at(cx, nearest);
+}
+
+/// Returns to the present for what is about it, and says so.
+pub fn leave_past(cx: &mut Cx) {
+    if cx.return_to_present() {
+        cx.screen.say("back in the present");
+    }
+}
+
+pub fn look_at(cx: &mut Cx, frame: Option<Arc<FilmFrame>>) {
+    if frame.is_none() {
+        cx.return_to_present();
+    } else {
+        if cx.screen.past.is_none() {
+            cx.screen.say("the map shows the past; panes show the present");
+        }
+        cx.screen.past.clone_from(&frame);
+        cx.link.request(Request::Past(frame));
+    }
+}
+
+fn cannot_look_back(screen: &Screen) -> Option<String> {
+    if screen.tour.is_some() {
+        return Some("the tour shows the present: go back in time after it".to_owned());
+    }
+    let why = if screen.snapshot.learns {
+        "the film begins with the next picture"
+    } else {
+        "this method does not learn"
+    };
+    screen.snapshot.film.is_empty().then(|| format!("no film yet: {why}"))
+}
