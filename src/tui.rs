@@ -10,19 +10,20 @@
 //!   parts.
 //! * `sheet`, `graphics`: pictures in the terminal, where it shows them; `raster`, `canvas`,
 //!   `contours`, `glyphs`, `projection`: maps and arms as characters.
-//! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration.
-//! * `clock`, `dialog`, `layout`, `log`, `offer`, `tour`: what a screen consists of besides the scene.
+//! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration. The table
+//!   of actions alone names what comes later: the functions that carry them out.
+//! * `clock`, `dialog`, `layout`, `log`: what a screen consists of besides the scene.
 //! * `screen`: all of that; `link`: the ways to trainer and viewer.
 //! * `scene`: what is drawn in the place of the map, and how it reacts: a folder for each kind of
 //!   world, with its state.
-//! * `render`: the panes and everything else around it; `lists`: what there is to pick from;
-//!   `export`: writes what is shown to files.
-//! * `app`: the controller, which applies events to screen, scene, trainer and viewer. A part of it
-//!   for each thing that it does: time, what is shown, dialogs, runs and their files, the tour.
+//! * `render`: the panes and everything else around it; `layer`: dialogs, drawn and handled;
+//!   `lists`: what there is to pick from; `export`: writes what is shown to files.
+//! * `session`: a run on the screen, and what commands do with it; `compare`: two of them.
+//! * `app`: the application, which gives events to the topmost layer.
 //! * `interface`, `job_control`, `input`, `record`, `terminal`, `event_loop`: what fills the screen,
 //!   the terminal itself, what comes from it, recordings of it, and the loop that forwards events
 //!   and draws frames.
-//! * `compare`: two runs side by side, each with its own `app`; `runs`: the list of saved runs.
+//! * `runs`: the list of saved runs.
 
 mod action;
 mod app;

@@ -30,7 +30,6 @@ impl Keymap {
     /// # Errors
     /// An unknown binding or key, or a key bound twice.
     pub fn new(changes: &BTreeMap<String, Vec<String>>) -> Result<Self, KeymapError> {
-        let changes = &with_new_names(changes);
         let known = |name: &String| bindings().any(|b| b.name == *name);
         if let Some(name) = changes.keys().find(|name| !known(name)) {
             let nearest = nearest(name, bindings().map(|b| b.name));
@@ -122,21 +121,6 @@ fn display_name(key: KeyCombination) -> String {
         _ => KeyCombinationFormat::default(),
     };
     short_name(&format.to_string(key))
-}
-
-/// Bindings that have been renamed: the old name, and the new one.
-const RENAMED: [(&str, &str); 1] = [("tour", "on-arrival")];
-
-/// Returns the changes with the new names of renamed bindings, unless the new name is given as
-/// well.
-fn with_new_names(changes: &BTreeMap<String, Vec<String>>) -> BTreeMap<String, Vec<String>> {
-    let mut changes = changes.clone();
-    for (old, new) in RENAMED {
-        if let Some(keys) = changes.remove(old) {
-            changes.entry(new.to_owned()).or_insert(keys);
-        }
-    }
-    changes
 }
 
 /// Returns the key called `name`.
@@ -235,7 +219,6 @@ mod tests {
         {
             assert_eq!(action(&own, key, Mode::Watching), expected, "{key}");
         }
-        assert!(keymap(&[("tour", &["f6"])]).is_ok(), "a former name");
         for (name, key, said) in [
             ("puase", "a", "pause"),
             ("pause", "superkey", "superkey"),

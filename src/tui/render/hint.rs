@@ -54,6 +54,7 @@ fn past(screen: &Screen, scene: &Scene, width: usize) -> Option<ClickableLine> {
         (format!("update {then} of {now}{success}{walls}{long}"), " back and forth"),
         (format!("update {then}{success}{walls}{short}"), " back and forth"),
         (format!("update {then}{success}{walls}{short}"), ""),
+        (format!("update {then}{walls}{short}"), ""),
         (format!("update {then}{walls}"), " back and forth"),
         (format!("update {then}"), ""),
     ];

@@ -151,12 +151,13 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
     assert_eq!(marks("kept.txt"), 1, "with its goal");
     // Starts and goals that the format does not have.
     let shown = save_as(&mut app, "rooms.map");
-    assert!(shown.contains("the format movingai has no goals: NAME.txt keeps them"), "{shown}");
+    let said = ["the format movingai has no goals", "NAME.txt keeps them"];
+    assert!(said.iter().all(|text| shown.contains(text)), "{shown}");
     assert!(!file("rooms.map").exists(), "nothing is written yet");
     press(&mut app, KeyCode::Enter);
     assert_eq!((app.screen.dialogs.len(), marks("rooms.map")), (0, 0));
     let shown = save_as(&mut app, "rooms.map");
-    assert!(shown.contains("keeps them, and the file exists"), "{shown}");
+    assert!(shown.contains("keeps them, and the file"), "{shown}");
     press(&mut app, KeyCode::Esc);
     // A checkpoint is never replaced.
     let checkpoint = saved_run(folder.path(), &app).file;
