@@ -236,10 +236,11 @@ impl Binding {
             | (Mode::Help, When::Help)
             | (Mode::Listing, When::Listing) => true,
             (Mode::Listing, When::Always) => self.is_in_lists,
-            (Mode::Comparing, When::Always | When::Watching) => in_comparisons,
             // Its other keys choose tools.
             (Mode::EditingBoth, When::Comparing) => !matches!(self.action, Action::Larger(_)),
-            (Mode::EditingBoth, When::Always | When::Editing) => in_comparisons,
+            (Mode::Comparing | Mode::EditingBoth, When::Always)
+            | (Mode::Comparing, When::Watching)
+            | (Mode::EditingBoth, When::Editing) => in_comparisons,
             _ => false,
         }
     }

@@ -117,19 +117,16 @@ impl App {
         }
         let keymap = &self.first().screen.keymap;
         let of = |mode| keymap.action(key, mode);
-        match of(mode).or_else(|| single.and_then(of)) {
-            Some(action) => self.act(action),
-            None => {
-                let is_editing = matches!(mode, Mode::Editing | Mode::EditingBoth);
-                let place = if is_editing { "in the editor" } else { "here" };
-                let [help, find] =
-                    [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
-                let key = keymap::name_of(key);
-                self.say(&format!(
-                    "{key} does nothing {place} \u{b7} {help} help \u{b7} {find} all commands"
-                ));
-            }
+        if let Some(action) = of(mode).or_else(|| single.and_then(of)) {
+            return self.act(action);
         }
+        let is_editing = matches!(mode, Mode::Editing | Mode::EditingBoth);
+        let place = if is_editing { "in the editor" } else { "here" };
+        let [help, find] = [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
+        let key = keymap::name_of(key);
+        self.say(&format!(
+            "{key} does nothing {place} \u{b7} {help} help \u{b7} {find} all commands"
+        ));
     }
 
     fn on_mouse(&mut self, mouse: MouseEvent) {
@@ -170,7 +167,7 @@ impl App {
         let choice = self.first_mut().on_event_in_dialog(event);
         match &mut self.base {
             Base::Run(session) => choice.into_iter().for_each(|choice| session.choose(choice)),
-            Base::Comparison(comparison) => comparison.choose(choice),
+            Base::Comparison(comparison) => comparison.choose(choice.as_ref()),
         }
     }
 }

@@ -4,15 +4,13 @@
 //! equal, and starts the two walking agents at the same time.
 //!
 //! * `act`: what actions and the mouse do.
-//! * `race`: the walks of the two agents; `pace`: success over environment steps, updates or seconds.
-//! * `draw`, `curves`, `facts`: the screen.
+//! * `race`: the walks of the two agents.
+//! * `draw`, `curves`: the screen.
 //! * `prepare`: the two trainers.
 
 mod act;
 mod curves;
 mod draw;
-mod facts;
-mod pace;
 mod prepare;
 mod race;
 
@@ -31,11 +29,11 @@ use super::scene::MazeState;
 use super::scene::maze::place_walker;
 use super::session::{Files, Session, view};
 use crate::experiment::plot::Axis;
+use curves::Pace;
 use gdg::engine::{Command, Engine, Snapshot};
 use gdg::map::Cell;
 use gdg::train::Limits;
 use gdg::viewer::{OnArrival, View, Viewer};
-use pace::Pace;
 pub use prepare::{ComparisonOptions, Contender, Contestant, Contestants, prepare};
 use race::Race;
 

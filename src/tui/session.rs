@@ -1,13 +1,11 @@
 //! A run on the screen: forwards what the user does to trainer and viewer, and what they publish to
 //! the screen.
 //!
-//! What commands do with it: `time`, `view`, `runs`, `files`, `saving`, `closing`, `tour`. `answer`:
-//! dialogs and their answers; `mouse`: the mouse.
+//! What commands do with it: `time`, `view`, `runs`, `files`, `saving`, `tour`. `answer`:
+//! dialogs and their answers.
 
 mod answer;
-mod closing;
 pub mod files;
-mod mouse;
 pub mod runs;
 pub mod saving;
 pub mod time;
@@ -18,7 +16,9 @@ use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use std::time::Duration;
 
+use crossterm::event::{MouseButton, MouseEventKind};
 use ratatui::Frame;
+use ratatui::layout::Position;
 use tokio::sync::watch;
 
 use super::action::{Action, Binding, Mode, binding_of};
@@ -293,6 +293,46 @@ impl Session {
     pub fn quit(&mut self) {
         self.catch_up();
         self.saver.quit(&mut self.cx);
+    }
+}
+
+/// The mouse, where nothing is clickable: the scene handles most of it.
+impl Session {
+    pub fn on_mouse(&mut self, kind: MouseEventKind, at: Position) {
+        if self.moves_tour_on(kind) {
+            return;
+        }
+        let Cx { screen, scene, link, .. } = &mut self.cx;
+        if !screen.maximised && scene.on_mouse(kind, at, screen, link) {
+            return;
+        }
+        match kind {
+            MouseEventKind::ScrollUp => screen.scroll(-1),
+            MouseEventKind::ScrollDown => screen.scroll(1),
+            MouseEventKind::Down(MouseButton::Left | MouseButton::Right)
+                if !screen.maximised
+                    && (scene.is_editing() || screen.layout.map_pane.contains(at)) =>
+            {
+                let drawn = if scene.maze().is_some() { "map" } else { "picture" };
+                screen.say(&format!("a click outside of the {drawn} changes nothing"));
+            }
+            _ => {}
+        }
+    }
+
+    /// Has a click move the tour on; returns whether that is all it does. The click that ends the
+    /// tour sets a goal.
+    fn moves_tour_on(&mut self, kind: MouseEventKind) -> bool {
+        let Some(tour) = self.screen.tour.as_ref().filter(|_| !self.scene.is_editing()) else {
+            return false;
+        };
+        let last = tour.is_last;
+        match kind {
+            MouseEventKind::Down(MouseButton::Left) => self.act(Action::NextTourStep),
+            MouseEventKind::Drag(MouseButton::Left) => {}
+            _ => return false,
+        }
+        !last
     }
 }
 

@@ -491,7 +491,7 @@ const PROGRAM: &[Binding] = &[
         .within(When::Touring)
         .alone(IN_A_SHELL),
     bind(A::Palette, "palette", &[":", "ctrl-p"], |s, _| {
-        s.open(lists::actions(&s.screen, &s.scene))
+        s.open(lists::actions(&s.screen, &s.scene));
     })
     .help("find an action by name")
     .short("all")

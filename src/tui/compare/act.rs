@@ -37,18 +37,18 @@ impl Comparison {
         }
     }
 
-    pub fn choose(&mut self, choice: Option<Choice>) {
+    pub fn choose(&mut self, choice: Option<&Choice>) {
         // What a dialog says is not about the first side alone.
         if let Some(notice) = self.sessions[0].screen.log.take() {
             self.notify(&notice);
         }
         match choice {
-            Some(Choice::Act(action)) => self.act(action),
+            Some(Choice::Act(action)) => self.act(*action),
             Some(Choice::Field(field)) => {
                 self.return_to_present();
-                self.show_field(field);
+                self.show_field(*field);
             }
-            Some(Choice::Export(kind)) => self.export(kind),
+            Some(Choice::Export(kind)) => self.export(*kind),
             _ => {}
         }
     }

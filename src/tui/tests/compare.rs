@@ -15,25 +15,9 @@ fn trainer(method: &str, seed: u64) -> Trainer {
     seeded_trainer(&world, method.parse().expect("a method"), &Registry::builtin(), seed)
 }
 
-/// An application with a comparison, and its engines.
-pub(super) struct Both {
-    app: App,
-    engines: Vec<Engine>,
-}
-
-impl Driven for Both {
-    fn event(&mut self, event: &Event) {
-        self.app.on_event(event);
-    }
-
-    fn frame(&mut self, frame: &mut ratatui::Frame) {
-        self.app.draw(frame);
-    }
-}
-
-impl Both {
+impl App {
     fn comparison(&mut self) -> &mut Comparison {
-        match &mut self.app.base {
+        match &mut self.base {
             Base::Comparison(comparison) => comparison,
             Base::Run(_) => panic!("a comparison"),
         }
@@ -43,64 +27,45 @@ impl Both {
         self.comparison().sessions.each_mut()
     }
 
-    fn on_snapshot(&mut self, side: usize, snapshot: &Arc<Snapshot>) {
-        self.apps()[side].on_snapshot(snapshot.clone());
-        self.comparison().follow(side, snapshot, &View::default());
-    }
-
-    fn on_view(&mut self, side: usize, view: &View) {
-        let session = &mut self.apps()[side];
-        session.on_view(view.clone());
-        let snapshot = session.screen.latest.clone();
-        self.comparison().follow(side, &snapshot, view);
-    }
-
-    fn refresh(&mut self) {
-        for side in 0..2 {
-            let session = &self.apps()[side];
-            let (snapshot, view) =
-                (session.snapshots().borrow().clone(), session.views().borrow().clone());
-            self.on_snapshot(side, &snapshot);
-            self.on_view(side, &view);
-        }
-    }
-
-    fn stop(self) -> Vec<Option<Trainer>> {
-        drop(self.app);
-        self.engines.into_iter().map(Engine::stop).collect()
+    /// Shows a snapshot or a view on a side.
+    fn follow(&mut self, side: usize, snapshot: &Arc<Snapshot>, view: &View) {
+        let comparison = self.comparison();
+        comparison.sessions[side].on_snapshot(snapshot.clone());
+        comparison.sessions[side].on_view(view.clone());
+        comparison.follow(side, snapshot, view);
     }
 }
 
-fn comparison_with(methods: [&str; 2], limits: Limits) -> Both {
+fn comparison_with(methods: [&str; 2], limits: Limits) -> (App, [Engine; 2]) {
     let [a, b] = methods.map(|method| (trainer(method, 1), method));
     let contestants = [(a, 'A'), (b, 'B')].map(|((trainer, method), letter)| Contestant {
         title: format!("{letter} {method} {}", trainer.run().preset.name()),
         trainer,
         is_paused: false,
     });
-    let mut comparison = start(contestants, limits);
-    for app in comparison.apps() {
-        app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
-    }
-    comparison
+    start(contestants, limits)
 }
 
-fn start(contestants: [Contestant; 2], limits: Limits) -> Both {
+fn start(contestants: [Contestant; 2], limits: Limits) -> (App, [Engine; 2]) {
     let started = Comparison::start(contestants, &UiConfig::default(), &keymap(), limits);
     let (comparison, engines) = started.expect("a comparison");
-    Both { app: App::of(comparison), engines: engines.into() }
+    let mut app = App::of(comparison);
+    for session in app.apps() {
+        session.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
+    }
+    (app, engines)
 }
 
-fn comparison() -> Both {
-    comparison_with(["gdg-bridge", "gdg"], Limits::default())
+fn comparison() -> App {
+    comparison_with(["gdg-bridge", "gdg"], Limits::default()).0
 }
 
-fn stopped_comparison() -> Both {
+fn stopped_comparison() -> App {
     let limits = Limits { updates: Some(0), ..Limits::default() };
-    comparison_with(["gdg-bridge", "gdg"], limits)
+    comparison_with(["gdg-bridge", "gdg"], limits).0
 }
 
-pub(super) fn staged(width: u16, height: u16) -> Both {
+pub(super) fn staged(width: u16, height: u16) -> App {
     let mut comparison = stopped_comparison();
     draw(&mut comparison, width, height);
     for side in 0..2 {
@@ -114,31 +79,37 @@ pub(super) fn staged(width: u16, height: u16) -> Both {
             (snapshot.seconds, snapshot.rates) = (i as f64 * 3.0, (812.0, 13_000.0));
             let evaluation = if side == 0 { planned } else { alone };
             Arc::make_mut(&mut snapshot.evaluations).push((updates, evaluation));
-            comparison.on_snapshot(side, &Arc::new(snapshot));
+            comparison.follow(side, &Arc::new(snapshot), &View::default());
         }
         let app = &comparison.apps()[side];
         let mut view = staged_view(app);
         view.goal.1 = app.link.goal_request();
         view.walk.arrived = side == 0;
-        comparison.on_view(side, &View::Maze(Arc::new(view)));
+        let snapshot = app.screen.latest.clone();
+        comparison.follow(side, &snapshot, &View::Maze(Arc::new(view)));
     }
     comparison
 }
 
 /// Returns the character that shows the centre of `cell` on a side.
-fn character_of(comparison: &mut Both, side: usize, cell: Cell) -> Position {
+fn character_of(comparison: &mut App, side: usize, cell: Cell) -> Position {
     let frame = comparison.apps()[side].screen.layout.map.clone().expect("the map is drawn");
     frame.character_of(cell.centre()).expect("the cell is shown")
 }
 
 /// Applies what engines and viewers publish until `is` holds.
-fn wait_until(comparison: &mut Both, is: impl Fn([&mut Session; 2]) -> bool) {
+fn wait_until(comparison: &mut App, is: impl Fn([&mut Session; 2]) -> bool) {
     let began = Instant::now();
     while !is(comparison.apps()) {
         assert!(began.elapsed() < Duration::from_mins(1), "timed out");
         std::thread::sleep(Duration::from_millis(5));
-        comparison.refresh();
-        comparison.app.on_tick();
+        for side in 0..2 {
+            let session = &comparison.apps()[side];
+            let snapshot = session.snapshots().borrow().clone();
+            let view = session.views().borrow().clone();
+            comparison.follow(side, &snapshot, &view);
+        }
+        comparison.on_tick();
     }
 }
 
@@ -188,14 +159,15 @@ fn what_is_shown_changes_on_both_sides() {
 #[test]
 fn each_side_is_the_run_that_its_method_would_be_alone() {
     let limits = Limits { updates: Some(300), ..Limits::default() };
-    let mut comparison = comparison_with(["gdg-bridge", "her"], limits);
+    let (mut comparison, engines) = comparison_with(["gdg-bridge", "her"], limits);
     draw(&mut comparison, 80, 24);
     wait_until(&mut comparison, |apps| {
         apps.iter().all(|app| app.screen.snapshot.phase == Phase::Done)
     });
     press(&mut comparison, KeyCode::Char('n'));
-    for (method, trained) in ["gdg-bridge", "her"].into_iter().zip(comparison.stop()) {
-        let trained = trained.expect("a trainer");
+    drop(comparison);
+    for (method, engine) in ["gdg-bridge", "her"].into_iter().zip(engines) {
+        let trained = engine.stop().expect("a trainer");
         assert_eq!(trained.run().method.name(), method);
         let mut alone = trainer(method, 1);
         while alone.limit_reached(&limits).is_none() {
@@ -215,10 +187,9 @@ fn each_side_is_the_run_that_its_method_would_be_alone() {
 fn both_maps_are_pictures_on_which_the_same_distance_has_the_same_colour() {
     let mut comparison = comparison();
     let graphics = Graphics { protocol: Protocol::Sixel, character: (8, 16) };
-    comparison.app.set_graphics(Some(graphics), Redraw::All);
+    comparison.set_graphics(Some(graphics), Redraw::All);
     draw(&mut comparison, 120, 40);
-    let areas: Vec<_> =
-        comparison.app.pictures().iter().map(|picture| Some(picture.area)).collect();
+    let areas: Vec<_> = comparison.pictures().iter().map(|picture| Some(picture.area)).collect();
     let maps = comparison.apps().map(|app| app.screen.layout.map.as_ref().map(|map| map.area));
     assert_eq!(areas, maps);
     wait_until(&mut comparison, |apps| {
@@ -262,7 +233,7 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
 
     let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
     let contestants = prepare(&both, &registry, &Progress::default()).expect("two saved runs").both;
-    let mut comparison = start(contestants, Limits::default());
+    let (mut comparison, _engines) = start(contestants, Limits::default());
     let paused = |app: &Session| {
         assert_eq!(app.screen.snapshot.counters.env_steps, 0, "shown as it was saved");
         app.screen.snapshot.phase == Phase::Paused
@@ -273,7 +244,6 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
     wait_until(&mut comparison, |apps| {
         apps.into_iter().all(|app| app.screen.snapshot.updates() > 0 || app.is_training())
     });
-    drop(comparison.stop());
 }
 
 #[test]
@@ -309,11 +279,11 @@ fn what_cannot_stand_beside_a_saved_run_is_refused() {
     }
 }
 
-fn maps(comparison: &mut Both) -> [Arc<Grid>; 2] {
+fn maps(comparison: &mut App) -> [Arc<Grid>; 2] {
     comparison.apps().map(|app| app.maze().map.clone())
 }
 
-fn wait_for_trainers(comparison: &mut Both) {
+fn wait_for_trainers(comparison: &mut App) {
     wait_until(comparison, |apps| {
         apps.iter().all(|app| app.drawn_map().free() == app.maze().map.free())
     });
@@ -363,15 +333,15 @@ fn the_editor_draws_by_keyboard_on_both() {
     assert!(maps(&mut comparison).iter().all(|map| map.is_free(goal)), "also with a closed editor");
 }
 
-fn stage_films(comparison: &mut Both, updates: [&[u64]; 2]) {
+fn stage_films(comparison: &mut App, updates: [&[u64]; 2]) {
     for (side, updates) in updates.into_iter().enumerate() {
         let app = &comparison.apps()[side].screen.snapshot.clone();
         let film = film(comparison.apps()[side], updates);
-        comparison.on_snapshot(side, &Arc::new(Snapshot { film, ..(**app).clone() }));
+        comparison.follow(side, &Arc::new(Snapshot { film, ..(**app).clone() }), &View::default());
     }
 }
 
-fn shown_updates(comparison: &mut Both) -> [Option<u64>; 2] {
+fn shown_updates(comparison: &mut App) -> [Option<u64>; 2] {
     comparison.apps().map(|app| app.screen.past.as_ref().map(|frame| frame.updates))
 }
 
