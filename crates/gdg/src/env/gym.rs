@@ -185,16 +185,28 @@ impl Gym {
         episode.add(&begun.row);
         self.episodes[agent] = episode;
         (self.ended[agent], self.retired[agent]) = (false, false);
-        self.see(agent, &begun.row);
+        self.see(agent, &begun.row)?;
         let goal = self.pool.found.goal_columns.iter().map(|column| begun.goal[*column]);
         Ok(goal.collect())
     }
 
     /// Takes the state of `agent` from what its environment has returned.
-    fn see(&mut self, agent: usize, row: &[f32]) {
+    ///
+    /// # Errors
+    /// It achieves something else than the components of its observation that were the same before.
+    fn see(&mut self, agent: usize, row: &[f32]) -> Result<(), EnvError> {
         let state: Vec<f32> = self.state(row).collect();
         let s = state.len();
+        let beside = &row[self.pool.about.observed..];
+        let mut achieved = self.pool.found.spec.achieved.iter().zip(beside);
+        if let Some((column, _)) = achieved.find(|(column, own)| state[**column] != **own) {
+            let problem = format!(
+                "component {column} of its observation was what is achieved, and is not any more"
+            );
+            return Err(failed(&self.pool.address.id, problem, Vec::new()));
+        }
         self.states[agent * s..(agent + 1) * s].copy_from_slice(&state);
+        Ok(())
     }
 
     /// Begins an episode again and repeats its actions; returns whether the same came out.
@@ -211,7 +223,7 @@ impl Gym {
             let Some((row, ended)) = stepped.pop() else { continue };
             self.episodes[agent].step(action, &row, ended);
             self.ended[agent] = ended;
-            self.see(agent, &row);
+            self.see(agent, &row)?;
         }
         Ok(self.episodes[agent].checksum == episode.checksum)
     }
@@ -316,7 +328,7 @@ impl Environment for Gym {
             if !self.retired[agent] && !self.ended[agent] {
                 self.episodes[agent].step(action, &row, ended);
                 self.ended[agent] = ended;
-                self.see(agent, &row);
+                self.see(agent, &row)?;
             }
         }
         Ok(())

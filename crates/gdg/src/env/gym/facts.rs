@@ -46,6 +46,9 @@ const LEAST_CHANGE_RADII: f32 = 0.05;
 /// radii across: smaller ones are learned faster without.
 const POSITIONS_RADII: f32 = 12.0;
 
+/// A goal radius has at least this many of the smallest differences between numbers.
+const LEAST_TOLD_APART: f32 = 16.0;
+
 /// Radii along different axes that differ by more than this share are not those of a ball.
 const BALL_TOLERANCE: f64 = 0.05;
 
@@ -146,7 +149,25 @@ pub fn find(
         Some(radius) => radius,
         None => asked_radius(worker, about, &seen)?,
     };
-    Ok(scales(&seen, about, (columns, achieved, goal_columns), radius))
+    let found = scales(&seen, about, (columns, achieved, goal_columns), radius);
+    if let Some(why) = too_fine(&found.spec) {
+        return Err(worker.fail(why));
+    }
+    Ok(found)
+}
+
+/// Says why single precision cannot tell goals apart, if it cannot.
+fn too_fine(spec: &Spec) -> Option<String> {
+    let size = |i: &usize| spec.state_centre[*i].abs() + spec.state_half_range[*i];
+    let most = spec.achieved.iter().map(size).fold(0.0, f32::max);
+    let told_apart = most * f32::EPSILON;
+    (spec.goal_radius < LEAST_TOLD_APART * told_apart).then(|| {
+        format!(
+            "its goals are as large as {most}, where single precision tells apart what differs by \
+             {told_apart}, and the goal radius is {}: subtract an origin in the environment",
+            spec.goal_radius
+        )
+    })
 }
 
 /// Walks at random for an episode; returns its rows.
@@ -204,7 +225,9 @@ fn columns(seen: &Seen, about: &Description, given: Option<&[usize]>) -> Result<
     let mut columns: Vec<usize> = (0..about.observed).collect();
     let mut achieved: Vec<usize> = Vec::new();
     for own in about.observed..about.row() {
-        let is_same = |column: &usize| rows().all(|row| row[*column] == row[own]);
+        // What never changed may be equal to anything that never did.
+        let varies = rows().any(|row| row[own] != seen.starts[0][own]);
+        let is_same = |column: &usize| varies && rows().all(|row| row[*column] == row[own]);
         let after_last = achieved.last().map_or(0, |last| last + 1);
         let mut likely = (after_last..about.observed).chain(0..after_last.min(about.observed));
         let found = likely.find(|column| !achieved.contains(column) && is_same(column));
@@ -354,6 +377,7 @@ fn ball(radii: &[Option<f64>]) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::env::MOST_HALF_RANGES;
+    use crate::env::tests::positions;
 
     fn description(observed: usize, achieved: usize, goal: usize) -> Description {
         Description {
@@ -405,6 +429,21 @@ mod tests {
         ] {
             assert!(columns(&seen, &about, Some(&[given])).is_err_and(|found| found.contains(why)));
         }
+    }
+
+    #[test]
+    fn what_is_achieved_but_never_changed_is_not_looked_for_in_the_observation() {
+        let rows: Vec<Vec<f32>> = (0..9).map(|i| vec![f32::from(i as u8), 0.0, 0.0]).collect();
+        let still = Seen { starts: rows, ..Seen::default() };
+        let found = columns(&still, &description(2, 1, 1), None);
+        assert_eq!(found, Ok((vec![0, 1, 2], vec![2], vec![0])));
+    }
+
+    #[test]
+    fn goals_that_single_precision_cannot_tell_apart_are_refused() {
+        let utm = Spec { goal_radius: 0.1, ..positions(&[(5e5, 100.0), (5.4e6, 100.0)]) };
+        assert!(too_fine(&utm).is_some_and(|why| why.contains("subtract an origin")));
+        assert_eq!(too_fine(&Spec { goal_radius: 20.0, ..utm }), None);
     }
 
     #[test]
