@@ -4,9 +4,7 @@ mod ablate;
 #[cfg(feature = "tui")]
 mod compare;
 mod completions;
-mod export_data;
-mod export_policy;
-mod film;
+mod export;
 mod gym;
 mod maps;
 mod method;
@@ -30,9 +28,7 @@ pub use ablate::AblateArgs;
 #[cfg(feature = "tui")]
 pub use compare::CompareArgs;
 pub use completions::completions;
-pub use export_data::ExportDataArgs;
-pub use export_policy::ExportPolicyArgs;
-pub use film::FilmArgs;
+pub use export::{ExportArgs, ExportPolicyArgs, FilmArgs};
 pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand};
 pub use method::RunArgs;
 pub use plot::PlotArgs;
@@ -128,7 +124,7 @@ pub enum Command {
     /// Ablation study: measure the effect of switching off each component of the default preset
     Ablate(AblateArgs),
     /// Write the transitions that a checkpoint's run has seen as an .npz file, for --data
-    ExportData(ExportDataArgs),
+    ExportData(ExportArgs),
     /// Write a checkpoint's policy as a safetensors file that other programs can run: with the Python
     /// module gdg_tui, gdg_tui.load_policy(FILE)
     ExportPolicy(ExportPolicyArgs),

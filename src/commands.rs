@@ -4,9 +4,7 @@ mod ablate;
 mod check;
 #[cfg(feature = "tui")]
 mod compare;
-mod export_data;
-mod export_policy;
-mod film;
+mod export;
 mod maps;
 mod output;
 mod plot;
@@ -53,9 +51,9 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Check { file, map, strict, reading }) => {
             check::run(&file, map.as_deref(), &(&reading).into(), strict, registry)
         }
-        Some(Command::ExportData(args)) => text(export_data::run(&args, registry)),
-        Some(Command::ExportPolicy(args)) => text(export_policy::run(&args, registry)),
-        Some(Command::Film(args)) => text(film::run(&args, registry)),
+        Some(Command::ExportData(args)) => text(export::data(&args, registry)),
+        Some(Command::ExportPolicy(args)) => text(export::policy(&args, registry)),
+        Some(Command::Film(args)) => text(export::film(&args, registry)),
     }
 }
 

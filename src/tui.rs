@@ -20,9 +20,8 @@
 //!   `lists`: what there is to pick from; `export`: writes what is shown to files.
 //! * `session`: a run on the screen, and what commands do with it; `compare`: two of them.
 //! * `app`: the application, which gives events to the topmost layer.
-//! * `interface`, `job_control`, `input`, `record`, `terminal`, `event_loop`: what fills the screen,
-//!   the terminal itself, what comes from it, recordings of it, and the loop that forwards events
-//!   and draws frames.
+//! * `interface`, `input`, `record`, `terminal`: what fills the screen, what comes from the terminal,
+//!   recordings of it, and the terminal itself with the loop that forwards events and draws frames.
 //! * `runs`: the list of saved runs.
 
 mod action;
@@ -35,13 +34,11 @@ mod compare;
 mod config;
 mod contours;
 mod dialog;
-mod event_loop;
 mod export;
 mod glyphs;
 mod graphics;
 mod input;
 mod interface;
-mod job_control;
 mod keymap;
 mod layer;
 mod layers;
@@ -86,7 +83,6 @@ pub use compare::{ComparisonOptions, Contender, Contestants, prepare as prepare_
 pub use config::{
     UiConfig, load as load_config, parse as parse_config, template as config_template,
 };
-use event_loop::Stage;
 pub use export::{PageColours, picture_of};
 use gdg::engine::Engine;
 use gdg::learn::Threads;
@@ -97,8 +93,9 @@ pub use keymap::Keymap;
 pub use marker::Marker;
 pub use measure::{MeasuredInterface, MeasuredScreen};
 use record::Recorder;
-pub use runs::{Next as NextAfterRuns, Opened, Opener, RunsScreen, Wish};
+pub use runs::{Opened, Opener, RunsScreen};
 use session::{Files, Session, files};
+use terminal::Stage;
 
 /// How the interface is shown and recorded.
 pub struct InterfaceOptions {
@@ -132,7 +129,6 @@ impl PreparedInterface {
 
 /// Open files that the interface needs besides those that are open: for terminal, signals and
 /// checkpoints.
-#[cfg(unix)]
 const MIN_OPEN_FILES: usize = 24;
 
 /// Reads the configuration, starts the recording and listens to signals. Called before anything
@@ -142,7 +138,6 @@ const MIN_OPEN_FILES: usize = 24;
 /// The configuration is invalid, the recording exists already or cannot be written, too few files
 /// can be open at once, or a thread cannot be started.
 pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> {
-    #[cfg(unix)]
     check_open_files()?;
     let (mut config, keymap) = config::load(options.config.as_deref())
         .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
@@ -159,7 +154,6 @@ pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> 
 
 /// Checks that as many files can be open as the interface needs: the libraries that it uses panic
 /// otherwise.
-#[cfg(unix)]
 fn check_open_files() -> Result<(), Report> {
     use std::os::fd::AsFd;
     let stdin = std::io::stdin();

@@ -74,7 +74,6 @@ fn runs_of_every_kind_are_lines_of_json() {
     has_parts(&done.err, &["elsewhere: cannot be read"]);
 }
 
-#[cfg(unix)]
 #[test]
 fn a_run_is_found_and_resumed_on_a_terminal() {
     use crate::support::Session;
@@ -97,7 +96,6 @@ fn a_run_is_found_and_resumed_on_a_terminal() {
     assert_eq!(session.end(), 0);
 }
 
-#[cfg(unix)]
 #[test]
 fn a_plot_of_marked_runs_says_which_it_leaves_out() {
     use crate::support::Session;

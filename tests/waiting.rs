@@ -55,7 +55,7 @@ fn commands_say_what_they_wait_for() {
         ("film saves/own.safetensors", "the checkpoint to be read"),
         ("suite maps --list --out own", "the maps to be read"),
         ("plot saves/own.safetensors", "the runs to be read"),
-        ("runs", "the checkpoints to be read"),
+        ("runs", "the runs to be read"),
         ("runs --json", "the runs to be read"),
         ("--no-ui trap --max-updates 1", "the world to open"),
         ("--no-ui trap --max-updates 1 --data own.npz", "the data to be read"),
@@ -82,7 +82,7 @@ fn commands_say_how_far_they_are() {
         ("export-data saves/own.safetensors", 6, "the transitions to be written", 17),
         ("film saves/own.safetensors", 3, "the checkpoint to be read", 33),
         ("suite maps --list --out own", 3, "the maps to be read", 50),
-        ("runs", 3, "the checkpoints to be read", 50),
+        ("runs", 3, "the runs to be read", 50),
         ("runs --json", 3, "the runs to be read", 50),
         ("--no-ui trap --max-updates 1 --data own.npz", 7, "the data to be read", 62),
     ];
@@ -100,7 +100,6 @@ fn commands_say_how_far_they_are() {
     assert_eq!(shares, commands.map(|(line, _, _, share)| (line, Some(share))));
 }
 
-#[cfg(unix)]
 #[test]
 fn on_a_terminal_waiting_is_one_line_that_is_removed() {
     use crate::support::Session;

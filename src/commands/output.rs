@@ -1,17 +1,13 @@
 //! How commands print and fail.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
 use miette::{Report, miette};
 
-use crate::host::report::from_checkpoint_error;
 use crate::host::status::{EXIT_BAD_INPUT, EXIT_FAILURE};
-use crate::host::waiting::Working;
 use gdg::files;
 use gdg::printing::print_text;
 use gdg::text::sanitized_lines;
-use gdg::train::{self, Registry, Trainer};
 
 /// Why a command failed.
 pub struct Failure {
@@ -47,23 +43,6 @@ impl<T> OrFail<T> for Result<T, Report> {
     fn or_failure(self) -> Result<T, Failure> {
         self.map_err(|error| Failure { error, status: EXIT_FAILURE })
     }
-}
-
-/// Returns the path of `checkpoint` with `end` instead of its extension.
-pub fn beside(checkpoint: &Path, end: &str) -> PathBuf {
-    let folder = checkpoint.parent().unwrap_or(Path::new(""));
-    files::named(folder, checkpoint.file_stem().unwrap_or_default(), end)
-}
-
-/// Loads the run in a checkpoint without opening its world, where that is possible.
-///
-/// # Errors
-/// The checkpoint cannot be read.
-pub fn look_into(checkpoint: &Path, registry: &Arc<Registry>) -> Result<Trainer, Report> {
-    let reading = Working::begin("the checkpoint to be read");
-    let registry = registry.clone().only_reading();
-    let loaded = train::load_with(checkpoint, &registry, 1, reading.progress());
-    loaded.map_err(from_checkpoint_error)
 }
 
 /// Writes a file and returns a line that says where.

@@ -1,6 +1,7 @@
 //! Reads runs, with what their evaluations found: from results of experiments, checkpoints and
 //! records.
 
+mod columns;
 mod join;
 mod line;
 mod reader;
@@ -17,11 +18,12 @@ use super::folder::read_result;
 use super::job::{EvaluationAt, JobResult, evaluations, setting_text};
 use crate::host::report::from_checkpoint_error;
 use crate::host::runs::files_in;
+pub use columns::{COLUMNS, Column, WRITTEN, name, table};
 use gdg::files::{has_extension, is_hidden};
 use gdg::pulse::Progress;
 use gdg::text::{counted, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
-pub use join::join_resumed;
+pub use join::{Dated, join_resumed};
 use join::{join, whole};
 pub use line::RunLine;
 pub use reader::{Found, Reader};

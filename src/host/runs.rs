@@ -1,18 +1,14 @@
-//! Saved runs: a folder's checkpoints as a table, the newest of them, and the command that
-//! continues one.
+//! Saved runs: a folder's checkpoints, the newest of them, and the command that continues one.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::SystemTime;
 
 use jiff::tz::TimeZone;
 use jiff::{Timestamp, Zoned};
-use miette::{Report, miette};
 
-use crate::host::waiting::Working;
 use gdg::files::is_hidden;
-use gdg::text::{aligned, grouped, safe_file_name, sanitized};
-use gdg::train::{CheckpointError, Description, Registry, describe, examine};
+use gdg::text::{grouped, safe_file_name};
+use gdg::train::{Description, describe};
 
 /// Default folder for checkpoints.
 pub const SAVES: &str = "saves";
@@ -56,76 +52,9 @@ pub fn newest(folder: &Path, title: Option<&str>) -> Option<Description> {
     found.into_iter().find(|found| title.as_ref().is_none_or(|title| *title == found.title))
 }
 
-/// Returns the table of the checkpoints in `folder`, the newest first, and at the end those that
-/// cannot be loaded.
-///
-/// # Errors
-/// The folder cannot be read.
-pub fn list(folder: &Path, registry: &Arc<Registry>) -> Result<String, Report> {
-    if !folder.exists() && folder == Path::new(SAVES) {
-        return Ok(
-            "no saved runs yet: train with --save FILE, or press s in the interface\n".to_owned()
-        );
-    }
-    let mut files = files_in(folder).map_err(|error| {
-        let help = "give the folder of the checkpoints, or train with --save FILE first";
-        miette!(help = help, "{}: cannot be read: {error}", folder.display())
-    })?;
-    // Those of an experiment, such as of one that was interrupted.
-    files.extend(files_in(&folder.join("jobs")).unwrap_or_default());
-    if files.is_empty() {
-        return Ok(format!("no checkpoints in {}\n", sanitized(&folder.to_string_lossy())));
-    }
-    let examining = Working::begin("the checkpoints to be read");
-    examining.progress().begin(0, 1);
-    let one = |(i, path): (usize, &PathBuf)| {
-        examining.progress().set(i, files.len());
-        examine(path, registry)
-    };
-    let mut found: Vec<_> = files.iter().enumerate().map(one).collect();
-    drop(examining);
-    found.sort_by_key(|found| {
-        std::cmp::Reverse(found.as_ref().ok().and_then(|found| found.written))
-    });
-    let head = ["file", "updates", "success", "greedy", "written", "MB", "map", "method", "seed"];
-    let head = head.map(str::to_owned).to_vec();
-    Ok(aligned(&std::iter::once(head).chain(found.iter().map(row)).collect::<Vec<_>>()))
-}
-
-/// Returns the cells of a line of the table.
-fn row(found: &Result<Description, CheckpointError>) -> Vec<String> {
-    match found {
-        // Columns that the file's name often repeats come last: a narrow terminal breaks lines
-        // there.
-        Ok(found) => vec![
-            name(&found.file),
-            grouped(found.updates),
-            rate(found.success.as_ref().and_then(|success| success.planned.or(success.greedy))),
-            rate(found.success.as_ref().and_then(|success| success.greedy)),
-            found
-                .written
-                .and_then(local)
-                .map_or(String::new(), |at| at.strftime("%F %R").to_string()),
-            format!("{:.1}", found.bytes as f64 / 1e6),
-            found.title.clone(),
-            found.run.method.name(),
-            found.run.seed.to_string(),
-        ],
-        // In one cell, as a long reason would widen a column.
-        Err(error) => {
-            vec![format!("{}  cannot be loaded: {}", name(&error.file), sanitized(&error.problem))]
-        }
-    }
-}
-
 /// Returns a success rate, or a dash if there is none.
 pub fn rate(rate: Option<f64>) -> String {
     rate.map_or("-".to_owned(), |rate| format!("{rate:.2}"))
-}
-
-/// Returns a file's name, safe to show.
-fn name(file: &Path) -> String {
-    sanitized(&file.file_name().unwrap_or_default().to_string_lossy())
 }
 
 /// Describes a saved run in a few words: `57,000 updates, seed 1, saved yesterday`.
@@ -144,11 +73,8 @@ pub fn resume_command(file: &Path) -> String {
 
 /// Describes how long ago something happened, if that is known: `25 minutes ago`, `yesterday`.
 pub fn ago(at: SystemTime) -> Option<String> {
-    local(at).map(|at| age(&at, &Zoned::now()))
-}
-
-fn local(at: SystemTime) -> Option<Zoned> {
-    Timestamp::try_from(at).ok().map(|at| at.to_zoned(TimeZone::system()))
+    let at = Timestamp::try_from(at).ok()?.to_zoned(TimeZone::system());
+    Some(age(&at, &Zoned::now()))
 }
 
 /// Describes how long before `now` something happened.
@@ -202,10 +128,7 @@ mod tests {
         std::fs::write(folder.path().join("b.safetensors"), "damaged").expect("a file");
         assert!(newest(folder.path(), None).is_none());
         assert!(newest(&folder.path().join("none"), None).is_none());
-        let table = list(folder.path(), &Registry::builtin()).expect("a table");
-        assert!(
-            table.contains("b.safetensors  cannot be loaded:") && !table.contains("policy"),
-            "{table}"
-        );
+        let found = files_in(folder.path()).expect("the folder");
+        assert_eq!(found, [folder.path().join("b.safetensors")], "policies are no checkpoints");
     }
 }

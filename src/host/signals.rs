@@ -233,7 +233,6 @@ fn ignores(mut shell: Command, number: i32) -> bool {
 mod tests {
     use super::*;
 
-    #[cfg(unix)]
     #[test]
     fn what_is_ignored_is_known_without_asking_the_system() {
         let mut nohup = Command::new("sh");

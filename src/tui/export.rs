@@ -1,8 +1,7 @@
-//! Exports to files: pictures of map and screen, curves as a drawing and as a table.
+//! Exports to files: a picture of the map, the film, and curves as a drawing or a table.
 
 mod curves;
 mod picture;
-mod vector;
 
 use std::path::{Path, PathBuf};
 
@@ -16,38 +15,31 @@ use super::output::ExportKind;
 use super::render;
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
-use super::theme::{Rgb, Theme};
+use super::theme::Theme;
 use crate::figure::Format;
 use gdg::files::{self, write_atomically};
 use gdg::pulse::Progress;
-use gdg::viewer::{FilmError, animate, still};
-pub use picture::picture_of;
+use gdg::viewer::{FilmError, animate};
+pub use picture::{PageColours, picture_of};
 
 /// Folder for exports.
 pub const EXPORT_FOLDER: &str = "exports";
 
-/// Pixels of a large bitmap from left to right.
-const STILL_WIDTH: usize = 1_600;
-
 /// Why an export fails.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// The window has no room for what is exported.
     #[error("nothing to export: the window is too small")]
     Empty,
     /// The file system, or drawing in memory, reports an error.
     #[error(transparent)]
     Io(#[from] std::io::Error),
-    /// The picture cannot be encoded.
     #[error(transparent)]
     Png(#[from] png::EncodingError),
-    /// The curves cannot be drawn.
+    /// A drawing cannot be encoded.
     #[error("{0}")]
     Figure(miette::Report),
-    /// There is no film, or it cannot be drawn.
     #[error(transparent)]
     Film(#[from] FilmError),
-    /// The table cannot be written.
     #[error(transparent)]
     Csv(#[from] csv::Error),
 }
@@ -64,10 +56,10 @@ pub fn begin(
     screen: &mut Screen,
     scene: &Scene,
 ) -> Result<Background<Result<String, String>>, ExportError> {
-    let path = new_path(&name(kind, screen, scene), kind, scene.noun());
+    let (name, noun) = (name(kind, screen, scene), scene.noun());
     let encode = drawn(kind, screen, scene)?;
-    let write = move |progress: &Progress| write_contents(&path, encode(progress));
-    Ok(Background::start(format!("writing {}", kind.name(scene.noun())), write)?)
+    let write = move |progress: &Progress| write_as(&name, kind, noun, encode(progress));
+    Ok(Background::start(format!("writing {}", kind.name(noun)), write)?)
 }
 
 /// Returns what a file's name begins with: the world, and the update that is shown.
@@ -81,7 +73,8 @@ pub fn name(kind: ExportKind, screen: &Screen, scene: &Scene) -> String {
     format!("{}-{updates}", scene.title(&screen.snapshot))
 }
 
-/// Writes contents to a new file that begins with `name`; returns the notice for the user.
+/// Writes contents to a new file that begins with `name`, as a paused run may be exported several
+/// times; returns the notice for the user.
 ///
 /// # Errors
 /// The notice that the file cannot be written.
@@ -91,18 +84,9 @@ pub fn write_as(
     noun: &str,
     contents: Result<Vec<u8>, ExportError>,
 ) -> Result<String, String> {
-    write_contents(&new_path(name, kind, noun), contents)
-}
-
-/// Returns a file that does not exist: a paused run may be exported several times.
-fn new_path(name: &str, kind: ExportKind, noun: &str) -> PathBuf {
     let end = format!("-{}.{}", kind.stem(noun), kind.file_type());
-    files::unused_path(&files::named(Path::new(EXPORT_FOLDER), name, &end))
-}
-
-fn write_contents(path: &Path, contents: Result<Vec<u8>, ExportError>) -> Result<String, String> {
-    let written = contents.and_then(|bytes| Ok(write_atomically(path, &bytes)?));
-    match written {
+    let path: PathBuf = files::unused_path(&files::named(Path::new(EXPORT_FOLDER), name, &end));
+    match contents.and_then(|bytes| Ok(write_atomically(&path, &bytes)?)) {
         Ok(()) => Ok(format!("wrote {}", path.display())),
         Err(error) => Err(format!("{} cannot be written: {error}", path.display())),
     }
@@ -110,46 +94,43 @@ fn write_contents(path: &Path, contents: Result<Vec<u8>, ExportError>) -> Result
 
 /// Captures the present screen as this kind of export; what takes long is left to the encoder.
 fn drawn(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Encode, ExportError> {
-    let curves = |format: Format, screen: &Screen| -> Encode {
-        let run = screen.run();
-        let title = format!("{}, {}, seed {}", scene.title(&screen.snapshot), run.method, run.seed);
-        let figure = curves::figure(screen, &title);
-        Box::new(move |_| format.encode(&figure).map_err(ExportError::Figure))
-    };
     Ok(match kind {
-        ExportKind::CurvesSvg => curves(Format::Svg, screen),
-        ExportKind::CurvesPng => curves(Format::Png, screen),
-        ExportKind::CurvesPdf => curves(Format::Pdf, screen),
+        ExportKind::MapPng | ExportKind::MapSvg => {
+            // For readers, who have no keys.
+            screen.on_paper = true;
+            let drawn = in_full_colour(
+                screen,
+                |screen| [&mut screen.theme],
+                |screen| {
+                    on_paper(screen.layout.screen, |frame| {
+                        render::draw_panes(frame, screen, scene, &mut Cache::default()).map_pane
+                    })
+                },
+            );
+            screen.on_paper = false;
+            let (drawn, map_pane) = drawn?;
+            let (area, theme) = (map_pane.intersection(drawn.area), screen.theme.in_full_colour());
+            Box::new(move |_| picture(kind, &drawn, area, &theme))
+        }
+        ExportKind::CurvesSvg | ExportKind::CurvesPdf => {
+            let format = if kind == ExportKind::CurvesSvg { Format::Svg } else { Format::Pdf };
+            let (world, run) = (scene.title(&screen.snapshot), screen.run());
+            let title = format!("{world}, {}, seed {}", run.method, run.seed);
+            let figure = curves::figure(screen, &title);
+            Box::new(move |_| format.encode(&figure).map_err(ExportError::Figure))
+        }
         ExportKind::CurvesCsv => {
             let table = curves::csv(screen)?;
             Box::new(|_| Ok(table))
         }
-        ExportKind::Still | ExportKind::Film => {
+        ExportKind::Film => {
             let run = screen.snapshot.clone();
-            Box::new(move |progress| {
-                Ok(match kind {
-                    ExportKind::Still => still(&run, Some(STILL_WIDTH))?,
-                    _ => animate(&run, None, progress)?,
-                })
-            })
-        }
-        ExportKind::MapPng | ExportKind::MapSvg | ExportKind::ScreenPng | ExportKind::ScreenSvg => {
-            // The whole screen has its keys; the map alone is for readers, who have none.
-            screen.on_paper = matches!(kind, ExportKind::MapPng | ExportKind::MapSvg);
-            let drawn = draw(screen, scene);
-            let only_map = std::mem::take(&mut screen.on_paper);
-            let (drawn, map_pane) = drawn?;
-            let area = if only_map { map_pane.intersection(drawn.area) } else { drawn.area };
-            let theme = screen.theme.in_full_colour();
-            Box::new(move |_| picture(kind, &drawn, area, &theme))
+            Box::new(move |progress| Ok(animate(&run, None, progress)?))
         }
     })
 }
 
 /// Returns an export's contents.
-///
-/// # Errors
-/// What cannot be drawn or encoded.
 #[cfg(test)]
 pub fn contents(
     kind: ExportKind,
@@ -169,27 +150,15 @@ pub fn picture(
     area: Rect,
     theme: &Theme,
 ) -> Result<Vec<u8>, ExportError> {
-    if area.is_empty() {
-        return Err(ExportError::Empty);
+    let page =
+        theme.page.map_or(PageColours::default(), |(ink, ground)| PageColours { ink, ground });
+    match kind {
+        _ if area.is_empty() => Err(ExportError::Empty),
+        ExportKind::MapSvg => {
+            Format::Svg.encode(&picture::sheet_of(drawn, area, page)).map_err(ExportError::Figure)
+        }
+        _ => Ok(picture_of(drawn, area, page).to_png("gdg-tui")?),
     }
-    let page = PageColours::for_theme(theme);
-    match kind.file_type() {
-        "png" => Ok(picture_of(drawn, area, page).to_png("gdg-tui")?),
-        _ => Ok(vector::svg_of(drawn, area, page).into_bytes()),
-    }
-}
-
-/// Draws the screen without dialogs; returns it with the area of the map pane.
-fn draw(screen: &mut Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
-    in_full_colour(
-        screen,
-        |screen| [&mut screen.theme],
-        |screen| {
-            on_paper(screen.layout.screen, |frame| {
-                render::draw_panes(frame, screen, scene, &mut Cache::default()).map_pane
-            })
-        },
-    )
 }
 
 /// Draws `of` with its `themes` in full colour, even on a terminal that has fewer colours.
@@ -222,26 +191,4 @@ pub fn on_paper(
     let mut area = Rect::default();
     terminal.draw(|frame| area = draw(frame)).map_err(std::io::Error::other)?;
     Ok((terminal.backend().buffer().clone(), area))
-}
-
-/// The colours that replace a terminal's default text and background.
-#[derive(Clone, Copy, Debug)]
-pub struct PageColours {
-    /// Text.
-    pub ink: Rgb,
-    /// Background.
-    pub ground: Rgb,
-}
-
-impl PageColours {
-    /// Returns the colours that go with a theme.
-    pub fn for_theme(theme: &Theme) -> Self {
-        theme.page.map_or(Self::default(), |(ink, ground)| Self { ink, ground })
-    }
-}
-
-impl Default for PageColours {
-    fn default() -> Self {
-        Self { ink: (222, 222, 226), ground: (16, 16, 20) }
-    }
 }

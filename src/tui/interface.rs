@@ -17,12 +17,11 @@ pub enum TerminalRequest {
     Resize,
 }
 
-/// An interface that fills the screen: the trainer or a comparison.
+/// An interface that fills the screen: the trainer, a comparison, or a list of runs.
 pub trait Interface {
     /// Waits for the next snapshot or view, and shows it. Nothing is lost if the future is dropped.
     async fn update(&mut self);
 
-    /// Handles a terminal event.
     fn on_event(&mut self, event: &Event);
 
     /// Handles the passing of time; returns whether the screen changes.
@@ -41,7 +40,6 @@ pub trait Interface {
     /// redraws.
     fn set_graphics(&mut self, graphics: Option<Graphics>, redraw: Redraw);
 
-    /// Draws a frame.
     fn draw(&mut self, frame: &mut Frame);
 
     /// Shows an error.

@@ -90,7 +90,6 @@ fn field_item(field: Field) -> Item {
     }
 }
 
-/// Lists the themes.
 pub fn themes(now: ThemeName) -> Picker {
     let items = ThemeName::ALL
         .map(|name| Item::new(name.name(), name.about(), Choice::Theme(name)))
@@ -119,7 +118,6 @@ pub fn methods(now: &Method, registry: &Registry) -> Picker {
     Picker::new(title, items).selecting(|choice| *choice == Choice::Method(now.clone()))
 }
 
-/// Lists the presets.
 pub fn presets(now: Preset) -> Picker {
     let items =
         Preset::ALL.map(|preset| Item::new(preset.name(), preset.about(), Choice::Preset(preset)));
@@ -167,7 +165,6 @@ fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> 
     Item { below, ..Item::new(*name, detail, choice).within(group.name()) }
 }
 
-/// Lists the kinds of random maps.
 pub fn random_maps() -> Picker {
     let item = |kind: RandomMapKind| Item::new(kind.name(), kind.about(), Choice::OpenRandom(kind));
     Picker::new("open a random map", RandomMapKind::ALL.map(item).to_vec())
@@ -180,7 +177,6 @@ pub fn exports(kinds: &[ExportKind], noun: &str) -> Picker {
     Picker::new("export", kinds.iter().map(item).collect())
 }
 
-/// Asks whether to save before quitting.
 pub fn quit_choices(snapshot: &Snapshot, is_map_edited: bool, file: &Path) -> Picker {
     let map = if is_map_edited { " and map edits" } else { "" };
     let lost = lost(snapshot, map);
@@ -243,7 +239,6 @@ pub fn tour_choices(snapshot: &Snapshot, is_worth_saving: bool) -> Picker {
     Picker::new("guided tour", items)
 }
 
-/// Asks what to do after a failure.
 pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     let items = vec![
         // A long detail is fine: the selected item is shown in full below the list.
@@ -320,13 +315,11 @@ fn start_choices(place: &str, start: &Choice, is_worth_saving: bool) -> Vec<Item
     vec![Item::new(begin, "new networks", start.clone()).on('s')]
 }
 
-/// Returns an item that saves this run before `choice`.
 fn save_first(then: &str, choice: Choice) -> Item {
     Item::new(format!("save this run, then {then}"), "", Choice::SaveFirst(Box::new(choice)))
         .on('s')
 }
 
-/// Returns an item that changes nothing.
 fn stay() -> Item {
     Item::new("no, stay", "", Choice::Nothing).on('n')
 }
@@ -402,7 +395,6 @@ fn described(
     found.iter().map(item).collect()
 }
 
-/// Describes a checkpoint.
 fn about(d: &Description, zone: &TimeZone) -> String {
     let success = d.success.map_or("not evaluated".to_owned(), |s| match (s.planned, s.greedy) {
         (Some(planned), Some(greedy)) => format!("success {planned:.2}, greedy {greedy:.2}"),

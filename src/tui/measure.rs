@@ -12,12 +12,12 @@ use tokio::sync::watch;
 
 use super::app::App;
 use super::config::UiConfig;
-use super::event_loop::{FrameTimer, INPUT_FRAME_INTERVAL};
 use super::graphics::patches::Patches;
 use super::graphics::{Graphics, Protocol, Redraw};
 use super::interface::Interface;
 use super::keymap::Keymap;
 use super::session::{Files, Session};
+use super::terminal::{FrameTimer, INPUT_FRAME_INTERVAL};
 use super::theme::{ColourDepth, Theme, ThemeName};
 use gdg::engine::{Command, Engine, Phase, Snapshot};
 use gdg::train::{Limits, TrainError, Trainer};

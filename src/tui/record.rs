@@ -23,16 +23,8 @@ use crate::host::outputs::create;
 /// has.
 pub const LARGEST_SCREEN: (u16, u16) = (1000, 500);
 
-/// Average size of a recording; frames are dropped where it would grow faster. With the first and
-/// the last screen, 2 MB in the first minute.
+/// Size of a recording: after a large frame, the next one waits, unless it answers the user.
 const BYTES_PER_SECOND: f64 = 24_000.0;
-
-/// Bytes by which a recording may exceed that, for the first screen.
-const BYTES_AHEAD: f64 = 100_000.0;
-
-/// Bytes by which frames that answer the user may exceed it: a missing dialog is worse than a
-/// missing training step.
-const ANSWER_BYTES_AHEAD: f64 = 400_000.0;
 
 /// Minimum time between two recorded frames.
 const FRAME_INTERVAL: Duration = Duration::from_millis(100);
@@ -59,8 +51,7 @@ pub struct Recorder {
     answers: bool,
     /// Time of the latest recorded frame.
     latest: Option<Duration>,
-    /// Bytes of all frames, and of the latest: the next one will probably be as large.
-    written: usize,
+    /// Bytes of the latest frame.
     latest_size: usize,
 }
 
@@ -78,7 +69,8 @@ impl Recorder {
     }
 
     fn from_file(path: &Path, file: File, size: (u16, u16)) -> std::io::Result<Self> {
-        let (width, height) = clamp_size(size);
+        // Players handle no more, whatever the terminal claims.
+        let (width, height) = (size.0.min(LARGEST_SCREEN.0), size.1.min(LARGEST_SCREEN.1));
         let term = std::env::var("TERM").unwrap_or_default();
         let env = json!({ "TERM": term });
         let head = json!({ "version": 2, "width": width, "height": height, "title": "gdg-tui",
@@ -92,7 +84,6 @@ impl Recorder {
             pending: None,
             answers: false,
             latest: None,
-            written: 0,
             latest_size: 0,
         };
         recorder.line(&head.to_string())?;
@@ -119,25 +110,19 @@ impl Recorder {
         if self.is_due(now) { self.write_pending() } else { Ok(()) }
     }
 
-    /// Marks the next frame as an answer to the user, which is recorded even if the recording grows
-    /// fast.
+    /// Marks the next frame as an answer to the user, which is recorded soon.
     pub fn expect_answer(&mut self) {
         self.answers = true;
     }
 
-    /// Returns the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
     fn is_due(&self, now: Duration) -> bool {
-        // The latest frame may be a training step, which changes more than a dialog does.
-        let (ahead, size) =
-            if self.answers { (ANSWER_BYTES_AHEAD, 0) } else { (BYTES_AHEAD, self.latest_size) };
-        let affordable = ahead + BYTES_PER_SECOND * now.as_secs_f64();
-        self.latest.is_none_or(|latest| {
-            now >= latest + FRAME_INTERVAL && (self.written + size) as f64 <= affordable
-        })
+        let pause = Duration::from_secs_f64(self.latest_size as f64 / BYTES_PER_SECOND);
+        let pause = if self.answers { FRAME_INTERVAL } else { pause.max(FRAME_INTERVAL) };
+        self.latest.is_none_or(|latest| now >= latest + pause)
     }
 
     /// Writes the pending frame, if there is one, as one event.
@@ -175,8 +160,7 @@ impl Recorder {
     fn event(&mut self, at: Duration, kind: &str, text: &str) -> std::io::Result<()> {
         let seconds = (at.as_secs_f64() * 1e3).round() / 1e3;
         let line = json!([seconds, kind, text]).to_string();
-        self.latest_size = line.len() + 1;
-        self.written += self.latest_size;
+        self.latest_size = line.len();
         self.line(&line)
     }
 
@@ -201,18 +185,12 @@ impl Drop for Recorder {
     }
 }
 
-/// Rounds a colour.
 fn coarse(colour: Color) -> Color {
     let round = |v: u8| v - v % COLOUR_STEP;
     match colour {
         Color::Rgb(r, g, b) => Color::Rgb(round(r), round(g), round(b)),
         other => other,
     }
-}
-
-/// Limits a size to what players can handle, whatever the terminal claims.
-fn clamp_size((width, height): (u16, u16)) -> (u16, u16) {
-    (width.min(LARGEST_SCREEN.0), height.min(LARGEST_SCREEN.1))
 }
 
 #[cfg(test)]
@@ -240,18 +218,6 @@ mod tests {
     fn events(path: &Path) -> Vec<(f64, String, String)> {
         let text = std::fs::read_to_string(path).expect("a recording");
         text.lines().skip(1).map(|line| serde_json::from_str(line).expect("an event")).collect()
-    }
-
-    #[test]
-    fn a_recording_replaces_a_file_only_with_overwrite() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("run.cast");
-        std::fs::write(&path, b"mine").expect("a file");
-        let error = Recorder::start(&path, false).err().expect("it is there");
-        assert!(error.to_string().contains("run.cast: the file already exists"), "{error}");
-        assert_eq!(std::fs::read(&path).expect("kept"), b"mine");
-        assert!(Recorder::start(&path, true).is_ok());
-        assert!(std::fs::read_to_string(&path).expect("a recording").starts_with("{\"version\":2"));
     }
 
     #[test]

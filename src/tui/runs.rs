@@ -1,133 +1,99 @@
-//! The runs of folders: a list, the curves of those that are marked, and what they differ in.
+//! The list of runs: a table of the runs of folders, the curves of those that are marked, and what
+//! they differ in.
 //!
-//! * `reading`: reads the folders on a thread of its own.
-//! * `list`: filter, order, marks and selection; `settings`: what runs differ in.
-//! * `act`: user input; `files`: what it does with files; `working`: the thread that does it.
-//! * `draw`, `curves`: the screen.
+//! * `list`: the rows: filter, order, marks and selection.
+//! * `files`: resumes, plots and deletes the files of runs.
+//! * `draw`: the screen.
 
-mod act;
-mod curves;
 mod draw;
 mod files;
 mod list;
-mod reading;
-mod settings;
 #[cfg(test)]
 pub(super) mod tests;
-mod working;
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
 
-use crossterm::event::Event;
+use crossterm::event::{Event, KeyCode, KeyEvent, MouseButton, MouseEvent, MouseEventKind};
 use miette::{IntoDiagnostic, Report, miette};
 use ratatui::Frame;
-use ratatui::style::Style;
+use ratatui::layout::Position;
+use tokio::sync::watch;
 use tui_input::Input;
+use tui_input::backend::crossterm::EventHandler;
 
 use super::PreparedInterface;
-use super::compare::{Contestants, LETTERS};
+use super::action::{Action, ListAction, Mode};
+use super::background::{Background, PATIENCE};
+use super::compare::Contestants;
 use super::config::UiConfig;
 use super::dialog::Help;
 use super::graphics::{Graphics, Picture, Redraw};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
-use super::keymap::Keymap;
+use super::keymap::{self, Keymap};
+use super::layout::Click;
 use super::log::Log;
-use super::render::curves as lines;
-use super::style::BOLD;
 use super::theme::{ColourDepth, Theme};
 use crate::experiment::plot::{Axis, Measure};
-use crate::experiment::runs::Found;
+use crate::experiment::runs::{Found, Reader, name};
 use crate::host::setup::Setup;
 use draw::Places;
-use files::Question;
+use files::Deletion;
 use gdg::pulse::Progress;
 use list::List;
-use reading::Reading;
-use working::Work;
 
-/// What curves show.
-#[derive(Clone, Copy, Debug)]
-pub struct Curves {
-    /// What is drawn.
-    pub measure: Measure,
-    /// What it is drawn over.
-    pub axis: Axis,
-}
+/// The pause before folders are read again: at least this, and as a multiple of the time that
+/// reading took, so that large folders do not keep a core busy.
+const PAUSE: Duration = Duration::from_secs(2);
+const PAUSE_FACTOR: u32 = 10;
 
-/// A saved run.
+/// How often what has been read so far is shown.
+const SHOW_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Rows that the wheel moves the selection by.
+const WHEEL: isize = 3;
+
+/// What the user wishes to see instead of the list: a run, resumed, or two side by side.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Saved {
-    /// Its checkpoint.
+pub struct Wish {
+    /// The run's checkpoint.
     pub file: PathBuf,
-    /// Whether another program still trains it.
-    pub goes_on: bool,
-}
-
-/// What the user wishes to see instead of the list.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Wish {
-    /// A run, resumed.
-    Resume(Saved),
-    /// Two runs side by side.
-    Compare([Saved; 2]),
-}
-
-impl Wish {
-    /// Returns what is to be said of runs that other programs still train.
-    pub fn warning(&self) -> Option<String> {
-        match self {
-            Self::Resume(saved) => saved.goes_on.then(|| {
-                "another program still trains this run: this is a copy, as last saved; of the two, \
-                 the one that saves second does so to another name"
-                    .to_owned()
-            }),
-            Self::Compare(both) => {
-                let going_on = LETTERS.iter().zip(both).filter(|(_, saved)| saved.goes_on);
-                let sides: Vec<String> = going_on.map(|(side, _)| side.to_string()).collect();
-                (!sides.is_empty()).then(|| {
-                    let sides = sides.join(" and ");
-                    format!("other programs still train {sides}: shown as last saved")
-                })
-            }
-        }
-    }
+    /// That of the other run.
+    pub beside: Option<PathBuf>,
+    /// What is said first.
+    pub warning: Option<String>,
 }
 
 /// What has been opened.
 pub enum Opened {
-    /// A run.
     Run(Box<Setup>),
-    /// Two runs.
     Comparison(Box<Contestants>),
 }
 
 /// Opens what the user wishes, and says how far it is.
 pub type Opener = Arc<dyn Fn(Wish, &Progress) -> Result<Opened, Report> + Send + Sync>;
 
-/// What comes after the list.
-pub enum Next {
-    /// Nothing.
-    Quit,
-    /// What has been opened.
-    Show(Opened),
-}
-
 /// The screen.
 pub struct RunsScreen {
     /// The folders.
     title: String,
-    reading: Reading,
-    /// Files read, of how many.
-    read: [usize; 2],
-    /// Whether anything has been read.
-    has_read: bool,
+    /// What the thread that reads them has found.
+    found: watch::Receiver<Arc<Found>>,
+    /// Asks that thread for another look; it ends with this sender.
+    again: Sender<()>,
+    /// Files read, of how many, once any has been.
+    read: Option<[usize; 2]>,
     list: List,
     /// The words that runs must have, and whether they are being typed.
     words: Input,
     is_typing: bool,
-    curves: Curves,
-    question: Option<Question>,
+    /// What curves show.
+    curves: (Measure, Axis),
+    /// Files that are deleted if the user agrees.
+    deletion: Option<Deletion>,
     help: Option<Help>,
     log: Log,
     theme: Theme,
@@ -135,10 +101,9 @@ pub struct RunsScreen {
     places: Places,
     opener: Opener,
     wish: Option<Wish>,
-    work: Option<Work>,
-    /// What could not be opened.
-    pub failures: Vec<Report>,
-    next: Option<Next>,
+    opening: Option<Background<Result<Opened, Report>>>,
+    opened: Option<Opened>,
+    quits: bool,
     terminal_request: Option<TerminalRequest>,
 }
 
@@ -152,58 +117,43 @@ impl RunsScreen {
         opener: Opener,
         interface: &PreparedInterface,
     ) -> Result<Self, Report> {
-        let reading = Reading::start(folders).into_diagnostic()?;
+        let (publish, found) = watch::channel(Arc::default());
+        let (again, asked) = channel();
+        let mut reader = Reader::new(folders);
+        let follow = move || {
+            let mut began = Instant::now();
+            while !publish.is_closed() {
+                read(&mut reader, &publish);
+                let pause = PAUSE.max(PAUSE_FACTOR * began.elapsed());
+                if asked.recv_timeout(pause) == Err(RecvTimeoutError::Disconnected) {
+                    return;
+                }
+                began = Instant::now();
+            }
+        };
+        std::thread::Builder::new().name("runs".to_owned()).spawn(follow).into_diagnostic()?;
         let names: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
         let PreparedInterface { config, keymap, .. } = interface;
-        Ok(Self::new(&names.join(" "), reading, opener, config, keymap.clone()))
+        Ok(Self::new(&names.join(" "), (found, again), opener, config, keymap.clone()))
     }
 
-    /// Shows the list, as it was left, with what there is to say of what has been shown since, or
-    /// the problem with it; returns it, what comes next, and the exit status.
-    ///
-    /// # Errors
-    /// Errors of the terminal.
-    pub fn show(
-        mut self,
-        interface: &mut PreparedInterface,
-        since: &Result<String, String>,
-    ) -> Result<(Self, Next, u8), Report> {
-        self.reading.look_again();
-        match since {
-            Ok(notice) if notice.is_empty() => {}
-            Ok(notice) => self.log.show(notice, false),
-            Err(problem) => self.log.show(problem, true),
-        }
-        let mut left = None;
-        let (status, _) = interface.stage.show(self, |mut screen| {
-            screen.finish_work();
-            let next = screen.next.take().unwrap_or(Next::Quit);
-            left = Some((screen, next));
-            ClosedRun::default()
-        })?;
-        let (screen, next) = left.ok_or_else(|| miette!("the list was not closed"))?;
-        Ok((screen, next, status))
-    }
-}
-
-impl RunsScreen {
     fn new(
         title: &str,
-        reading: Reading,
+        (found, again): (watch::Receiver<Arc<Found>>, Sender<()>),
         opener: Opener,
         config: &UiConfig,
         keymap: Keymap,
     ) -> Self {
         Self {
             title: gdg::text::sanitized(title),
-            reading,
-            read: [0; 2],
-            has_read: false,
+            found,
+            again,
+            read: None,
             list: List::default(),
             words: Input::default(),
             is_typing: false,
-            curves: Curves { measure: Measure::Success, axis: Axis::Updates },
-            question: None,
+            curves: (Measure::Success, Axis::Updates),
+            deletion: None,
             help: None,
             log: Log::default(),
             theme: Theme::new(config.theme, ColourDepth::detect()),
@@ -211,37 +161,260 @@ impl RunsScreen {
             places: Places::default(),
             opener,
             wish: None,
-            work: None,
-            failures: Vec::new(),
-            next: None,
+            opening: None,
+            opened: None,
+            quits: false,
             terminal_request: None,
         }
     }
 
+    /// Shows the list as it was left, below a notice if there is one; returns it, what the user has
+    /// opened instead, and the exit status.
+    ///
+    /// # Errors
+    /// Errors of the terminal.
+    pub fn show(
+        mut self,
+        interface: &mut PreparedInterface,
+        notice: &str,
+    ) -> Result<(Self, Option<Opened>, u8), Report> {
+        self.look_again();
+        if !notice.is_empty() {
+            self.log.show(notice, false);
+        }
+        let mut left = None;
+        let (status, _) = interface.stage.show(self, |mut screen| {
+            screen.opening = None;
+            let opened = screen.opened.take();
+            left = Some((screen, opened));
+            ClosedRun::default()
+        })?;
+        let (screen, opened) = left.ok_or_else(|| miette!("the list was not closed"))?;
+        Ok((screen, opened, status))
+    }
+
+    /// Has the folders read at once.
+    fn look_again(&self) {
+        // A thread that has ended reads nothing any more.
+        let _ = self.again.send(());
+    }
+
     /// Shows what has been read.
     fn list(&mut self, found: &Found) {
-        (self.read, self.has_read) = (found.read, true);
+        self.read = Some(found.read);
         self.list.update(found);
     }
 }
 
-/// Returns the letter of a marked run, or the sign of the selected one.
-fn sign(mark: Option<usize>) -> char {
-    mark.map_or('>', |mark| char::from(b'A' + mark as u8))
+/// Reads what is new and publishes it, on the way too.
+fn read(reader: &mut Reader, publish: &watch::Sender<Arc<Found>>) {
+    let mut shown = Instant::now();
+    let found = reader.read(|_, so_far| {
+        if shown.elapsed() > SHOW_INTERVAL {
+            publish.send_replace(Arc::new(so_far()));
+            shown = Instant::now();
+        }
+        if publish.is_closed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    publish.send_if_modified(|known| {
+        let is_new = **known != found;
+        if is_new {
+            *known = Arc::new(found);
+        }
+        is_new
+    });
 }
 
-/// Returns the style of a marked run's letter and curve.
-fn style(mark: Option<usize>, theme: &Theme) -> Style {
-    mark.map_or(Style::new(), |mark| lines::colour(theme, mark).patch(BOLD))
+/// Keys and the mouse.
+impl RunsScreen {
+    fn on_key(&mut self, key: KeyEvent) {
+        self.log.dismiss();
+        let action = self.keymap.action(key, Mode::Listing);
+        if let Some(help) = &mut self.help {
+            if help.on_key(key, action, self.keymap.action(key, Mode::Help)) {
+                self.help = None;
+            }
+        } else if let Some(deletion) = self.deletion.take() {
+            if matches!(key.code, KeyCode::Char('y' | 'Y')) {
+                self.list.clear_marks();
+                self.tell(deletion.perform());
+                self.look_again();
+            }
+        } else if self.is_typing {
+            self.on_key_in_words(key);
+        } else if let Some(action) = action {
+            self.act(action);
+        } else {
+            let page = isize::from(self.places.layout.rows.0.height as i16).max(1);
+            match key.code {
+                KeyCode::PageUp => self.list.step(-page),
+                KeyCode::PageDown => self.list.step(page),
+                KeyCode::Home | KeyCode::Char('g') => self.list.select(0),
+                KeyCode::End | KeyCode::Char('G') => self.list.select(usize::MAX),
+                _ => {
+                    let (key, help) = (keymap::name_of(key), self.keymap.key_of(Action::Help));
+                    self.log
+                        .show(&format!("{key} does nothing here: {help} lists all keys"), false);
+                }
+            }
+        }
+    }
+
+    /// Handles a key while words are typed: Enter keeps them, Esc removes them.
+    fn on_key_in_words(&mut self, key: KeyEvent) {
+        match key.code {
+            KeyCode::Enter => self.is_typing = false,
+            KeyCode::Esc => {
+                self.is_typing = false;
+                self.words.reset();
+            }
+            KeyCode::Up => self.list.step(-1),
+            KeyCode::Down => self.list.step(1),
+            _ => drop(self.words.handle_event(&Event::Key(key))),
+        }
+        self.list.filter(self.words.value());
+    }
+
+    fn act(&mut self, action: Action) {
+        match action {
+            Action::Move(_, rows) => self.list.step(rows),
+            Action::Help => self.help = Some(Help::default()),
+            Action::SearchHelp => self.help.iter_mut().for_each(|help| help.searching = true),
+            Action::Close => self.close_top(),
+            Action::Redraw => self.terminal_request = Some(TerminalRequest::Redraw),
+            Action::Suspend => self.terminal_request = Some(TerminalRequest::Suspend),
+            Action::Quit => self.quits = true,
+            Action::List(action) => self.act_on_list(action),
+            _ => {}
+        }
+    }
+
+    fn act_on_list(&mut self, action: ListAction) {
+        let (measure, axis) = self.curves;
+        match action {
+            ListAction::Mark => {
+                if !self.list.toggle_mark() {
+                    self.log.show("each letter marks a run already: unmark one first", true);
+                }
+            }
+            ListAction::Filter => self.is_typing = true,
+            ListAction::Sort => self.list.sort_by_next(),
+            ListAction::Reverse => self.list.sort_by(self.list.order.0),
+            ListAction::Measure => self.curves.0 = measure.next(),
+            ListAction::Axis => self.curves.1 = axis.next(),
+            ListAction::Resume => self.wish(files::to_resume(&self.list)),
+            ListAction::Compare => self.wish(files::to_compare(&self.list)),
+            ListAction::Plot => {
+                self.tell(files::plot(&self.list.chosen(), measure, axis));
+                self.list.clear_marks();
+            }
+            ListAction::Delete => match Deletion::new(&self.list) {
+                Ok(deletion) => self.deletion = Some(deletion),
+                Err(problem) => self.log.show(&problem, true),
+            },
+        }
+    }
+
+    fn wish(&mut self, wish: Result<Wish, String>) {
+        match wish {
+            Ok(wish) => self.wish = Some(wish),
+            Err(problem) => self.log.show(&problem, true),
+        }
+    }
+
+    /// Shows what has been done, or the problem with it.
+    fn tell(&mut self, done: Result<String, String>) {
+        let is_error = done.is_err();
+        self.log.show(&done.unwrap_or_else(|problem| problem), is_error);
+    }
+
+    /// Closes the help, or else opens nothing any more, or else shows all runs, or else unmarks
+    /// them.
+    fn close_top(&mut self) {
+        // The thread of what is being opened ends by itself.
+        if self.help.take().is_some() || self.opening.take().is_some() {
+            return self.log.dismiss();
+        }
+        if self.words.value().is_empty() {
+            self.list.clear_marks();
+        }
+        self.words.reset();
+        self.list.filter("");
+    }
+
+    /// Handles the mouse: a click selects a run, one on the selected run marks it, and one on a
+    /// column's name sorts.
+    fn on_mouse(&mut self, mouse: MouseEvent) {
+        let wheel = match mouse.kind {
+            MouseEventKind::ScrollUp => -WHEEL,
+            MouseEventKind::ScrollDown => WHEEL,
+            MouseEventKind::Down(MouseButton::Left) => {
+                return self.on_click(Position::new(mouse.column, mouse.row));
+            }
+            _ => return,
+        };
+        match &mut self.help {
+            Some(help) => help.scroll(wheel),
+            None => self.list.step(wheel),
+        }
+    }
+
+    fn on_click(&mut self, at: Position) {
+        self.log.dismiss();
+        match self.places.layout.click(at) {
+            Some(Click::Act(action)) => return self.act(action),
+            Some(Click::Close) => return self.close_top(),
+            _ if self.help.is_some() || self.deletion.is_some() => return,
+            _ => {}
+        }
+        if let Some((_, column)) = self.places.columns.iter().find(|(area, _)| area.contains(at)) {
+            return self.list.sort_by(*column);
+        }
+        let (rows, first) = self.places.layout.rows;
+        let row = first + usize::from(at.y.saturating_sub(rows.y));
+        if !rows.contains(at) || row >= self.list.shown().len() {
+            return;
+        }
+        if row == self.list.position() {
+            self.list.toggle_mark();
+        }
+        self.list.select(row);
+    }
+
+    /// Opens what the user wishes, on a thread of its own; returns whether the screen changes.
+    fn follow_opening(&mut self) -> bool {
+        if let Some(wish) = self.wish.take() {
+            let other = wish.beside.as_ref().map(|other| format!(" and {}", name(other)));
+            let what = format!("opening {}{}", name(&wish.file), other.unwrap_or_default());
+            let opener = self.opener.clone();
+            match Background::start(what, move |progress| opener(wish, progress)) {
+                Ok(opening) => {
+                    opening.wait(PATIENCE);
+                    self.opening = Some(opening);
+                }
+                Err(error) => self.log.show(&format!("no thread can be started: {error}"), true),
+            }
+        }
+        let Some(opening) = self.opening.take_if(|opening| opening.is_finished()) else {
+            let notice = self.opening.as_mut().and_then(Background::notice);
+            notice.iter().for_each(|notice| self.log.show(notice, false));
+            return notice.is_some();
+        };
+        match opening.finish().unwrap_or_else(|failure| Err(miette!("{failure}"))) {
+            Ok(opened) => self.opened = Some(opened),
+            Err(problem) => self.log.show(&problem.to_string(), true),
+        }
+        true
+    }
 }
 
 impl Interface for RunsScreen {
     async fn update(&mut self) {
-        if self.reading.found.changed().await.is_err() {
+        if self.found.changed().await.is_err() {
             // The thread has ended: nothing new will come.
             return std::future::pending().await;
         }
-        let found = self.reading.found.borrow_and_update().clone();
+        let found = self.found.borrow_and_update().clone();
         self.list(&found);
     }
 
@@ -260,8 +433,7 @@ impl Interface for RunsScreen {
     }
 
     fn on_tick(&mut self) -> bool {
-        self.begin_to_open();
-        self.follow_work() | self.log.on_tick()
+        self.follow_opening() | self.log.on_tick()
     }
 
     fn take_terminal_request(&mut self) -> Option<TerminalRequest> {
@@ -273,7 +445,7 @@ impl Interface for RunsScreen {
     }
 
     fn is_done(&self) -> bool {
-        self.next.is_some()
+        self.quits || self.opened.is_some()
     }
 
     fn set_graphics(&mut self, _: Option<Graphics>, _: Redraw) {}

@@ -1,7 +1,9 @@
-//! The terminal: set up at the start, and always restored.
+//! The terminal: set up at the start and always restored, and the loop that forwards its events and
+//! draws frames.
 
 use std::cell::{Cell, RefCell};
 use std::io::Write;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,25 +11,43 @@ use std::time::{Duration, Instant};
 
 use crossterm::event::{
     DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture, Event,
+    MouseEvent, MouseEventKind,
 };
 use crossterm::terminal::{
     BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate, EnterAlternateScreen,
     LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
 use crossterm::{cursor, queue};
+use miette::{IntoDiagnostic, Report};
+use nix::sys::signal::{Signal, killpg};
+use nix::sys::termios::{OutputFlags, tcgetattr};
+use nix::unistd::{Pid, getpgid, getpgrp, getppid, getsid};
 use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Rect;
 use ratatui::{TerminalOptions, Viewport};
+use tokio::runtime::Runtime;
+use tokio::signal::unix::{self, SignalKind, signal};
 
 use super::graphics::patches::Patches;
 use super::graphics::query::{self, Answer};
 use super::graphics::{self, Graphics, Protocol, Redraw, encode};
-use super::input::{Input, InputStream};
-use super::interface::Interface;
-use super::job_control::{self, is_in_foreground, is_raw};
+use super::input::{Input, InputStream, is_in_foreground};
+use super::interface::{ClosedRun, Interface, TerminalRequest};
+use super::marker::Marker;
 use super::record::{LARGEST_SCREEN, Recorder};
-use crate::tui::marker::Marker;
+use crate::host::signals::TerminationSignal;
 use gdg::printing;
+use gdg::text::sanitized_lines;
+
+/// Minimum time between frames: after user input (`INPUT_FRAME_INTERVAL`), after any other change
+/// (`FRAME_INTERVAL`), and while training does not run and only the walking agent moves: an idle
+/// program should use little CPU.
+pub const INPUT_FRAME_INTERVAL: Duration = Duration::from_millis(16);
+const FRAME_INTERVAL: Duration = Duration::from_millis(66);
+const IDLE_FRAME_INTERVAL: Duration = Duration::from_millis(130);
+
+/// Polling interval for signals and expiring notices.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Timeout of the capability query, before the first frame and again before the terminal is
 /// restored: a late answer would appear at the shell's prompt.
@@ -36,11 +56,196 @@ const ANSWER_TIMEOUT: Duration = Duration::from_millis(250);
 /// Events before the first frame; the rest follows after it.
 const MAX_EVENTS_BEFORE: usize = 1000;
 
+/// Where interfaces are shown, one after the other: the terminal is set up for the first one and
+/// restored after the last, when the stage is dropped.
+pub struct Stage {
+    marker: Marker,
+    /// For the terminal, once it is set up.
+    recorder: Option<Recorder>,
+    termination: TerminationSignal,
+    open: Option<(Terminal, Runtime)>,
+    /// The texts left on the terminal.
+    summaries: String,
+}
+
+impl Stage {
+    /// Creates a stage, which `recorder` records.
+    pub fn new(recorder: Option<Recorder>, marker: Marker, termination: TerminationSignal) -> Self {
+        Self { marker, recorder, termination, open: None, summaries: String::new() }
+    }
+
+    /// Shows `interface` until the user or a signal ends it, lets `close` end training, and returns
+    /// the exit status with what is said about files.
+    ///
+    /// # Errors
+    /// Errors of the terminal, of training or of saving.
+    pub fn show<I: Interface>(
+        &mut self,
+        mut interface: I,
+        close: impl FnOnce(I) -> ClosedRun,
+    ) -> Result<(u8, String), Report> {
+        let (terminal, runtime) = match &mut self.open {
+            Some(open) => {
+                open.0.hand_over();
+                open
+            }
+            none => {
+                let runtime = tokio::runtime::Builder::new_current_thread();
+                let runtime = { runtime }.enable_all().build().into_diagnostic()?;
+                let terminal = {
+                    let _context = runtime.enter();
+                    Terminal::enter(self.recorder.take(), self.marker).into_diagnostic()?
+                };
+                none.insert((terminal, runtime))
+            }
+        };
+        let draw = || runtime.block_on(event_loop(&mut interface, terminal, &self.termination));
+        let shown = catch_unwind(AssertUnwindSafe(draw));
+        let is_over = self.termination.number().is_some() || !matches!(shown, Ok(Ok(())));
+        if is_over {
+            interface.on_signal();
+        }
+        // First, since writing to a terminal that is gone may block.
+        let closed = close(interface);
+        if !closed.summary.is_empty() {
+            self.summaries += &format!("{}\n", sanitized_lines(&closed.summary));
+        }
+        if is_over {
+            self.leave();
+        }
+        closed.saved?;
+        if let Some(status) = self.termination.status() {
+            return Ok((status, closed.files));
+        }
+        match shown {
+            Err(_) => Err(miette::miette!(
+                help = crate::host::logging::hint(),
+                "an internal error ended the interface"
+            )),
+            Ok(shown) => shown.into_diagnostic().map(|()| (u8::from(closed.failed), closed.files)),
+        }
+    }
+
+    /// Restores the terminal, and leaves the texts on it.
+    fn leave(&mut self) {
+        if let Some((mut terminal, runtime)) = self.open.take() {
+            // Keys typed meanwhile are discarded.
+            let _ = runtime.block_on(terminal.answered());
+        }
+        let _ = printing::stdout().print(std::mem::take(&mut self.summaries).as_bytes());
+    }
+}
+
+impl Drop for Stage {
+    fn drop(&mut self) {
+        self.leave();
+    }
+}
+
+/// Handles events and draws frames until the user or a signal ends the loop.
+async fn event_loop(
+    app: &mut impl Interface,
+    terminal: &mut Terminal,
+    termination: &TerminationSignal,
+) -> std::io::Result<()> {
+    let mut timer = FrameTimer { immediate: true, ..FrameTimer::default() };
+    terminal.answered().await.iter().for_each(|event| app.on_event(event));
+    while !app.is_done() && termination.number().is_none() {
+        let mut request = None;
+        tokio::select! {
+            event = terminal.next_event() => match event? {
+                TerminalEvent::Request(signalled) => request = Some(signalled),
+                TerminalEvent::Input(event) => {
+                    app.on_event(&event);
+                    timer.immediate = true;
+                    let is_moving = |mouse: MouseEvent| mouse.kind == MouseEventKind::Moved;
+                    if !event.as_mouse_event().is_some_and(is_moving) {
+                        terminal.expect_answer();
+                    }
+                }
+            },
+            () = app.update() => timer.changed = true,
+            () = tokio::time::sleep(timer.until_due()) => {}
+        }
+        if let Some(request) = request.or(app.take_terminal_request()) {
+            match request {
+                TerminalRequest::Suspend if !terminal.suspend().await? => {
+                    app.report("not suspended: no shell is waiting that could resume the program");
+                }
+                TerminalRequest::Redraw => terminal.is_given_back = true,
+                TerminalRequest::Suspend | TerminalRequest::Resize => {}
+            }
+            timer.immediate = true;
+        }
+        timer.changed |= app.on_tick();
+        timer.idle = !app.is_training();
+        if timer.is_due() {
+            gdg::faults::point("interface");
+            // A slow terminal gets fewer frames, and the shell's terminal none; skipped frames are
+            // due again.
+            if terminal.draw(app)? {
+                timer.drawn(terminal.patches.as_ref().is_some_and(Patches::is_behind));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Decides when to draw: at once after user input, less often for other changes.
+#[derive(Default)]
+pub struct FrameTimer {
+    /// A frame is needed at once, as after user input.
+    immediate: bool,
+    /// What is shown has changed.
+    pub changed: bool,
+    /// Training is not running.
+    idle: bool,
+    /// When a frame was last due, whether or not it could be drawn.
+    last_due: Option<Instant>,
+}
+
+impl FrameTimer {
+    /// Returns the time until the next frame or poll.
+    fn until_due(&self) -> Duration {
+        let interval = match self {
+            Self { immediate: true, .. } => INPUT_FRAME_INTERVAL,
+            Self { changed: true, idle: false, .. } => FRAME_INTERVAL,
+            Self { changed: true, idle: true, .. } => IDLE_FRAME_INTERVAL,
+            _ => return POLL_INTERVAL,
+        };
+        self.last_due.map_or(Duration::ZERO, |at| interval.saturating_sub(at.elapsed()))
+    }
+
+    /// Returns whether a frame is due. One that is not drawn is due again after the same time.
+    pub fn is_due(&mut self) -> bool {
+        let due = (self.immediate || self.changed) && self.until_due().is_zero();
+        if due {
+            self.last_due = Some(Instant::now());
+        }
+        due
+    }
+
+    /// Counts a frame as drawn, which may be `behind`: then another follows.
+    pub fn drawn(&mut self, behind: bool) {
+        (self.immediate, self.changed) = (false, behind);
+    }
+}
+
+/// What comes from the terminal.
+enum TerminalEvent {
+    Input(Event),
+    Request(TerminalRequest),
+}
+
 /// A terminal in raw mode on its alternate screen; dropping it restores the previous state.
-pub struct Terminal {
+struct Terminal {
     inner: ratatui::Terminal<CrosstermBackend<Output>>,
     size: (u16, u16),
     input: InputStream,
+    /// Another process's request to stop, a resumption and a new size: SIGTSTP, SIGCONT, SIGWINCH.
+    stop: unix::Signal,
+    continued: unix::Signal,
+    resized: unix::Signal,
     recorder: Option<Recorder>,
     /// The answer to the capability query, if it was sent.
     answer: Option<Answer>,
@@ -54,12 +259,10 @@ pub struct Terminal {
     is_given_back: bool,
 }
 
-/// Buffers output, until it is closed.
+/// What is drawn, until it is sent.
 #[derive(Clone, Default)]
-pub struct Output {
+struct Output {
     bytes: Rc<RefCell<Vec<u8>>>,
-    /// Whether all further output is discarded.
-    closed: Rc<Cell<bool>>,
     /// Whether the text cursor has been shown: pictures must not move it, and ratatui does not
     /// expose it.
     shows_cursor: Rc<Cell<bool>>,
@@ -78,9 +281,7 @@ impl Write for Output {
         if [SHOW_CURSOR, HIDE_CURSOR].contains(&bytes) {
             self.shows_cursor.set(bytes == SHOW_CURSOR);
         }
-        if !self.closed.get() {
-            self.bytes.borrow_mut().extend(bytes);
-        }
+        self.bytes.borrow_mut().extend(bytes);
         Ok(bytes.len())
     }
 
@@ -93,10 +294,7 @@ impl Terminal {
     /// Sets up the terminal, and records it if `recorder` is given. A panic restores it before
     /// printing its message. Queries its graphics capabilities unless `marker` makes that pointless
     /// or it is recorded: recordings contain only characters.
-    ///
-    /// # Errors
-    /// Errors of the terminal, which is restored in that case too.
-    pub fn enter(recorder: Option<Recorder>, marker: Marker) -> std::io::Result<Self> {
+    fn enter(recorder: Option<Recorder>, marker: Marker) -> std::io::Result<Self> {
         static HOOK: Once = Once::new();
         HOOK.call_once(|| {
             let before = std::panic::take_hook();
@@ -112,45 +310,57 @@ impl Terminal {
             && graphics::is_worth_asking(marker, |name| std::env::var(name).ok());
         let output = Output::default();
         let enter = || {
+            // Before the terminal's modes change: the default action of a signal would stop the
+            // program without restoring them.
+            let listen = |number| signal(SignalKind::from_raw(number));
+            let [stop, continued, resized] =
+                [Signal::SIGTSTP, Signal::SIGCONT, Signal::SIGWINCH].map(|s| listen(s as i32));
             set_up_modes()?;
             if asks {
                 printing::stdout().send(query::QUESTIONS)?;
             }
-            Ok((screen(&output)?, InputStream::start()?))
+            Ok(Self {
+                inner: screen(&output)?,
+                size: (0, 0),
+                input: InputStream::start()?,
+                stop: stop?,
+                continued: continued?,
+                resized: resized?,
+                recorder,
+                answer: asks.then(Answer::default),
+                graphics: None,
+                patches: None,
+                pictures_sent: None,
+                output,
+                is_given_back: false,
+            })
         };
-        match enter() {
-            Ok((inner, input)) => {
-                gdg::faults::show_in_interface(true);
-                Ok(Self {
-                    inner,
-                    size: (0, 0),
-                    input,
-                    recorder,
-                    answer: asks.then(Answer::default),
-                    graphics: None,
-                    patches: None,
-                    pictures_sent: None,
-                    output,
-                    is_given_back: false,
-                })
-            }
-            Err(error) => {
-                restore();
-                Err(error)
-            }
+        let entered = enter();
+        match &entered {
+            Ok(_) => gdg::faults::show_in_interface(true),
+            Err(_) => restore(),
         }
+        entered
     }
 
-    /// Waits for the next event of the user. Nothing is lost if the future is dropped.
-    ///
-    /// # Errors
-    /// The terminal is gone.
-    pub async fn next_event(&mut self) -> std::io::Result<Event> {
+    /// Waits for the next event of the user, or of what a signal asks for. Nothing is lost if the
+    /// future is dropped.
+    async fn next_event(&mut self) -> std::io::Result<TerminalEvent> {
         loop {
-            match self.input.next().await? {
-                Input::Event(event) => return Ok(event),
-                Input::Reply(reply) => self.take_reply(&reply),
-            }
+            let request = tokio::select! {
+                input = self.input.next() => match input? {
+                    Input::Event(event) => return Ok(TerminalEvent::Input(event)),
+                    Input::Reply(reply) => {
+                        self.take_reply(&reply);
+                        continue;
+                    }
+                },
+                Some(()) = self.stop.recv() => TerminalRequest::Suspend,
+                // After a stop that the program could not prepare for.
+                Some(()) = self.continued.recv() => TerminalRequest::Redraw,
+                Some(()) = self.resized.recv() => TerminalRequest::Resize,
+            };
+            return Ok(TerminalEvent::Request(request));
         }
     }
 
@@ -159,7 +369,10 @@ impl Terminal {
         let Some(answer) = &mut self.answer else { return };
         answer.take(reply);
         if answer.is_complete && self.graphics.is_none() {
-            self.graphics = choose(answer);
+            let name = ["TERM_PROGRAM", "LC_TERMINAL"]
+                .map(|name| std::env::var(name).unwrap_or_default())
+                .concat();
+            self.graphics = Graphics::choose(answer, &name, character_size());
             if let Some(graphics) = self.graphics {
                 log::info!("the terminal shows pictures: {graphics:?}");
                 self.patches = Some(Patches::new(graphics.protocol));
@@ -169,7 +382,7 @@ impl Terminal {
 
     /// Makes way for another interface, which is drawn from scratch: keys pressed before are
     /// discarded.
-    pub fn hand_over(&mut self) {
+    fn hand_over(&mut self) {
         while let Some(input) = self.input.read_already() {
             if let Input::Reply(reply) = input {
                 self.take_reply(&reply);
@@ -178,13 +391,11 @@ impl Terminal {
         // It has had its time.
         self.answer = None;
         self.size = (0, 0);
-        if !ON_SCREEN.load(Ordering::Relaxed) {
-            self.reopen();
-        }
+        self.is_given_back |= !ON_SCREEN.load(Ordering::Relaxed);
     }
 
     /// Waits briefly for the answer to the capability query; returns the user's events meanwhile.
-    pub async fn answered(&mut self) -> Vec<Event> {
+    async fn answered(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
         let end = tokio::time::Instant::now() + ANSWER_TIMEOUT;
         while self.answer.as_ref().is_some_and(|answer| !answer.is_complete)
@@ -200,24 +411,15 @@ impl Terminal {
     }
 
     /// Handles user input: the next frame updates all pictures and is recorded.
-    pub fn expect_answer(&mut self) {
+    fn expect_answer(&mut self) {
         self.patches.iter_mut().for_each(Patches::wake);
         self.recorder.iter_mut().for_each(Recorder::expect_answer);
-    }
-
-    /// Returns whether the pictures on the screen are out of date, as the terminal could not keep
-    /// up.
-    pub fn is_behind(&self) -> bool {
-        self.patches.as_ref().is_some_and(Patches::is_behind)
     }
 
     /// Draws one frame, shown all at once if the terminal supports it; returns whether it has. It
     /// has not if the terminal has not read the previous one, or is the shell's while this program
     /// runs in the background.
-    ///
-    /// # Errors
-    /// Errors of the terminal.
-    pub fn draw(&mut self, interface: &mut impl Interface) -> std::io::Result<bool> {
+    fn draw(&mut self, interface: &mut impl Interface) -> std::io::Result<bool> {
         let writer = printing::stdout();
         if writer.is_behind() || !is_in_foreground(std::io::stdout()) {
             return Ok(false);
@@ -229,7 +431,9 @@ impl Terminal {
         // On a larger terminal the rest stays empty.
         let size = (columns.min(LARGEST_SCREEN.0), rows.min(LARGEST_SCREEN.1));
         if std::mem::replace(&mut self.size, size) != size {
-            self.clear_pictures();
+            if let Some(patches) = &mut self.patches {
+                self.output.bytes.borrow_mut().extend(patches.clear());
+            }
             self.inner.resize(Rect::new(0, 0, size.0, size.1))?;
         }
         if let Some(graphics) = &mut self.graphics {
@@ -273,45 +477,30 @@ impl Terminal {
             }
             // Hide the cursor meanwhile, and put it back.
             let cursor = if self.output.shows_cursor.get() { SHOW_CURSOR } else { b"" };
-            let mut out = self.output.bytes.borrow_mut();
-            [HIDE_CURSOR, SAVE_CURSOR, &bytes, RESTORE_CURSOR, cursor]
-                .iter()
-                .for_each(|part| out.extend(*part));
+            let parts = [HIDE_CURSOR, SAVE_CURSOR, &bytes, RESTORE_CURSOR, cursor];
+            self.output.bytes.borrow_mut().extend(parts.concat());
             self.pictures_sent = Some((began.elapsed(), interface.is_training()));
         }
         Ok(())
     }
 
-    /// Deletes all pictures, before the screen is cleared.
-    fn clear_pictures(&mut self) {
-        if let Some(patches) = &mut self.patches {
-            self.output.bytes.borrow_mut().extend(patches.clear());
-        }
-    }
-
     /// Restores the terminal and stops this program until it is resumed. Returns whether it did: it
     /// does not stop where nothing would resume it.
-    ///
-    /// # Errors
-    /// Errors of the terminal.
-    pub async fn suspend(&mut self) -> std::io::Result<bool> {
-        if !job_control::is_resumable() {
+    async fn suspend(&mut self) -> std::io::Result<bool> {
+        if !is_resumable() {
             return Ok(false);
         }
         self.answered().await;
         // What is typed as soon as the shell's screen is back is meant for the shell.
         self.input.pause(true);
         restore();
-        let stopped = job_control::stop();
+        // The whole group, as Ctrl-Z in cooked mode does: a shell resumes a script's processes only
+        // together. SIGTSTP would be handled by this program.
+        let stopped = killpg(getpgrp(), Signal::SIGSTOP);
         self.input.pause(false);
         stopped?;
-        self.reopen();
-        Ok(true)
-    }
-
-    /// Requests that the next frame sets the terminal up again and redraws everything.
-    pub fn reopen(&mut self) {
         self.is_given_back = true;
+        Ok(true)
     }
 
     /// Sets the terminal up again.
@@ -320,8 +509,7 @@ impl Terminal {
         let _ = disable_raw_mode();
         set_up_modes()?;
         // A new instance knows nothing of the old screen, so it redraws everything without querying
-        // the terminal.
-        self.output.closed.set(true);
+        // the terminal. What the old one would still write is discarded.
         self.output =
             Output { shows_cursor: self.output.shows_cursor.clone(), ..Output::default() };
         self.inner = screen(&self.output)?;
@@ -338,19 +526,14 @@ impl Drop for Terminal {
             printing::hurry();
         }
         gdg::faults::show_in_interface(false);
-        // Everything is restored: discard what ratatui would still write.
-        self.output.closed.set(true);
     }
 }
 
-/// Returns an empty screen.
+/// Returns an empty screen, whose size is set before each frame.
 fn screen(output: &Output) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
+    let viewport = Viewport::Fixed(Rect::default());
     let backend = CrosstermBackend::new(output.clone());
-    // Its size is set before each frame.
-    ratatui::Terminal::with_options(
-        backend,
-        TerminalOptions { viewport: Viewport::Fixed(Rect::default()) },
-    )
+    ratatui::Terminal::with_options(backend, TerminalOptions { viewport })
 }
 
 /// Sets the modes of the terminal and its driver.
@@ -366,6 +549,9 @@ fn set_up_modes() -> std::io::Result<()> {
 /// the cursor's position, over later output.
 static ON_SCREEN: AtomicBool = AtomicBool::new(false);
 
+/// Whether kitty pictures have been sent, which stay when the text is cleared.
+static SHOWS_KITTY_PICTURES: AtomicBool = AtomicBool::new(false);
+
 /// Restores the terminal. Ignores errors, which cannot be reported any more.
 pub fn restore() {
     give_back();
@@ -374,33 +560,18 @@ pub fn restore() {
 /// Restores the terminal; returns whether it has read all of the output.
 fn give_back() -> bool {
     let leaves = ON_SCREEN.swap(false, Ordering::Relaxed);
-    // First, as what is typed on the shell's screen is a line of the shell's. A shell in the foreground
-    // sets its own modes.
-    if is_in_foreground(std::io::stdout()) || is_raw(std::io::stdout()) {
+    // First, as what is typed on the shell's screen is a line of the shell's. A shell in the
+    // foreground sets its own modes, and none leaves the terminal in raw mode.
+    let is_raw = || {
+        let modes = tcgetattr(std::io::stdout());
+        modes.is_ok_and(|modes| !modes.output_flags.contains(OutputFlags::OPOST))
+    };
+    if is_in_foreground(std::io::stdout()) || is_raw() {
         let _ = disable_raw_mode();
     }
     let bytes =
         if leaves { leaving(SHOWS_KITTY_PICTURES.load(Ordering::Relaxed)) } else { Vec::new() };
     printing::stdout().send(&bytes).is_ok() && printing::stdout().flush_briefly()
-}
-
-/// Whether kitty pictures have been sent, which stay when the text is cleared.
-static SHOWS_KITTY_PICTURES: AtomicBool = AtomicBool::new(false);
-
-/// Chooses how to send pictures to the terminal, if it shows them.
-fn choose(answer: &Answer) -> Option<Graphics> {
-    let name = ["TERM_PROGRAM", "LC_TERMINAL"]
-        .map(|name| std::env::var(name).unwrap_or_default())
-        .concat();
-    Graphics::choose(answer, &name, character_size())
-}
-
-/// Returns the size of a character in pixels, if the terminal's driver knows it.
-fn character_size() -> Option<(u16, u16)> {
-    let size = crossterm::terminal::window_size().ok()?;
-    let of =
-        |pixels: u16, characters: u16| pixels.checked_div(characters).filter(|pixels| *pixels > 0);
-    Some((of(size.width, size.columns)?, of(size.height, size.rows)?))
 }
 
 /// Returns the bytes that restore everything except the driver's modes. `pictures` deletes kitty's;
@@ -423,6 +594,31 @@ fn leaving(pictures: bool) -> Vec<u8> {
     bytes
 }
 
+/// Returns the size of a character in pixels, if the terminal's driver knows it.
+fn character_size() -> Option<(u16, u16)> {
+    let size = crossterm::terminal::window_size().ok()?;
+    let of =
+        |pixels: u16, characters: u16| pixels.checked_div(characters).filter(|pixels| *pixels > 0);
+    Some((of(size.width, size.columns)?, of(size.height, size.rows)?))
+}
+
+/// Whether something would resume the program: an ancestor in the same session but in another
+/// process group, such as a shell with job control. With `xterm -e`, there is none.
+fn is_resumable() -> bool {
+    let (session, group) = (getsid(None), getpgrp());
+    let mut process = getppid();
+    // The processes of a script share a group: the shell that started it is further up.
+    while process.as_raw() > 0 && getsid(Some(process)) == session {
+        if getpgid(Some(process)).is_ok_and(|its| its != group) {
+            return true;
+        }
+        let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+        let parent = status.lines().find_map(|line| line.strip_prefix("PPid:"));
+        process = Pid::from_raw(parent.and_then(|id| id.trim().parse().ok()).unwrap_or(0));
+    }
+    false
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -433,5 +629,21 @@ mod tests {
         let (deleted, left) = (text.find("\x1b_Ga=d,d=A"), text.find("\x1b[?1049l"));
         assert!(deleted == Some(0) && left.is_some() && text.contains("\x1b[2J"), "{text:?}");
         assert!(!String::from_utf8(leaving(false)).expect("text").contains("\x1b_G"));
+    }
+
+    #[test]
+    fn a_frame_that_could_not_be_drawn_stays_due_after_its_interval() {
+        let mut timer = FrameTimer { immediate: true, ..FrameTimer::default() };
+        assert!(timer.is_due());
+        assert!(
+            !timer.is_due() && timer.until_due() <= INPUT_FRAME_INTERVAL,
+            "not drawn: soon again, but not at once"
+        );
+        std::thread::sleep(INPUT_FRAME_INTERVAL);
+        assert!(timer.is_due());
+        timer.drawn(true);
+        assert!(!timer.immediate && timer.changed, "what was left out of it follows");
+        timer.drawn(false);
+        assert!(!timer.is_due() && timer.until_due() > FRAME_INTERVAL, "nothing to draw");
     }
 }

@@ -43,10 +43,8 @@ pub enum ThemeName {
 }
 
 impl ThemeName {
-    /// All themes.
     pub const ALL: [Self; 4] = [Self::Dark, Self::Light, Self::ColourBlindSafe, Self::Mono];
 
-    /// Returns a short description.
     pub fn about(self) -> &'static str {
         match self {
             Self::Dark => "light text on a dark page",
@@ -91,7 +89,6 @@ const NAMES_OF_BASIC: [&str; 6] = ["linux", "cygwin", "ansi", "vt100", "vt220", 
 /// The colours in use.
 #[derive(Clone, Copy, Debug)]
 pub struct Theme {
-    /// The theme's name.
     pub name: ThemeName,
     /// The theme that has been asked for.
     chosen: ThemeName,
@@ -99,7 +96,6 @@ pub struct Theme {
     pub depth: ColourDepth,
     /// Text and page, if the theme does not leave them to the terminal.
     pub page: Option<(Rgb, Rgb)>,
-    /// Walls.
     pub wall: Rgb,
     /// Free cells without a known value.
     pub unknown: Rgb,
@@ -107,13 +103,10 @@ pub struct Theme {
     pub agent: Rgb,
     /// The edge of the known world, and goals there.
     pub frontier: Rgb,
-    /// Bridge candidates.
     pub candidate: Rgb,
     /// The planned path and its waypoints.
     pub path: Rgb,
-    /// The goal.
     pub goal: Rgb,
-    /// The walking agent.
     pub walker: Rgb,
     /// The cursor of editor and inspector.
     pub cursor: Rgb,

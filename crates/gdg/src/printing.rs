@@ -6,8 +6,6 @@
 //! waits for it neither saves nor obeys signals. Output is therefore queued, complete and in order,
 //! and printing waits only briefly (`PATIENCE`), so that a reader who keeps up is never behind.
 
-#[cfg(not(unix))]
-use std::io::Write;
 use std::io::{self, ErrorKind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -295,25 +293,12 @@ pub fn finish() {
 }
 
 // Without the locks of the standard library, which a blocked writer would hold.
-#[cfg(unix)]
 fn write_to_stdout(bytes: &[u8]) -> io::Result<usize> {
     Ok(nix::unistd::write(io::stdout(), bytes)?)
 }
 
-#[cfg(unix)]
 fn write_to_stderr(bytes: &[u8]) -> io::Result<usize> {
     Ok(nix::unistd::write(io::stderr(), bytes)?)
-}
-
-#[cfg(not(unix))]
-fn write_to_stdout(bytes: &[u8]) -> io::Result<usize> {
-    let mut out = io::stdout();
-    out.write_all(bytes).and_then(|()| out.flush()).map(|()| bytes.len())
-}
-
-#[cfg(not(unix))]
-fn write_to_stderr(bytes: &[u8]) -> io::Result<usize> {
-    io::stderr().write_all(bytes).map(|()| bytes.len())
 }
 
 #[cfg(test)]

@@ -303,7 +303,6 @@ mod tests {
         assert_eq!(found.runs[0].0.checkpoint, Some(path("saves/a.safetensors")));
     }
 
-    #[cfg(unix)]
     #[test]
     fn a_name_that_is_no_text_is_in_json_all_the_same() {
         use std::os::unix::ffi::OsStrExt;

@@ -325,7 +325,7 @@ impl Comparison {
         self.sessions[0].open(list);
     }
 
-    /// Writes a picture of both maps or of the whole screen to a new file, and says where.
+    /// Writes a picture of both maps to a new file, and says where.
     fn export(&mut self, kind: ExportKind) {
         let [a, b] = self.sessions.each_ref().map(|session| session.screen.run().method.name());
         let name = format!("{}-{a}-{b}-{}", self.maze(0).map.name(), self.shown_updates(0));
@@ -335,14 +335,13 @@ impl Comparison {
         }
     }
 
-    /// Returns a picture of the screen in characters, without dialogs, or of both maps; in full
-    /// colour even on a terminal that has fewer colours.
+    /// Returns a picture of both maps in characters, in full colour even on a terminal that has fewer
+    /// colours.
     ///
     /// # Errors
     /// The screen is too small, or the picture cannot be encoded.
     pub fn contents(&mut self, kind: ExportKind) -> Result<Vec<u8>, ExportError> {
-        let only_maps = matches!(kind, ExportKind::MapPng | ExportKind::MapSvg);
-        self.sessions.iter_mut().for_each(|session| session.screen.on_paper = only_maps);
+        self.sessions.iter_mut().for_each(|session| session.screen.on_paper = true);
         let drawn = in_full_colour(self, Self::themes, |own| {
             let mut caches = [Cache::default(), Cache::default()];
             on_paper(own.layout.screen, |frame| {
@@ -351,8 +350,7 @@ impl Comparison {
         });
         self.sessions.iter_mut().for_each(|session| session.screen.on_paper = false);
         let (drawn, maps) = drawn?;
-        let area = if only_maps { maps } else { drawn.area };
-        picture(kind, &drawn, area, &self.sessions[0].screen.theme.in_full_colour())
+        picture(kind, &drawn, maps, &self.sessions[0].screen.theme.in_full_colour())
     }
 
     fn themes(&mut self) -> [&mut Theme; 2] {

@@ -70,57 +70,49 @@ fn series(
     (name, learned(snapshot, evaluations.filter_map(|(at, e)| Some((*at, value(e)?)))))
 }
 
-/// Writes one line per evaluation and per point of the curves of losses and coverage, in order,
+/// Returns one line per evaluation and per point of the curves of losses and coverage, in order,
 /// with the method at the end: updates are those done by a learner.
-pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    let distances =
-        screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
-    let mut head = vec!["updates".to_owned()];
-    head.extend(["critic_loss", "model_loss", "actor_loss"].map(str::to_owned));
-    head.extend(["coverage", "greedy", "planned", "error", "error_of_graph"].map(str::to_owned));
-    for kind in ["greedy", "planned"] {
-        head.extend(distances.iter().enumerate().map(|(i, d)| match d.distance() {
-            Some((distance, unit)) => format!("{kind}_at_{distance:.0}_{}", unit.name()),
-            None => format!("{kind}_of_group_{}", i + 1),
-        }));
-    }
-    let width = head.len();
-    head.push("method".to_owned());
-    let snapshot = &screen.snapshot;
-    let updates_and_method = |updates: u64| {
-        let method = snapshot
-            .methods
-            .name(updates)
-            .map_or_else(|| screen.run().method.name(), str::to_owned);
-        (snapshot.learned(updates).to_string(), method)
+pub fn csv(Screen { snapshot, .. }: &Screen) -> Result<Vec<u8>, ExportError> {
+    let names =
+        "updates critic_loss model_loss actor_loss coverage greedy planned error error_of_graph";
+    let distances = snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
+    let group = |kind: &str, i: usize| match distances[i].distance() {
+        Some((distance, unit)) => format!("{kind}_at_{distance:.0}_{}", unit.name()),
+        None => format!("{kind}_of_group_{}", i + 1),
     };
-    let mut lines: Vec<(u64, Vec<String>)> = Vec::new();
-    for point in screen.snapshot.curve.iter() {
-        let (updates, method) = updates_and_method(point.updates);
-        let mut line = vec![updates];
-        line.extend(point.losses.iter().map(f32::to_string));
-        line.push(point.coverage.map_or(String::new(), |share| share.to_string()));
-        line.resize(width, String::new());
-        line.push(method);
-        lines.push((point.updates, line));
+    let groups =
+        ["greedy", "planned"].map(|kind| (0..distances.len()).map(move |i| group(kind, i)));
+    let mut head: Vec<String> = names.split(' ').map(str::to_owned).collect();
+    head.extend(groups.into_iter().flatten().chain(["method".to_owned()]));
+    let line = |updates: u64, values: Vec<String>| {
+        let method = snapshot.methods.name(updates).map(str::to_owned);
+        let mut line = vec![snapshot.learned(updates).to_string()];
+        line.extend(values);
+        line.resize(head.len() - 1, String::new());
+        line.push(method.unwrap_or_else(|| snapshot.run.method.name()));
+        (updates, line)
+    };
+    fn number<T: ToString>(value: Option<T>) -> String {
+        value.map_or(String::new(), |value| value.to_string())
     }
-    for (updates, e) in screen.snapshot.evaluations.iter() {
-        let (learned, method) = updates_and_method(*updates);
-        let mut line = vec![learned, String::new(), String::new(), String::new()];
-        let number = |value: Option<f64>| value.map_or(String::new(), |v| v.to_string());
-        line.push(number(e.coverage));
-        line.push(number(e.greedy.success));
-        line.push(number(e.planned.as_ref().and_then(|s| s.success)));
-        line.push(number(e.distance_error.map(|e| e.mape)));
-        line.push(number(e.distance_error.and_then(|e| Some(e.graph?.mape))));
-        line.extend(e.greedy.by_distance.iter().map(|d| number(d.success)));
-        line.extend(e.planned.iter().flat_map(|s| &s.by_distance).map(|d| number(d.success)));
-        line.resize(width, String::new());
-        line.push(method);
-        lines.push((*updates, line));
-    }
+    let points = snapshot.curve.iter().map(|point| {
+        let losses = point.losses.iter().map(f32::to_string);
+        line(point.updates, losses.chain([number(point.coverage)]).collect())
+    });
+    let evaluations = snapshot.evaluations.iter().map(|(updates, e)| {
+        let error = e.distance_error;
+        let graph = error.and_then(|error| Some(error.graph?.mape));
+        let planned = e.planned.as_ref();
+        let values = [None, None, None, e.coverage, e.greedy.success]
+            .into_iter()
+            .chain([planned.and_then(|score| score.success), error.map(|e| e.mape), graph])
+            .chain(e.greedy.by_distance.iter().map(|group| group.success))
+            .chain(planned.iter().flat_map(|score| &score.by_distance).map(|group| group.success));
+        line(*updates, values.map(number).collect())
+    });
+    let mut lines: Vec<(u64, Vec<String>)> = points.chain(evaluations).collect();
     lines.sort_by_key(|(updates, _)| *updates);
+    let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(&head)?;
     lines.iter().try_for_each(|(_, line)| writer.write_record(line))?;
     writer.into_inner().map_err(|e| e.into_error().into())

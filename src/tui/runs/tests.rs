@@ -2,11 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
-use std::time::{Duration, SystemTime};
-
-use crossterm::event::{KeyCode, MouseButton};
-use miette::miette;
+use std::time::SystemTime;
 
 use super::*;
 use crate::experiment::job::EvaluationAt;
@@ -70,7 +66,8 @@ pub fn screen() -> RunsScreen {
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let opener: Opener = Arc::new(|_, _| Err(miette!("is cut off at 12 bytes")));
     let config = UiConfig::default();
-    let mut screen = RunsScreen::new("saves", Reading::nothing(), opener, &config, keymap);
+    let nothing = (watch::channel(Arc::default()).1, channel().0);
+    let mut screen = RunsScreen::new("saves", nothing, opener, &config, keymap);
     screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     let records = |seed, success: &[f64]| SavedRun {
         kind: Kind::Records(Ending::Interrupted),
@@ -104,23 +101,14 @@ fn found_now(runs: impl IntoIterator<Item = SavedRun>) -> Found {
     Found { runs, ..Found::default() }
 }
 
-/// Waits for what is being done.
-pub fn settle(screen: &mut RunsScreen) {
-    while screen.work.is_some() {
-        screen.on_tick();
-    }
-}
-
 #[test]
 fn every_size_can_be_drawn() {
     let mut screen = screen();
     for (width, height) in [(1, 1), (59, 16), (60, 16), (61, 17), (80, 24), (300, 100)] {
-        for keys in [" ", "?", "q", "/x", "\n"] {
+        for keys in [" ", "?", "?", "/x", "\n", "j", "D", "n"] {
             type_text(&mut screen, keys);
             draw(&mut screen, width, height);
         }
-        screen.next = None;
-        screen.help = None;
     }
     // Names as long as names get.
     let long = "x".repeat(300);
@@ -155,16 +143,16 @@ fn the_mouse_sorts_selects_and_marks() {
     let mut screen = screen();
     let shown = shown_by(&mut screen, 120, 40);
     click(&mut screen, MouseButton::Left, place_of(&shown, "success "));
-    assert_eq!(screen.list.order(), (list::Column::Success, false));
+    assert_eq!(screen.list.order, (4, false));
     let shown = shown_by(&mut screen, 120, 40);
     let at = place_of(&shown, "fourrooms-2.safetensors");
     click(&mut screen, MouseButton::Left, at);
     assert!(screen.list.marked().is_empty());
     click(&mut screen, MouseButton::Left, at);
-    assert_eq!(screen.list.marked()[0].1.run.seed, 1);
+    assert_eq!(screen.list.marked()[&0].run().map(|run| run.seed), Some(1));
     let at = place_of(&shown, "success rate over");
     click(&mut screen, MouseButton::Left, at);
-    assert_eq!(screen.curves.axis, Axis::Steps);
+    assert_eq!(screen.curves.1, Axis::Steps);
 }
 
 #[test]
@@ -181,37 +169,21 @@ fn only_runs_with_a_checkpoint_can_be_resumed() {
     assert!(screen.wish.is_none() && shown.contains("is gone"), "{shown}");
     press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Enter);
-    assert_eq!(screen.wish, Some(Wish::Resume(Saved { file, goes_on: false })));
+    assert_eq!(screen.wish, Some(Wish { file, beside: None, warning: None }));
 }
 
 #[test]
-fn a_run_that_another_program_still_trains_is_opened_as_such() {
+fn a_run_that_another_program_still_trains_is_opened_as_a_copy() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("own.safetensors");
     std::fs::write(&file, "a checkpoint").expect("a file");
-    let run = |name: &str, ending| SavedRun {
-        kind: Kind::Records(ending),
-        source: name.into(),
-        ..saved(&file.to_string_lossy(), "own", "gdg", 7, &[])
-    };
     // Its checkpoint is of the same run, as it is the one that its records name.
-    let is_own = |run: SavedRun| SavedRun { source: file.clone(), ..run };
-    let runs = [run("done.jsonl", Ending::Finished), is_own(run("grows", Ending::Open))];
+    let own = saved(&file.to_string_lossy(), "own", "gdg", 7, &[]);
     let mut screen = screen();
-    screen.list(&found_now(runs));
-    press(&mut screen, KeyCode::Char('c'));
-    let row = screen.list.shown().position(|entry| entry.run.source == file);
-    screen.list.select(row.expect("its row"));
+    screen.list(&found_now([SavedRun { kind: Kind::Records(Ending::Open), ..own }]));
     press(&mut screen, KeyCode::Enter);
-    let resumed = screen.wish.take().expect("a wish");
-    assert_eq!(resumed, Wish::Resume(Saved { file: file.clone(), goes_on: true }));
-    let told = resumed.warning().expect("a warning");
+    let told = screen.wish.and_then(|wish| wish.warning).expect("a warning");
     assert!(told.contains("as last saved") && told.contains("to another name"), "{told}");
-    let [ended, grows] = [false, true].map(|goes_on| Saved { file: file.clone(), goes_on });
-    let told = |both| Wish::Compare(both).warning().unwrap_or_default();
-    assert!(told([ended.clone(), grows.clone()]).contains("still train B:"));
-    assert!(told([grows.clone(), grows]).contains("still train A and B:"));
-    assert_eq!(told([ended.clone(), ended]), "");
 }
 
 #[test]
@@ -232,90 +204,82 @@ fn two_runs_on_the_same_map_are_compared() {
     );
     press(&mut screen, KeyCode::Down);
     press(&mut screen, KeyCode::Char('c'));
-    let both = ["a", "c"].map(|name| Saved { file: path(name), goes_on: false });
-    assert_eq!(screen.wish, Some(Wish::Compare(both)));
+    let wish = Wish { file: path("a"), beside: Some(path("c")), warning: None };
+    assert_eq!(screen.wish, Some(wish));
 }
 
 #[test]
 fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
-    let own = |name: &str| saved(&path(name).to_string_lossy(), "own", "gdg", 7, &[]);
-    let runs = ["a.safetensors", "b.safetensors", "c.safetensors"].map(own);
-    for run in &runs {
-        std::fs::write(&run.source, "a checkpoint").expect("a file");
-    }
+    let own = |name: &str| {
+        std::fs::write(path(name), "a checkpoint").expect("a file");
+        saved(&path(name).to_string_lossy(), "own", "gdg", 7, &[])
+    };
+    let runs = ["a", "b", "c"].map(own);
     let mut screen = screen();
     screen.list(&found(&runs));
-    press(&mut screen, KeyCode::End);
-    press(&mut screen, KeyCode::Char('D'));
-    assert!(shown_by(&mut screen, 200, 40).contains("delete 1 file for good?"));
-    press(&mut screen, KeyCode::Enter);
-    assert!(path("a.safetensors").exists() && screen.question.is_none(), "only y deletes");
-    press(&mut screen, KeyCode::Home);
     type_text(&mut screen, " j D");
-    let asked = shown_by(&mut screen, 80, 24);
-    for part in ["delete 2 files for good?", "y: yes  n: no", "c.safetensors", "b.safetensors"] {
+    let asked = shown_by(&mut screen, 200, 40);
+    for part in ["delete 2 files for good?", "y: yes  n: no", "/c ", "/b "] {
         assert!(asked.contains(part), "{part}: {asked}");
     }
-    press(&mut screen, KeyCode::Char('y'));
-    settle(&mut screen);
-    let left = ["a", "b", "c"].map(|name| path(&format!("{name}.safetensors")).exists());
-    assert_eq!(left, [true, false, false]);
-    assert!(shown_by(&mut screen, 120, 40).contains("deleted 2 files"));
-    let damaged = path("damaged.jsonl");
-    std::fs::write(&damaged, "[]").expect("a file");
-    let problems = vec![(damaged.clone(), "line 1: not a record".to_owned())];
-    screen.list(&Found { problems, ..found(&runs[..1]) });
-    press(&mut screen, KeyCode::End);
+    press(&mut screen, KeyCode::Enter);
+    assert!(path("c").exists() && screen.deletion.is_none(), "only y deletes");
     type_text(&mut screen, "Dy");
-    settle(&mut screen);
-    assert!(!damaged.exists() && path("a.safetensors").exists(), "a file that is no run");
-    let records = path("a.jsonl");
-    std::fs::write(&records, "records").expect("a file");
-    let joined = SavedRun {
-        kind: Kind::Records(Ending::Finished),
-        source: records.clone(),
-        others: vec![path("a.safetensors")],
-        ..runs[0].clone()
-    };
-    let another = SavedRun { seed: 8, others: Vec::new(), ..joined.clone() };
-    screen.list(&found(&[joined.clone(), another]));
+    assert_eq!(["a", "b", "c"].map(|name| path(name).exists()), [true, false, false]);
+    assert!(shown_by(&mut screen, 120, 40).contains("deleted 2 files"));
+    let problems = vec![(path("a"), "line 1: not a record".to_owned())];
+    screen.list(&Found { problems, ..Found::default() });
+    type_text(&mut screen, "Dy");
+    assert!(!path("a").exists(), "a file that is no run");
+    // A run of two files, one of which has another run, or is removed meanwhile.
+    let records = SavedRun { kind: Kind::Records(Ending::Finished), ..own("d") };
+    let joined = SavedRun { others: vec![path("e")], ..records.clone() };
+    let other = SavedRun { seed: 8, ..records.clone() };
+    let checkpoint = own("e");
+    screen.list(&found(&[joined.clone(), other]));
     press(&mut screen, KeyCode::End);
     type_text(&mut screen, "D");
-    assert!(
-        shown_by(&mut screen, 120, 40).contains("delete 2 files with 1 run not chosen for good?")
-    );
-    press(&mut screen, KeyCode::Char('n'));
-    screen.list(&found(&[joined]));
-    type_text(&mut screen, "D");
-    std::fs::remove_file(&records).expect("another program removes it meanwhile");
+    let asked = shown_by(&mut screen, 120, 40);
+    assert!(asked.contains("delete 2 files with 1 run not chosen for good?"), "{asked}");
+    std::fs::remove_file(checkpoint.source).expect("a file");
     type_text(&mut screen, "y");
-    settle(&mut screen);
-    assert!(!records.exists() && !path("a.safetensors").exists(), "all files of the run");
-    let grows = SavedRun { kind: Kind::Records(Ending::Open), ..runs[0].clone() };
-    screen.list(&found_now([grows]));
+    assert!(!path("d").exists(), "all files of the run");
+    // A file with a run that has ended, and one that goes on.
+    let grows = SavedRun { kind: Kind::Records(Ending::Open), seed: 9, ..own("d") };
+    screen.list(&found_now([records, grows]));
+    press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Delete);
-    assert!(shown_by(&mut screen, 120, 40).contains("still grows"));
+    assert!(shown_by(&mut screen, 120, 40).contains("d still grows"));
+    type_text(&mut screen, "y");
+    assert!(path("d").exists());
 }
 
 #[test]
-fn a_file_is_kept_while_any_of_its_runs_grows() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("both.jsonl");
-    std::fs::write(&file, "records").expect("a file");
-    let run = |seed, ending| SavedRun {
-        kind: Kind::Records(ending),
-        checkpoint: None,
-        ..saved(&file.to_string_lossy(), "own", "gdg", seed, &[])
-    };
-    let runs = [run(1, Ending::Finished), run(2, Ending::Open)];
+fn the_list_stays_while_a_run_is_opened() {
     let mut screen = screen();
-    screen.list(&found_now(runs));
-    press(&mut screen, KeyCode::Home);
-    assert_eq!(screen.list.selected().map(|entry| entry.run.seed), Some(1), "the finished one");
-    type_text(&mut screen, "D");
-    assert!(shown_by(&mut screen, 120, 40).contains("both.jsonl still grows"));
-    type_text(&mut screen, "y");
-    assert!(file.exists());
+    let (go_on, waits) = channel();
+    let waits = parking_lot::Mutex::new(waits);
+    screen.opener = Arc::new(move |_, progress| {
+        progress.begin(1, 2);
+        let _ = waits.lock().recv();
+        Err(miette!("is cut off at 12 bytes"))
+    });
+    for gives_up in [true, false] {
+        let file = "saves/large.safetensors".into();
+        screen.wish = Some(Wish { file, beside: None, warning: None });
+        screen.on_tick();
+        let shown = shown_by(&mut screen, 80, 24);
+        assert!(shown.contains("opening large.safetensors ...") && shown.contains("5 runs"));
+        if gives_up {
+            press(&mut screen, KeyCode::Esc);
+            assert!(screen.opening.is_none());
+        }
+        go_on.send(()).expect("it waits");
+        while screen.opening.is_some() {
+            screen.on_tick();
+        }
+    }
+    assert!(!screen.is_done() && shown_by(&mut screen, 80, 24).contains("is cut off at 12 bytes"));
 }

@@ -99,9 +99,6 @@ fn the_film_is_exported_from_any_moment() {
     let bytes = export(ExportKind::Film, &mut app).expect("a film");
     let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
     assert_eq!(reader.info().animation_control().expect("an animation").num_frames, 2);
-    let bytes = export(ExportKind::Still, &mut app).expect("a map");
-    let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
-    assert!(reader.info().animation_control().is_none() && reader.info().width == 1_600);
 }
 
 #[test]

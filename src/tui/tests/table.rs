@@ -113,7 +113,7 @@ const ROWS: &[Row] = &[
         &["*random_actions"],
     ),
     (New, SMALL, "owarmup_env_steps", &["learning_starts"], &[]),
-    (New, SMALL, "E", &["map as bitmap", "curves"], &[]),
+    (New, SMALL, "E", &["map as PNG", "curves as CSV"], &[]),
     (New, SMALL, "T{down}", &["dark text on a light page"], &[]),
     // Panes.
     (New, SMALL, "{click 4map 5log}", &["bridge edges", "contours"], &[]),
@@ -161,7 +161,7 @@ const ROWS: &[Row] = &[
     (Both, SMALL, "[", &["no film yet"], &[]),
     (Both, SMALL, "e", &["EDIT", "undo"], &[]),
     (Both, SMALL, "ee", &[], &["EDIT"]),
-    (Both, SMALL, "E", &["both maps as bitmap", "screen as vector graphic"], &[]),
+    (Both, SMALL, "E", &["both maps as PNG"], &[]),
     // Lists of runs.
     (List, LARGE, "", &["5 runs", "fourrooms", "Space mark", "Enter resume", "? help"], &[]),
     (List, NARROW, "", &["Space mark", "Enter resume", "c compare", "? help", "q quit"], &[]),

@@ -1,0 +1,94 @@
+//! `gdg-tui film`, `export-data` and `export-policy`: what is in a checkpoint, for other programs.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use miette::{IntoDiagnostic, Report, miette};
+
+use super::output::write_file;
+use crate::cli::{ExportArgs, ExportPolicyArgs, FilmArgs};
+use crate::host::outputs::refuse_existing;
+use crate::host::report::from_checkpoint_error;
+use crate::host::waiting::Working;
+use gdg::engine::Snapshot;
+use gdg::env::Scene;
+use gdg::files;
+use gdg::train::{Registry, Trainer, data_file, load_with, policy_file};
+use gdg::viewer::{FilmError, animate, still};
+
+/// Writes what `encode` makes of the run in a checkpoint, which is read without opening its world
+/// where that is possible, and returns a line that says where: by default, to the checkpoint's name
+/// with `end` instead of its extension.
+fn export(
+    ExportArgs { checkpoint, out, overwrite }: &ExportArgs,
+    end: &str,
+    registry: &Arc<Registry>,
+    encode: impl FnOnce(&Trainer) -> Result<Vec<u8>, Report>,
+) -> Result<String, Report> {
+    let path = out.clone().unwrap_or_else(|| {
+        let folder = checkpoint.parent().unwrap_or(Path::new(""));
+        files::named(folder, checkpoint.file_stem().unwrap_or_default(), end)
+    });
+    refuse_existing(&path, *overwrite)?;
+    let reading = Working::begin("the checkpoint to be read");
+    let registry = registry.clone().only_reading();
+    let loaded = load_with(checkpoint, &registry, 1, reading.progress());
+    drop(reading);
+    write_file(&path, &encode(&loaded.map_err(from_checkpoint_error)?.trainer)?)
+}
+
+/// Writes the transitions of a checkpoint's replay buffer.
+///
+/// # Errors
+/// The checkpoint cannot be read, has no transitions, or the file exists or cannot be written.
+pub fn data(args: &ExportArgs, registry: &Arc<Registry>) -> Result<String, Report> {
+    export(args, ".npz", registry, |trainer| {
+        trainer.check_data().into_diagnostic()?;
+        let writing = Working::begin("the transitions to be written");
+        let progress = writing.progress();
+        progress.begin(0, 2);
+        let bytes = data_file(trainer.replay(), trainer.world(), progress).into_diagnostic()?;
+        progress.begin(1, 2);
+        Ok(bytes)
+    })
+}
+
+/// Writes the policy of a checkpoint.
+///
+/// # Errors
+/// The checkpoint cannot be read, has no actor or no plans, or the file exists or cannot be written.
+pub fn policy(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<String, Report> {
+    export(&args.export, ".policy.safetensors", registry, |trainer| {
+        let writing = Working::begin("the policy to be written");
+        writing.progress().begin(0, 1);
+        policy_file(trainer, args.plans, writing.progress()).into_diagnostic()
+    })
+}
+
+/// Writes how a checkpoint's run learned distance as an animation, or its last frame.
+///
+/// # Errors
+/// The checkpoint cannot be read or has no film, or the file exists or cannot be written.
+pub fn film(args: &FilmArgs, registry: &Arc<Registry>) -> Result<String, Report> {
+    let end = if args.still { ".still.png" } else { ".film.png" };
+    export(&args.export, end, registry, |trainer| {
+        let run = Snapshot::capture(trainer).into_diagnostic()?;
+        let drawing = Working::begin("the film to be drawn");
+        let drawn = if args.still {
+            still(&run, args.width)
+        } else {
+            animate(&run, args.width, drawing.progress())
+        };
+        drop(drawing);
+        drawn.map_err(|error| {
+            let help = match error {
+                FilmError::NoFrames if !matches!(run.scene, Scene::Goals(_)) => {
+                    "train on: gdg-tui --resume FILE films the rest"
+                }
+                FilmError::NoFrames | FilmError::NoScene => "films show maps and the arm",
+                FilmError::Png(_) => "please report this",
+            };
+            miette!(help = help, "{}: {error}", args.export.checkpoint.display())
+        })
+    })
+}
