@@ -34,7 +34,7 @@ fn export(
     let registry = registry.clone().only_reading();
     let loaded = load_with(checkpoint, &registry, 1, reading.progress());
     drop(reading);
-    write_file(&path, &encode(&loaded.map_err(from_checkpoint_error)?.trainer)?)
+    write_file(&path, &encode(&loaded.map_err(from_checkpoint_error)?)?)
 }
 
 /// Writes the transitions of a checkpoint's replay buffer.
