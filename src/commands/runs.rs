@@ -49,6 +49,8 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
     if obstacle().is_none() {
         return show(args, registry);
     }
+    #[cfg(not(feature = "tui"))]
+    let _ = registry;
     let runs = read(&args.folders);
     if !runs.is_empty() {
         return print_safely(&table(runs));

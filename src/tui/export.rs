@@ -48,9 +48,6 @@ pub enum ExportError {
 type Encode = Box<dyn FnOnce(&Progress) -> Result<Vec<u8>, ExportError> + Send>;
 
 /// Draws an export and begins to write it to a new file; returns the notice for the user.
-///
-/// # Errors
-/// It cannot be drawn, or the thread cannot be started.
 pub fn begin(
     kind: ExportKind,
     screen: &mut Screen,
@@ -75,9 +72,6 @@ pub fn name(kind: ExportKind, screen: &Screen, scene: &Scene) -> String {
 
 /// Writes contents to a new file that begins with `name`, as a paused run may be exported several
 /// times; returns the notice for the user.
-///
-/// # Errors
-/// The notice that the file cannot be written.
 pub fn write_as(
     name: &str,
     kind: ExportKind,
@@ -141,9 +135,6 @@ pub fn contents(
 }
 
 /// Returns a picture of part of a drawn screen, in a theme's colours.
-///
-/// # Errors
-/// The part is empty, or cannot be encoded.
 pub fn picture(
     kind: ExportKind,
     drawn: &Buffer,
@@ -179,9 +170,6 @@ pub fn in_full_colour<D, T, const N: usize>(
 }
 
 /// Draws a screen in memory; returns it with the area that `draw` returns.
-///
-/// # Errors
-/// It cannot be drawn.
 pub fn on_paper(
     screen: Rect,
     draw: impl FnOnce(&mut Frame) -> Rect,

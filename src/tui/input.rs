@@ -79,9 +79,6 @@ pub struct InputStream {
 
 impl InputStream {
     /// Starts reading standard input if it is a terminal, otherwise the controlling terminal.
-    ///
-    /// # Errors
-    /// There is no terminal to read from.
     pub fn start() -> std::io::Result<Self> {
         let input = stdin();
         let terminal = if input.is_terminal() {
@@ -108,9 +105,6 @@ impl InputStream {
     }
 
     /// Waits for the next input. Nothing is lost if the future is dropped.
-    ///
-    /// # Errors
-    /// The terminal is gone.
     pub async fn next(&mut self) -> std::io::Result<Input> {
         self.inputs.recv().await.ok_or_else(|| std::io::Error::other("the terminal is gone"))
     }
@@ -304,10 +298,9 @@ fn first(bytes: &[u8], escape: Escape) -> Option<(usize, Option<Input>)> {
             Some((2 + length, event.or_else(|| Some(Input::Reply(whole.to_vec())))))
         }
         Ok(length) => {
-            let text = match &rest[..length] {
-                [text @ .., 0x07] | [text @ .., ESC, b'\\'] => text,
-                text => text,
-            };
+            let (bell, terminator): (&[u8], &[u8]) = (b"\x07", b"\x1b\\");
+            let text = [bell, terminator].iter().find_map(|end| rest[..length].strip_suffix(*end));
+            let text = text.unwrap_or_default();
             Some((2 + length, Some(Input::Reply([&bytes[..2], text].concat()))))
         }
         // A key with Alt after all, or two keys: what follows stays for later.

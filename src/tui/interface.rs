@@ -31,14 +31,16 @@ pub trait Interface {
     fn take_terminal_request(&mut self) -> Option<TerminalRequest>;
 
     /// Whether training runs, so that the screen changes all the time.
-    fn is_training(&self) -> bool;
+    fn is_training(&self) -> bool {
+        false
+    }
 
     /// Whether the program is to quit.
     fn is_done(&self) -> bool;
 
     /// Sets the terminal's graphics capabilities, and how much of the pictures the next frame
     /// redraws.
-    fn set_graphics(&mut self, graphics: Option<Graphics>, redraw: Redraw);
+    fn set_graphics(&mut self, _graphics: Option<Graphics>, _redraw: Redraw) {}
 
     fn draw(&mut self, frame: &mut Frame);
 
@@ -46,10 +48,12 @@ pub trait Interface {
     fn report(&mut self, problem: &str);
 
     /// Returns the pictures that belong to the frame.
-    fn pictures(&self) -> Vec<&Picture>;
+    fn pictures(&self) -> Vec<&Picture> {
+        Vec::new()
+    }
 
     /// Handles a signal, or an internal error, that ends the program.
-    fn on_signal(&mut self);
+    fn on_signal(&mut self) {}
 }
 
 /// What remains of a run after the interface is closed.

@@ -191,14 +191,14 @@ pub fn quit_choices(snapshot: &Snapshot, is_map_edited: bool, file: &Path) -> Pi
 
 /// Asks whether to load a checkpoint while training is unsaved.
 pub fn load_choices(snapshot: &Snapshot, file: PathBuf) -> Picker {
-    let items = leave_items("load it", lost(snapshot, ""), Choice::LoadUnsaved(file));
+    let items = leave_items("load it", lost(snapshot, ""), Choice::LoadUnsaved(file), true);
     Picker::new("load a checkpoint without saving this run?", items)
 }
 
 /// Asks whether to continue an unsaved run as `run`, which needs other networks.
 pub fn change_choices(snapshot: &Snapshot, run: Run) -> Picker {
     let choice = Choice::Change(Box::new(run));
-    let items = leave_items("continue with new networks", lost(snapshot, ""), choice);
+    let items = leave_items("continue with new networks", lost(snapshot, ""), choice, true);
     Picker::new("this resets the networks, which are not saved", items)
 }
 
@@ -215,13 +215,11 @@ fn lost(snapshot: &Snapshot, also: &str) -> String {
     }
 }
 
-/// Returns the choices for leaving an unsaved run; `lost` says what would be lost.
-fn leave_items(leave: &str, lost: String, choice: Choice) -> Vec<Item> {
-    vec![
-        save_first(leave, choice.clone()),
-        Item::new(format!("yes, {leave}"), lost, choice).on('y'),
-        stay(),
-    ]
+/// The choices for leaving a run, which can be saved first if it `is_worth_saving`.
+fn leave_items(leave: &str, detail: String, choice: Choice, is_worth_saving: bool) -> Vec<Item> {
+    let save = is_worth_saving.then(|| save_first(leave, choice.clone()));
+    let leave = Item::new(format!("yes, {leave}"), detail, choice).on('y');
+    save.into_iter().chain([leave, stay()]).collect()
 }
 
 /// Asks whether to leave this run for the guided tour, and offers to save it if it
@@ -232,11 +230,7 @@ pub fn tour_choices(snapshot: &Snapshot, is_worth_saving: bool) -> Picker {
         0 => run.to_owned(),
         _ => format!("{run}; {}", lost(snapshot, "")),
     };
-    let mut items = vec![Item::new("take the tour", lost, Choice::Tour).on('y'), stay()];
-    if is_worth_saving {
-        items.insert(0, save_first("take the tour", Choice::Tour));
-    }
-    Picker::new("guided tour", items)
+    Picker::new("guided tour", leave_items("take the tour", lost, Choice::Tour, is_worth_saving))
 }
 
 pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
@@ -302,7 +296,7 @@ pub fn restart_choices(seed: u64) -> Picker {
     Picker::new(format!("restart with seed {seed}"), items)
 }
 
-/// Returns the choices for a new run on `place`, which `start` begins.
+/// The choices for a new run on `place`, which `start` begins.
 fn start_choices(place: &str, start: &Choice, is_worth_saving: bool) -> Vec<Item> {
     let begin = format!("start a new run on {place}");
     if is_worth_saving {

@@ -58,9 +58,6 @@ pub struct Recorder {
 impl Recorder {
     /// Starts a recording at the terminal's current size. An existing file is replaced only if
     /// `overwrite` is set.
-    ///
-    /// # Errors
-    /// The file exists already or cannot be written.
     pub fn start(path: &Path, overwrite: bool) -> Result<Self, Report> {
         let file = create(path, overwrite)?;
         let size = crossterm::terminal::size().unwrap_or((80, 24));
@@ -92,9 +89,6 @@ impl Recorder {
 
     /// Records the screen. Right after another frame, or if the recording grows too fast, it is
     /// held back and recorded only if nothing follows.
-    ///
-    /// # Errors
-    /// Errors of the file system.
     pub fn frame(&mut self, screen: &Buffer) -> std::io::Result<()> {
         self.frame_at(self.began.elapsed(), screen)
     }

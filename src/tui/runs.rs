@@ -31,7 +31,6 @@ use super::background::{Background, PATIENCE};
 use super::compare::Contestants;
 use super::config::UiConfig;
 use super::dialog::Help;
-use super::graphics::{Graphics, Picture, Redraw};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap::{self, Keymap};
 use super::layout::Click;
@@ -440,15 +439,9 @@ impl Interface for RunsScreen {
         self.terminal_request.take()
     }
 
-    fn is_training(&self) -> bool {
-        false
-    }
-
     fn is_done(&self) -> bool {
         self.quits || self.opened.is_some()
     }
-
-    fn set_graphics(&mut self, _: Option<Graphics>, _: Redraw) {}
 
     fn draw(&mut self, frame: &mut Frame) {
         self.places = draw::draw(frame, self);
@@ -459,13 +452,5 @@ impl Interface for RunsScreen {
 
     fn report(&mut self, problem: &str) {
         self.log.show(problem, true);
-    }
-
-    fn pictures(&self) -> Vec<&Picture> {
-        Vec::new()
-    }
-
-    fn on_signal(&mut self) {
-        // Nothing is lost.
     }
 }

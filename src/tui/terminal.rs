@@ -76,9 +76,6 @@ impl Stage {
 
     /// Shows `interface` until the user or a signal ends it, lets `close` end training, and returns
     /// the exit status with what is said about files.
-    ///
-    /// # Errors
-    /// Errors of the terminal, of training or of saving.
     pub fn show<I: Interface>(
         &mut self,
         mut interface: I,

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 pub use gdg::draw::{Rgb, blend, contour, lightness};
 use gdg::draw::{distance_colour, sample};
 use gdg::text::terminal_obeys_escapes;
+use palette::Palette;
 pub use palette::rgb_of_indexed;
-use palette::{Gradients, Palette};
 
 /// How many colours the terminal shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -157,11 +157,9 @@ impl Theme {
         match depth {
             ColourDepth::True | ColourDepth::Mono => theme,
             ColourDepth::Indexed => {
-                let gradients = Gradients {
-                    distance: |share| theme.smooth_distance_colour(share),
-                    error: |share| sample(theme.error, share),
-                };
-                theme.limited_to(&Palette::of_256(name, &gradients))
+                let distance = |share| theme.smooth_distance_colour(share);
+                let error = |share| sample(theme.error, share);
+                theme.limited_to(&Palette::of_256(name, distance, error))
             }
             ColourDepth::Basic => theme.with_16_signs().limited_to(&Palette::of_16(name)),
         }

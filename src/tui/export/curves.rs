@@ -70,6 +70,10 @@ fn series(
     (name, learned(snapshot, evaluations.filter_map(|(at, e)| Some((*at, value(e)?)))))
 }
 
+fn number(value: Option<impl ToString>) -> String {
+    value.map_or(String::new(), |value| value.to_string())
+}
+
 /// Returns one line per evaluation and per point of the curves of losses and coverage, in order,
 /// with the method at the end: updates are those done by a learner.
 pub fn csv(Screen { snapshot, .. }: &Screen) -> Result<Vec<u8>, ExportError> {
@@ -92,9 +96,6 @@ pub fn csv(Screen { snapshot, .. }: &Screen) -> Result<Vec<u8>, ExportError> {
         line.push(method.unwrap_or_else(|| snapshot.run.method.name()));
         (updates, line)
     };
-    fn number<T: ToString>(value: Option<T>) -> String {
-        value.map_or(String::new(), |value| value.to_string())
-    }
     let points = snapshot.curve.iter().map(|point| {
         let losses = point.losses.iter().map(f32::to_string);
         line(point.updates, losses.chain([number(point.coverage)]).collect())

@@ -13,10 +13,7 @@ use crate::tui::export::EXPORT_FOLDER;
 use gdg::files::{self, unused_path, write_atomically};
 use gdg::text::{counted, sanitized};
 
-/// Returns the checkpoint of a row's run.
-///
-/// # Errors
-/// Why it cannot be resumed.
+/// Returns the checkpoint of a row's run, or why it cannot be resumed.
 fn checkpoint(row: &Row) -> Result<PathBuf, String> {
     let file = name(row.file());
     let problem = match row.run() {
@@ -40,7 +37,6 @@ fn checkpoint(row: &Row) -> Result<PathBuf, String> {
     Err(format!("{file} cannot be resumed: {problem}"))
 }
 
-/// Returns the wish to see rows' runs.
 fn wish(file: &Row, beside: Option<&Row>) -> Result<Wish, String> {
     let is_growing = [Some(file), beside].into_iter().flatten().any(Row::is_growing);
     let warning = is_growing.then(|| {
@@ -51,18 +47,11 @@ fn wish(file: &Row, beside: Option<&Row>) -> Result<Wish, String> {
     Ok(Wish { file: checkpoint(file)?, beside: beside.map(checkpoint).transpose()?, warning })
 }
 
-/// Returns the wish to resume the selected run.
-///
-/// # Errors
-/// Why it cannot be resumed.
 pub fn to_resume(list: &List) -> Result<Wish, String> {
     wish(list.selected().ok_or("no run is selected")?, None)
 }
 
-/// Returns the wish to see the two marked runs, or the marked and the selected one.
-///
-/// # Errors
-/// Why there are not two to compare.
+/// Returns the wish to see the two marked runs, or the marked and the selected one, side by side.
 pub fn to_compare(list: &List) -> Result<Wish, String> {
     let mut rows: Vec<&Row> = list.marked().values().collect();
     if rows.len() == 1 {
@@ -79,9 +68,6 @@ pub fn to_compare(list: &List) -> Result<Wish, String> {
 
 /// Draws the curves of rows' runs to files, as `gdg-tui plot` does; returns what was written, and
 /// what is left out.
-///
-/// # Errors
-/// What cannot be drawn or written.
 pub fn plot(rows: &[&Row], measure: Measure, axis: Axis) -> Result<String, String> {
     let runs: Vec<SavedRun> = rows.iter().filter_map(|row| row.run().cloned()).collect();
     let options = Options { y: measure, x: axis, width: COLUMN, ..Options::default() };
@@ -110,10 +96,8 @@ pub struct Deletion {
 }
 
 impl Deletion {
-    /// Returns the deletion of all files of the marked runs, or else of the selected row.
-    ///
-    /// # Errors
-    /// There is none, or a run in one of the files still goes on.
+    /// Returns the deletion of all files of the marked runs, or else of the selected row, unless one
+    /// of them still grows.
     pub fn new(list: &List) -> Result<Self, String> {
         let rows = list.chosen();
         let others = rows.iter().filter_map(|row| row.run()).flat_map(|run| &run.others);
@@ -137,9 +121,6 @@ impl Deletion {
     }
 
     /// Deletes the files; returns what was done.
-    ///
-    /// # Errors
-    /// What could not be deleted, and why.
     pub fn perform(&self) -> Result<String, String> {
         for file in &self.files {
             remove(file).map_err(|error| format!("{} is kept: {error}", file.display()))?;

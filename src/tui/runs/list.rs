@@ -17,7 +17,6 @@ pub enum Row {
 }
 
 impl Row {
-    /// Returns the run, if it is one.
     pub fn run(&self) -> Option<&SavedRun> {
         match self {
             Self::Run((run, _)) => Some(run),
@@ -129,12 +128,12 @@ impl List {
         self.shown = shown;
     }
 
-    /// Returns all rows, whether or not they are shown.
+    /// All rows, whether or not they are shown.
     pub fn all(&self) -> &[Row] {
         &self.all
     }
 
-    /// Returns the rows shown, in order.
+    /// The rows shown, in order.
     pub fn shown(&self) -> impl ExactSizeIterator<Item = &Row> {
         self.shown.iter().map(|i| &self.all[*i])
     }
@@ -177,7 +176,7 @@ impl List {
         self.marks.clear();
     }
 
-    /// Returns the number of a run's letter, if it is marked.
+    /// The number of a run's letter, if it is marked.
     pub fn mark(&self, row: &Row) -> Option<usize> {
         self.marks.iter().find(|(_, marked)| marked.is_same(row)).map(|(letter, _)| *letter)
     }
@@ -201,7 +200,6 @@ impl List {
         self.arrange();
     }
 
-    /// Sorts by the next column.
     pub fn sort_by_next(&mut self) {
         self.sort_by((self.order.0 + 1) % COLUMNS.len());
     }

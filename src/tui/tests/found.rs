@@ -109,20 +109,6 @@ fn a_goal_without_a_path_is_said_and_marked() {
 }
 
 #[test]
-fn undone_and_redone_steps_are_named_with_what_they_change() {
-    let mut app = app();
-    let says = |app: &App, text: &str| notice(app).starts_with(text);
-    app.act(Action::ToggleEdit);
-    app.act(Action::Apply);
-    wait_until(&mut app, |app| says(app, "1 cell walled"));
-    press(&mut app, KeyCode::Char('u'));
-    wait_until(&mut app, |app| says(app, "undone: 1 cell opened"));
-    app.act(Action::Redo);
-    wait_until(&mut app, |app| says(app, "redone: 1 cell walled"));
-    assert!(app.screen.log.entries().is_sorted_by_key(|entry| entry.updates), "in order");
-}
-
-#[test]
 fn what_takes_long_is_shown_and_keys_pressed_meanwhile_are_taken() {
     let mut app = still();
     assert!(!app.on_tick());

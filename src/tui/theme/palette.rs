@@ -44,7 +44,6 @@ const XTERM: [Rgb; 16] = [
 /// The colours of ground.
 #[derive(Clone, Copy, Debug)]
 pub struct Palette {
-    /// Walls.
     pub wall: Rgb,
     /// Unvisited floor: between the lines of its hatching, and on them.
     pub unvisited: [Rgb; 2],
@@ -58,18 +57,13 @@ pub struct Palette {
     errors: [Rgb; LEVELS],
 }
 
-/// The gradients of a theme: colours of distances from near (0) to far (1), and of errors from too
-/// short (0) to too long (1).
-pub struct Gradients<D, E> {
-    pub distance: D,
-    pub error: E,
-}
-
 impl Palette {
-    /// Chooses from the 256 colours, as near to the gradients as possible.
-    pub fn of_256<D: Fn(f32) -> Rgb, E: Fn(f32) -> Rgb>(
+    /// Chooses from the 256 colours, as near as possible to a theme's colours of distances from near
+    /// (0) to far (1), and of errors from too short (0) to too long (1).
+    pub fn of_256(
         theme: ThemeName,
-        gradients: &Gradients<D, E>,
+        distance: impl Fn(f32) -> Rgb,
+        error: impl Fn(f32) -> Rgb,
     ) -> Self {
         let [wall, between, hatched] = match theme {
             ThemeName::Light => [238, 254, 250],
@@ -79,7 +73,7 @@ impl Palette {
         let mut lightest = f32::INFINITY;
         let of_gradient = levels().map(|share| {
             // Farther is never lighter: after dark blue, the nearest colour is a lighter one.
-            let own = nearest_of_256((gradients.distance)(share), |rgb| {
+            let own = nearest_of_256(distance(share), |rgb| {
                 is_floor(rgb, wall) && lightness(rgb) <= lightest
             });
             lightest = lightness(own);
@@ -96,8 +90,7 @@ impl Palette {
                 others.all(|other| contrast(rgb, *other) >= LEAST_CONTRAST)
             })
         });
-        let errors =
-            levels().map(|at| nearest_of_256((gradients.error)(at), |rgb| is_floor(rgb, wall)));
+        let errors = levels().map(|at| nearest_of_256(error(at), |rgb| is_floor(rgb, wall)));
         Self { wall, unvisited: [between, hatched], distances, contours, is_coarse: false, errors }
     }
 
@@ -120,12 +113,12 @@ impl Palette {
         }
     }
 
-    /// Returns the colour of a distance, as a share of the farthest shown.
+    /// The colour of a distance, as a share of the farthest shown.
     pub fn distance(&self, share: f32) -> Rgb {
         at(&self.distances, share)
     }
 
-    /// Returns the colour of a relative error, from 0 (too short) to 1 (too long).
+    /// The colour of a relative error, from 0 (too short) to 1 (too long).
     pub fn error(&self, share: f32) -> Rgb {
         at(&self.errors, share)
     }
