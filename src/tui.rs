@@ -8,8 +8,8 @@
 //!
 //! * `theme`, `style`, `text`, `marker`, `layers`, `panes`, `tool`: colours, and words of the other
 //!   parts.
-//! * `sheet`, `graphics`: pictures in the terminal, where it shows them; `raster`, `canvas`,
-//!   `contours`, `glyphs`, `projection`: maps and arms as characters.
+//! * `canvas`, `contours`: the pixels of a scene, at any resolution; `characters` and `graphics` send
+//!   them; `raster`, `projection`: where they are and what they show.
 //! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration. The table
 //!   of actions alone names what comes later: the functions that carry them out.
 //! * `clock`, `dialog`, `layout`, `log`: what a screen consists of besides the scene.
@@ -29,13 +29,13 @@ mod app;
 mod background;
 mod busy;
 mod canvas;
+mod characters;
 mod clock;
 mod compare;
 mod config;
 mod contours;
 mod dialog;
 mod export;
-mod glyphs;
 mod graphics;
 mod input;
 mod interface;
@@ -58,8 +58,6 @@ mod runs;
 mod scene;
 mod screen;
 mod session;
-mod sheet;
-mod slice;
 mod style;
 mod terminal;
 #[cfg(test)]

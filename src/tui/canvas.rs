@@ -1,357 +1,502 @@
-//! Pixels, and their rendering as characters.
+//! The pixels of a scene, painted at any resolution: a few pixels a character, which become
+//! characters, or the terminal's own, which are sent as a picture. Letters and labels are written as
+//! characters or as pixels.
 
-use gdg::draw::positions_along;
-use ratatui::buffer::Buffer;
-use ratatui::layout::Position;
-use ratatui::style::{Color, Style};
+use std::sync::Arc;
 
+use gdg::draw::{Raster, TextPixel, paint_text, positions_along, text_size};
+use gdg::map::Cell;
+
+use super::characters::shade;
+use super::contours::Label;
 use super::raster::MapFrame;
-use super::theme::{ColourDepth, Rgb, Theme, blend};
-use crate::tui::marker::Marker;
+use super::theme::{Rgb, Theme, blend, contour, ink, lightness};
 
-/// The pen that draws a line.
+/// Height of capitals and digits, as a share of the text height.
+const CAPITAL_SHARE: f32 = 0.62;
+
+/// Black outlines make signs stand out on any ground in pictures.
+const SHADOW: Rgb = (0, 0, 0);
+
+/// Pixels that are covered at least so much by something hide a label there.
+const SOLID: f32 = 0.8;
+
+/// Lines are painted in pieces of this length, in pixels, to look only at pixels near them.
+const PIECE: f32 = 16.0;
+
+/// How something is painted.
 #[derive(Clone, Copy, Debug)]
-pub struct Pen {
-    /// The colour.
-    pub rgb: Rgb,
+pub struct Ink {
+    /// The colour; `None` for one that stands out from the ground.
+    pub rgb: Option<Rgb>,
     /// The opacity.
     pub share: f32,
-    /// The character without colours.
-    pub mark: char,
+    /// The character without colours, if it is shown then.
+    pub mark: Option<char>,
+    /// Whether walls hide it.
+    pub on_floor: bool,
 }
 
-/// The map as pixels, before it becomes characters.
+impl Ink {
+    /// Returns an ink that covers walls as well, with its character without colours.
+    pub fn new(rgb: Rgb, share: f32, mark: char) -> Self {
+        Self { rgb: Some(rgb), share, mark: Some(mark), on_floor: false }
+    }
+}
+
+/// What a pixel shows below everything else.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Ground {
+    #[default]
+    Outside,
+    Floor,
+    Wall,
+}
+
+/// A letter, a sign or a label on top of the pixels.
 #[derive(Clone, Debug)]
-pub struct Canvas {
-    columns: usize,
-    /// Colour of each pixel; `None` outside the map.
-    pixels: Vec<Option<Rgb>>,
-    /// The character of each pixel on terminals without colours.
-    marks: Vec<char>,
-    /// Pixels of thin lines, which do not become backgrounds.
-    thin: Vec<bool>,
-    /// Pixels changed since the last full paint.
-    changed: Vec<usize>,
+pub enum Sign {
+    /// A letter on its own background.
+    Letter([f32; 2], char, Rgb),
+    /// A sign on the existing background.
+    Symbol([f32; 2], char, Option<Rgb>),
+    /// The value of a contour line.
+    Label(Label),
 }
 
-/// The most pixels in a character.
-const MAX_PIXELS: usize = 8;
-
-/// A wall without colours.
-pub const WALL_MARK: char = '#';
-
-/// Free ground without colours, from near (or good) to far.
-pub const SHADES: [char; 4] = [' ', '\u{2591}', '\u{2592}', '\u{2593}'];
-
-/// An unvisited cell without colours.
-pub const UNVISITED_MARK: char = '/';
-
-/// A cell from which no path leads to the goal, without colours.
-pub const CUT_OFF_MARK: char = '\\';
-
-/// A bridge candidate without colours.
-pub const CANDIDATE_MARK: char = '\u{2022}';
+/// The pixels of a scene.
+#[derive(Debug)]
+pub struct Canvas {
+    /// Its place on the screen.
+    pub frame: MapFrame,
+    /// What its pixels show.
+    pub raster: Raster,
+    /// Columns and rows of pixels in a character.
+    pub character: (usize, usize),
+    /// Whether they are the terminal's own pixels.
+    pub is_fine: bool,
+    /// The colours, row by row.
+    pub pixels: Vec<[u8; 3]>,
+    /// Shared by the frames that are painted on the same ground.
+    pub grounds: Arc<Vec<Ground>>,
+    /// The character of each pixel without colours; none in pictures.
+    pub marks: Vec<char>,
+    /// Pixels of contour lines, which do not become backgrounds; none in pictures.
+    pub thin: Vec<bool>,
+    /// What lies on top, if characters show it.
+    pub signs: Vec<Sign>,
+    /// Pixels that have changed since the last full paint, and those that hide labels.
+    pub changed: Vec<usize>,
+    pub solid: Vec<usize>,
+    /// How much of each pixel is covered by what is being painted, and where that is anything.
+    cover: Vec<u8>,
+    touched: Vec<usize>,
+}
 
 impl Canvas {
-    /// Creates an empty canvas for `map_frame`.
-    pub fn new(map_frame: &MapFrame) -> Self {
-        let (columns, rows) = map_frame.raster.pixels;
-        let count = columns * rows;
-        let (pixels, marks, thin) = (vec![None; count], vec![' '; count], vec![false; count]);
-        Self { columns, pixels, marks, thin, changed: Vec::new() }
-    }
-
-    /// Returns the number of pixels.
-    pub fn len(&self) -> usize {
-        self.pixels.len()
-    }
-
-    /// Returns the number of pixels in a row.
-    pub fn columns(&self) -> usize {
-        self.columns
-    }
-
-    /// Returns the colour of pixel `i`, if it lies on the map.
-    pub fn colour(&self, i: usize) -> Option<Rgb> {
-        self.pixels[i]
-    }
-
-    /// Returns the character of pixel `i` on terminals without colours.
-    pub fn mark(&self, i: usize) -> char {
-        self.marks[i]
-    }
-
-    /// Sets pixel `i`.
-    pub fn set(&mut self, i: usize, rgb: Option<Rgb>, mark: char) {
-        (self.pixels[i], self.marks[i]) = (rgb, mark);
-        self.changed.push(i);
-    }
-
-    /// Gives pixel `i` the colour of a thin line.
-    pub fn set_thin(&mut self, i: usize, rgb: Option<Rgb>) {
-        (self.pixels[i], self.thin[i]) = (rgb, true);
-        self.changed.push(i);
-    }
-
-    /// Returns whether pixel `i` shows wall.
-    pub fn is_wall(&self, i: usize) -> bool {
-        self.marks[i] == WALL_MARK
-    }
-
-    /// Returns the pixel of a position on the map.
-    pub fn at(&self, map_frame: &MapFrame, at: [f32; 2]) -> Option<usize> {
-        map_frame.raster.pixel_of(at).map(|(column, row)| row * self.columns + column)
-    }
-
-    /// Draws a dot.
-    pub fn dot(&mut self, map_frame: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
-        if let Some(i) = self.at(map_frame, at) {
-            self.set(i, Some(rgb), mark);
-        }
-    }
-
-    /// Draws a dot unless its pixel shows wall.
-    pub fn ground_dot(&mut self, map_frame: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
-        if let Some(i) = self.at(map_frame, at).filter(|i| !self.is_wall(*i)) {
-            self.set(i, Some(rgb), mark);
-        }
-    }
-
-    /// Blends a dot into the ground with opacity `share`, unless its pixel shows wall. Without
-    /// colours, it is not shown unless it has a mark.
-    pub fn faint_dot(
-        &mut self,
-        map_frame: &MapFrame,
-        at: [f32; 2],
-        rgb: Rgb,
-        share: f32,
-        mark: Option<char>,
-    ) {
-        if let Some(i) = self.at(map_frame, at).filter(|i| !self.is_wall(*i)) {
-            self.pixels[i] = self.pixels[i].map(|ground| blend(ground, rgb, share));
-            self.marks[i] = mark.unwrap_or(self.marks[i]);
-            self.changed.push(i);
-        }
-    }
-
-    /// Draws straight lines, blended only once where several cross.
-    pub fn lines(
-        &mut self,
-        map_frame: &MapFrame,
-        ends: impl Iterator<Item = [[f32; 2]; 2]>,
-        pen: Pen,
-    ) {
-        self.lines_via(map_frame, ends, pen, |at| at);
-    }
-
-    /// Draws straight lines whose positions are shown at `place` of them.
-    pub fn lines_via(
-        &mut self,
-        map_frame: &MapFrame,
-        ends: impl Iterator<Item = [[f32; 2]; 2]>,
-        pen: Pen,
-        place: impl Fn([f32; 2]) -> [f32; 2],
-    ) {
-        let mut covered = vec![false; self.pixels.len()];
-        for at in ends.flat_map(|ends| samples(map_frame, ends)) {
-            if let Some(i) = self.at(map_frame, place(at)) {
-                covered[i] = true;
-            }
-        }
-        for i in (0..covered.len()).filter(|i| covered[*i]) {
-            self.pixels[i] = self.pixels[i].map(|ground| blend(ground, pen.rgb, pen.share));
-            self.marks[i] = pen.mark;
-            self.changed.push(i);
-        }
-    }
-
-    /// Writes all pixels as characters.
-    pub fn paint(&mut self, buffer: &mut Buffer, map_frame: &MapFrame, theme: &Theme) {
-        self.changed.clear();
-        for row in 0..map_frame.area.height {
-            for column in 0..map_frame.area.width {
-                self.paint_character(buffer, [column, row], map_frame, theme);
-            }
-        }
-    }
-
-    /// Writes the characters whose pixels have changed since the last full paint.
-    pub fn paint_changes(&mut self, buffer: &mut Buffer, map_frame: &MapFrame, theme: &Theme) {
-        let (across, down) = map_frame.marker.pixels();
+    /// Creates an empty canvas; with the size of a `character` in pixels, one for a picture.
+    pub fn new(frame: &MapFrame, character: Option<(u16, u16)>) -> Self {
+        let is_fine = character.is_some();
         let character =
-            |i: usize| [(i % self.columns / across) as u16, (i / self.columns / down) as u16];
-        let mut characters: Vec<[u16; 2]> = self.changed.drain(..).map(character).collect();
-        characters.sort_unstable();
-        characters.dedup();
-        for at in characters {
-            self.paint_character(buffer, at, map_frame, theme);
+            character.map_or(frame.marker.pixels(), |(across, down)| (across.into(), down.into()));
+        let area = frame.area;
+        let pixels =
+            (usize::from(area.width) * character.0, usize::from(area.height) * character.1);
+        let raster = Raster { pixels, ..frame.raster };
+        let (count, coarse) = (raster.len(), if is_fine { 0 } else { raster.len() });
+        Self {
+            frame: frame.clone(),
+            raster,
+            character,
+            is_fine,
+            pixels: vec![[0; 3]; count],
+            grounds: Arc::new(vec![Ground::Outside; count]),
+            marks: vec![' '; coarse],
+            thin: vec![false; coarse],
+            signs: Vec::new(),
+            changed: Vec::new(),
+            solid: Vec::new(),
+            cover: vec![0; count],
+            touched: Vec::new(),
         }
     }
 
-    /// Writes one character, by its column and row within `map_frame`.
-    fn paint_character(
-        &self,
-        buffer: &mut Buffer,
-        [column, row]: [u16; 2],
-        map_frame: &MapFrame,
-        theme: &Theme,
-    ) {
-        let (across, down) = map_frame.marker.pixels();
-        let first = down * usize::from(row) * self.columns + across * usize::from(column);
-        let own = |n: usize| first + n / across * self.columns + n % across;
-        let count = across * down;
-        let at = Position::new(map_frame.area.x + column, map_frame.area.y + row);
-        let Some(cell) = buffer.cell_mut(at) else { return };
-        if theme.depth == ColourDepth::Mono {
-            // Show the most informative mark.
-            let marks = (0..count).map(|n| self.marks[own(n)]);
-            cell.set_char(marks.max_by_key(|mark| mark_rank(*mark)).unwrap_or(' '));
-            return;
+    /// Returns a copy to draw on, which reuses the memory of `pixels`.
+    pub fn on_top(&self, mut pixels: Vec<[u8; 3]>) -> Self {
+        pixels.clone_from(&self.pixels);
+        Self {
+            frame: self.frame.clone(),
+            raster: self.raster,
+            character: self.character,
+            is_fine: self.is_fine,
+            pixels,
+            grounds: self.grounds.clone(),
+            marks: self.marks.clone(),
+            thin: self.thin.clone(),
+            signs: self.signs.clone(),
+            changed: Vec::new(),
+            solid: Vec::new(),
+            cover: vec![0; self.cover.len()],
+            touched: Vec::new(),
         }
-        let mut colours = [None; MAX_PIXELS];
-        (0..count).for_each(|n| colours[n] = self.pixels[own(n)]);
-        let merge = if theme.has_all_colours() { mean } else { most_frequent };
-        let (mut mask, mut front, mut back) = two_colours(&colours[..count], merge);
-        if map_frame.marker == Marker::Braille && back.is_some() {
-            let thin = (0..count).fold(0, |thin, n| thin | u8::from(self.thin[own(n)]) << n);
-            if is_inside_out(mask, thin) {
-                (mask, front, back) = (!mask, back, front);
+    }
+
+    /// Returns the columns of pixels.
+    pub fn columns(&self) -> usize {
+        self.raster.pixels.0
+    }
+
+    /// Returns the pixels in a character's height: the unit of all widths and radii.
+    fn unit(&self) -> f32 {
+        self.character.1 as f32
+    }
+
+    /// Returns the width of a pixel as a share of its height: characters are twice as high as wide.
+    fn aspect(&self) -> f32 {
+        let (across, down) = self.character;
+        if self.is_fine { 1.0 } else { down as f32 / (2 * across) as f32 }
+    }
+
+    /// Converts a length in the raster's unit to characters' heights.
+    pub fn heights(&self, length: f32) -> f32 {
+        length * self.raster.pixels.1 as f32 / self.raster.window[3] / self.unit()
+    }
+
+    /// Converts a position to pixels.
+    pub fn pixel(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+        let Raster { window: [left, top, width, height], pixels: (columns, rows) } = self.raster;
+        [(x - left) / width * columns as f32, (y - top) / height * rows as f32]
+    }
+
+    /// Returns the index of the pixel that contains a point in pixels.
+    fn index(&self, [x, y]: [f32; 2]) -> Option<usize> {
+        let (columns, rows) = self.raster.pixels;
+        let inside = x >= 0.0 && y >= 0.0 && (x as usize) < columns && (y as usize) < rows;
+        inside.then(|| y as usize * columns + x as usize)
+    }
+
+    /// Returns the colour at a position; black if it is not shown.
+    pub fn colour(&self, at: [f32; 2]) -> Rgb {
+        self.index(self.pixel(at)).map_or((0, 0, 0), |i| self.pixels[i].into())
+    }
+
+    fn cover(&mut self, i: usize, share: u8) {
+        if self.cover[i] == 0 {
+            self.touched.push(i);
+        }
+        self.cover[i] = self.cover[i].max(share);
+    }
+
+    /// Covers the pixels within `radius` of a straight line between points in pixels, at least
+    /// those that it passes.
+    fn trace(&mut self, ends: [[f32; 2]; 2], radius: f32) {
+        let [from, to] = ends;
+        let longer = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
+        if !self.is_fine {
+            for at in positions_along(ends, longer.ceil().clamp(1.0, 1e5) as usize) {
+                if let Some(i) = self.index(at) {
+                    self.cover(i, u8::MAX);
+                }
+            }
+            if radius <= 0.5 * self.aspect().max(1.0) {
+                return;
             }
         }
-        let colour = |rgb: Option<Rgb>| rgb.map_or(Color::Reset, |rgb| theme.colour(rgb));
-        if theme.prefers_in_front(colour(back), colour(front)) {
-            let all = ((1u16 << count) - 1) as u8;
-            (mask, front, back) = (!mask & all, back, front);
-        }
-        cell.set_char(glyph(map_frame.marker, mask))
-            .set_style(Style::new().fg(colour(front)).bg(colour(back)));
-    }
-}
-
-/// Returns positions along a straight line, at least one in each of its pixels.
-fn samples(
-    map_frame: &MapFrame,
-    [from, to]: [[f32; 2]; 2],
-) -> impl Iterator<Item = [f32; 2]> + use<> {
-    let (across, down) = map_frame.marker.pixels();
-    let pixels_a_cell = map_frame.scale() * across.max(down / 2) as f32;
-    let cells = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
-    positions_along([from, to], (cells * pixels_a_cell).ceil().max(1.0) as usize)
-}
-
-/// Ranks a mark by how informative it is: shades, unvisited cells, wall, anything else.
-fn mark_rank(mark: char) -> u8 {
-    match mark {
-        shade if SHADES.contains(&shade) => 0,
-        UNVISITED_MARK | CUT_OFF_MARK => 1,
-        WALL_MARK => 2,
-        _ => 3,
-    }
-}
-
-/// Returns the character that stands for a share (from 0 to 1) of the largest value without
-/// colours.
-pub fn shade(share: f32) -> char {
-    SHADES[((share.clamp(0.0, 1.0) * SHADES.len() as f32) as usize).min(SHADES.len() - 1)]
-}
-
-/// Reduces a character's pixels to two colours; returns a mask of the pixels in front (bit 0 is the
-/// first pixel), the front colour and the back colour.
-///
-/// Pixels are grouped around the first one and the one most different from it, and each group is
-/// shown by the colour that `merge` makes of it. Pixels outside the map, if any, are the background.
-fn two_colours(colours: &[Option<Rgb>], merge: Merge) -> (u8, Option<Rgb>, Option<Rgb>) {
-    let first = colours[0];
-    let all = ((1u16 << colours.len()) - 1) as u8;
-    if colours.iter().all(|c| *c == first) {
-        return if first.is_some() { (all, first, first) } else { (0, None, None) };
-    }
-    if let [Some(above), Some(below)] = colours {
-        return (1, Some(*above), Some(*below));
-    }
-    let bits = |front: &dyn Fn(Option<Rgb>) -> bool| {
-        colours.iter().enumerate().fold(0u8, |mask, (i, c)| mask | u8::from(front(*c)) << i)
-    };
-    let Some(first) = first.filter(|_| colours.iter().all(Option::is_some)) else {
-        let mask = bits(&|c| c.is_some());
-        return (mask, merge(colours, mask, None), None);
-    };
-    let apart = |a: Rgb, b: Rgb| {
-        let squared = |a: u8, b: u8| (i32::from(a) - i32::from(b)).pow(2);
-        squared(a.0, b.0) + squared(a.1, b.1) + squared(a.2, b.2)
-    };
-    let other = colours.iter().flatten().copied().max_by_key(|c| apart(*c, first)).unwrap_or(first);
-    let mask = bits(&|c| c.is_some_and(|c| apart(c, first) <= apart(c, other)));
-    (mask, merge(colours, mask, Some(first)), merge(colours, all & !mask, Some(other)))
-}
-
-/// Makes one colour of those in a mask, among them the most typical one of its group, if there are
-/// groups.
-type Merge = fn(&[Option<Rgb>], u8, Option<Rgb>) -> Option<Rgb>;
-
-/// Returns the colours in `mask`.
-fn in_mask(colours: &[Option<Rgb>], mask: u8) -> impl Iterator<Item = Rgb> + Clone {
-    colours.iter().enumerate().filter(move |(i, _)| mask >> i & 1 == 1).filter_map(|(_, c)| *c)
-}
-
-/// Returns the mean of the colours in `mask`.
-fn mean(colours: &[Option<Rgb>], mask: u8, _: Option<Rgb>) -> Option<Rgb> {
-    let (sum, n) = in_mask(colours, mask).fold(((0u32, 0u32, 0u32), 0u32), |((r, g, b), n), c| {
-        ((r + u32::from(c.0), g + u32::from(c.1), b + u32::from(c.2)), n + 1)
-    });
-    (n > 0).then(|| ((sum.0 / n) as u8, (sum.1 / n) as u8, (sum.2 / n) as u8))
-}
-
-/// Returns the most frequent of the colours in `mask`, preferably the `typical` one: with few
-/// colours, a mean of two kinds of ground may look like a third.
-fn most_frequent(colours: &[Option<Rgb>], mask: u8, typical: Option<Rgb>) -> Option<Rgb> {
-    let own = in_mask(colours, mask);
-    let count = |colour: &Rgb| own.clone().filter(|other| other == colour).count();
-    own.clone().max_by_key(|colour| (count(colour), Some(*colour) == typical))
-}
-
-/// Returns whether a dot pattern, which has gaps, looks better with front and back swapped: the
-/// back should be the colour of most dots or, in a tie, the one that is not `thin`.
-fn is_inside_out(mask: u8, thin: u8) -> bool {
-    let count = |mask: u8| mask.count_ones();
-    count(mask) > 4 && mask != u8::MAX
-        || count(mask) == 4 && count(thin & !mask) > count(thin & mask)
-}
-
-/// Returns the character with the parts in `mask` in front: row by row, bit 0 at the upper left.
-fn glyph(marker: Marker, mask: u8) -> char {
-    const QUADRANTS: [char; 16] = [
-        ' ', '\u{2598}', '\u{259d}', '\u{2580}', '\u{2596}', '\u{258c}', '\u{259e}', '\u{259b}',
-        '\u{2597}', '\u{259a}', '\u{2590}', '\u{259c}', '\u{2584}', '\u{2599}', '\u{259f}',
-        '\u{2588}',
-    ];
-    match marker {
-        Marker::Auto | Marker::Pixels | Marker::HalfBlock => {
-            [' ', '\u{2580}', '\u{2584}', '\u{2588}'][usize::from(mask & 3)]
-        }
-        Marker::Quadrant => QUADRANTS[usize::from(mask & 15)],
-        Marker::Braille => {
-            // Unicode numbers the dots of the left column first, and the bottom row last.
-            const DOTS: [u32; 8] = [0x01, 0x08, 0x02, 0x10, 0x04, 0x20, 0x40, 0x80];
-            let dots: u32 = (0..8).filter(|i| mask >> i & 1 == 1).map(|i| DOTS[i]).sum();
-            char::from_u32(0x2800 + dots).unwrap_or(' ')
+        let aspect = self.aspect();
+        let (columns, rows) = self.raster.pixels;
+        let pieces: Vec<[f32; 2]> =
+            positions_along(ends, (longer / PIECE).ceil().clamp(1.0, 1e4) as usize).collect();
+        let span = |a: f32, b: f32, radius: f32, count: usize| {
+            let (low, high) = (a.min(b) - radius - 0.5, a.max(b) + radius + 1.5);
+            (low.max(0.0) as usize).min(count)..(high.max(0.0) as usize).min(count)
+        };
+        for ends in pieces.windows(2) {
+            let ([x, y], end) = (ends[0], ends[1]);
+            let along = [aspect * (end[0] - x), end[1] - y];
+            let squared = along[0] * along[0] + along[1] * along[1];
+            for row in span(y, end[1], radius, rows) {
+                for column in span(x, end[0], radius / aspect, columns) {
+                    let at = [aspect * (column as f32 + 0.5 - x), row as f32 + 0.5 - y];
+                    let share = if squared > 0.0 {
+                        ((at[0] * along[0] + at[1] * along[1]) / squared).clamp(0.0, 1.0)
+                    } else {
+                        0.0
+                    };
+                    let off = (at[0] - share * along[0]).hypot(at[1] - share * along[1]);
+                    let covered = if self.is_fine {
+                        (255.0 * (radius + 0.5 - off).clamp(0.0, 1.0)) as u8
+                    } else {
+                        u8::from(off <= radius) * u8::MAX
+                    };
+                    if covered > 0 {
+                        self.cover(row * columns + column, covered);
+                    }
+                }
+            }
         }
     }
+
+    /// Paints what has been covered.
+    fn apply(&mut self, ink: Ink) {
+        for i in std::mem::take(&mut self.touched) {
+            let share = ink.share * f32::from(std::mem::take(&mut self.cover[i])) / 255.0;
+            if ink.on_floor && self.grounds[i] == Ground::Wall {
+                continue;
+            }
+            let ground = self.pixels[i].into();
+            let rgb = ink.rgb.unwrap_or_else(|| contour(contour(ground)));
+            self.pixels[i] = blend(ground, rgb, share).into();
+            if !self.is_fine {
+                self.marks[i] = ink.mark.unwrap_or(self.marks[i]);
+                self.changed.push(i);
+                if share >= SOLID {
+                    self.solid.push(i);
+                }
+            }
+        }
+    }
+
+    /// Draws lines of a width in characters' heights, and at least a pixel; where several cross,
+    /// they are painted once.
+    pub fn lines(&mut self, lines: impl IntoIterator<Item = [[f32; 2]; 2]>, width: f32, ink: Ink) {
+        let radius = 0.5 * (width * self.unit()).max(1.0);
+        for ends in lines {
+            let ends = ends.map(|at| self.pixel(at));
+            self.trace(ends, radius);
+        }
+        self.apply(ink);
+    }
+
+    /// Draws a line from stop to stop.
+    pub fn line(&mut self, stops: &[[f32; 2]], width: f32, ink: Ink) {
+        self.lines(stops.windows(2).map(|ends| [ends[0], ends[1]]), width, ink);
+    }
+
+    /// Draws a line from stop to stop, with a shadow in pictures.
+    pub fn route(&mut self, stops: &[[f32; 2]], width: f32, ink: Ink) {
+        if self.is_fine {
+            let shadow = Ink { rgb: Some(SHADOW), share: 0.35 * ink.share, ..ink };
+            self.line(stops, width + 2.0 / self.unit(), shadow);
+        }
+        self.line(stops, width, ink);
+    }
+
+    /// Draws a disc, as characters a dot.
+    pub fn disc(&mut self, at: [f32; 2], radius: f32, ink: Ink) {
+        let radius = if self.is_fine { radius } else { 0.0 };
+        self.lines([[at; 2]], 2.0 * radius, ink);
+    }
+
+    pub fn agent(&mut self, at: [f32; 2], radius: f32, ink: Ink) {
+        if self.is_fine {
+            let shadow = Ink { rgb: Some(SHADOW), share: 0.7, ..ink };
+            self.disc(at, radius + 1.2 / self.unit(), shadow);
+        }
+        self.disc(at, radius, ink);
+    }
+
+    /// Paints every pixel in the colour of its position.
+    pub fn fill(&mut self, colour: impl Fn([f32; 2]) -> [u8; 3]) {
+        for i in 0..self.pixels.len() {
+            self.pixels[i] = colour(self.raster.middle_of(i));
+        }
+        let light = |rgb: &[u8; 3]| lightness((*rgb).into());
+        let marks = self.pixels.iter().map(|rgb| shade(1.0 - light(rgb)));
+        self.marks = if self.is_fine { Vec::new() } else { marks.collect() };
+        self.grounds = Arc::new(vec![Ground::Floor; self.pixels.len()]);
+    }
+
+    /// Fills the pixels whose middles lie in a rectangle, from its upper left corner to the lower
+    /// right one.
+    pub fn rectangle(&mut self, corners: [[f32; 2]; 2], ink: Ink) {
+        let [from, to] =
+            corners.map(|at| self.pixel(at).map(|along| (along + 0.5).max(0.0) as usize));
+        let (columns, rows) = self.raster.pixels;
+        for row in from[1]..to[1].min(rows) {
+            (from[0]..to[0].min(columns)).for_each(|x| self.cover(row * columns + x, u8::MAX));
+        }
+        self.apply(ink);
+    }
+
+    /// Fills a cell, and at least the pixel of its middle.
+    pub fn cell(&mut self, cell: Cell, ink: Ink) {
+        if let Some(i) = self.index(self.pixel(cell.centre())) {
+            self.cover(i, u8::MAX);
+        }
+        let [x, y] = [cell.x, cell.y].map(|at| at as f32);
+        self.rectangle([[x, y], [x + 1.0, y + 1.0]], ink);
+    }
+
+    /// Draws a letter on a ground of its own: in pictures on a disc of this radius.
+    pub fn letter(&mut self, at: [f32; 2], letter: char, rgb: Rgb, radius: f32) {
+        if !self.is_fine {
+            return self.signs.push(Sign::Letter(at, letter, rgb));
+        }
+        let letters = Ink::new(ink(rgb), 0.8, letter);
+        self.disc(at, radius + 1.5 / self.unit(), letters);
+        self.disc(at, radius, Ink::new(rgb, 1.0, letter));
+        let (at, height) = (self.pixel(at), 1.3 * radius * self.unit() / CAPITAL_SHARE);
+        self.text(&letter.to_string(), at, height, 0.0, true, Ink { share: 1.0, ..letters });
+    }
+
+    /// Draws a sign on the existing ground, by default in a colour that is readable there.
+    pub fn symbol(&mut self, at: [f32; 2], symbol: char, rgb: Option<Rgb>) {
+        if !self.is_fine {
+            return self.signs.push(Sign::Symbol(at, symbol, rgb));
+        }
+        let ink = Ink::new(rgb.unwrap_or(ink(self.colour(at))), 1.0, symbol);
+        self.text(&symbol.to_string(), self.pixel(at), 0.8 * self.unit(), 0.0, true, ink);
+    }
+
+    /// Draws a flag whose pole stands at a position, or `symbol` as a character.
+    pub fn flag(&mut self, at: [f32; 2], symbol: char, rgb: Rgb) {
+        if !self.is_fine {
+            return self.symbol(at, symbol, Some(rgb));
+        }
+        let (unit, [x, y]) = (self.unit(), self.pixel(at));
+        for (more, ink) in [(1.0, Ink::new(SHADOW, 0.6, symbol)), (0.0, Ink::new(rgb, 1.0, symbol))]
+        {
+            self.trace([[x, y], [x, y - 0.8 * unit]], 0.04 * unit + more);
+            for n in 0..=8 {
+                let from = [x, y - unit * (0.4 + 0.05 * n as f32)];
+                self.trace([from, [x + 0.5 * unit, y - 0.6 * unit]], 0.03 * unit + more);
+            }
+            self.apply(ink);
+        }
+    }
+
+    /// Draws an arrow around a position, or a dot if it is short.
+    pub fn arrow(&mut self, at: [f32; 2], [x, y]: [f32; 2]) {
+        const ARROWS: [char; 8] = [
+            '\u{2192}', '\u{2198}', '\u{2193}', '\u{2199}', '\u{2190}', '\u{2196}', '\u{2191}',
+            '\u{2197}',
+        ];
+        let is_short = x.abs().max(y.abs()) < 0.1;
+        if !self.is_fine {
+            let eighth = (y.atan2(x) / std::f32::consts::FRAC_PI_4).round() as i32;
+            let arrow = ARROWS[eighth.rem_euclid(8) as usize];
+            return self.symbol(at, if is_short { '\u{b7}' } else { arrow }, None);
+        }
+        let ink = Ink::new(ink(self.colour(at)), 0.7, ' ');
+        let (at, unit, length) = (self.pixel(at), self.unit(), x.hypot(y).max(f32::MIN_POSITIVE));
+        let (x, y) = (x / length, y / length);
+        let along = |by: f32, aside: f32| {
+            [at[0] + unit * (by * x - aside * y), at[1] + unit * (by * y + aside * x)]
+        };
+        if is_short {
+            self.trace([at; 2], 0.08 * unit);
+        } else {
+            self.trace([along(-0.55, 0.0), along(0.5, 0.0)], 0.04 * unit);
+            for side in [-0.22, 0.22] {
+                self.trace([along(0.55, 0.0), along(0.2, side)], 0.06 * unit);
+            }
+        }
+        self.apply(ink);
+    }
+
+    pub fn cursor(&mut self, at: [f32; 2], rgb: Rgb) {
+        if !self.is_fine {
+            return self.letter(at, '+', rgb, 0.0);
+        }
+        let ([x, y], unit) = (self.pixel(at), self.unit());
+        for (more, ink) in [(1.0, Ink::new(SHADOW, 0.6, '+')), (0.0, Ink::new(rgb, 1.0, '+'))] {
+            for [dx, dy] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
+                let ends = [0.15, 0.6].map(|by| [x + by * unit * dx, y + by * unit * dy]);
+                self.trace(ends, 0.05 * unit + more);
+            }
+            self.apply(ink);
+        }
+    }
+
+    /// Draws contour lines through points in pixels, in colours that are visible on their ground.
+    pub fn contours(&mut self, lines: &[&[[f32; 2]]], width: f32, theme: &Theme) {
+        let radius = 0.5 * (width * self.unit()).max(1.0);
+        for points in lines {
+            if self.is_fine {
+                points.windows(2).for_each(|ends| self.trace([ends[0], ends[1]], radius));
+            } else {
+                points.iter().for_each(|at| self.trace([*at; 2], radius));
+            }
+        }
+        let (columns, count) = (self.columns(), self.pixels.len());
+        let line = |i: usize, canvas: &Self| {
+            let beside = [i.wrapping_sub(1), i + 1, i.wrapping_sub(columns), i + columns];
+            let beside = beside.into_iter().filter(|other| !canvas.is_fine && *other < count);
+            let beside = beside.filter(|other| canvas.grounds[*other] != Ground::Outside);
+            let beside: Vec<Rgb> = beside.map(|other| canvas.pixels[other].into()).collect();
+            let ground = canvas.pixels[i].into();
+            let share = f32::from(canvas.cover[i]) / 255.0;
+            (i, blend(ground, theme.contour(ground, &beside), share))
+        };
+        let touched = std::mem::take(&mut self.touched);
+        // Chosen before any is drawn: beside a line is ground.
+        let floor = touched.iter().copied().filter(|i| self.grounds[*i] != Ground::Wall);
+        let drawn: Vec<(usize, Rgb)> = floor.map(|i| line(i, self)).collect();
+        for (i, rgb) in drawn {
+            self.pixels[i] = rgb.into();
+            if !self.is_fine {
+                self.thin[i] = true;
+            }
+        }
+        touched.into_iter().for_each(|i| self.cover[i] = 0);
+    }
+
+    /// Writes the values of contour lines.
+    pub fn label(&mut self, label: &Label) {
+        if !self.is_fine {
+            return self.signs.push(Sign::Label(label.clone()));
+        }
+        let ground = self.index(label.middle).map_or((0, 0, 0), |i| self.pixels[i].into());
+        let ink = Ink::new(ink(ground), 0.9, ' ');
+        self.text(&label.text, label.middle, label.size[1], label.angle(), false, ink);
+    }
+
+    /// Writes a line of text around a point in pixels, `height` pixels high, rotated clockwise by an
+    /// angle in rad.
+    fn text(
+        &mut self,
+        text: &str,
+        [x, y]: [f32; 2],
+        height: f32,
+        angle: f32,
+        is_bold: bool,
+        ink: Ink,
+    ) {
+        let [width, rows] = text_size(text, is_bold);
+        let mut written = vec![0.0; width * rows];
+        paint_text(text, is_bold, |TextPixel { column, row, coverage }| {
+            written[row * width + column] = f32::from(coverage);
+        });
+        let at = |column: i32, row: i32| {
+            let inside = (0..width as i32).contains(&column) && (0..rows as i32).contains(&row);
+            if inside { written[row as usize * width + column as usize] } else { 0.0 }
+        };
+        let (scale, (sin, cos)) = (rows as f32 / height, angle.sin_cos());
+        let reach = 0.5 * (width as f32).hypot(rows as f32) / scale + 1.0;
+        let (columns, all) = self.raster.pixels;
+        let span = |at: f32, count: usize| {
+            ((at - reach).max(0.0) as usize).min(count)..((at + reach).max(0.0) as usize).min(count)
+        };
+        for row in span(y, all) {
+            for column in span(x, columns) {
+                let (right, down) = (column as f32 + 0.5 - x, row as f32 + 0.5 - y);
+                let u = scale * (cos * right + sin * down) + 0.5 * width as f32 - 0.5;
+                let v = scale * (cos * down - sin * right) + 0.5 * rows as f32 - 0.5;
+                let (left, top) = (u.floor(), v.floor());
+                let (by, below, left, top) = (u - left, v - top, left as i32, top as i32);
+                let mix = |row: i32| at(left, row) * (1.0 - by) + at(left + 1, row) * by;
+                let share = mix(top) * (1.0 - below) + mix(top + 1) * below;
+                if share >= 1.0 {
+                    self.cover(row * columns + column, share as u8);
+                }
+            }
+        }
+        self.apply(ink);
+    }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn two_pixels_keep_their_colours() {
-        let (a, b) = ((10, 20, 30), (200, 100, 0));
-        let (mask, front, back) = two_colours(&[Some(a), Some(b)], mean);
-        assert_eq!((mask, front, back), (1, Some(a), Some(b)));
-        assert_eq!(glyph(Marker::HalfBlock, mask), '\u{2580}');
-        assert_eq!(two_colours(&[Some(a), Some(a)], mean), (3, Some(a), Some(a)));
-        assert_eq!(two_colours(&[Some(a), None], mean), (1, Some(a), None));
-        assert_eq!(two_colours(&[None, None], mean), (0, None, None));
-        assert_eq!(glyph(Marker::Braille, 0b1100_0001), '\u{28c1}');
-    }
+/// Returns the length of `text` in pixels if it is `height` pixels high.
+pub fn text_width(text: &str, height: f32) -> f32 {
+    let [columns, rows] = text_size(text, false);
+    height / rows as f32 * columns as f32
 }

@@ -2,44 +2,88 @@
 
 use ratatui::layout::Rect;
 
-use super::canvas::Canvas;
-use super::raster::MapFrame;
-use super::theme::{Rgb, Theme};
-use gdg::draw::{ContourLine, contour_interval, contour_lines};
+use super::canvas::{Canvas, Ground, text_width};
+use super::theme::Theme;
+use gdg::draw::{contour_interval, contour_paths};
 
-/// Minimum average distance between lines, in pixels.
-pub const SPACING: f32 = 6.0;
-
-/// Minimum characters between two labels, across and down, and between two of the same level.
-const LABEL_SPACING: (u16, u16) = (4, 2);
-const SAME_LEVEL_SPACING: (u16, u16) = (24, 8);
-
-/// A label covers at most this share of its line.
-const MAX_COVERED_SHARE: f32 = 0.7;
-
-/// The value of a contour line, written in a gap of it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Label {
-    /// The characters it covers, in one row.
-    pub area: Rect,
-    /// The text.
-    pub text: String,
-}
-
-impl Label {
-    /// Returns the pixels that it covers.
-    pub fn pixels(&self, map_frame: &MapFrame) -> impl Iterator<Item = usize> + use<> {
-        pixels_of(self.area, map_frame)
-    }
-}
+/// Minimum average distance between lines, in pixels of the field: as characters, and in pictures.
+const SPACING: f32 = 6.0;
+const PICTURE_SPACING: f32 = 3.0;
 
 /// Relative deviation from that distance before the interval changes, so that it does not flip back
 /// and forth as the field changes.
 const TOLERANCE: f32 = 0.15;
 
-/// Returns the common contour interval of `fields`, each with the length of its rows, for lines
-/// that are on average at least `apart` pixels apart; `before` if that is nearly right.
-pub fn interval(fields: &[(&[f32], usize)], apart: f32, before: Option<f32>) -> Option<f32> {
+/// Width of a line, and height of a label in a picture, as shares of a character's height.
+const WIDTH: f32 = 0.07;
+const LABEL_HEIGHT: f32 = 0.75;
+
+/// A gap in a picture exceeds its label by this share of the label's height.
+const MARGIN: f32 = 0.4;
+
+/// Minimum distance of two labels, and of two of the same level, in characters' heights.
+const LABEL_SPACING: f32 = 2.5;
+const SAME_LEVEL_SPACING: f32 = 12.0;
+
+/// A label covers at most this share of its line.
+const MAX_COVERED_SHARE: f32 = 0.6;
+
+/// Minimum straightness of a line at a label in a picture: the distance between its ends over its
+/// length there.
+const LEAST_STRAIGHTNESS: f32 = 0.97;
+
+/// The distance of neighbouring points of a line in a picture, in pixels.
+const STEP: f32 = 3.0;
+
+/// Values beside a wall are continued into it if they differ by at most this many intervals:
+/// otherwise they belong to different sides of it.
+const MAX_JUMP: f32 = 1.5;
+
+/// The value of a contour line, written in a gap of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Label {
+    pub text: String,
+    /// Its middle, width and height in pixels.
+    pub middle: [f32; 2],
+    pub size: [f32; 2],
+    /// Its direction: to the right in characters.
+    along: [f32; 2],
+    /// The characters that it covers, unless it is in a picture.
+    pub area: Rect,
+}
+
+impl Label {
+    /// Returns the angle of the text, clockwise in rad; it is never upside down.
+    pub fn angle(&self) -> f32 {
+        let [x, y] = self.along;
+        if x < 0.0 { (-y).atan2(-x) } else { y.atan2(x) }
+    }
+
+    /// Returns whether a point in pixels lies in the gap.
+    fn contains(&self, at: [f32; 2]) -> bool {
+        let ([x, y], [across, down]) =
+            ([at[0] - self.middle[0], at[1] - self.middle[1]], self.along);
+        2.0 * (x * across + y * down).abs() < self.size[0]
+            && 2.0 * (y * across - x * down).abs() < self.size[1]
+    }
+
+    /// Returns the points within, about a pixel of the field apart.
+    fn points(&self, apart: f32) -> impl Iterator<Item = [f32; 2]> {
+        let counts = self.size.map(|side| (side / apart).ceil().max(1.0) as usize);
+        let at = move |i: usize, n: usize, side: f32| side * ((i as f32 + 0.5) / n as f32 - 0.5);
+        (0..counts[0] * counts[1]).map(move |i| {
+            let by = at(i % counts[0], counts[0], self.size[0]);
+            let aside = at(i / counts[0], counts[1], self.size[1]);
+            let ([x, y], [dx, dy]) = (self.middle, self.along);
+            [x + by * dx - aside * dy, y + by * dy + aside * dx]
+        })
+    }
+}
+
+/// Returns the common interval of the lines of `fields`, each with the length of its rows; `before`
+/// if that is nearly right.
+pub fn interval(fields: &[(&[f32], usize)], is_fine: bool, before: Option<f32>) -> Option<f32> {
+    let apart = if is_fine { PICTURE_SPACING } else { SPACING };
     let with = |spacing: f32| {
         fields
             .iter()
@@ -51,100 +95,196 @@ pub fn interval(fields: &[(&[f32], usize)], apart: f32, before: Option<f32>) -> 
     if same { before } else { with(apart) }
 }
 
-/// Draws the lines of `field` at the multiples of `interval`, with gaps for the labels that it
-/// returns: as near to the pixel at column and row `near` as there is room, where they move least
-/// as the field changes.
+/// Draws the lines of `field`, which has rows of `columns` values all over the canvas, at the
+/// multiples of `interval`, with gaps for the labels that it returns: as near to `near`, in pixels,
+/// as there is room, where they move least as the field changes.
 pub fn draw(
     canvas: &mut Canvas,
-    map_frame: &MapFrame,
-    field: &[f32],
+    (field, columns): (&[f32], usize),
     interval: f32,
-    near: (usize, usize),
+    near: [f32; 2],
     theme: &Theme,
 ) -> Vec<Label> {
-    let lines = contour_lines(field, canvas.columns(), interval);
-    let labels = place_labels(&lines, map_frame, field, near);
-    let mut in_gap = vec![false; canvas.len()];
-    labels.iter().flat_map(|label| label.pixels(map_frame)).for_each(|i| in_gap[i] = true);
-    let drawn = lines.iter().flat_map(|line| &line.pixels).copied().filter(|i| !in_gap[*i]);
-    // Chosen before any is drawn: beside a line is ground.
-    let line = |i: usize| {
-        let (columns, len) = (canvas.columns(), canvas.len());
-        let beside = [i.wrapping_sub(1), i + 1, i.wrapping_sub(columns), i + columns];
-        let beside = beside.into_iter().filter(|other| *other < len);
-        let beside: Vec<Rgb> = beside.filter_map(|other| canvas.colour(other)).collect();
-        (i, canvas.colour(i).map(|ground| theme.contour(ground, &beside)))
+    let rows = (field.len() / columns).max(1);
+    let pixel = [
+        canvas.raster.pixels.0 as f32 / columns as f32,
+        canvas.raster.pixels.1 as f32 / rows as f32,
+    ];
+    let paths = if canvas.is_fine {
+        contour_paths(
+            &continued_into_walls(canvas, field, columns, pixel, interval),
+            columns,
+            interval,
+        )
+    } else {
+        contour_paths(field, columns, interval)
     };
-    let drawn: Vec<(usize, Option<Rgb>)> = drawn.map(line).collect();
-    drawn.into_iter().for_each(|(i, line)| canvas.set_thin(i, line));
-    labels
-}
-
-/// Places labels where their characters show nothing but known values and their own line.
-fn place_labels(
-    lines: &[ContourLine],
-    map_frame: &MapFrame,
-    field: &[f32],
-    (column, row): (usize, usize),
-) -> Vec<Label> {
-    let columns = map_frame.raster.pixels.0;
-    // The number of the line at each pixel, counted from 1; 0 if there is none.
+    // The number of the line at each value, counted from 1; 0 if there is none.
     let mut line_at = vec![0; field.len()];
-    for (n, line) in lines.iter().enumerate() {
-        line.pixels.iter().for_each(|i| line_at[*i] = n + 1);
+    let mut lines: Vec<(f32, Vec<[f32; 2]>)> = Vec::new();
+    for (n, path) in paths.iter().enumerate() {
+        let passed = path.pixels(columns);
+        passed.iter().for_each(|i| line_at[*i] = n + 1);
+        let points = if canvas.is_fine {
+            smooth(path.points.iter().map(|at| [at[0] * pixel[0], at[1] * pixel[1]]).collect())
+        } else {
+            passed
+                .iter()
+                .map(|i| [(i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5])
+                .collect()
+        };
+        lines.push((path.level, points));
     }
-    let off = |i: usize| (i % columns).abs_diff(column).pow(2) + (i / columns).abs_diff(row).pow(2);
     let mut longest_first: Vec<usize> = (0..lines.len()).collect();
-    longest_first.sort_by_key(|n| std::cmp::Reverse(lines[*n].pixels.len()));
+    longest_first.sort_by_key(|n| std::cmp::Reverse(paths[*n].points.len()));
     let mut labels: Vec<Label> = Vec::new();
     for n in longest_first {
-        let line = &lines[n];
-        let text = format!("{:.0}", line.level);
-        let mut places = line.pixels.clone();
-        places.sort_by_key(|i| off(*i));
-        let mut areas =
-            places.into_iter().filter_map(|i| area_around(i, text.len() as u16, map_frame));
-        let most_covered = (MAX_COVERED_SHARE * line.pixels.len() as f32) as usize;
-        let has_room = |area: &Rect| {
-            let free = |i: usize| field[i].is_finite() && [0, n + 1].contains(&line_at[i]);
-            let covered = pixels_of(*area, map_frame).filter(|i| line_at[*i] == n + 1).count();
-            covered <= most_covered
-                && labels.iter().all(|other| {
-                    let spacing =
-                        if other.text == text { SAME_LEVEL_SPACING } else { LABEL_SPACING };
-                    !with_margins(*area, spacing).intersects(other.area)
-                })
-                && pixels_of(*area, map_frame).all(free)
+        let (level, points) = &lines[n];
+        let is_free = |at: [f32; 2]| {
+            let [x, y] = [at[0] / pixel[0], at[1] / pixel[1]];
+            let inside = x >= 0.0 && y >= 0.0 && (x as usize) < columns && (y as usize) < rows;
+            inside && {
+                let i = y as usize * columns + x as usize;
+                field[i].is_finite() && [0, n + 1].contains(&line_at[i])
+            }
         };
-        if let Some(area) = areas.find(has_room) {
-            labels.push(Label { area, text });
-        }
+        let apart = pixel[0].min(pixel[1]);
+        let label = place(canvas, &format!("{level:.0}"), points, near, |label| {
+            let covered = points.iter().filter(|at| label.contains(**at)).count();
+            covered as f32 <= MAX_COVERED_SHARE * points.len() as f32
+                && labels.iter().all(|other| are_apart(label, other, canvas))
+                && label.points(apart).all(is_free)
+        });
+        labels.extend(label);
     }
+    // All but the gaps.
+    let in_gap = |at: &[f32; 2]| labels.iter().any(|label| label.contains(*at));
+    let pieces: Vec<&[[f32; 2]]> = lines
+        .iter()
+        .flat_map(|(_, points)| points.chunk_by(|a, b| in_gap(a) == in_gap(b)))
+        .filter(|piece| !in_gap(&piece[0]))
+        .collect();
+    canvas.contours(&pieces, WIDTH, theme);
     labels
 }
 
-/// Returns the `width` characters around the one that shows pixel `i`, if all of them are in the
-/// frame.
-fn area_around(i: usize, width: u16, map_frame: &MapFrame) -> Option<Rect> {
-    let columns = map_frame.raster.pixels.0;
-    let (across, down) = map_frame.marker.pixels();
-    let [column, row] = [i % columns / across, i / columns / down].map(|at| at as u16);
-    let left = column.checked_sub(width / 2).filter(|left| left + width <= map_frame.area.width)?;
-    Some(Rect::new(map_frame.area.x + left, map_frame.area.y + row, width, 1))
+/// Returns whether two labels are far enough from each other.
+fn are_apart(label: &Label, other: &Label, canvas: &Canvas) -> bool {
+    let least = if label.text == other.text { SAME_LEVEL_SPACING } else { LABEL_SPACING };
+    let [across, down] = [0, 1].map(|axis| (label.middle[axis] - other.middle[axis]).abs());
+    // In characters' heights, which are twice their widths.
+    let (width, height) = canvas.character;
+    (across / (2 * width) as f32).hypot(down / height as f32) >= least
 }
 
-fn with_margins(area: Rect, (across, down): (u16, u16)) -> Rect {
-    let (x, y) = (area.x.saturating_sub(across), area.y.saturating_sub(down));
-    Rect::new(x, y, area.right() + across - x, area.bottom() + down - y)
+/// Finds a place for a label on a line through `points`: the one nearest to `near` that `has_room`.
+fn place(
+    canvas: &Canvas,
+    text: &str,
+    points: &[[f32; 2]],
+    near: [f32; 2],
+    has_room: impl Fn(&Label) -> bool,
+) -> Option<Label> {
+    let (width, height) = canvas.character;
+    let off = |n: &usize| (points[*n][0] - near[0]).hypot(points[*n][1] - near[1]);
+    let mut places: Vec<usize> = (0..points.len()).collect();
+    places.sort_by(|a, b| off(a).total_cmp(&off(b)));
+    let (text, mut tried) = (text.to_owned(), None);
+    places.into_iter().find_map(|n| {
+        let label = if canvas.is_fine {
+            let high = LABEL_HEIGHT * height as f32;
+            let size = [text_width(&text, high) + MARGIN * high, high];
+            let half = (0.5 * size[0] / STEP).ceil() as usize;
+            let ends = [*points.get(n.checked_sub(half)?)?, *points.get(n + half)?];
+            let [x, y] = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
+            let long = x.hypot(y);
+            let is_straight = long >= LEAST_STRAIGHTNESS * STEP * (2 * half) as f32;
+            let middle = [0.5 * (ends[0][0] + ends[1][0]), 0.5 * (ends[0][1] + ends[1][1])];
+            let along = [x / long, y / long];
+            let text = text.clone();
+            (is_straight && off(&n) >= size[0]).then(|| Label {
+                text,
+                middle,
+                size,
+                along,
+                area: Rect::default(),
+            })?
+        } else {
+            let [column, row] = [points[n][0] as usize / width, points[n][1] as usize / height];
+            let count = text.len();
+            let frame = canvas.frame.area;
+            let left = column.checked_sub(count / 2)?;
+            if left + count > usize::from(frame.width)
+                || tried.replace((left, row)) == Some((left, row))
+            {
+                return None;
+            }
+            let area = Rect::new(frame.x + left as u16, frame.y + row as u16, count as u16, 1);
+            let size = [(count * width) as f32, height as f32];
+            let middle =
+                [(left * width) as f32 + 0.5 * size[0], (row as f32 + 0.5) * height as f32];
+            Label { text: text.clone(), middle, size, along: [1.0, 0.0], area }
+        };
+        has_room(&label).then_some(label)
+    })
 }
 
-/// Returns the pixels that the characters of `area` show.
-fn pixels_of(area: Rect, map_frame: &MapFrame) -> impl Iterator<Item = usize> + use<> {
-    let columns = map_frame.raster.pixels.0;
-    let (across, down) = map_frame.marker.pixels();
-    let [left, right] =
-        [area.left(), area.right()].map(|x| usize::from(x - map_frame.area.x) * across);
-    let [top, bottom] =
-        [area.top(), area.bottom()].map(|y| usize::from(y - map_frame.area.y) * down);
-    (top..bottom).flat_map(move |row| (left..right).map(move |column| row * columns + column))
+/// Returns a line without its corners, as points that are [`STEP`] apart.
+fn smooth(mut points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
+    let between = |a: [f32; 2], b: [f32; 2], share: f32| {
+        [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
+    };
+    // Chaikin's algorithm cuts corners.
+    for _ in 0..2 {
+        let (Some(first), Some(last)) = (points.first(), points.last()) else { return points };
+        let cut = points
+            .windows(2)
+            .flat_map(|ends| [0.25, 0.75].map(|share| between(ends[0], ends[1], share)));
+        points = [*first].into_iter().chain(cut).chain([*last]).collect();
+    }
+    let mut even: Vec<[f32; 2]> = points.first().copied().into_iter().collect();
+    let mut left = STEP;
+    for ends in points.windows(2) {
+        let length = (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]);
+        let mut at = left;
+        while at <= length {
+            even.push(between(ends[0], ends[1], at / length));
+            at += STEP;
+        }
+        left = at - length;
+    }
+    even.extend(points.last());
+    even
+}
+
+/// Continues the field by one value into walls, so that lines reach them.
+fn continued_into_walls(
+    canvas: &Canvas,
+    field: &[f32],
+    columns: usize,
+    pixel: [f32; 2],
+    interval: f32,
+) -> Vec<f32> {
+    let mut continued = field.to_vec();
+    for (i, value) in continued.iter_mut().enumerate().filter(|(_, value)| !value.is_finite()) {
+        let (x, y) = (i % columns, i / columns);
+        let middle = [(x as f32 + 0.5) * pixel[0], (y as f32 + 0.5) * pixel[1]];
+        let shown = middle[1] as usize * canvas.columns() + middle[0] as usize;
+        if canvas.grounds.get(shown) == Some(&Ground::Floor) {
+            continue;
+        }
+        let around = (y.saturating_sub(1)..=y + 1)
+            .flat_map(|y| (x.saturating_sub(1)..=x + 1).map(move |x| (x, y)));
+        let known =
+            around.filter(|(x, _)| *x < columns).filter_map(|(x, y)| field.get(y * columns + x));
+        let (mut least, mut most, mut sum, mut count) =
+            (f32::INFINITY, f32::NEG_INFINITY, 0.0, 0.0);
+        for own in known.filter(|own| own.is_finite()) {
+            (least, most, sum, count) = (least.min(*own), most.max(*own), sum + own, count + 1.0);
+        }
+        if count > 0.0 && most - least <= MAX_JUMP * interval {
+            *value = sum / count;
+        }
+    }
+    continued
 }

@@ -18,7 +18,6 @@ mod sixel;
 use ratatui::buffer::Cell;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Style};
-use tiny_skia::Pixmap;
 
 use crate::tui::marker::Marker;
 use gdg::text::obeys_escapes;
@@ -38,7 +37,6 @@ pub enum Protocol {
 /// A terminal's graphics capabilities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Graphics {
-    /// The protocol.
     pub protocol: Protocol,
     /// Width and height of a character in pixels.
     pub character: (u16, u16),
@@ -81,8 +79,10 @@ pub fn is_worth_asking(marker: Marker, variable: impl Fn(&str) -> Option<String>
 pub struct Picture {
     /// The characters it covers.
     pub area: Rect,
-    /// Its pixels, all opaque, a whole number per character.
-    pub pixmap: Pixmap,
+    /// Columns of pixels: a whole number per character.
+    pub columns: usize,
+    /// Red, green and blue, row by row.
+    pub pixels: Vec<[u8; 3]>,
 }
 
 /// How much of the pictures a frame redraws.
@@ -93,7 +93,6 @@ pub enum Redraw {
     All,
     /// Moving parts, over a ground that may be a few seconds old.
     Moving,
-    /// Nothing.
     Nothing,
 }
 

@@ -9,7 +9,6 @@ use ratatui::text::{Line, Span};
 use super::action::Action;
 use super::projection::Projection;
 use super::raster::MapFrame;
-use super::slice::ShownSlice;
 use super::text::fitted_line;
 
 /// The effect of a click.
@@ -31,11 +30,9 @@ pub struct ScreenLayout {
     pub contour_interval: Option<f32>,
     /// The contour interval outside of a comparison.
     pub own_contour_interval: Option<f32>,
-    /// The components of a space of goals that are shown.
-    pub goals: Option<ShownSlice>,
     /// Width and height in pixels of the picture that a world may render, if it is shown.
     pub picture: Option<(usize, usize)>,
-    /// The projections of an arm.
+    /// The projections of a space of goals.
     pub projections: Vec<Projection>,
     /// The pane with the map and the line below it.
     pub map_pane: Rect,

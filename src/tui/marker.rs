@@ -22,7 +22,6 @@ pub enum Marker {
 }
 
 impl Marker {
-    /// All markers.
     pub const ALL: [Self; 5] =
         [Self::Auto, Self::Pixels, Self::HalfBlock, Self::Quadrant, Self::Braille];
 
@@ -34,6 +33,31 @@ impl Marker {
             Self::HalfBlock => "half-block",
             Self::Quadrant => "quadrant",
             Self::Braille => "braille",
+        }
+    }
+
+    /// Returns whether the map is drawn as a picture where the terminal shows pictures.
+    pub fn wants_pixels(self) -> bool {
+        matches!(self, Self::Auto | Self::Pixels)
+    }
+
+    /// Returns the marker to use where a cell has room for `scale` half blocks. Pictures
+    /// interpolate between as many values as it has pixels.
+    #[must_use]
+    pub fn resolved(self, scale: f32) -> Self {
+        match self {
+            Self::Auto | Self::Pixels if scale >= 0.95 => Self::HalfBlock,
+            Self::Auto | Self::Pixels => Self::Quadrant,
+            other => other,
+        }
+    }
+
+    /// Returns the columns and rows of pixels in a character.
+    pub fn pixels(self) -> (usize, usize) {
+        match self {
+            Self::Auto | Self::Pixels | Self::HalfBlock => (1, 2),
+            Self::Quadrant => (2, 2),
+            Self::Braille => (2, 4),
         }
     }
 }

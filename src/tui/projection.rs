@@ -1,5 +1,5 @@
-//! Parallel projections of an arm, and their placement on the screen. A direction to the right and
-//! one upwards define each.
+//! Parallel projections of spaces of goals, and their placement on the screen. A direction to the
+//! right and one upwards define each.
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 
@@ -8,7 +8,7 @@ use ratatui::layout::{Constraint, Layout, Position, Rect};
 use super::marker::Marker;
 use super::raster::MapFrame;
 use gdg::draw::Raster;
-use gdg::viewer::arm::Plane;
+use gdg::viewer::space::Plane;
 
 /// The region shown without zoom, in metres: arm, table and goals.
 const WORKSPACE: [[f32; 3]; 2] = [[0.62, 0.33, 0.3], [1.66, 1.17, 1.12]];
@@ -114,7 +114,6 @@ pub struct ShownAngles {
     pub angle: Angle,
     /// Whether it is shown alone even if there is room for others.
     pub alone: bool,
-    /// The direction of the free projection.
     pub orbit: Orbit,
     /// The part that all projections show.
     pub camera: Camera,
@@ -123,82 +122,99 @@ pub struct ShownAngles {
 /// A projection on the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Projection {
-    /// Where the eye is.
-    pub angle: Angle,
-    /// Its pixels, in metres to the right and downwards.
+    /// Where the eye is, unless two components of goals are shown.
+    pub angle: Option<Angle>,
+    /// Its pixels.
     pub frame: MapFrame,
     /// Directions and pixels for the viewer.
     pub plane: Plane,
 }
 
 impl Projection {
-    /// Fits what `camera` shows into `area`; `None` without room.
-    fn fit(area: Rect, angle: Angle, orbit: Orbit, camera: Camera, marker: Marker) -> Option<Self> {
-        if area.is_empty() {
-            return None;
-        }
-        let [across, up] = angle.orbit(orbit).axes();
+    /// Shows what is around `middle`, to the right and downwards in the plane's unit, in characters
+    /// whose width is 1 / `scale` of that.
+    fn around(
+        area: Rect,
+        angle: Option<Angle>,
+        [across, up]: [Vec<f32>; 2],
+        ([x, y], scale, stretch): ([f32; 2], f32, f32),
+        marker: Marker,
+    ) -> Self {
+        // A character is twice as high as wide.
+        let (width, height) = (f32::from(area.width) / scale, 2.0 * f32::from(area.height) / scale);
+        let marker = if marker.wants_pixels() { Marker::Quadrant } else { marker };
+        let (right, down) = marker.pixels();
+        let pixels = (usize::from(area.width) * right, usize::from(area.height) * down);
+        let raster = Raster { window: [x - width / 2.0, y - height / 2.0, width, height], pixels };
+        let plane = Plane { raster, across, up, stretch };
+        Self { angle, frame: MapFrame { area, raster, marker }, plane }
+    }
+
+    /// Fits what an arm's camera shows into `area`; `None` without room.
+    fn of_arm(area: Rect, angle: Angle, shown: &ShownAngles, marker: Marker) -> Option<Self> {
+        let (orbit, camera) = (shown.orbit, shown.camera);
+        let axes = angle.orbit(orbit).axes();
         let size = |direction: [f32; 3]| {
             (0..3).map(|i| (WORKSPACE[1][i] - WORKSPACE[0][i]) * direction[i].abs()).sum::<f32>()
         };
-        // A character is twice as high as wide.
         let (columns, rows) = (f32::from(area.width), f32::from(area.height));
         let share = if angle == Angle::Free { FREE_SHARE } else { 1.0 };
-        let scale = camera.zoom / share * (columns / size(across)).min(2.0 * rows / size(up));
-        let (width, height) = (columns / scale, 2.0 * rows / scale);
-        let marker = if marker.wants_pixels() { Marker::Quadrant } else { marker };
-        let per_character = marker.pixels();
-        let pixels =
-            (usize::from(area.width) * per_character.0, usize::from(area.height) * per_character.1);
-        let mut projection = Self {
-            angle,
-            frame: MapFrame { area, raster: Raster { window: [0.0; 4], pixels }, marker },
-            plane: Plane { raster: Raster { window: [0.0; 4], pixels }, across, up },
+        let scale = camera.zoom / share * (columns / size(axes[0])).min(2.0 * rows / size(axes[1]));
+        let [x, up] =
+            axes.map(|direction| (0..3).map(|i| camera.focus[i] * direction[i]).sum::<f32>());
+        let axes = axes.map(|direction| direction.to_vec());
+        let placed = ([x, -up], scale, 1.0);
+        (!area.is_empty()).then(|| Self::around(area, Some(angle), axes, placed, marker))
+    }
+
+    /// Fits `ranges` of the components `axes` of goals of `count` numbers, to the right and upwards,
+    /// into `area`: to scale for positions, otherwise filling it. Returns `None` without room.
+    pub fn of_components(
+        area: Rect,
+        (axes, count): ([usize; 2], usize),
+        ranges: [[f32; 2]; 2],
+        to_scale: bool,
+        marker: Marker,
+    ) -> Option<Self> {
+        if area.is_empty() {
+            return None;
+        }
+        let [across, up] = ranges.map(|[low, high]| high - low);
+        let (columns, rows) = (f32::from(area.width), 2.0 * f32::from(area.height));
+        let stretch = if to_scale { 1.0 } else { rows / columns * across / up };
+        let scale = (columns / across).min(rows / (stretch * up));
+        let side = |length: f32, most: u16| {
+            Constraint::Length(((length * scale).round() as u16).clamp(1, most))
         };
-        let [x, y] = projection.flat(camera.focus);
-        let raster = Raster { window: [x - width / 2.0, y - height / 2.0, width, height], pixels };
-        (projection.frame.raster, projection.plane.raster) = (raster, raster);
-        Some(projection)
+        let area = area.centered(side(across, area.width), side(stretch * up / 2.0, area.height));
+        let [x, y] = ranges.map(|[low, high]| f32::midpoint(low, high));
+        let unit = |axis: usize| (0..count).map(|i| f32::from(u8::from(i == axis))).collect();
+        // Goals of a single number are on a line.
+        let up = if axes[0] == axes[1] { vec![0.0; count] } else { unit(axes[1]) };
+        let placed = ([x, -stretch * y], scale, stretch);
+        Some(Self::around(area, None, [unit(axes[0]), up], placed, marker))
     }
 
-    /// Projects a point onto the screen, in metres to the right and downwards.
-    pub fn flat(&self, at: [f32; 3]) -> [f32; 2] {
-        let dot = |direction: [f32; 3]| (0..3).map(|i| at[i] * direction[i]).sum::<f32>();
-        [dot(self.plane.across), -dot(self.plane.up)]
-    }
-
-    /// Returns the point at a screen position, at the depth of `near`.
-    pub fn point_at(&self, at: Position, near: [f32; 3]) -> [f32; 3] {
+    /// Returns the place at a screen position, at the depth of `near`.
+    pub fn point_at(&self, at: Position, near: &[f32]) -> Vec<f32> {
         self.plane.point(self.frame.middle_of(at), near)
-    }
-
-    /// Returns the width and height of a pixel in metres.
-    pub fn pixel_size(&self) -> [f32; 2] {
-        let Raster { window: [_, _, width, height], pixels } = self.frame.raster;
-        [width / pixels.0 as f32, height / pixels.1 as f32]
     }
 }
 
-/// Returns whether `area` has room for all projections.
+/// Returns whether `area` has room for all projections of an arm.
 pub fn has_room(area: Rect) -> bool {
     area.width >= ALL_SIZE.0 && area.height >= ALL_SIZE.1
 }
 
-/// Places the projections: all of them in the quarters of `area`, or the chosen one alone.
+/// Places the projections of an arm: all of them in the quarters of `area`, or the chosen one alone.
 pub fn arrange(area: Rect, shown: &ShownAngles, marker: Marker) -> Vec<Projection> {
-    let fit =
-        |area: Rect, angle: Angle| Projection::fit(area, angle, shown.orbit, shown.camera, marker);
+    let fit = |area: Rect, angle: Angle| Projection::of_arm(area, angle, shown, marker);
     if shown.alone || !has_room(area) {
         return fit(area, shown.angle).into_iter().collect();
     }
     let halves = |area: Rect, layout: Layout| layout.spacing(1).areas::<2>(area);
-    let rows = halves(area, Layout::vertical([Constraint::Fill(1), Constraint::Fill(1)]));
-    let areas =
-        rows.map(|row| halves(row, Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)])));
-    areas
-        .into_iter()
-        .flatten()
-        .zip(Angle::ALL)
-        .filter_map(|(area, angle)| fit(area, angle))
-        .collect()
+    let rows = halves(area, Layout::vertical([Constraint::Fill(1); 2]));
+    let areas = rows.map(|row| halves(row, Layout::horizontal([Constraint::Fill(1); 2])));
+    let all = areas.into_iter().flatten().zip(Angle::ALL);
+    all.filter_map(|(area, angle)| fit(area, angle)).collect()
 }

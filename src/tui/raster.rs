@@ -9,33 +9,6 @@ use crate::tui::marker::Marker;
 /// Characters between two arrows, across and down.
 const ARROW_SPACING: (usize, usize) = (4, 2);
 
-impl Marker {
-    /// Returns whether the map is drawn as a picture where the terminal shows pictures.
-    pub fn wants_pixels(self) -> bool {
-        matches!(self, Self::Auto | Self::Pixels)
-    }
-
-    /// Returns the marker to use where a cell has room for `scale` half blocks. Pictures
-    /// interpolate between as many values as it has pixels.
-    #[must_use]
-    pub fn resolved(self, scale: f32) -> Self {
-        match self {
-            Self::Auto | Self::Pixels if scale >= 0.95 => Self::HalfBlock,
-            Self::Auto | Self::Pixels => Self::Quadrant,
-            other => other,
-        }
-    }
-
-    /// Returns the columns and rows of pixels in a character.
-    pub fn pixels(self) -> (usize, usize) {
-        match self {
-            Self::Auto | Self::Pixels | Self::HalfBlock => (1, 2),
-            Self::Quadrant => (2, 2),
-            Self::Braille => (2, 4),
-        }
-    }
-}
-
 /// The part of the map to show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewport {
@@ -54,11 +27,8 @@ impl Default for Viewport {
 /// Placement of the map on the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapFrame {
-    /// The characters it covers.
     pub area: Rect,
-    /// What its pixels show.
     pub raster: Raster,
-    /// The characters it is drawn with.
     pub marker: Marker,
 }
 
@@ -149,7 +119,6 @@ impl MapFrame {
         ys.flat_map(|y| xs.clone().map(move |x| Cell::new(x, y))).collect()
     }
 
-    /// Returns the cell at a screen position.
     pub fn cell_at(&self, at: Position, map: &Grid) -> Option<Cell> {
         if !self.area.contains(at) {
             return None;

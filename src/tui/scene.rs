@@ -1,12 +1,12 @@
-//! The kinds of worlds that the screen draws: a folder each, with its state, drawing and input
-//! handling. This file dispatches to them.
+//! The kinds of worlds that the screen draws, mazes and spaces of goals: state, drawing and input.
+//! Both are painted on a canvas: `ground` and what lies over it, `overlays`; `legend` has texts that
+//! they share.
 
-pub mod arm;
-pub mod goals;
+mod ground;
 mod legend;
 pub mod maze;
-mod scale;
-mod walk;
+mod overlays;
+mod space;
 
 use crossterm::event::MouseEventKind;
 use ratatui::Frame;
@@ -18,48 +18,40 @@ use super::layers::Overlay;
 use super::layout::ScreenLayout;
 use super::link::Link;
 use super::screen::Screen;
-pub use arm::ArmState;
-use gdg::bridge::EdgeStatus;
 use gdg::engine::Snapshot;
 use gdg::env::Scene as World;
-use gdg::viewer::{Field, View};
-pub use goals::GoalsState;
+use gdg::viewer::{Field, Graph, View};
+pub use legend::MEANINGS as WALK_MEANINGS;
 pub use maze::{Cache, MazeState};
-pub use walk::MEANINGS as WALK_MEANINGS;
+pub use space::SpaceState;
 
 /// The scene in the main area of the screen.
 pub enum Scene {
     /// A maze, seen from above.
     Maze(Box<MazeState>),
-    /// An arm, in projections.
-    Arm(ArmState),
-    /// The space of goals of any other world.
-    Goals(GoalsState),
+    /// An arm, or the space of goals of any other world.
+    Space(SpaceState),
 }
 
 impl Scene {
-    /// Creates the scene of a run.
     pub fn of(snapshot: &Snapshot) -> Self {
         match &snapshot.scene {
-            World::Arm(_) => Self::Arm(ArmState::default()),
             World::Maze(scene) => Self::Maze(Box::new(MazeState::new(scene.map.clone()))),
-            World::Goals(_) => Self::Goals(GoalsState::default()),
+            World::Arm(_) | World::Goals(_) => Self::Space(SpaceState::of(snapshot)),
         }
     }
 
-    /// Returns the maze, if it is one.
     pub fn maze(&self) -> Option<&MazeState> {
         match self {
             Self::Maze(maze) => Some(maze),
-            Self::Arm(_) | Self::Goals(_) => None,
+            Self::Space(_) => None,
         }
     }
 
-    /// Returns the maze mutably, if it is one.
     pub fn maze_mut(&mut self) -> Option<&mut MazeState> {
         match self {
             Self::Maze(maze) => Some(maze),
-            Self::Arm(_) | Self::Goals(_) => None,
+            Self::Space(_) => None,
         }
     }
 }
@@ -70,16 +62,15 @@ impl Scene {
     pub fn noun(&self) -> &'static str {
         match self {
             Self::Maze(_) => maze::NOUN,
-            Self::Arm(_) => arm::NOUN,
-            Self::Goals(_) => goals::NOUN,
+            Self::Space(space) => space.noun(),
         }
     }
 
     /// Returns the word for what other scenes draw.
     pub fn other_noun(&self) -> &'static str {
         match self {
-            Self::Maze(_) => arm::NOUN,
-            Self::Arm(_) | Self::Goals(_) => maze::NOUN,
+            Self::Maze(_) => "arm",
+            Self::Space(_) => maze::NOUN,
         }
     }
 
@@ -87,30 +78,25 @@ impl Scene {
     pub fn title<'a>(&'a self, snapshot: &'a Snapshot) -> &'a str {
         match self {
             Self::Maze(maze) => maze.map.name(),
-            Self::Arm(_) | Self::Goals(_) => &snapshot.title,
+            Self::Space(_) => &snapshot.title,
         }
     }
 
-    /// Returns whether an action applies here.
     pub fn offers(&self, action: Action) -> bool {
         match self {
             Self::Maze(_) => maze::offers(action),
-            Self::Arm(_) => arm::offers(action),
-            Self::Goals(_) => goals::offers(action),
+            Self::Space(space) => space.offers(action),
         }
     }
 
-    /// Returns whether the colours can show `field`.
     pub fn has_field(&self, field: Field, screen: &Screen) -> bool {
         let shows = match self {
             Self::Maze(_) => true,
-            Self::Arm(_) => arm::shows(field),
-            Self::Goals(_) => goals::shows(field),
+            Self::Space(_) => space::shows(field),
         };
         shows && (field != Field::Composed || screen.run().method.plans())
     }
 
-    /// Returns whether true distances are known here.
     pub fn has_true_distances(&self) -> bool {
         matches!(self, Self::Maze(_))
     }
@@ -119,17 +105,14 @@ impl Scene {
     pub fn wording(&self, binding: &Binding) -> &'static str {
         match self {
             Self::Maze(_) => binding.long,
-            Self::Arm(_) => arm::wording(binding.action).unwrap_or(binding.long),
-            Self::Goals(_) => goals::wording(binding.action).unwrap_or(binding.long),
+            Self::Space(space) => space.wording(binding.action).unwrap_or(binding.long),
         }
     }
 
-    /// Returns the text that begins the help.
     pub fn introduction(&self) -> &'static str {
         match self {
             Self::Maze(_) => maze::INTRODUCTION,
-            Self::Arm(_) => arm::INTRODUCTION,
-            Self::Goals(_) => goals::INTRODUCTION,
+            Self::Space(space) => space.introduction(),
         }
     }
 
@@ -137,7 +120,7 @@ impl Scene {
     pub fn walk_title(&self) -> &'static str {
         match self {
             Self::Maze(_) => "walk @ \u{2192} G",
-            Self::Arm(_) | Self::Goals(_) => "reach @ \u{2192} G",
+            Self::Space(_) => "reach @ \u{2192} G",
         }
     }
 
@@ -145,7 +128,7 @@ impl Scene {
     pub fn shows_other_goal(&self) -> bool {
         match self {
             Self::Maze(maze) => maze::shown_goal(maze) != maze.goal,
-            Self::Arm(_) | Self::Goals(_) => true,
+            Self::Space(_) => true,
         }
     }
 
@@ -153,12 +136,10 @@ impl Scene {
     pub fn own_farthest(&self) -> f32 {
         match self {
             Self::Maze(maze) => maze.own_farthest(),
-            Self::Arm(arm) => arm.own_farthest(),
-            Self::Goals(goals) => goals.own_farthest(),
+            Self::Space(space) => space.own_farthest(),
         }
     }
 
-    /// Returns the screen's mode.
     pub fn mode(&self, screen: &Screen) -> Mode {
         match screen.offer {
             _ if self.is_editing() => Mode::Editing,
@@ -179,12 +160,10 @@ impl Scene {
         screen.phase(self.maze().is_some_and(is_behind))
     }
 
-    /// Returns whether the map's editor is open.
     pub fn is_editing(&self) -> bool {
         self.maze().is_some_and(|maze| maze.editor.is_open())
     }
 
-    /// Returns whether a stroke of the editor has begun.
     pub fn is_drawing(&self) -> bool {
         self.maze().is_some_and(|maze| maze.editor.is_drawing())
     }
@@ -205,26 +184,14 @@ impl Scene {
     pub fn goal(&self) -> Vec<f32> {
         match self {
             Self::Maze(maze) => maze.goal.centre().to_vec(),
-            Self::Arm(arm) => arm.goal.to_vec(),
-            Self::Goals(goals) => goals.goal.clone(),
+            Self::Space(space) => space.goal.clone(),
         }
     }
 
-    /// Returns the number of bridge candidates.
-    pub fn candidate_count(&self) -> usize {
+    pub fn graph(&self) -> &Graph {
         match self {
-            Self::Maze(maze) => maze.view.candidates.len(),
-            Self::Arm(arm) => arm.view.candidates.len(),
-            Self::Goals(goals) => goals.view.candidates.len(),
-        }
-    }
-
-    /// Returns the number of edges of the bridge graph with this record.
-    pub fn edge_count(&self, status: EdgeStatus) -> usize {
-        match self {
-            Self::Maze(maze) => maze.edge_count(status),
-            Self::Arm(arm) => arm.edge_count(status),
-            Self::Goals(goals) => goals.edge_count(status),
+            Self::Maze(maze) => &maze.view.graph,
+            Self::Space(space) => &space.view.graph,
         }
     }
 }
@@ -243,28 +210,20 @@ impl Scene {
         layout: &mut ScreenLayout,
         cache: &mut Cache,
     ) {
-        match (self, &screen.snapshot.scene) {
-            (Self::Maze(maze), _) => maze::draw(frame, areas, maze, screen, layout, cache),
-            (Self::Arm(arm), World::Arm(world)) => {
-                arm::draw(frame, areas, world, arm, screen, layout);
-            }
-            (Self::Goals(state), _) => goals::draw(frame, areas, state, screen, layout),
-            // A maze run has begun and replaces the arm from the next frame on.
-            (Self::Arm(_), _) => {}
+        match self {
+            Self::Maze(maze) => maze::draw(frame, areas, maze, screen, layout, cache),
+            Self::Space(space) => space::draw(frame, areas, space, screen, layout),
         }
     }
 
-    /// Returns the overlays that are available here.
     pub fn overlays(&self) -> impl Iterator<Item = Overlay> {
         legend::overlays(|action| self.offers(action))
     }
 
-    /// Returns the lines of the legend.
     pub fn legend_lines(&self, screen: &Screen) -> Vec<Line<'static>> {
         match self {
             Self::Maze(maze) => maze::legend_lines(maze, screen),
-            Self::Arm(arm) => arm::legend_lines(arm, screen),
-            Self::Goals(goals) => goals::legend_lines(goals, screen),
+            Self::Space(space) => space::legend_lines(space, screen),
         }
     }
 
@@ -272,8 +231,7 @@ impl Scene {
     pub fn walk_lines(&self, screen: &Screen, width: usize) -> Vec<Line<'static>> {
         match self {
             Self::Maze(maze) => maze::walk_lines(maze, screen, width),
-            Self::Arm(arm) => arm::walk_lines(arm, screen),
-            Self::Goals(goals) => goals::walk_lines(goals, screen),
+            Self::Space(space) => space::walk_lines(space, screen),
         }
     }
 
@@ -281,7 +239,7 @@ impl Scene {
     pub fn proportions(&self) -> [f32; 2] {
         match self {
             Self::Maze(maze) => [maze.map.width() as f32, maze.map.height() as f32],
-            Self::Arm(_) | Self::Goals(_) => [1.0, 1.0],
+            Self::Space(_) => [1.0, 1.0],
         }
     }
 }
@@ -290,10 +248,9 @@ impl Scene {
 impl Scene {
     /// Switches to the kind of scene that a run has.
     pub fn enter(&mut self, snapshot: &Snapshot) {
-        let stays = match &snapshot.scene {
-            World::Arm(_) => matches!(self, Self::Arm(_)),
-            World::Maze(_) => matches!(self, Self::Maze(_)),
-            World::Goals(_) => matches!(self, Self::Goals(_)),
+        let stays = match self {
+            Self::Maze(_) => matches!(snapshot.scene, World::Maze(_)),
+            Self::Space(space) => space.draws(&snapshot.scene),
         };
         if !stays {
             *self = Self::of(snapshot);
@@ -304,8 +261,7 @@ impl Scene {
     pub fn start(&mut self, screen: &mut Screen, link: &mut Link) {
         match self {
             Self::Maze(maze) => maze.start(screen, link),
-            Self::Arm(arm) => arm.start(screen, link),
-            Self::Goals(goals) => goals.start(screen, link),
+            Self::Space(space) => space.start(screen, link),
         }
     }
 
@@ -313,18 +269,15 @@ impl Scene {
     pub fn show(&mut self, view: View, screen: &mut Screen, link: &Link) {
         match (self, view) {
             (Self::Maze(maze), View::Maze(view)) => maze.show(view, screen, link),
-            (Self::Arm(arm), View::Arm(view)) => arm.show(view, screen, link),
-            (Self::Goals(goals), View::Goals(view)) => goals.show(view, screen, link),
+            (Self::Space(space), View::Space(view)) => space.show(view, screen, link),
             _ => {}
         }
     }
 
-    /// Performs an action on the scene.
     pub fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
         match self {
             Self::Maze(maze) => maze.act(action, screen, link),
-            Self::Arm(arm) => arm.act(action, screen, link),
-            Self::Goals(goals) => goals.act(action, screen, link),
+            Self::Space(space) => space.act(action, screen, link),
         }
     }
 
@@ -339,8 +292,7 @@ impl Scene {
     ) -> bool {
         match self {
             Self::Maze(maze) => maze.on_mouse(kind, at, screen, link),
-            Self::Arm(arm) => arm.on_mouse(kind, at, screen, link),
-            Self::Goals(goals) => goals.on_mouse(kind, at, screen, link),
+            Self::Space(space) => space.on_mouse(kind, at, screen, link),
         }
     }
 
@@ -348,8 +300,7 @@ impl Scene {
     pub fn close(&mut self, link: &Link) -> bool {
         match self {
             Self::Maze(maze) => maze.close(link),
-            Self::Arm(arm) => arm.close(),
-            Self::Goals(_) => false,
+            Self::Space(space) => space.close(),
         }
     }
 
@@ -358,8 +309,7 @@ impl Scene {
     pub fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &Link) {
         match self {
             Self::Maze(_) => MazeState::drawn(before, screen, link),
-            Self::Arm(_) => ArmState::drawn(before, screen, link),
-            Self::Goals(_) => GoalsState::drawn(before, screen, link),
+            Self::Space(_) => SpaceState::drawn(before, screen, link),
         }
     }
 }

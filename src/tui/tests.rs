@@ -43,7 +43,7 @@ use super::export::{ExportError, contents};
 use super::interface::Interface;
 use super::keymap::Keymap;
 use super::output::ExportKind;
-use super::scene::{ArmState, MazeState, Scene};
+use super::scene::{MazeState, Scene, SpaceState};
 use super::session::files::offer;
 use super::session::{Cx, Files, Session};
 use super::theme::{ColourDepth, Theme, ThemeName};
@@ -138,10 +138,10 @@ impl Session {
         self.scene.maze_mut().expect("a maze")
     }
 
-    fn arm(&self) -> &ArmState {
+    fn space(&self) -> &SpaceState {
         match &self.scene {
-            Scene::Arm(arm) => arm,
-            Scene::Maze(_) | Scene::Goals(_) => panic!("an arm"),
+            Scene::Space(space) => space,
+            Scene::Maze(_) => panic!("a space"),
         }
     }
 
@@ -149,8 +149,8 @@ impl Session {
     fn set_arm_goal(&mut self, at: [f32; 3]) {
         let Cx { screen, scene, link, .. } = &mut self.cx;
         match scene {
-            Scene::Arm(arm) => arm.set_goal(at, screen, link),
-            Scene::Maze(_) | Scene::Goals(_) => panic!("an arm"),
+            Scene::Space(space) => space.set_goal(at.to_vec(), screen, link),
+            Scene::Maze(_) => panic!("an arm"),
         }
     }
 
@@ -183,8 +183,7 @@ impl Session {
     fn shown_past(&self) -> Option<&FilmFrame> {
         match &self.scene {
             Scene::Maze(maze) => maze.past(),
-            Scene::Arm(arm) => arm.past(),
-            Scene::Goals(_) => None,
+            Scene::Space(space) => space.past(),
         }
     }
 }

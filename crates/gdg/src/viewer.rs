@@ -1,15 +1,11 @@
 //! What the screen shows of a run, computed from copies of the networks on a separate thread:
-//! distance fields, the bridge graph, the planned path, and an agent walking to the goal. Each kind
-//! of scene has a folder; `pilot` is what their agents have in common.
+//! distance fields, the bridge graph, the planned path, and an agent walking to the goal. `maze` is
+//! about worlds with a map, `space` about the others; `pilot` is what their agents have in common.
 
 mod animation;
-pub mod arm;
-mod field;
-mod film;
-pub mod goals;
 pub mod maze;
 mod pilot;
-mod reach;
+pub mod space;
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -21,15 +17,11 @@ use crate::engine::{Engine, Networks, Snapshot};
 use crate::env::Scene;
 use crate::train::FilmFrame;
 pub use animation::{FilmError, animate, still};
-pub use arm::ArmView;
-use arm::ArmWorker;
-pub use field::Field;
-pub use goals::GoalsView;
-use goals::GoalsWorker;
 pub use maze::MazeView;
 use maze::MazeWorker;
-pub use pilot::{Candidate, NumberedEdge, OnArrival, ShownEdge};
-pub use reach::Reach;
+pub use pilot::{Candidate, Graph, OnArrival, Reach};
+pub use space::SpaceView;
+use space::SpaceWorker;
 
 /// Minimum interval between recomputations of field and graph, and the pause after each as a
 /// multiple of its duration. They run concurrently with training, but on the same cores, so they
@@ -37,6 +29,9 @@ pub use reach::Reach;
 const REFRESH_INTERVAL: Duration = Duration::from_millis(250);
 const TRAINING_PAUSE_FACTOR: u32 = 80;
 const IDLE_PAUSE_FACTOR: u32 = 3;
+
+/// Candidates considered at each pixel for D along the bridge graph.
+const LINK_CANDIDATES_PER_PIXEL: usize = 6;
 
 /// A request from the screen. Requests about another kind of scene than the run's date from before
 /// another run was loaded, and are ignored.
@@ -50,15 +45,13 @@ pub enum Request {
     Past(Option<Arc<FilmFrame>>),
     /// About a maze.
     Maze(maze::Request),
-    /// About an arm.
-    Arm(arm::Request),
-    /// About a space of goals.
-    Goals(goals::Request),
+    /// About a world without a map.
+    Space(space::Request),
 }
 
-impl From<goals::Request> for Request {
-    fn from(request: goals::Request) -> Self {
-        Self::Goals(request)
+impl From<space::Request> for Request {
+    fn from(request: space::Request) -> Self {
+        Self::Space(request)
     }
 }
 
@@ -68,21 +61,13 @@ impl From<maze::Request> for Request {
     }
 }
 
-impl From<arm::Request> for Request {
-    fn from(request: arm::Request) -> Self {
-        Self::Arm(request)
-    }
-}
-
 /// What the screen shows at one moment.
 #[derive(Clone, Debug)]
 pub enum View {
     /// Of a maze.
     Maze(Arc<MazeView>),
-    /// Of an arm.
-    Arm(Arc<ArmView>),
-    /// Of a space of goals.
-    Goals(Arc<GoalsView>),
+    /// Of a world without a map.
+    Space(Arc<SpaceView>),
 }
 
 impl Default for View {
@@ -119,7 +104,7 @@ trait SceneWorker: Send {
                 shown.timer.make_due();
             }
             Request::Past(past) => shown.look_at(past),
-            Request::Maze(_) | Request::Arm(_) | Request::Goals(_) => self.handle_own(request),
+            Request::Maze(_) | Request::Space(_) => self.handle_own(request),
         }
     }
 
@@ -137,8 +122,7 @@ trait SceneWorker: Send {
 fn worker_for(snapshot: &Snapshot) -> Box<dyn SceneWorker> {
     match &snapshot.scene {
         Scene::Maze(scene) => Box::new(MazeWorker::new(scene, snapshot)),
-        Scene::Arm(scene) => Box::new(ArmWorker::new(*scene, snapshot)),
-        Scene::Goals(space) => Box::new(GoalsWorker::new(space.clone(), snapshot)),
+        Scene::Arm(_) | Scene::Goals(_) => Box::new(SpaceWorker::new(snapshot)),
     }
 }
 
@@ -315,4 +299,113 @@ fn push_to_trail<T>(trail: &mut Vec<T>, at: T, most: usize) {
     if trail.len() > most {
         trail.remove(0);
     }
+}
+
+/// The quantity shown by colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Field {
+    /// D(., g) to the goal, by the critics.
+    #[default]
+    Learned,
+    /// D(s, .) from the start of the walking agent.
+    FromStart,
+    /// D(s, .) + D(., g), from the start to the goal over each place: low at good bridge points, as in
+    /// Figure 2 of the paper.
+    OverEach,
+    /// D(., g) along the bridge graph.
+    Composed,
+    /// True steps to the goal.
+    True,
+    /// Signed error of D(., g), relative to the true steps.
+    Error,
+    /// Number of visits by agents.
+    Visits,
+    /// Nothing.
+    Plain,
+}
+
+impl Field {
+    /// All fields.
+    pub const ALL: [Self; 8] = [
+        Self::Learned,
+        Self::FromStart,
+        Self::OverEach,
+        Self::Composed,
+        Self::True,
+        Self::Error,
+        Self::Visits,
+        Self::Plain,
+    ];
+
+    /// Returns its name on the screen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Learned => "D to G",
+            Self::FromStart => "D from S",
+            Self::OverEach => "D(S,.)+D(.,G)",
+            Self::Composed => "D via graph",
+            Self::True => "true steps",
+            Self::Error => "error of D",
+            Self::Visits => "visits",
+            Self::Plain => "map only",
+        }
+    }
+
+    /// Returns other words that users may search for.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Learned => "distance to goal learned value function q_values critic",
+            Self::FromStart => "distance from start",
+            Self::OverEach => "bridges sum of distances over each place figure 2",
+            Self::Composed => "distance along bridge graph planned",
+            Self::True => "true distance ground truth shortest path optimal exact",
+            Self::Error => "wrong mistakes accuracy difference",
+            Self::Visits => "visit counts exploration density heatmap",
+            Self::Plain => "map alone plain no colours off",
+        }
+    }
+
+    /// Returns the next (or previous) field that is `available`; [`Self::Plain`] always has to be.
+    #[must_use]
+    pub fn cycle(self, forward: bool, available: impl Fn(Self) -> bool) -> Self {
+        let count = Self::ALL.len();
+        let mut at = self as usize;
+        loop {
+            at = (at + if forward { 1 } else { count - 1 }) % count;
+            if available(Self::ALL[at]) {
+                return Self::ALL[at];
+            }
+        }
+    }
+
+    /// Whether its values are numbers of steps.
+    pub fn is_distance(self) -> bool {
+        matches!(
+            self,
+            Self::Learned | Self::FromStart | Self::OverEach | Self::Composed | Self::True
+        )
+    }
+
+    /// Whether its values depend on where the agent starts.
+    pub fn depends_on_start(self) -> bool {
+        matches!(self, Self::FromStart | Self::OverEach)
+    }
+
+    /// Whether its values mean nothing where no agent has been.
+    pub fn fades(self) -> bool {
+        self.depends_on_start() || matches!(self, Self::Learned | Self::Composed | Self::Plain)
+    }
+}
+
+/// Returns the mean of D in a film's frame over places, each with a weight; NaN if it is not known
+/// at any place with a positive weight.
+fn mean_distance(frame: &FilmFrame, places: impl IntoIterator<Item = (usize, f32)>) -> f32 {
+    let weighted = places.into_iter().filter(|(_, weight)| *weight > 0.0);
+    let (sum, weights) = weighted
+        .map(|(place, weight)| (frame.distance(place), weight))
+        .filter(|(distance, _)| distance.is_finite())
+        .fold((0.0, 0.0), |(sum, weights), (distance, weight)| {
+            (sum + weight * distance, weights + weight)
+        });
+    if weights > 0.0 { sum / weights } else { f32::NAN }
 }

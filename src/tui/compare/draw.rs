@@ -25,8 +25,7 @@ use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::raster::{MapFrame, Viewport};
 use crate::tui::render::{finish_frame, footer, too_small};
-use crate::tui::scene::Cache;
-use crate::tui::scene::maze::{info, map, minimap};
+use crate::tui::scene::{Cache, maze};
 use crate::tui::session::{Cx, Session};
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::{fitted_lines, short};
@@ -223,10 +222,8 @@ fn draw_side(
         (below, text(facts, inner.width))
     };
     layout.map_pane = room;
-    map::draw(frame, room, maze, screen, layout, cache);
-    minimap::draw(frame, room, maze, layout, &screen.theme);
+    maze::draw(frame, [room, meaning], maze, screen, layout, cache);
     frame.render_widget(Paragraph::new(fitted_lines(lines, known.width)), known);
-    info::draw(frame, meaning, maze, screen, layout);
 }
 
 /// Draws a notice, or the available actions and their keys. The tools of the editor stay visible,

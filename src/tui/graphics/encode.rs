@@ -18,28 +18,25 @@ const KITTY_LAYER: i32 = 1;
 /// Encodes patches; keeps the palette between them.
 pub struct Encoder {
     protocol: Protocol,
-    /// The palette of sixel pictures.
     palette: Palette,
 }
 
 impl Encoder {
-    /// Creates an encoder.
     pub fn new(protocol: Protocol) -> Self {
         Self { protocol, palette: Palette::default() }
     }
 
-    /// Returns the graphics protocol.
     pub fn protocol(&self) -> Protocol {
         self.protocol
     }
 
-    /// Chooses colours for an RGBA picture if the protocol has a palette and it does not fit;
+    /// Chooses colours for a picture if the protocol has a palette and it does not fit;
     /// returns whether they have changed.
-    pub fn adapt(&mut self, pixels: &[u8]) -> bool {
+    pub fn adapt(&mut self, pixels: &[[u8; 3]]) -> bool {
         self.protocol == Protocol::Sixel && self.palette.adapt(pixels)
     }
 
-    /// Writes a patch of RGBA `pixels` at its place; a sixel picture reuses its known `bands`.
+    /// Writes a patch of `pixels`, red, green and blue, at its place; a sixel picture reuses its known `bands`.
     ///
     /// # Errors
     /// Errors of the PNG encoder.
@@ -104,22 +101,14 @@ fn kitty_id(at: Position) -> u32 {
 
 /// Encodes pixels as a PNG file, as fast as possible.
 fn png(pixels: &[u8], (width, height): (u32, u32)) -> std::io::Result<Vec<u8>> {
-    let (pixels, _) = pixels.as_chunks::<4>();
-    let mut colours = vec![0; 3 * pixels.len()];
-    colours
-        .as_chunks_mut::<3>()
-        .0
-        .iter_mut()
-        .zip(pixels)
-        .for_each(|(to, [r, g, b, _])| *to = [*r, *g, *b]);
-    let mut file = Vec::with_capacity(colours.len() / 2);
+    let mut file = Vec::with_capacity(pixels.len() / 2);
     let mut encoder = png::Encoder::new(&mut file, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::Fastest);
     encoder.set_filter(png::Filter::Up);
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(&colours)?;
+    writer.write_image_data(pixels)?;
     writer.finish()?;
     Ok(file)
 }
@@ -133,7 +122,7 @@ mod tests {
     fn encoded(protocol: Protocol) -> String {
         // Noise, which cannot be compressed.
         let mut random = 1_u32;
-        let noise = (0..4 * 80 * 40).map(|_| {
+        let noise = (0..3 * 80 * 40).map(|_| {
             random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             (random >> 24) as u8
         });

@@ -33,9 +33,8 @@ const AWAKE: Duration = Duration::from_millis(300);
 /// A patch on the screen.
 struct Patch {
     area: Rect,
-    /// RGBA, row by row.
+    /// Red, green and blue, row by row.
     pixels: Vec<u8>,
-    /// The patch as sixels.
     bands: Bands,
 }
 
@@ -47,14 +46,14 @@ impl Patch {
 
     /// Copies the pixels of a picture's part of the same size; returns whether any changed.
     fn show(&mut self, part: &Part) -> bool {
-        let size = 4 * part.width * part.height;
+        let size = 3 * part.width * part.height;
         let mut has_changed = self.pixels.len() != size;
         if has_changed {
             self.bands.clear();
             self.pixels.resize(size, 0);
         }
         for (row, (own, new)) in
-            self.pixels.chunks_exact_mut(4 * part.width).zip(part.rows()).enumerate()
+            self.pixels.chunks_exact_mut(3 * part.width).zip(part.rows()).enumerate()
         {
             if own != new {
                 own.copy_from_slice(new);
@@ -118,7 +117,6 @@ impl Patches {
         }
     }
 
-    /// Whether updates are paused.
     fn is_resting(&self) -> bool {
         is_ahead(self.resting_until)
     }
@@ -165,7 +163,7 @@ impl Patches {
         }
         let mut other_colours = false;
         for picture in pictures {
-            other_colours |= self.encoder.adapt(picture.pixmap.data());
+            other_colours |= self.encoder.adapt(&picture.pixels);
         }
         for (area, picture) in wanted {
             let part = Part::of(picture, area, graphics);
@@ -268,13 +266,13 @@ impl<'a> Part<'a> {
         Self { picture, left: left * across, top: top * down, width, height }
     }
 
-    /// Returns the rows, four bytes a pixel.
+    /// Returns the rows, three bytes a pixel.
     fn rows(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
-        let (data, columns) = (self.picture.pixmap.data(), self.picture.pixmap.width() as usize);
+        let Picture { columns, pixels, .. } = self.picture;
         let (left, width) = (self.left, self.width);
         (self.top..self.top + self.height).map(move |row| {
             let from = row * columns + left;
-            &data[4 * from..4 * (from + width)]
+            pixels[from..from + width].as_flattened()
         })
     }
 }
@@ -282,7 +280,6 @@ impl<'a> Part<'a> {
 #[cfg(test)]
 mod tests {
     use ratatui::style::Style;
-    use tiny_skia::{Color, Pixmap};
 
     use super::*;
 
@@ -291,10 +288,8 @@ mod tests {
     const AREA: Rect = Rect::new(2, 1, 40, 20);
 
     fn picture(area: Rect, (across, down): (u16, u16)) -> Picture {
-        let mut pixmap = Pixmap::new(u32::from(area.width * across), u32::from(area.height * down))
-            .expect("a size");
-        pixmap.fill(Color::BLACK);
-        Picture { area, pixmap }
+        let (columns, rows) = (usize::from(area.width * across), usize::from(area.height * down));
+        Picture { area, columns, pixels: vec![[0; 3]; columns * rows] }
     }
 
     fn screen(pictures: &[&Picture]) -> Buffer {
@@ -329,7 +324,7 @@ mod tests {
             SCREEN.positions().map(|at| u32::from(AREA.contains(at))).collect();
         assert_eq!(covered(&patches), expected);
         assert_eq!(sent(&mut patches, &[&picture], &screen), "", "nothing has changed");
-        picture.pixmap.data_mut()[4 * (80 * 160 + 80)] = 255;
+        picture.pixels[80 * 160 + 80][0] = 255;
         let text = sent(&mut patches, &[&picture], &screen);
         assert!(text.starts_with("\x1b[10;19H") && text.matches("a=T").count() == 1, "{text}");
         patches.forget();
@@ -368,7 +363,7 @@ mod tests {
         let mut screen = screen(&[&picture]);
         sent(&mut patches, &[&picture], &screen);
         patches.rest(Instant::now(), Duration::from_mins(1), false);
-        picture.pixmap.data_mut()[0] = 255;
+        picture.pixels[0][0] = 255;
         assert_eq!(sent(&mut patches, &[&picture], &screen), "");
         assert!(patches.is_behind());
         screen.set_string(3, 2, "text", Style::new());

@@ -13,7 +13,6 @@ pub struct Answer {
     pub sixel: bool,
     /// Width and height of a character in pixels.
     pub character: Option<(u16, u16)>,
-    /// Whether the answer is complete.
     pub is_complete: bool,
 }
 

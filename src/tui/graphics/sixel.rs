@@ -60,7 +60,6 @@ pub struct Palette {
     nearest: Vec<u16>,
 }
 
-/// Returns the bin of a colour.
 fn bin([r, g, b]: [u8; 3]) -> usize {
     [r, g, b].iter().fold(0, |bin, channel| bin << BITS | usize::from(*channel >> (8 - BITS)))
 }
@@ -70,15 +69,13 @@ fn squared_distance(a: [u8; 3], b: [u8; 3]) -> u32 {
 }
 
 impl Palette {
-    /// Chooses colours for an RGBA picture unless the present ones fit; returns whether they have
-    /// changed.
-    pub fn adapt(&mut self, pixels: &[u8]) -> bool {
-        let (pixels, _) = pixels.as_chunks::<4>();
+    /// Chooses colours for a picture unless the present ones fit; returns whether they have changed.
+    pub fn adapt(&mut self, pixels: &[[u8; 3]]) -> bool {
         if !self.colours.is_empty() && self.error(pixels) <= MAX_ERROR {
             return false;
         }
         let mut bins = vec![[0_u32; 4]; BINS];
-        for [r, g, b, _] in pixels {
+        for [r, g, b] in pixels {
             let own = &mut bins[bin([*r, *g, *b])];
             own.iter_mut().zip([*r, *g, *b, 1]).for_each(|(sum, more)| *sum += u32::from(more));
         }
@@ -94,9 +91,8 @@ impl Palette {
     }
 
     /// Returns the mean squared distance per channel of a picture's colours from the palette.
-    fn error(&mut self, pixels: &[[u8; 4]]) -> f32 {
-        let sample: Vec<[u8; 3]> =
-            pixels.iter().step_by(SAMPLING).map(|[r, g, b, _]| [*r, *g, *b]).collect();
+    fn error(&mut self, pixels: &[[u8; 3]]) -> f32 {
+        let sample: Vec<[u8; 3]> = pixels.iter().step_by(SAMPLING).copied().collect();
         let off = |rgb: &[u8; 3]| {
             let nearest = self.index(*rgb);
             squared_distance(*rgb, self.colours[nearest])
@@ -116,7 +112,7 @@ impl Palette {
         usize::from(self.nearest[bin])
     }
 
-    /// Writes RGBA pixels as a sixel picture at the cursor, reusing its known `bands`.
+    /// Writes pixels, red, green and blue, as a sixel picture at the cursor, reusing its known `bands`.
     pub fn encode(
         &mut self,
         out: &mut Vec<u8>,
@@ -125,10 +121,10 @@ impl Palette {
         bands: &mut Bands,
     ) -> std::io::Result<()> {
         if self.colours.is_empty() {
-            self.adapt(pixels);
+            self.adapt(pixels.as_chunks().0);
         }
         let columns = width as usize;
-        let rows = pixels.chunks(4 * BAND * columns);
+        let rows = pixels.chunks(3 * BAND * columns);
         bands.0.resize_with(rows.len(), || None);
         let mut lines: Vec<Line> = (0..COLOURS).map(|_| Line::default()).collect();
         let mut used = [false; COLOURS];
@@ -188,16 +184,14 @@ impl Palette {
         band
     }
 
-    /// Returns the nearest colour of each pixel.
     fn indices(&mut self, pixels: &[u8]) -> Vec<u8> {
-        let (pixels, _) = pixels.as_chunks::<4>();
+        let (pixels, _) = pixels.as_chunks::<3>();
         let mut indices = vec![0; pixels.len()];
-        let mut before = ([0; 4], self.index([0; 3]) as u8);
+        let mut before = ([0; 3], self.index([0; 3]) as u8);
         for (index, pixel) in indices.iter_mut().zip(pixels) {
             // Many pixels are like the one before.
             if before.0 != *pixel {
-                let [r, g, b, _] = *pixel;
-                before = (*pixel, self.index([r, g, b]) as u8);
+                before = (*pixel, self.index(*pixel) as u8);
             }
             *index = before.1;
         }
@@ -316,8 +310,7 @@ mod tests {
         let (width, height) = (23_usize, 8_usize);
         let rgb =
             |i: usize| if i % width < 9 { [255, 0, 0] } else { [(i * 37 % 3 * 100) as u8, 0, 255] };
-        let pixels: Vec<u8> =
-            (0..width * height).flat_map(|i| [rgb(i)[0], rgb(i)[1], rgb(i)[2], 255]).collect();
+        let pixels: Vec<u8> = (0..width * height).flat_map(rgb).collect();
         let mut out = Vec::new();
         let size = (width as u32, height as u32);
         Palette::default().encode(&mut out, &pixels, size, &mut Bands::default()).expect("encoded");

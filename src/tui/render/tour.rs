@@ -8,7 +8,7 @@ use ratatui::widgets::{Block, Clear, Padding, Paragraph};
 
 use super::Page;
 use crate::tui::action::Action;
-use crate::tui::glyphs::Glyphs;
+use crate::tui::characters::{put, put_letter};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::scene::MazeState;
 use crate::tui::screen::{Screen, ShownStep};
@@ -36,11 +36,12 @@ const HIDDEN_COST: f32 = 30.0;
 pub fn draw(page: &mut Page, area: Rect) {
     let Page { frame, screen, scene, layout } = page;
     let (Some(tour), Some(map_frame)) = (&screen.tour, &layout.map) else { return };
-    let mut glyphs = Glyphs { map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
+    let (theme, buffer) = (&screen.theme, frame.buffer_mut());
     for (at, sign) in &tour.caption.marks {
-        match sign {
-            sign if sign.is_alphabetic() => glyphs.letter(*at, *sign, screen.theme.cursor),
-            sign => glyphs.symbol(*at, *sign, None),
+        match map_frame.character_of(*at) {
+            Some(at) if sign.is_alphabetic() => put_letter(buffer, at, *sign, theme.cursor, theme),
+            Some(at) => put(buffer, at, *sign, None, theme),
+            None => {}
         }
     }
     let characters = |positions: &[[f32; 2]]| {

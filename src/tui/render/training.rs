@@ -8,7 +8,6 @@ use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::style::BOLD;
 use crate::tui::text::{EXPLAINED_WIDTH, EXPLANATION_COLUMN, clock, explain, fact, short};
-use gdg::bridge::EdgeStatus;
 use gdg::engine::NextEvaluation;
 use gdg::env::DistanceUnit;
 use gdg::learn::{Losses, Stage};
@@ -218,8 +217,8 @@ fn bridges(screen: &Screen, scene: &Scene) -> Vec<Line<'static>> {
             ),
             None => format!("none of {} helps", s.tried()),
         });
-    let edges: usize = EdgeStatus::ALL.into_iter().map(|status| scene.edge_count(status)).sum();
-    let candidates = grouped(scene.candidate_count() as u64);
+    let edges = scene.graph().edges.len();
+    let candidates = grouped(scene.graph().candidates.len() as u64);
     let bridges = format!("{candidates}, {} edges", short(edges as f64));
     vec![fact("bridges", bridges), fact("search", search)]
 }

@@ -1,19 +1,10 @@
 //! Mazes, seen from above.
 
 mod act;
-mod candidates;
-mod edges;
 mod editor;
-mod edits;
-pub mod info;
-mod key;
-mod legend;
-pub mod map;
-pub mod minimap;
+mod map;
 mod mouse;
-mod picture;
-mod unexplored;
-mod walk;
+mod texts;
 
 use std::sync::Arc;
 
@@ -21,21 +12,18 @@ use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
 use ratatui::text::Line;
 
-use super::scale::scale;
+use super::legend::scale;
 use crate::tui::action::Action;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::Viewport;
 use crate::tui::screen::Screen;
 pub use act::{maze_on, place_walker};
 pub use editor::Editor;
-use gdg::bridge::EdgeStatus;
 use gdg::map::{Cell, Grid};
 use gdg::train::FilmFrame;
 use gdg::viewer::{Field, MazeView};
-pub use key::shown_goal;
-pub use legend::lines as legend_lines;
-pub use map::Cache;
-pub use walk::lines as walk_lines;
+pub use map::{Cache, shown_goal};
+pub use texts::{legend_lines, walk_lines};
 
 /// The state of a maze on the screen.
 pub struct MazeState {
@@ -43,17 +31,13 @@ pub struct MazeState {
     pub map: Arc<Grid>,
     /// The map as last opened or saved.
     pub kept_map: Arc<Grid>,
-    /// The map editor.
     pub editor: Editor,
-    /// The view shown.
     pub view: Arc<MazeView>,
     /// The goal that distances are measured to.
     pub goal: Cell,
     /// The cursor whose cell is described.
     pub inspecting: Option<Cell>,
-    /// The cell under the mouse.
     pub hovered: Option<Cell>,
-    /// The visible part of the map.
     pub viewport: Viewport,
     /// The mouse position the map is being dragged from.
     dragged_from: Option<Position>,
@@ -62,7 +46,6 @@ pub struct MazeState {
 }
 
 impl MazeState {
-    /// Creates the state that shows `map`.
     pub fn new(map: Arc<Grid>) -> Self {
         Self {
             kept_map: map.clone(),
@@ -103,17 +86,11 @@ impl MazeState {
         scale(&screen.theme, self.shown_field(screen), self.farthest(screen), bar)
             .unwrap_or_else(|| Line::raw(format!(" {NOUN} only ")))
     }
-
-    /// Returns the number of edges of the bridge graph with this record.
-    pub fn edge_count(&self, status: EdgeStatus) -> usize {
-        self.view.edges.iter().filter(|(_, own)| *own == status).count()
-    }
 }
 
 /// The word for what is drawn.
 pub const NOUN: &str = "map";
 
-/// The text that begins the help.
 pub const INTRODUCTION: &str = "Colours show the learned distance D to the goal G: light near, \
      dark far. The agents see no walls and get no reward. @ walks to G with what it has learned \
      so far; click on the map to set another goal. The editor draws walls and closes doors.";
@@ -126,13 +103,12 @@ pub fn offers(action: Action) -> bool {
 /// Draws the map and everything on it into the first area, and the line below it into the second.
 pub fn draw(
     frame: &mut Frame,
-    [map, info]: [Rect; 2],
+    [area, info]: [Rect; 2],
     maze: &MazeState,
     screen: &Screen,
     layout: &mut ScreenLayout,
     cache: &mut Cache,
 ) {
-    map::draw(frame, map, maze, screen, layout, cache);
-    minimap::draw(frame, map, maze, layout, &screen.theme);
-    info::draw(frame, info, maze, screen, layout);
+    map::draw(frame, area, maze, screen, layout, cache);
+    texts::draw_info(frame, info, maze, screen, layout);
 }

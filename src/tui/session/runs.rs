@@ -49,7 +49,7 @@ pub fn restart(seed: u64, cx: &mut Cx) {
     let run = Run { seed, ..cx.screen.run().clone() };
     let world: MakeWorld = match &cx.scene {
         Scene::Maze(maze) => maze_on(maze.map.clone()),
-        Scene::Arm(_) | Scene::Goals(_) => Box::new(|world| world.fork(0)),
+        Scene::Space(_) => Box::new(|world| world.fork(0)),
     };
     cx.command(Command::StartRun(Box::new(run), world));
 }
@@ -69,7 +69,7 @@ pub fn start_in(name: &str, cx: &mut Cx) {
 pub fn start_on(map: Arc<Grid>, cx: &mut Cx) {
     let run = match cx.scene {
         Scene::Maze(_) => cx.screen.run().clone(),
-        Scene::Arm(_) | Scene::Goals(_) => adapted_to(&maze::KIND, cx),
+        Scene::Space(_) => adapted_to(&maze::KIND, cx),
     };
     cx.command(Command::StartRun(Box::new(run), maze_on(map)));
 }

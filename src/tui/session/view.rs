@@ -40,7 +40,7 @@ pub fn toggle_overlay(cx: &mut Cx, action: Action) {
     }
     let shown = screen.overlays.toggle(overlay);
     cx.scene.act(action, screen, &mut cx.link);
-    let tried = |status| cx.scene.edge_count(status) > 0;
+    let tried = |status| cx.scene.graph().count(status) > 0;
     let none = overlay == Overlay::Edges
         && shown
         && ![EdgeStatus::Confirmed, EdgeStatus::Demoted].into_iter().any(tried);

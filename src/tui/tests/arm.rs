@@ -7,7 +7,8 @@ use crate::tui::scene::Scene as Shown;
 use gdg::env::fetch_reach::{WALL, WALL_KIND};
 use gdg::env::{FetchReach, Scene};
 use gdg::train;
-use gdg::viewer::{ArmView, Candidate, Reach, View};
+use gdg::viewer::space::Plane;
+use gdg::viewer::{Candidate, Graph, Reach, SpaceView, View};
 
 /// Returns an app that stops after these updates.
 fn arm_app(updates: u64, save: Option<PathBuf>) -> App {
@@ -21,42 +22,46 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
     app.set_arm_goal([1.42, 0.83, 0.6]);
     draw(&mut app, width, height);
     let view = staged_view(&app);
-    app.on_view(View::Arm(Arc::new(view)));
+    app.on_view(View::Space(Arc::new(view)));
     app
 }
 
 /// Returns the view of the arm in [`staged_app`].
-fn staged_view(app: &Session) -> ArmView {
-    let goal = app.arm().goal;
+fn staged_view(app: &Session) -> SpaceView {
+    let goal = app.space().goal.clone();
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
     let planes: Vec<_> =
-        app.screen.layout.projections.iter().map(|projection| projection.plane).collect();
-    let field = |plane: &gdg::viewer::arm::Plane| {
+        app.screen.layout.projections.iter().map(|projection| projection.plane.clone()).collect();
+    let field = |plane: &Plane| {
         let (columns, rows) = plane.raster.pixels;
         let [left, top, width, height] = plane.raster.window;
         let value = |i: usize| {
             let across = left + ((i % columns) as f32 + 0.5) / columns as f32 * width;
             let down = top + ((i / columns) as f32 + 0.5) / rows as f32 * height;
-            let at = plane.point([across, down], goal);
+            let at = plane.point([across, down], &goal);
             30.0 * (0..3).map(|i| (at[i] - goal[i]).abs()).fold(0.0, f32::max)
         };
         (0..columns * rows).map(value).collect::<Vec<f32>>()
     };
     let mut arm = scene.world(1);
     arm.put(0, [1.3, 0.66, 0.5]);
-    let candidate = |at| Candidate { at, degree: 0.5 };
-    ArmView {
-        goal: (Some(goal), 1),
+    let candidate = |at: [f32; 3]| Candidate { at: at.to_vec(), degree: 0.5 };
+    SpaceView {
+        goal: (Some(goal.clone()), 1),
         fields: Arc::new(planes.iter().map(field).collect()),
         planes: Arc::new(planes),
         farthest: 12.0,
-        pose: arm.pose(0),
-        candidates: Arc::new(
-            [[1.2, 0.7, 0.5], [1.35, 0.75, 0.7], [1.4, 0.8, 0.5]].map(candidate).to_vec(),
-        ),
+        pose: Some(arm.pose(0)),
+        graph: Arc::new(Graph {
+            candidates: [[1.2, 0.7, 0.5], [1.35, 0.75, 0.7], [1.4, 0.8, 0.5]]
+                .map(candidate)
+                .to_vec(),
+            edges: Vec::new(),
+        }),
         reach: Reach {
             start: vec![1.342, 0.649, 0.535],
-            path: vec![vec![1.35, 0.75, 0.7], goal.to_vec()],
+            at: arm.pose(0).grip.to_vec(),
+            path: vec![vec![1.35, 0.75, 0.7], goal.clone()],
             trail: vec![vec![1.31, 0.64, 0.47], arm.pose(0).grip.to_vec()],
             steps: 4,
             left: 0.234,
@@ -65,7 +70,7 @@ fn staged_view(app: &Session) -> ArmView {
             finished: (3, 4),
             ..Reach::default()
         },
-        ..ArmView::default()
+        ..SpaceView::default()
     }
 }
 
@@ -79,9 +84,10 @@ fn a_click_sets_the_two_coordinates_that_are_shown() {
         draw(&mut app, 200, 60);
         let projection = app.screen.layout.projections[n].clone();
         let wanted = [1.4, 0.8, 0.6];
-        let at = projection.frame.character_of(projection.flat(wanted)).expect("it is shown");
+        let at =
+            projection.frame.character_of(projection.plane.flat(&wanted)).expect("it is shown");
         click(&mut app, MouseButton::Left, at);
-        let goal = app.arm().goal;
+        let goal = app.space().goal.clone();
         for i in 0..3 {
             let expected = if i == third { [1.3, 0.7, 0.5][i] } else { wanted[i] };
             assert!((goal[i] - expected).abs() < 0.03, "{n}: {goal:?}, {expected} at {i}");
@@ -95,7 +101,7 @@ fn keys_move_the_goal_by_a_centimetre_in_the_chosen_projection() {
     app.set_arm_goal([1.3, 0.7, 0.5]);
     draw(&mut app, 80, 24);
     let moved = |app: &App, by: [f32; 3]| {
-        let goal = app.arm().goal;
+        let goal = app.space().goal.clone();
         let was = [1.3, 0.7, 0.5];
         assert!((0..3).all(|i| (goal[i] - was[i] - by[i]).abs() < 1e-5), "{goal:?}");
     };
@@ -109,7 +115,7 @@ fn keys_move_the_goal_by_a_centimetre_in_the_chosen_projection() {
     moved(&app, [0.01, -0.01, 0.01]);
     (0..99).for_each(|_| press(&mut app, KeyCode::Left));
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
-    assert_eq!(app.arm().goal[1], scene.goals()[0][1], "the region of goals ends here");
+    assert_eq!(app.space().goal[1], scene.goals()[0][1], "the region of goals ends here");
 }
 
 #[test]
@@ -119,22 +125,22 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
     let free = app.screen.layout.projections[3].clone();
     let middle =
         Position::new(free.frame.area.x + free.frame.area.width / 2, free.frame.area.y + 12);
-    let (goal, orbit) = (app.arm().goal, app.arm().shown.orbit);
+    let (goal, orbit) = (app.space().goal.clone(), app.space().shown.orbit);
     let to = Position::new(middle.x + 5, middle.y + 2);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), middle);
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Left), to);
     mouse(&mut app, MouseEventKind::Up(MouseButton::Left), to);
-    assert!(app.arm().goal == goal && app.arm().shown.orbit != orbit);
+    assert!(app.space().goal == goal && app.space().shown.orbit != orbit);
     draw(&mut app, 200, 60);
     let free = app.screen.layout.projections[3].clone();
-    let wanted = free.point_at(middle, goal);
+    let wanted = <[f32; 3]>::try_from(free.point_at(middle, &goal)).expect("a position");
     click(&mut app, MouseButton::Left, middle);
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
-    assert_eq!(app.arm().goal, scene.nearest_goal(wanted));
+    assert_eq!(app.space().goal, scene.nearest_goal(wanted));
     mouse(&mut app, MouseEventKind::ScrollUp, middle);
-    assert!(app.arm().shown.camera.zoom > 1.0);
+    assert!(app.space().shown.camera.zoom > 1.0);
     press(&mut app, KeyCode::Char('0'));
-    assert_eq!(app.arm().shown.camera.zoom, 1.0);
+    assert_eq!(app.space().shown.camera.zoom, 1.0);
 }
 
 #[test]
@@ -173,11 +179,12 @@ fn the_arm_reaches_goals_and_goes_on_to_others() {
     press(&mut app, KeyCode::Char('t'));
     // A walk that starts at the goal arrives at once, whatever was learned.
     press(&mut app, KeyCode::Char('S'));
-    let first = app.arm().goal;
-    wait_until(&mut app, |app| app.arm().view.reach.finished.0 >= 1 && app.arm().goal != first);
-    let view = app.arm().view.clone();
+    let first = app.space().goal.clone();
+    wait_until(&mut app, |app| app.space().view.reach.finished.0 >= 1 && app.space().goal != first);
+    let view = app.space().view.clone();
     assert!(view.planes.len() == 1 && view.fields[0].iter().any(|d| d.is_finite()), "D is shown");
-    assert_eq!(view.pose.links().last().map(|[_, end]| end), Some(view.pose.grip));
+    let pose = view.pose.expect("a pose");
+    assert_eq!(pose.links().last().map(|[_, end]| end), Some(pose.grip));
 }
 
 #[test]
@@ -186,7 +193,7 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
     let path = folder.path().join("arm.safetensors");
     let mut app = arm_app(5, Some(path.clone()));
     wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Done);
-    let goal = app.arm().goal;
+    let goal = app.space().goal.clone();
     app.act(Action::Save);
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
     let mut trainer = train::load(&path, &Registry::builtin(), 1).expect("a checkpoint");
@@ -196,11 +203,12 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
     let mut app = app_on(rooms(), gdg());
     draw(&mut app, 80, 24);
     app.command(gdg::engine::Command::Load(path));
-    wait_until(&mut app, |app| matches!(app.scene, Shown::Arm(_)));
-    assert_eq!(app.arm().goal, goal);
+    wait_until(&mut app, |app| app.scene.noun() == "arm");
+    assert_eq!(app.space().goal, goal);
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| {
-        app.arm().view.pose.grip[0] > 1.0 && !app.arm().view.fields.is_empty()
+        app.space().view.pose.is_some_and(|pose| pose.grip[0] > 1.0)
+            && !app.space().view.fields.is_empty()
     });
 }
 
@@ -219,8 +227,7 @@ fn maps_and_worlds_open_from_each_others_screens() {
         assert_eq!((app.scene.noun(), app.scene.title(&app.screen.snapshot)), (noun, name));
         draw(&mut app, 80, 24);
         wait_until(&mut app, |app| match &app.scene {
-            Shown::Arm(arm) => !arm.view.fields.is_empty(),
-            Shown::Goals(_) => false,
+            Shown::Space(space) => !space.view.fields.is_empty(),
             Shown::Maze(maze) => {
                 maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster)
             }

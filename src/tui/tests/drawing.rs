@@ -64,7 +64,7 @@ fn every_field_can_be_shown() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| {
-        app.screen.snapshot.counters.updates > 1_000 && !app.maze().view.edges.is_empty()
+        app.screen.snapshot.counters.updates > 1_000 && !app.maze().view.graph.edges.is_empty()
     });
     for _ in 0..8 {
         let asked = app.screen.field;

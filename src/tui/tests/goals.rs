@@ -7,11 +7,11 @@ use rand_chacha::ChaCha8Rng;
 use super::*;
 use crate::tui::action::Action;
 use crate::tui::panes::Pane;
-use crate::tui::scene::{GoalsState, Scene as Shown};
 use gdg::bridge::EdgeStatus;
 use gdg::env::{EnvError, Environment, PointMaze, Rendering, Spec};
 use gdg::train::DataSource;
-use gdg::viewer::{GoalsView, Reach, View};
+use gdg::viewer::space::Plane;
+use gdg::viewer::{Candidate, Graph, Reach, SpaceView, View};
 
 /// A maze that does not say that it is one, with a third number in its goals: the sum of the others.
 struct Unknown {
@@ -77,35 +77,30 @@ fn world() -> Unknown {
     Unknown::new(PointMaze::new(Arc::new(rooms()), 0))
 }
 
-impl App {
-    /// Returns the space of goals that is shown.
-    fn goals(&self) -> &GoalsState {
-        match &self.scene {
-            Shown::Goals(goals) => goals,
-            Shown::Maze(_) | Shown::Arm(_) => panic!("a space of goals"),
-        }
-    }
-}
-
 /// Returns an app that does not train, with a made-up view, drawn at the given size.
 pub(super) fn staged_app(width: u16, height: u16) -> Still {
     let mut app = still_in(&world(), Method::default());
     draw(&mut app, width, height);
     let place = |x: f32, y: f32| vec![x, y, x + y];
     let goal = place(13.5, 1.5);
-    let slice = app.screen.layout.goals.as_ref().expect("room").slice;
-    let view = |slice: gdg::viewer::goals::Slice| {
+    let plane = app.screen.layout.projections[0].plane.clone();
+    let view = |plane: Plane| {
         let value = |i: usize| {
-            let [right, down] = slice.raster.middle_of(i);
+            let [right, down] = plane.raster.middle_of(i);
             (right - goal[0]).abs().max((-down - goal[1]).abs())
         };
-        GoalsView {
+        let candidate = |at: Vec<f32>| Candidate { at, degree: 0.5 };
+        SpaceView {
             goal: (Some(goal.clone()), 1),
-            slice: Some(slice),
-            field: Arc::new((0..slice.raster.len()).map(value).collect()),
+            fields: Arc::new(vec![(0..plane.raster.len()).map(value).collect()]),
+            planes: Arc::new(vec![plane]),
             farthest: 14.0,
-            candidates: Arc::new(vec![place(3.5, 3.5), place(7.5, 2.5), place(12.5, 1.5)]),
-            edges: Arc::new(vec![([0, 1], EdgeStatus::Confirmed), ([1, 2], EdgeStatus::Untried)]),
+            graph: Arc::new(Graph {
+                candidates: [place(3.5, 3.5), place(7.5, 2.5), place(12.5, 1.5)]
+                    .map(candidate)
+                    .to_vec(),
+                edges: vec![([0, 1], EdgeStatus::Confirmed), ([1, 2], EdgeStatus::Untried)],
+            }),
             reach: Reach {
                 start: place(1.5, 3.5),
                 at: place(4.5, 3.2),
@@ -118,14 +113,14 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
                 finished: (3, 4),
                 ..Reach::default()
             },
-            ..GoalsView::default()
+            ..SpaceView::default()
         }
     };
     // What is known of the space decides which part is shown.
-    app.on_view(View::Goals(Arc::new(view(slice))));
+    app.on_view(View::Space(Arc::new(view(plane))));
     draw(&mut app, width, height);
-    let slice = app.screen.layout.goals.as_ref().expect("room").slice;
-    app.on_view(View::Goals(Arc::new(view(slice))));
+    let plane = app.screen.layout.projections[0].plane.clone();
+    app.on_view(View::Space(Arc::new(view(plane))));
     app
 }
 
@@ -136,12 +131,12 @@ fn the_worlds_own_picture_is_beside_the_space_if_there_is_one() {
     app.act(Action::Alone);
     let pixel = |i: usize| if i < 2 * 16 { [20, 20, 30] } else { [30, 200, 60] };
     let picture = Rendering::new(16, (0..16 * 8).map(pixel).collect());
-    let mut view = (*app.goals().view).clone();
+    let mut view = (*app.space().view).clone();
     let mut with = |picture, app: &mut Still| {
         view.picture = Some(picture);
-        app.on_view(View::Goals(Arc::new(view.clone())));
+        app.on_view(View::Space(Arc::new(view.clone())));
         let shown = shown_by(app, 120, 40);
-        (app.screen.layout.goals.as_ref().expect("room").frame.area.width, shown)
+        (app.screen.layout.projections[0].frame.area.width, shown)
     };
     let (beside, _) = with(Ok(Arc::new(picture)), &mut app);
     assert!(app.screen.layout.picture.is_some());
@@ -191,18 +186,18 @@ fn a_run_that_learns_from_data_says_so_instead_of_agents() {
 fn clicks_and_keys_move_the_goal_in_the_components_shown() {
     let mut app = staged_app(120, 40);
     draw(&mut app, 120, 40);
-    let shown = app.screen.layout.goals.clone().expect("room");
+    let shown = app.screen.layout.projections[0].clone();
     let at = shown.frame.character_of([5.0, -3.0]).expect("in view");
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-    let goal = app.goals().goal.clone();
+    let goal = app.space().goal.clone();
     assert!((goal[0] - 5.0).abs() < 0.2 && (goal[1] - 3.0).abs() < 0.3, "{goal:?}");
     assert_eq!(goal[2], 15.0, "the third component is not shown");
     press(&mut app, KeyCode::Up);
-    assert!(app.goals().goal[1] > goal[1] && app.goals().goal[0] == goal[0], "upwards is more");
+    assert!(app.space().goal[1] > goal[1] && app.space().goal[0] == goal[0], "upwards is more");
     app.act(Action::Projection);
     draw(&mut app, 120, 40);
     press(&mut app, KeyCode::Up);
-    assert!(app.goals().goal[2] > goal[2], "the third component is shown now");
+    assert!(app.space().goal[2] > goal[2], "the third component is shown now");
 }
 
 #[test]
@@ -211,8 +206,8 @@ fn an_unknown_world_is_trained_and_drawn_at_every_size() {
     let mut app = app_in(&world(), Method::default(), limits, None);
     draw(&mut app, 80, 24);
     let shows_d = |app: &App| {
-        let view = &app.goals().view;
-        !app.goals().goal.is_empty() && view.field.iter().any(|steps| steps.is_finite())
+        let view = &app.space().view;
+        !app.space().goal.is_empty() && view.fields.iter().flatten().any(|steps| steps.is_finite())
     };
     wait_until(&mut app, shows_d);
     for (width, height) in [(1, 1), (7, 3), (40, 10), (80, 24), (400, 120)] {
@@ -221,8 +216,8 @@ fn an_unknown_world_is_trained_and_drawn_at_every_size() {
             draw(&mut app, width, height);
         }
     }
-    let first = app.goals().goal.clone();
+    let first = app.space().goal.clone();
     type_text(&mut app, "n");
-    wait_until(&mut app, |app| app.goals().goal != first);
-    assert!(app.goals().view.reach.start.len() == 3);
+    wait_until(&mut app, |app| app.space().goal != first);
+    assert!(app.space().view.reach.start.len() == 3);
 }

@@ -160,7 +160,7 @@ fn the_past_of_an_arm_is_a_field_through_its_goal() {
         let view = views.borrow().clone();
         app.on_view(view);
     }
-    for field in app.arm().view.fields.iter() {
+    for field in app.space().view.fields.iter() {
         let mut known = field.iter().filter(|value| value.is_finite()).peekable();
         assert!(known.peek().is_some() && known.all(|value| (value - 5.0).abs() < 0.01));
     }

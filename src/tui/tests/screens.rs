@@ -7,6 +7,7 @@ use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
 use gdg::bridge::EdgeStatus;
 use gdg::viewer::maze::Exploration;
+use gdg::viewer::{Candidate, Graph};
 
 pub(super) fn check(name: &str, app: &mut impl Driven, width: u16, height: u16) {
     let shown = picture(&draw(app, width, height));
@@ -75,12 +76,18 @@ fn of_many_edges_only_those_near_the_cursor_are_drawn() {
     let mut app = staged_app(120, 40);
     app.screen.overlays.toggle(Overlay::Edges);
     let at = |i: usize| [0.5 + (i % 39) as f32 / 2.0, 0.5 + (i / 39 % 9) as f32 / 2.0];
-    let edges: Vec<_> = (0..11_000).map(|i| ([at(i), at(i + 40)], EdgeStatus::Confirmed)).collect();
+    let candidate = |i: usize| Candidate { at: at(i).to_vec(), degree: 0.0 };
+    let graph = Graph {
+        candidates: (0..11_040).map(candidate).collect(),
+        edges: (0..11_000).map(|i| ([i, i + 40], EdgeStatus::Confirmed)).collect(),
+    };
+    // Only edges are shown.
+    app.screen.overlays.toggle(Overlay::Candidates);
     for (x, is_left) in [(2, true), (17, false)] {
         app.maze_mut().inspecting = Some(Cell::new(x, 2));
-        app.change_view(|view| view.edges = Arc::default());
+        app.change_view(|view| view.graph = Arc::default());
         let before = draw(&mut app, 120, 40).backend().buffer().clone();
-        app.change_view(|view| view.edges = Arc::new(edges.clone()));
+        app.change_view(|view| view.graph = Arc::new(graph.clone()));
         let after = draw(&mut app, 120, 40).backend().buffer().clone();
         let map = app.screen.layout.map.clone().expect("a map").area;
         let mut changed = map.positions().filter(|at| before[*at] != after[*at]).peekable();

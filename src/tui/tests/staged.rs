@@ -4,8 +4,8 @@ use super::*;
 use gdg::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
 use gdg::engine::{FollowedAgent, NextEvaluation};
 use gdg::train::{Counters, CurvePoint, DistanceError, DistanceScore, Evaluation, Score};
-use gdg::viewer::Candidate;
 use gdg::viewer::maze::{Exploration, Walk};
+use gdg::viewer::{Candidate, Graph};
 
 fn score(success: f64) -> Score {
     let by_distance = (1..=6).map(|i| DistanceScore {
@@ -124,12 +124,12 @@ pub(super) fn staged_view(app: &Session) -> MazeView {
         let free = app.maze().map.is_free_at(x, y);
         if free { 2.0 * (x - 19.5).abs().max((y - 4.5).abs()) } else { f32::NAN }
     };
-    let candidate = |(i, at): (usize, [f32; 2])| Candidate { at, degree: i as f32 / 4.0 };
+    let candidate =
+        |(i, at): (usize, [f32; 2])| Candidate { at: at.to_vec(), degree: i as f32 / 4.0 };
     let candidates = [[2.5, 2.5], [6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [18.5, 1.5]];
     let standings =
         [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Confirmed, EdgeStatus::Confirmed];
-    let edges =
-        candidates.windows(2).zip(standings).map(|(ends, status)| ([ends[0], ends[1]], status));
+    let edges = (0..).zip(standings).map(|(i, status)| ([i, i + 1], status));
     let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
     // Everything except the right end and a single cell.
     let map = &app.maze().map;
@@ -146,8 +146,10 @@ pub(super) fn staged_view(app: &Session) -> MazeView {
             ([12.5, 1.5], [0.7, 0.7]),
             ([16.5, 1.5], [0.0, 1.0]),
         ]),
-        candidates: Arc::new(candidates.into_iter().enumerate().map(candidate).collect()),
-        edges: Arc::new(edges.collect()),
+        graph: Arc::new(Graph {
+            candidates: candidates.into_iter().enumerate().map(candidate).collect(),
+            edges: edges.collect(),
+        }),
         exploration: Arc::new(Exploration::new(&app.maze().map, &visits)),
         trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
         walk: Walk {

@@ -4,16 +4,6 @@
 //! The crate `contour` does not fit: it closes its lines along the border of the field, and so
 //! would outline every wall.
 
-/// One contour line, or a piece of it between walls.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ContourLine {
-    /// The value along it.
-    pub level: f32,
-    /// The pixels it passes, from one end to the other: each touches the next, and none of them can
-    /// be left out.
-    pub pixels: Vec<usize>,
-}
-
 /// Returns how far apart the values of neighbouring lines have to be for the lines to be `spacing`
 /// pixels apart or more, on average: 1, 2 or 5 times a power of ten, at least 1. `field` has rows
 /// of `columns` pixels; NaN pixels do not count.
@@ -45,20 +35,6 @@ fn round_up(least: f64) -> f32 {
     steps.into_iter().find(|step| *step >= least).unwrap_or(steps[3]) as f32
 }
 
-/// Returns the lines at all positive multiples of `interval` in `field`, which has rows of
-/// `columns` pixels. Lines end at NaN pixels, and at cliffs, where several of them would coincide:
-/// neither has lines along it.
-pub fn contour_lines(field: &[f32], columns: usize, interval: f32) -> Vec<ContourLine> {
-    let crossings = Crossings::new(field, columns, interval);
-    let line = |borders: Vec<usize>| {
-        let level = crossings.level(borders[0]);
-        let pixels =
-            thinned(borders.into_iter().map(|border| crossings.nearer_pixel(border)), columns);
-        ContourLine { level, pixels }
-    };
-    crossings.lines().into_iter().map(line).collect()
-}
-
 /// A contour line between the middles of pixels, or a piece of it between walls.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContourPath {
@@ -69,8 +45,22 @@ pub struct ContourPath {
     pub points: Vec<[f32; 2]>,
 }
 
-/// Returns the same lines as [`contour_lines`], for pictures of a finer resolution than that of
-/// `field`.
+impl ContourPath {
+    /// Returns the pixels it passes, in a field with rows of `columns`: each touches the next, and
+    /// none of them can be left out.
+    pub fn pixels(&self, columns: usize) -> Vec<usize> {
+        let passed = self.points.iter().map(|[x, y]| *y as usize * columns + *x as usize);
+        let mut pixels = thinned(passed, columns);
+        if pixels.len() > 1 && pixels.first() == pixels.last() {
+            pixels.pop();
+        }
+        pixels
+    }
+}
+
+/// Returns the lines at all positive multiples of `interval` in `field`, which has rows of
+/// `columns` pixels. Lines end at NaN pixels, and at cliffs, where several of them would coincide:
+/// neither has lines along it.
 pub fn contour_paths(field: &[f32], columns: usize, interval: f32) -> Vec<ContourPath> {
     let crossings = Crossings::new(field, columns, interval);
     let path = |borders: Vec<usize>| {
@@ -189,23 +179,11 @@ impl<'a> Crossings<'a> {
         self.levels[border] as f32 * self.interval
     }
 
-    /// Returns the pixels on both sides of `border`, and the share of the way between them at which
-    /// the line crosses it.
-    fn crossing(&self, border: usize) -> (usize, usize, f32) {
-        let (from, to) =
-            (border / 2, border / 2 + if border.is_multiple_of(2) { 1 } else { self.columns });
-        (from, to, (self.level(border) - self.field[from]) / (self.field[to] - self.field[from]))
-    }
-
-    /// Returns the pixel whose middle is nearer to where the line crosses `border`.
-    fn nearer_pixel(&self, border: usize) -> usize {
-        let (from, to, share) = self.crossing(border);
-        if share < 0.5 { from } else { to }
-    }
-
     /// Returns where the line crosses `border`, in pixels.
     fn point(&self, border: usize) -> [f32; 2] {
-        let (from, to, share) = self.crossing(border);
+        let (from, to) =
+            (border / 2, border / 2 + if border.is_multiple_of(2) { 1 } else { self.columns });
+        let share = (self.level(border) - self.field[from]) / (self.field[to] - self.field[from]);
         let [from, to] =
             [from, to].map(|i| [(i % self.columns) as f32 + 0.5, (i / self.columns) as f32 + 0.5]);
         [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])]
@@ -255,13 +233,13 @@ mod tests {
         (0..COLUMNS * 30).map(|i| value((i % COLUMNS) as f32, (i / COLUMNS) as f32)).collect()
     }
 
-    fn positions(line: &ContourLine) -> Vec<(usize, usize)> {
-        line.pixels.iter().map(|i| (i % COLUMNS, i / COLUMNS)).collect()
+    fn positions(line: &ContourPath) -> Vec<(usize, usize)> {
+        line.pixels(COLUMNS).iter().map(|i| (i % COLUMNS, i / COLUMNS)).collect()
     }
 
     /// Returns whether some square of two by two pixels is all line, or some neighbours of a line
     /// do not touch.
-    fn is_thick_or_torn(line: &ContourLine) -> bool {
+    fn is_thick_or_torn(line: &ContourPath) -> bool {
         let own = positions(line);
         let thick = own.iter().any(|(x, y)| {
             [(x + 1, *y), (*x, y + 1), (x + 1, y + 1)].iter().all(|other| own.contains(other))
@@ -273,13 +251,13 @@ mod tests {
     fn lines_on_planes_are_thin_whole_and_where_these_reach_their_levels() {
         for (a, b) in [(3.0, 0.0), (1.0, 1.0), (1.0, 0.3), (-0.4, 1.0), (0.07, 1.0)] {
             let value = |x: f32, y: f32| 100.0 + a * x + b * y;
-            let lines = contour_lines(&field(value), COLUMNS, 7.0);
+            let lines = contour_paths(&field(value), COLUMNS, 7.0);
             assert!(!lines.is_empty() && !lines.iter().any(is_thick_or_torn), "slope {a}, {b}");
             for line in &lines {
                 let off =
                     |(x, y): &(usize, usize)| (value(*x as f32, *y as f32) - line.level).abs();
                 assert!(positions(line).iter().all(|at| off(at) <= 0.5 * (a.abs() + b) + 1e-4));
-                assert!(b > 0.0 || line.pixels.len() == 30);
+                assert!(b > 0.0 || positions(line).len() == 30);
             }
         }
     }
@@ -287,17 +265,14 @@ mod tests {
     #[test]
     fn lines_on_a_cone_are_circles_and_paths_are_where_they_are_but_finer() {
         let cone = field(|x, y| (x - 20.0).hypot(y - 15.0));
-        let (lines, paths) =
-            (contour_lines(&cone, COLUMNS, 10.0), contour_paths(&cone, COLUMNS, 10.0));
-        assert!(lines.iter().map(|line| line.level).eq(paths.iter().map(|path| path.level)));
-        let line = lines.iter().find(|line| line.level == 10.0).expect("a circle");
+        let paths = contour_paths(&cone, COLUMNS, 10.0);
         let path = paths.iter().find(|path| path.level == 10.0).expect("a circle");
-        let own = positions(line);
+        let own = positions(path);
         let off = |[x, y]: [f32; 2]| ((x - 20.5).hypot(y - 15.5) - 10.0).abs();
         assert!(own.iter().all(|(x, y)| off([*x as f32 + 0.5, *y as f32 + 0.5]) <= 0.75));
         let [first, last] = [own[0], own[own.len() - 1]];
         assert!(first.0.abs_diff(last.0) <= 1 && first.1.abs_diff(last.1) <= 1, "closed");
-        assert!(!is_thick_or_torn(line));
+        assert!(!is_thick_or_torn(path));
         let points = &path.points;
         assert!(points.iter().all(|at| off(*at) < 0.03), "far closer than a pixel");
         assert_eq!(points.first(), points.last(), "closed");
@@ -312,11 +287,11 @@ mod tests {
         let value = |x: f32, y: f32| {
             if wall(y) { f32::NAN } else { x + if y > 12.0 { 203.0 } else { 0.0 } }
         };
-        let lines = contour_lines(&field(value), COLUMNS, 10.0);
+        let lines = contour_paths(&field(value), COLUMNS, 10.0);
         let levels = |above: bool| {
             let own =
                 lines.iter().filter(|line| positions(line).iter().all(|(_, y)| (*y < 12) == above));
-            own.map(|line| (line.level, line.pixels.len())).collect::<Vec<_>>()
+            own.map(|line| (line.level, positions(line).len())).collect::<Vec<_>>()
         };
         assert_eq!(levels(true), [(10.0, 12), (20.0, 12), (30.0, 12)]);
         assert_eq!(levels(false), [(210.0, 17), (220.0, 17), (230.0, 17), (240.0, 17)]);
@@ -326,15 +301,15 @@ mod tests {
     #[test]
     fn passages_cliffs_saddles_and_unknown_fields_have_the_lines_that_they_allow() {
         let passage = field(|x, y| if y == 4.0 { x } else { f32::NAN });
-        let lines = contour_lines(&passage, COLUMNS, 10.0);
+        let lines = contour_paths(&passage, COLUMNS, 10.0);
         assert!(lines.iter().map(positions).eq([[(10, 4)], [(20, 4)], [(30, 4)]]));
         let cliff = field(|x, _| if x < 20.0 { 5.0 } else { 95.0 });
-        assert_eq!(contour_lines(&cliff, COLUMNS, 10.0), []);
+        assert_eq!(contour_paths(&cliff, COLUMNS, 10.0), []);
         // At a saddle they do not cross.
-        let saddle = contour_lines(&[0.0, 12.0, 11.0, 1.0], 2, 10.0);
-        assert!(saddle.iter().map(|line| line.pixels.len()).eq([1, 1]));
+        let saddle = contour_paths(&[0.0, 12.0, 11.0, 1.0], 2, 10.0);
+        assert!(saddle.iter().map(|line| line.pixels(2).len()).eq([1, 1]));
         for field in [vec![], vec![3.0, 3.0], vec![f32::INFINITY, 4.0, f32::NAN, 1e38]] {
-            assert_eq!(contour_lines(&field, 2, 5.0), []);
+            assert_eq!(contour_paths(&field, 2, 5.0), []);
         }
     }
 

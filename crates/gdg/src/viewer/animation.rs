@@ -1,7 +1,7 @@
 //! The film of how distance was learned, as an animation.
 
-use super::arm::{Plane, film_field, film_goal as arm_goal};
-use super::maze::{FilmedMap, FilmedPixels, film_goal};
+use super::maze::{FilmedMap, FilmedPixels};
+use super::space::{Plane, film_field};
 use crate::draw::{
     Animation, Ground, Picture, Raster, Rgb, WALL, blend, contour_interval, distance_colour,
     text_size,
@@ -75,8 +75,8 @@ pub fn animate(
 ) -> Result<Vec<u8>, FilmError> {
     progress.begin(0, 1);
     let frames = &run.film;
-    let (stage, last) = (stage(run, width)?, frames.last().ok_or(FilmError::NoFrames)?);
-    let scale = Scale { farthest: last.farthest(), interval: stage.contour_interval(last) };
+    let (stage, last) = (Stage::new(run, width)?, frames.last().ok_or(FilmError::NoFrames)?);
+    let scale = stage.scale(last);
     let shortest =
         frames.windows(2).map(|pair| pair[1].updates - pair[0].updates).min().unwrap_or(1).max(1);
     let mut file = Vec::new();
@@ -105,8 +105,8 @@ pub fn animate(
 /// # Errors
 /// There is no film, or it cannot be encoded.
 pub fn still(run: &Snapshot, width: Option<usize>) -> Result<Vec<u8>, FilmError> {
-    let (stage, last) = (stage(run, width)?, run.film.last().ok_or(FilmError::NoFrames)?);
-    let scale = Scale { farthest: last.farthest(), interval: stage.contour_interval(last) };
+    let (stage, last) = (Stage::new(run, width)?, run.film.last().ok_or(FilmError::NoFrames)?);
+    let scale = stage.scale(last);
     let drawn = stage.draw(last, scale);
     let (columns, rows) = drawn.size();
     let line = text_size("", false)[1] + MARGIN;
@@ -118,16 +118,6 @@ pub fn still(run: &Snapshot, width: Option<usize>) -> Result<Vec<u8>, FilmError>
     let lines = format!("{range}, a line every {interval:.0}");
     write_below(&mut picture, &[lines, range, format!("D: 0 to {farthest:.0}")], rows + line);
     Ok(picture.to_png("gdg-tui")?)
-}
-
-/// Returns what draws the frames of a run.
-fn stage(run: &Snapshot, width: Option<usize>) -> Result<Box<dyn Stage>, FilmError> {
-    match &run.scene {
-        _ if run.film.is_empty() => Err(FilmError::NoFrames),
-        Scene::Maze(scene) => Ok(Box::new(MazeStage::new(scene, width))),
-        Scene::Arm(scene) => Ok(Box::new(ArmStage(*scene, width))),
-        Scene::Goals(_) => Err(FilmError::NoScene),
-    }
 }
 
 /// Writes the first of `texts` that is narrow enough below a picture of `rows` rows.
@@ -157,54 +147,123 @@ struct Scale {
     interval: f32,
 }
 
-/// Draws the frames of a world.
-trait Stage {
-    /// Draws a frame.
-    fn draw(&self, frame: &FilmFrame, scale: Scale) -> Picture;
+/// What draws the frames of a run: a map, or two planes through an arm's goal.
+struct Stage(Vec<Panel>);
 
-    /// Returns the interval of contour lines that suits a frame.
-    fn contour_interval(&self, frame: &FilmFrame) -> f32;
-}
-
-/// A map.
-struct MazeStage {
-    filmed: FilmedMap,
-    raster: Raster,
+/// A map or a plane.
+struct Panel {
+    /// Its name, if there are several.
+    name: &'static str,
+    plane: Plane,
+    /// What each pixel of a map shows.
     grounds: Vec<Ground>,
-    pixels: FilmedPixels,
+    values: Values,
+    /// The radius of agents, in pixels.
+    radius: f32,
 }
 
-impl MazeStage {
-    fn new(MazeScene { map, .. }: &MazeScene, width: Option<usize>) -> Self {
+/// Where the values of a frame come from.
+enum Values {
+    Map(FilmedPixels),
+    Arm(ArmScene),
+}
+
+impl Stage {
+    fn new(run: &Snapshot, width: Option<usize>) -> Result<Self, FilmError> {
+        match &run.scene {
+            _ if run.film.is_empty() => Err(FilmError::NoFrames),
+            Scene::Maze(scene) => Ok(Self(vec![Panel::of_map(scene, width)])),
+            Scene::Arm(scene) => Ok(Self(Panel::of_arm(*scene, width).into())),
+            Scene::Goals(_) => Err(FilmError::NoScene),
+        }
+    }
+
+    /// Returns the scale that suits a frame.
+    fn scale(&self, frame: &FilmFrame) -> Scale {
+        let intervals = self.0.iter().take(1).map(|panel| {
+            contour_interval(&panel.open(frame), panel.plane.raster.pixels.0, LINE_SPACING)
+        });
+        Scale { farthest: frame.farthest(), interval: intervals.fold(1.0, f32::max) }
+    }
+
+    /// Draws a frame, with the panels beside each other.
+    fn draw(&self, frame: &FilmFrame, scale: Scale) -> Picture {
+        let drawn: Vec<Picture> = self.0.iter().map(|panel| panel.draw(frame, scale)).collect();
+        let rows = drawn.iter().map(|picture| picture.size().1).max().unwrap_or_default();
+        let columns = drawn.iter().map(|picture| picture.size().0 + MARGIN).sum::<usize>() - MARGIN;
+        let mut picture = Picture::new((columns, rows), PAGE);
+        let mut left = 0;
+        for (drawn, panel) in drawn.iter().zip(&self.0) {
+            picture.put(drawn, [left, 0]);
+            picture.text(panel.name, [left + MARGIN, MARGIN], INK);
+            left += drawn.size().0 + MARGIN;
+        }
+        picture
+    }
+}
+
+impl Panel {
+    fn of_map(MazeScene { map, .. }: &MazeScene, width: Option<usize>) -> Self {
         let raster = match width {
             Some(width) => Raster::of_width(map, width, MOST_PIXELS),
             None => Raster::of_map(map, MAX_MAP_PIXELS, MAX_CELL_PIXELS),
         };
         let columns = raster.pixels.0;
+        let size = columns as f32 / raster.window[2];
+        let larger = (columns as f32 / MAX_MAP_PIXELS as f32).max(1.0);
         let ground = |i: usize| raster.ground(map, i % columns, i / columns);
-        let filmed = FilmedMap::new(map.clone());
         Self {
+            name: "",
+            plane: Plane { raster, across: vec![1.0, 0.0], up: vec![0.0, -1.0], stretch: 1.0 },
             grounds: (0..raster.len()).map(ground).collect(),
-            pixels: FilmedPixels::new(&filmed, raster),
-            filmed,
-            raster,
+            values: Values::Map(FilmedPixels::new(&FilmedMap::new(map.clone()), raster)),
+            radius: (0.35 * size).clamp(RADII[0], RADII[1] * larger),
+        }
+    }
+
+    /// Returns an arm from the side and from above: where the grip may be.
+    fn of_arm(scene: ArmScene, width: Option<usize>) -> [Self; 2] {
+        let [low, high] = scene.positions();
+        [("side", [0.0, 0.0, 1.0]), ("top", [0.0, 1.0, 0.0])].map(|(name, up): (_, [f32; 3])| {
+            let along = |corner: [f32; 3]| corner[1] * up[1] + corner[2] * up[2];
+            let size = [high[0] - low[0], along(high) - along(low)];
+            // Both are as wide as the same side of the arm's reach.
+            let scale = match width {
+                Some(width) => (width.saturating_sub(MARGIN) / 2).max(1) as f32 / size[0],
+                None => PLANE_PIXELS as f32 / size[0].max(size[1]),
+            };
+            let pixels = size.map(|metres| (metres * scale).round().max(1.0) as usize);
+            let window = [low[0], -along(high), size[0], size[1]];
+            let raster = Raster { window, pixels: (pixels[0], pixels[1]) };
+            let across = vec![1.0, 0.0, 0.0];
+            let plane = Plane { raster, across, up: up.to_vec(), stretch: 1.0 };
+            Self { name, plane, grounds: Vec::new(), values: Values::Arm(scene), radius: 3.0 }
+        })
+    }
+
+    fn field(&self, frame: &FilmFrame) -> Vec<f32> {
+        match &self.values {
+            Values::Map(pixels) => pixels.field(frame),
+            Values::Arm(scene) => film_field(scene, frame, &self.plane),
         }
     }
 
     /// Returns the values where contour lines may be: not where walls cross pixels, as D differs on
     /// both sides.
     fn open(&self, frame: &FilmFrame) -> Vec<f32> {
-        let open = |(value, ground): (f32, &Ground)| {
-            if matches!(ground, Ground::Free(_)) { value } else { f32::NAN }
-        };
-        self.pixels.field(frame).into_iter().zip(&self.grounds).map(open).collect()
+        let mut open = self.field(frame);
+        for (value, ground) in open.iter_mut().zip(&self.grounds) {
+            if !matches!(ground, Ground::Free(_)) {
+                *value = f32::NAN;
+            }
+        }
+        open
     }
-}
 
-impl Stage for MazeStage {
     fn draw(&self, frame: &FilmFrame, scale: Scale) -> Picture {
-        let mut picture = Picture::new(self.raster.pixels, UNKNOWN);
-        colour(&mut picture, &self.pixels.field(frame), scale.farthest);
+        let raster = self.plane.raster;
+        let mut picture = Picture::new(raster.pixels, UNKNOWN);
+        colour(&mut picture, &self.field(frame), scale.farthest);
         for (pixel, ground) in picture.pixels_mut().iter_mut().zip(&self.grounds) {
             match ground {
                 Ground::Free(_) | Ground::Outside => {}
@@ -213,89 +272,22 @@ impl Stage for MazeStage {
             }
         }
         picture.contours(&self.open(frame), scale.interval);
-        let size = self.raster.pixels.0 as f32 / self.raster.window[2];
-        let larger = (self.raster.pixels.0 as f32 / MAX_MAP_PIXELS as f32).max(1.0);
-        let (positions, _) = frame.agents.as_chunks::<2>();
-        draw_signs(
-            &mut picture,
-            positions.iter().map(|at| at.map(|along| along * size)),
-            film_goal(frame, self.filmed.map()).map(|goal| goal.centre().map(|along| along * size)),
-            (0.35 * size).clamp(RADII[0], RADII[1] * larger),
-        );
-        picture
-    }
-
-    fn contour_interval(&self, frame: &FilmFrame) -> f32 {
-        contour_interval(&self.open(frame), self.raster.pixels.0, LINE_SPACING)
-    }
-}
-
-/// An arm, from the side and from above, with D on the planes through the goal.
-struct ArmStage(ArmScene, Option<usize>);
-
-impl ArmStage {
-    /// Returns both planes: where the grip may be.
-    fn planes(&self) -> [Plane; 2] {
-        let [low, high] = self.0.positions();
-        [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]].map(|up: [f32; 3]| {
-            let along = |corner: [f32; 3]| corner[1] * up[1] + corner[2] * up[2];
-            let size = [high[0] - low[0], along(high) - along(low)];
-            // Both are as wide as the same side of the arm's reach.
-            let scale = match self.1 {
-                Some(width) => (width.saturating_sub(MARGIN) / 2).max(1) as f32 / size[0],
-                None => PLANE_PIXELS as f32 / size[0].max(size[1]),
-            };
-            let pixels = size.map(|metres| (metres * scale).round().max(1.0) as usize);
-            let window = [low[0], -along(high), size[0], size[1]];
-            Plane {
-                raster: Raster { window, pixels: (pixels[0], pixels[1]) },
-                across: [1.0, 0.0, 0.0],
-                up,
-            }
-        })
-    }
-
-    fn draw_plane(&self, plane: &Plane, frame: &FilmFrame, scale: Scale) -> Picture {
-        let mut picture = Picture::new(plane.raster.pixels, UNKNOWN);
-        let field = film_field(&self.0, frame, plane);
-        colour(&mut picture, &field, scale.farthest);
-        picture.contours(&field, scale.interval);
-        let [left, top, width, _] = plane.raster.window;
-        let size = plane.raster.pixels.0 as f32 / width;
-        let flat = |at: [f32; 3]| {
-            let up = at[1] * plane.up[1] + at[2] * plane.up[2];
-            [(at[0] - left) * size, (-up - top) * size]
+        let size = raster.pixels.0 as f32 / raster.window[2];
+        let flat = |at: &[f32]| {
+            let [right, down] = self.plane.flat(at);
+            [(right - raster.window[0]) * size, (down - raster.window[1]) * size]
         };
-        let (positions, _) = frame.agents.as_chunks::<3>();
-        draw_signs(
-            &mut picture,
-            positions.iter().map(|at| flat(*at)),
-            Some(flat(arm_goal(frame))),
-            3.0,
-        );
+        let agents = frame.agents.chunks_exact(self.plane.across.len()).map(flat);
+        draw_signs(&mut picture, agents, flat(&self.goal_of(frame)), self.radius);
         picture
     }
-}
 
-impl Stage for ArmStage {
-    fn draw(&self, frame: &FilmFrame, scale: Scale) -> Picture {
-        let names = ["side", "top"];
-        let drawn = self.planes().map(|plane| self.draw_plane(&plane, frame, scale));
-        let rows = drawn.iter().map(|picture| picture.size().1).max().unwrap_or_default();
-        let columns = drawn.iter().map(|picture| picture.size().0 + MARGIN).sum::<usize>() - MARGIN;
-        let mut picture = Picture::new((columns, rows), PAGE);
-        let mut left = 0;
-        for (drawn, name) in drawn.iter().zip(names) {
-            picture.put(drawn, [left, 0]);
-            picture.text(name, [left + MARGIN, MARGIN], INK);
-            left += drawn.size().0 + MARGIN;
+    /// Returns where the goal of a frame is shown: of a map, in the middle of its cell.
+    fn goal_of(&self, frame: &FilmFrame) -> Vec<f32> {
+        match self.values {
+            Values::Map(_) => frame.goal.iter().map(|at| at.floor() + 0.5).collect(),
+            Values::Arm(_) => frame.goal.clone(),
         }
-        picture
-    }
-
-    fn contour_interval(&self, frame: &FilmFrame) -> f32 {
-        let [side, _] = self.planes();
-        contour_interval(&film_field(&self.0, frame, &side), side.raster.pixels.0, LINE_SPACING)
     }
 }
 
@@ -313,11 +305,11 @@ fn colour(picture: &mut Picture, field: &[f32], farthest: f32) {
 fn draw_signs(
     picture: &mut Picture,
     agents: impl Iterator<Item = [f32; 2]>,
-    goal: Option<[f32; 2]>,
+    goal: [f32; 2],
     radius: f32,
 ) {
     let agents = agents.map(|at| (at, radius, AGENT));
-    for (at, radius, rgb) in agents.chain(goal.map(|at| (at, 1.5 * radius, GOAL))) {
+    for (at, radius, rgb) in agents.chain([(goal, 1.5 * radius, GOAL)]) {
         // A file could say anything.
         let (columns, rows) = picture.size();
         if (0.0..=columns as f32).contains(&at[0]) && (0.0..=rows as f32).contains(&at[1]) {
@@ -390,7 +382,7 @@ mod tests {
         let run = run(&maze("G...........\n"), &[250]);
         let Scene::Maze(scene) = &run.scene else { panic!("a maze") };
         let scale = Scale { farthest: run.film[0].farthest(), interval: 1e6 };
-        let picture = MazeStage::new(scene, None).draw(&run.film[0], scale);
+        let picture = Panel::of_map(scene, None).draw(&run.film[0], scale);
         let row = &picture.pixels()[3 * picture.size().0..];
         assert!([60, 150, 270].map(|x| crate::draw::lightness(row[x])).is_sorted_by(|a, b| a > b));
     }

@@ -55,7 +55,6 @@ impl MazeState {
         self.set_goal(goal, screen, link);
     }
 
-    /// Performs an action on the maze.
     pub fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
         let at_cursor = self.inspecting.unwrap_or(self.goal);
         match action {
@@ -87,7 +86,6 @@ impl MazeState {
         }
     }
 
-    /// Performs an action of the editor.
     fn edit(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
         let map = self.map.clone();
         if matches!(action, Action::ToggleEdit | Action::Tool(_)) {
@@ -107,13 +105,13 @@ impl MazeState {
                 self.change_map_or_say(new, refusal, screen, link);
             }
             Action::Undo => {
-                let new = self.editor.undo(&map);
+                let new = self.editor.undo();
                 let nothing =
-                    if self.editor.has_dropped_edits() { EDITS_DROPPED } else { "nothing to undo" };
+                    if self.editor.has_dropped { EDITS_DROPPED } else { "nothing to undo" };
                 self.step_through_edits(new, ["undone: ", nothing], screen, link);
             }
             Action::Redo => {
-                let new = self.editor.redo(&map);
+                let new = self.editor.redo();
                 self.step_through_edits(new, ["redone: ", "nothing to redo"], screen, link);
             }
             _ => {}
@@ -187,7 +185,7 @@ impl MazeState {
     ) {
         let Some(map) = map else { return };
         let is_taken = link.command(Command::ChangeWorld(maze_on(map.clone()), done), screen);
-        self.editor.settle(&self.map, is_taken.then_some(&map));
+        self.editor.settle(&self.map, is_taken);
         if !is_taken {
             return;
         }
@@ -289,7 +287,6 @@ impl MazeState {
         }
     }
 
-    /// Shows a new view.
     pub fn show(&mut self, view: Arc<MazeView>, screen: &mut Screen, link: &Link) {
         // Follow goals chosen by the walking agent itself, but not those older than the latest goal
         // request.

@@ -1,31 +1,43 @@
 //! Editing the map: tools for mouse and keyboard, undo and redo.
 
 use std::borrow::Cow;
-use std::collections::HashSet;
+use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;
 
 use ratatui::layout::Position;
 
-use super::edits::{Edit, Edits};
 use crate::tui::raster::MapFrame;
 use crate::tui::tool::Tool;
 use gdg::map::{Cell, Grid};
+
+/// The most cells of all maps together that are kept to undo edits. Beyond it the oldest are dropped.
+const MAX_CELLS: usize = 256 << 20;
 
 /// The editor's state. Strokes exist only while it is open; undo and redo outlast closing it.
 #[derive(Default)]
 pub struct Editor {
     /// Where the keyboard draws; `None` while the editor is closed.
     pub cursor: Option<Cell>,
-    /// The selected tool.
     pub tool: Tool,
     /// Whether the map has been changed since the editor was opened.
     pub has_changed: bool,
     stroke: Option<Stroke>,
-    edits: Edits,
+    /// The maps before each edit, and after each that was undone; the nearest last.
+    back: VecDeque<Arc<Grid>>,
+    forward: Vec<Arc<Grid>>,
+    /// Whether old edits have been dropped, and whether the user has been told.
+    pub has_dropped: bool,
     /// What leads to the map that was returned last.
     offered: Option<Edit>,
-    /// Whether the user has been told that old edits were dropped.
     says_dropped: bool,
+}
+
+/// How one map becomes another.
+#[derive(Clone, Copy)]
+enum Edit {
+    New,
+    Undo,
+    Redo,
 }
 
 /// An unfinished stroke: the mouse button is still down, or the second of two key presses is still
@@ -43,7 +55,6 @@ struct Stroke {
 }
 
 impl Stroke {
-    /// Begins a stroke at a cell.
     fn at(cell: Cell, free: bool) -> Self {
         Self { free, cells: Vec::new(), is_drawn: Vec::new(), from: cell, to: cell, at: None }
     }
@@ -72,7 +83,6 @@ impl Editor {
         Self { cursor, tool, has_changed, stroke, ..Self::default() }
     }
 
-    /// Returns whether the editor is open.
     pub fn is_open(&self) -> bool {
         self.cursor.is_some()
     }
@@ -97,7 +107,6 @@ impl Editor {
         self.stroke.as_ref().map(|stroke| (self.cells_of(stroke), stroke.free))
     }
 
-    /// Returns whether a stroke has begun.
     pub fn is_drawing(&self) -> bool {
         self.stroke.is_some()
     }
@@ -199,36 +208,47 @@ impl Editor {
     }
 
     /// Returns the map before the latest change.
-    pub fn undo(&mut self, map: &Grid) -> Option<Arc<Grid>> {
-        let before = self.edits.undone(map);
-        self.offered = before.as_ref().map(|_| Edit::Undo);
-        before
+    pub fn undo(&mut self) -> Option<Arc<Grid>> {
+        self.offered = self.back.back().map(|_| Edit::Undo);
+        self.back.back().cloned()
     }
 
     /// Returns the map before the latest undo.
-    pub fn redo(&mut self, map: &Grid) -> Option<Arc<Grid>> {
-        let after = self.edits.redone(map);
-        self.offered = after.as_ref().map(|_| Edit::Redo);
-        after
+    pub fn redo(&mut self) -> Option<Arc<Grid>> {
+        self.offered = self.forward.last().map(|_| Edit::Redo);
+        self.forward.last().cloned()
     }
 
-    /// Takes note that the map was replaced by the one returned last, or with `None` that the
-    /// trainer did not take that one.
-    pub fn settle(&mut self, before: &Arc<Grid>, after: Option<&Arc<Grid>>) {
-        if let (Some(edit), Some(after)) = (self.offered.take(), after) {
-            self.edits.record(edit, before, after);
-            self.has_changed = true;
+    /// Takes note that `before` was replaced by the map returned last, or not: the trainer did not
+    /// take it.
+    pub fn settle(&mut self, before: &Arc<Grid>, is_taken: bool) {
+        let Some(edit) = self.offered.take().filter(|_| is_taken) else { return };
+        self.has_changed = true;
+        match edit {
+            Edit::New => self.forward.clear(),
+            Edit::Undo => drop(self.back.pop_back()),
+            Edit::Redo => drop(self.forward.pop()),
+        }
+        if matches!(edit, Edit::Undo) {
+            return self.forward.push(before.clone());
+        }
+        self.back.push_back(before.clone());
+        self.drop_oldest(MAX_CELLS);
+    }
+
+    /// Drops the oldest edits until their maps have at most so many cells; one is always kept.
+    fn drop_oldest(&mut self, most: usize) {
+        let cells = |map: &Arc<Grid>| map.free().len();
+        let mut all: usize = self.back.iter().chain(&self.forward).map(cells).sum();
+        while all > most && self.back.len() > 1 {
+            all -= self.back.pop_front().as_ref().map_or(0, cells);
+            self.has_dropped = true;
         }
     }
 
     /// Returns whether edits have been dropped, `true` only once.
     pub fn drops_first_edits(&mut self) -> bool {
-        self.edits.has_dropped && !std::mem::replace(&mut self.says_dropped, true)
-    }
-
-    /// Returns whether there were earlier edits than those that can be undone.
-    pub fn has_dropped_edits(&self) -> bool {
-        self.edits.has_dropped
+        self.has_dropped && !std::mem::replace(&mut self.says_dropped, true)
     }
 }
 
@@ -318,7 +338,7 @@ mod tests {
         for (x, y) in cells {
             editor.cursor = Some(Cell::new(x, y));
             if let Some(new) = editor.apply(&now) {
-                editor.settle(&now, Some(&new));
+                editor.settle(&now, true);
                 now = new;
             }
         }
@@ -357,5 +377,32 @@ mod tests {
         (0..4).for_each(|_| stroke.add(map.free_cells(), &map));
         assert_eq!(stroke.cells.len(), 2048 * 1024);
         assert!(stroke.cells.iter().copied().eq(map.free_cells()));
+    }
+
+    #[test]
+    fn every_edit_can_be_undone_and_redone_but_not_without_end() {
+        let mut editor = Editor::default();
+        let mut now = Arc::new(Grid::empty("map", 1, 10));
+        for width in 2..30 {
+            let new = editor.offer(&now, Grid::empty("map", width, 10)).expect("an edit");
+            editor.settle(&now, true);
+            now = new;
+        }
+        assert!(!editor.drops_first_edits());
+        editor.drop_oldest(2_000);
+        assert!(editor.drops_first_edits() && !editor.drops_first_edits());
+        assert!(editor.offer(&now, (*now).clone()).is_none(), "nothing has changed");
+        let mut undone = 0;
+        while let Some(before) = editor.undo() {
+            editor.settle(&now, true);
+            assert_eq!(before.width() + 1, now.width());
+            (now, undone) = (before, undone + 1);
+        }
+        assert_eq!(undone, 8, "those with 2,000 cells");
+        let after = editor.redo().expect("an edit");
+        editor.settle(&now, false);
+        assert_eq!(editor.redo().expect("still one").width(), after.width());
+        editor.settle(&now, true);
+        assert_eq!(after.width(), now.width() + 1);
     }
 }

@@ -1,101 +1,151 @@
-//! The map and everything on it.
+//! The map and everything on it, as characters or as a picture.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use ratatui::Frame;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
+use ratatui::style::Style;
+use ratatui::widgets::{Block, Clear};
 
 use super::MazeState;
-use super::candidates;
-use super::edges;
-use super::key::{Key, open_field, show_interval, shown_goal, shown_interval};
-use super::picture::{self, PictureCache};
-use super::unexplored::Unexplored;
-use crate::tui::canvas::{CANDIDATE_MARK, Canvas, Pen, WALL_MARK, shade};
-use crate::tui::contours::{self, Label};
-use crate::tui::glyphs::Glyphs;
-use crate::tui::graphics::Picture;
-use crate::tui::layers::Overlay;
+use crate::tui::canvas::{Canvas, Ink};
+use crate::tui::contours;
+use crate::tui::graphics::{Picture, Redraw};
+use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::layout::ScreenLayout;
-use crate::tui::raster::MapFrame;
-use crate::tui::scene::scale::MAX_SHOWN_ERROR;
+use crate::tui::marker::Marker;
+use crate::tui::raster::{MapFrame, Viewport};
+use crate::tui::scene::ground::{self, Colours, Kind, Look};
+use crate::tui::scene::overlays::{FRONTIER_SIGN, Painter};
 use crate::tui::screen::Screen;
-use crate::tui::theme::{ColourDepth, Rgb, Theme, blend};
-use gdg::bridge::SearchOutcome;
-use gdg::draw::Ground;
+use crate::tui::theme::{Theme, ThemeName, blend, ink};
+use gdg::draw::{Ground, Raster, positions_along};
+use gdg::map::{Cell, Grid};
 use gdg::viewer::Field;
+use gdg::viewer::maze::{Exploration, Knowledge, film_goal};
 
 /// Minimum characters per cell for drawing bridge candidates, and for drawing them in sizes.
 const MIN_BRIDGE_SCALE: f32 = 0.75;
 const MIN_SIZED_CANDIDATE_SCALE: f32 = 2.0;
 
-/// Share of the wall colour in a pixel that a wall crosses.
+/// Share of the wall colour in a pixel that a wall crosses: as characters, and in pictures at least.
 const CROSSED_WALL_SHARE: f32 = 0.65;
+const LEAST_WALL_SHARE: f32 = 0.5;
 
-/// The sign of a goal at the frontier.
-pub const FRONTIER_SIGN: char = '\u{25c6}';
+/// Width of the edge of the known world in a picture, as a share of a character's height.
+const EDGE: f32 = 0.12;
 
-/// The walking agent's trail without colours.
-pub const TRAIL_MARK: char = '\u{b7}';
+/// Positions of a trail farther apart than this, in cells, are not connected: a new episode began.
+const LONGEST_STEP: f32 = 3.0;
 
-/// Draws the map and everything on it.
-pub fn draw(
-    frame: &mut Frame,
-    area: Rect,
-    maze: &MazeState,
-    screen: &Screen,
-    layout: &mut ScreenLayout,
-    cache: &mut Cache,
-) {
-    let Some(map_frame) = MapFrame::fit(area, &maze.map, screen.marker, maze.viewport) else {
-        return;
-    };
-    layout.map = Some(map_frame.clone());
-    if let Some(pictures) = &mut cache.pictures
-        && let Some(character) = screen.picture_character()
-    {
-        return picture::draw(frame, &map_frame, character, maze, screen, layout, pictures);
-    }
-    let before = cache.base.take();
-    let interval = before.as_ref().and_then(|base| base.own_interval);
-    let base = before.filter(|base| base.key.is_current(&map_frame, maze, screen));
-    let base = base.unwrap_or_else(|| Base::new(&map_frame, interval, maze, screen));
-    show_interval(base.own_interval, screen, layout);
-    let mut canvas = base.canvas.clone();
-    draw_moving_parts(&mut canvas, &map_frame, maze, screen);
-    for at in map_frame.area.positions() {
-        frame.buffer_mut()[at].clone_from(&base.painted[at]);
-    }
-    canvas.paint_changes(frame.buffer_mut(), &map_frame, &screen.theme);
-    let labels =
-        base.labels.iter().filter(|label| !is_covered(label, &canvas, &map_frame, &screen.theme));
-    let mut glyphs =
-        Glyphs { map_frame: &map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
-    draw_symbols(&mut glyphs, labels.collect(), maze, screen);
-    cache.base = Some(base);
-}
+/// Radii of agents in pictures: a share of a cell's width, within shares of a character's height.
+const AGENT_RADIUS: f32 = 0.35;
+const AGENT_RADII: [f32; 2] = [0.12, 0.22];
 
-/// The part of the map that later frames can reuse.
+/// While training has priority, the ground of a picture is redrawn after this multiple of its
+/// drawing time, or after [`LONGEST_GROUND_REST`]: it takes several times as long as what moves on it.
+const GROUND_REST_FACTOR: u32 = 100;
+const LONGEST_GROUND_REST: Duration = Duration::from_secs(2);
+
+/// Maximum columns and rows of the minimap, which takes at most 1 / `PANE_DIVISOR` of the pane's
+/// width and height.
+const MAX_MINIMAP: (u16, u16) = (24, 10);
+const PANE_DIVISOR: u16 = 3;
+
+/// What the next frame can reuse.
 #[derive(Default)]
 pub struct Cache {
     base: Option<Base>,
-    /// The map as a picture, if the terminal supports pictures.
-    pictures: Option<PictureCache>,
+    /// Whether the terminal shows pictures.
+    has_pictures: bool,
+    picture: Option<Picture>,
+    /// Whether the picture is on the screen.
+    is_shown: bool,
 }
 
 impl Cache {
     /// Creates a cache for frames on a terminal, with pictures if it supports them.
     pub fn with_pictures() -> Self {
-        Self { pictures: Some(PictureCache::default()), ..Self::default() }
+        Self { has_pictures: true, ..Self::default() }
     }
 
     /// Begins a frame: no picture has been drawn yet.
     pub fn begin(&mut self) {
-        self.pictures.iter_mut().for_each(PictureCache::begin);
+        self.is_shown = false;
     }
 
     /// Returns the picture that belongs to the frame, if there is one.
     pub fn picture(&self) -> Option<&Picture> {
-        self.pictures.as_ref().and_then(PictureCache::shown)
+        self.picture.as_ref().filter(|_| self.is_shown)
+    }
+}
+
+/// What map and field are drawn from.
+struct Key {
+    frame: MapFrame,
+    character: Option<(u16, u16)>,
+    theme: ThemeName,
+    overlays: Overlays,
+    map: Arc<Grid>,
+    /// The field, if it has been computed.
+    field: Option<Arc<Vec<f32>>>,
+    directions: Arc<Vec<([f32; 2], [f32; 2])>>,
+    exploration: Arc<Exploration>,
+    cut_off: Arc<Vec<bool>>,
+    farthest: f32,
+    least_contour_interval: f32,
+    /// The goal, the quantity, and the updates of the film's frame.
+    subject: ((Option<Cell>, u64), Field, Option<u64>),
+}
+
+impl Key {
+    fn new(
+        frame: &MapFrame,
+        character: Option<(u16, u16)>,
+        maze: &MazeState,
+        screen: &Screen,
+    ) -> Self {
+        let view = &maze.view;
+        let is_computed =
+            view.raster == Some(frame.raster) && (view.past.is_some() || view.kind == screen.field);
+        Self {
+            frame: frame.clone(),
+            character,
+            theme: screen.theme.name,
+            overlays: screen.overlays,
+            map: maze.map.clone(),
+            field: is_computed.then(|| view.field.clone()),
+            directions: view.directions.clone(),
+            exploration: view.exploration.clone(),
+            cut_off: view.cut_off.clone(),
+            farthest: maze.farthest(screen),
+            least_contour_interval: screen.least_contour_interval,
+            subject: (view.goal, view.kind, view.past.as_ref().map(|past| past.updates)),
+        }
+    }
+
+    fn same_place(&self, other: &Self) -> bool {
+        (&self.frame, self.character) == (&other.frame, other.character)
+            && Arc::ptr_eq(&self.map, &other.map)
+    }
+
+    fn same_style(&self, other: &Self) -> bool {
+        (self.theme, self.overlays) == (other.theme, other.overlays) && self.same_place(other)
+    }
+
+    /// Returns whether nothing differs.
+    fn is(&self, other: &Self) -> bool {
+        let pointer = |key: &Self| key.field.as_ref().map(Arc::as_ptr);
+        let numbers = |key: &Self| [key.farthest, key.least_contour_interval].map(f32::to_bits);
+        self.same_style(other)
+            && pointer(self) == pointer(other)
+            && Arc::ptr_eq(&self.directions, &other.directions)
+            && Arc::ptr_eq(&self.exploration, &other.exploration)
+            && Arc::ptr_eq(&self.cut_off, &other.cut_off)
+            && numbers(self) == numbers(other)
+            && self.subject.2.is_some() == other.subject.2.is_some()
     }
 }
 
@@ -103,286 +153,410 @@ impl Cache {
 struct Base {
     key: Key,
     canvas: Canvas,
-    /// The canvas as characters.
+    /// The canvas as characters, unless it is a picture.
     painted: Buffer,
-    /// The contour interval outside of a comparison, if lines are drawn, and their labels.
+    /// What the pixels of the field show.
+    grounds: Vec<Ground>,
+    /// The contour interval outside of a comparison, if lines are drawn.
     own_interval: Option<f32>,
-    labels: Vec<Label>,
+    /// Until when it may be kept while training has priority.
+    rests_until: Instant,
+}
+
+/// Draws the map and everything on it.
+pub fn draw(
+    frame: &mut Frame,
+    pane: Rect,
+    maze: &MazeState,
+    screen: &Screen,
+    layout: &mut ScreenLayout,
+    cache: &mut Cache,
+) {
+    let Some(map_frame) = MapFrame::fit(pane, &maze.map, screen.marker, maze.viewport) else {
+        return;
+    };
+    layout.map = Some(map_frame.clone());
+    let area = map_frame.area;
+    let character = screen.picture_character().filter(|_| cache.has_pictures);
+    let key = Key::new(&map_frame, character, maze, screen);
+    let before = cache.base.take();
+    let may_stay = |base: &Base| {
+        let rests = match screen.redraw {
+            Redraw::All => false,
+            Redraw::Nothing => cache.picture.is_some(),
+            Redraw::Moving => {
+                Instant::now() < base.rests_until
+                    && base.key.subject == key.subject
+                    && base.key.field.is_some() == key.field.is_some()
+            }
+        };
+        character.is_some() && rests && base.key.same_style(&key)
+    };
+    let base = match before {
+        Some(base) if base.key.is(&key) || may_stay(&base) => base,
+        before => Base::new(key, before, maze, screen),
+    };
+    layout.own_contour_interval = base.own_interval;
+    layout.contour_interval = shown_interval(base.own_interval, screen);
+    if character.is_some() {
+        Picture::reserve(area, frame.buffer_mut());
+        cache.is_shown = true;
+        if screen.redraw != Redraw::Nothing || cache.picture.is_none() {
+            let pixels = cache.picture.take().map_or_else(Vec::new, |before| before.pixels);
+            let canvas = draw_moving(base.canvas.on_top(pixels), maze, screen);
+            let columns = canvas.columns();
+            cache.picture = Some(Picture { area, columns, pixels: canvas.pixels });
+        }
+    } else {
+        let mut canvas = draw_moving(base.canvas.on_top(Vec::new()), maze, screen);
+        for at in area.positions() {
+            frame.buffer_mut()[at].clone_from(&base.painted[at]);
+        }
+        canvas.paint_changes(frame.buffer_mut(), &screen.theme);
+        canvas.paint_signs(frame.buffer_mut(), &screen.theme);
+    }
+    cache.base = Some(base);
+    draw_minimap(frame, pane, maze, layout, &screen.theme);
+}
+
+/// Returns the contour interval to show, given the interval `own` outside of a comparison.
+fn shown_interval(own: Option<f32>, screen: &Screen) -> Option<f32> {
+    own.map(|own| own.max(screen.least_contour_interval))
+}
+
+/// Returns the goal that distances are shown to.
+pub fn shown_goal(maze: &MazeState) -> Cell {
+    let past = maze.past().and_then(|frame| film_goal(frame, &maze.map));
+    past.unwrap_or(maze.goal)
 }
 
 impl Base {
     /// Draws map and field, with contour lines at the same interval as `before` if possible.
-    fn new(map_frame: &MapFrame, before: Option<f32>, maze: &MazeState, screen: &Screen) -> Self {
-        let mut canvas = Canvas::new(map_frame);
-        let columns = canvas.columns();
-        let grounds: Vec<Ground> = (0..canvas.len())
-            .map(|i| map_frame.raster.ground(&maze.map, i % columns, i / columns))
-            .collect();
-        terrain(&mut canvas, &grounds, &screen.theme);
-        let key = Key::new(map_frame, maze, screen);
-        let unexplored = Unexplored::new(&grounds, maze, screen);
-        let (mut own_interval, mut labels) = (None, Vec::new());
-        if let Some(field) = &key.field {
-            colour(&mut canvas, field, maze, screen);
-            if maze.shown_field(screen).is_distance() && screen.overlays.has(Overlay::Contours) {
-                let open = open_field(field, &grounds, &unexplored);
-                own_interval = contours::interval(&[(&open, columns)], contours::SPACING, before);
-                let goal = map_frame.raster.pixel_of(shown_goal(maze).centre());
-                if let Some(interval) = shown_interval(own_interval, screen) {
-                    let near = goal.unwrap_or_default();
-                    labels = contours::draw(
-                        &mut canvas,
-                        map_frame,
-                        &open,
-                        interval,
-                        near,
-                        &screen.theme,
-                    );
+    fn new(key: Key, before: Option<Self>, maze: &MazeState, screen: &Screen) -> Self {
+        let began = Instant::now();
+        let is_fine = key.character.is_some();
+        let theme = if is_fine { screen.theme.in_full_colour() } else { screen.theme };
+        let mut canvas = Canvas::new(&key.frame, key.character);
+        let (raster, columns) = (key.frame.raster, key.frame.raster.pixels.0);
+        let interval = before.as_ref().and_then(|before| before.own_interval);
+        let grounds = before.filter(|own| own.key.same_place(&key)).map(|own| own.grounds);
+        let ground = |i: usize| raster.ground(&maze.map, i % columns, i / columns);
+        let grounds = grounds.unwrap_or_else(|| (0..raster.len()).map(ground).collect());
+        let known = Known::new(maze, screen);
+        draw_ground(&mut canvas, &key, &grounds, &known, &theme);
+        let shows_contours = known.field.is_distance() && screen.overlays.has(Overlay::Contours);
+        let field = key.field.as_deref().filter(|_| shows_contours);
+        let own_interval = field.and_then(|field| {
+            // Not at walls within pixels, which lines would follow as distances jump there, and
+            // not where values mean nothing.
+            let open = |(value, ground): (&f32, &Ground)| match ground {
+                Ground::Free(at) if !matches!(known.kind(*at), Kind::CutOff | Kind::Beyond) => {
+                    *value
                 }
+                _ => f32::NAN,
+            };
+            let open: Vec<f32> = field.iter().zip(&grounds).map(open).collect();
+            let own = contours::interval(&[(&open, columns)], is_fine, interval);
+            if let Some(interval) = shown_interval(own, screen) {
+                let near = canvas.pixel(shown_goal(maze).centre());
+                let labels = contours::draw(&mut canvas, (&open, columns), interval, near, &theme);
+                labels.iter().for_each(|label| canvas.label(label));
             }
+            own
+        });
+        if screen.overlays.has(Overlay::Directions) && maze.past().is_none() {
+            maze.view.directions.iter().for_each(|(at, way)| canvas.arrow(*at, *way));
         }
-        unexplored.draw(&mut canvas, map_frame, screen);
-        let mut painted = Buffer::empty(map_frame.area);
-        canvas.paint(&mut painted, map_frame, &screen.theme);
-        Self { key, canvas, painted, own_interval, labels }
-    }
-}
-
-/// Draws walls and floor.
-fn terrain(canvas: &mut Canvas, grounds: &[Ground], theme: &Theme) {
-    for (i, ground) in grounds.iter().enumerate() {
-        let (rgb, mark) = ground_style(*ground, theme);
-        canvas.set(i, rgb, mark);
-    }
-}
-
-/// Returns the style of ground without a known value, with colours and without.
-pub fn ground_style(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
-    match ground {
-        Ground::Outside => (None, ' '),
-        Ground::Wall => (Some(theme.wall), WALL_MARK),
-        Ground::Crossed(_) => {
-            (Some(blend(theme.unknown, theme.wall, CROSSED_WALL_SHARE)), WALL_MARK)
+        let mut painted = Buffer::default();
+        if !is_fine {
+            painted = Buffer::empty(key.frame.area);
+            canvas.paint(&mut painted, &theme);
         }
-        Ground::Free(_) => (Some(theme.unknown), ' '),
+        let rests_until =
+            Instant::now() + LONGEST_GROUND_REST.min(GROUND_REST_FACTOR * began.elapsed());
+        Self { key, canvas, painted, grounds, own_interval, rests_until }
     }
 }
 
-/// Draws the field as colours.
-fn colour(canvas: &mut Canvas, field: &[f32], maze: &MazeState, screen: &Screen) {
-    let (theme, farthest) = (&screen.theme, maze.farthest(screen));
-    let mono = theme.depth == ColourDepth::Mono;
-    for (i, value) in field.iter().copied().enumerate().filter(|(_, value)| value.is_finite()) {
-        let share = match maze.shown_field(screen) {
-            Field::Error => value.abs() / MAX_SHOWN_ERROR,
-            Field::Visits => 1.0 - (1.0 + value).ln() / (1.0 + farthest).ln(),
-            _ => value / farthest,
-        };
-        let rgb = match maze.shown_field(screen) {
-            Field::Error => theme.error_colour(value / MAX_SHOWN_ERROR),
-            _ => theme.distance_colour(share),
-        };
-        if canvas.is_wall(i) {
-            canvas.set(i, Some(blend(rgb, theme.wall, CROSSED_WALL_SHARE)), WALL_MARK);
-        } else {
-            // Without colours, the edges of shades show where distances are equal.
-            canvas.set(i, Some(rgb), if mono { shade(share) } else { ' ' });
+/// What is known of the cells.
+struct Known<'a> {
+    maze: &'a MazeState,
+    field: Field,
+    /// What has been explored, if not everything has and that is shown; not of the past, as films
+    /// do not record it.
+    exploration: Option<&'a Exploration>,
+    /// The cells from which no path leads to the goal, if colours show distances to it.
+    cut_off: &'a [bool],
+}
+
+impl<'a> Known<'a> {
+    fn new(maze: &'a MazeState, screen: &Screen) -> Self {
+        let (view, field, is_past) = (&maze.view, maze.shown_field(screen), maze.past().is_some());
+        let shown = screen.overlays.has(Overlay::Unexplored) && !is_past;
+        let exploration =
+            Some(&*view.exploration).filter(|own| shown && !own.is_complete(&maze.map));
+        let to_goal =
+            matches!(field, Field::Learned | Field::Composed | Field::True | Field::Error);
+        // The trainer may not know the map's latest edit yet.
+        let is_current = view.cut_off.len() == maze.map.free().len();
+        let cut_off = if to_goal && is_current && !is_past { &**view.cut_off } else { &[] };
+        Self { maze, field, exploration, cut_off }
+    }
+
+    fn knowledge(&self, at: [f32; 2]) -> Option<Knowledge> {
+        self.exploration.map(|exploration| exploration.at(at))
+    }
+
+    /// Returns what is known at a free position.
+    fn kind(&self, at: [f32; 2]) -> Kind {
+        let cell = Cell::new(at[0] as usize, at[1] as usize);
+        if self.cut_off.get(self.maze.map.index(cell)) == Some(&true) {
+            return Kind::CutOff;
+        }
+        match self.knowledge(at) {
+            Some(Knowledge::Pocket) if self.field.fades() => Kind::Pocket,
+            Some(Knowledge::Beyond) if self.field.fades() => Kind::Beyond,
+            _ => Kind::Plain,
         }
     }
+
+    /// Returns the look of a free position in pixels that show `several` cells.
+    fn look(&self, at: [f32; 2], several: bool) -> Look {
+        let knowledge = self.knowledge(at);
+        let is_edge = matches!(knowledge, Some(Knowledge::Edge | Knowledge::Pocket))
+            || several && knowledge == Some(Knowledge::Known);
+        Look { kind: self.kind(at), wall: 0.0, is_edge }
+    }
 }
 
-/// Returns whether the planned path or an agent covers a label.
-fn is_covered(label: &Label, canvas: &Canvas, map_frame: &MapFrame, theme: &Theme) -> bool {
-    label.pixels(map_frame).any(|i| [theme.path, theme.agent].map(Some).contains(&canvas.colour(i)))
-}
-
-/// Draws what changes from frame to frame, as pixels: of the past, only the agents.
-fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, maze: &MazeState, screen: &Screen) {
-    let (theme, shows) = (&screen.theme, |overlay| screen.overlays.has(overlay));
-    let on_floor = |at: [f32; 2]| map_frame.raster.on_floor(&maze.map, at);
-    let draw_agents = |canvas: &mut Canvas, agents: &[f32]| {
-        let positions = agents.as_chunks::<2>().0.iter();
-        positions.for_each(|at| canvas.dot(map_frame, on_floor(*at), theme.agent, 'o'));
+/// Draws the values, the walls and what is unexplored.
+fn draw_ground(canvas: &mut Canvas, key: &Key, grounds: &[Ground], known: &Known, theme: &Theme) {
+    let (map, raster, is_fine) = (&known.maze.map, canvas.raster, canvas.is_fine);
+    let (columns, several) = (raster.pixels.0, raster.cells_per_pixel() > 1.0);
+    let colours = Colours { theme, field: known.field, farthest: key.farthest };
+    let field = key.field.as_deref().map(|field| (&**field, key.frame.raster.pixels.0));
+    let [across, down] = spans(&raster);
+    let mut before = None;
+    let coarse = |y: usize, looks: &mut [Look]| {
+        for (look, ground) in looks.iter_mut().zip(&grounds[y * columns..]) {
+            *look = coarse_look(*ground, |at| known.look(at, several));
+        }
     };
-    if let Some(past) = maze.past() {
-        if shows(Overlay::Agents) {
-            draw_agents(canvas, &past.agents);
+    let fine = |y: usize, looks: &mut [Look]| {
+        let rows = down[y];
+        // The rows of pixels of a cell look the same.
+        if before.replace(rows) == Some(rows) {
+            return;
         }
-        return;
-    }
-    // On a map scaled down, candidates would hide the rest; on a large one they are drawn as signs.
-    let are_dots = (MIN_BRIDGE_SCALE..MIN_SIZED_CANDIDATE_SCALE).contains(&map_frame.scale());
-    if shows(Overlay::Edges) {
-        edges::draw(canvas, map_frame, maze, screen);
-    }
-    if shows(Overlay::Candidates) && are_dots {
-        for candidate in candidates::shown(map_frame, maze) {
-            // The better connected, the darker.
-            let share = 0.25 + 0.5 * candidate.degree;
-            let mark = Some(CANDIDATE_MARK);
-            canvas.faint_dot(map_frame, on_floor(candidate.at), theme.candidate, share, mark);
+        for x in 0..columns {
+            looks[x] = if x > 0 && across[x] == across[x - 1] {
+                looks[x - 1]
+            } else {
+                block_look(across[x], rows, known, several)
+            };
         }
-    }
-    if shows(Overlay::Path) {
-        let ends = maze.view.way.windows(2).map(|ends| [ends[0], ends[1]]);
-        let pen = Pen { rgb: theme.path, share: 1.0, mark: '+' };
-        canvas.lines_via(map_frame, ends, pen, on_floor);
-    }
-    if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
-        draw_search(canvas, map_frame, search, maze, theme);
-    }
-    draw_preview(canvas, map_frame, maze, theme);
-    let trail: Vec<[f32; 2]> = maze.view.trail.iter().copied().map(on_floor).collect();
-    draw_trail(canvas, map_frame, &trail, theme.walker, 0.8, Some(TRAIL_MARK));
-    if shows(Overlay::Agents) {
-        for trail in screen.snapshot.trails.iter() {
-            let positions = trail.as_chunks::<2>().0.iter().copied();
-            let positions: Vec<[f32; 2]> = positions.map(on_floor).collect();
-            draw_trail(canvas, map_frame, &positions, theme.agent, 0.5, None);
-        }
-        draw_agents(canvas, &screen.snapshot.agents);
+    };
+    let reach = if is_fine { (EDGE * canvas.character.1 as f32).max(1.0) as isize } else { 1 };
+    let is_beside = |x: usize, y: usize| {
+        let [left, top, ..] = raster.window;
+        let [dx, dy] =
+            [raster.window[2] / columns as f32, raster.window[3] / raster.pixels.1 as f32];
+        (0..9).any(|n| {
+            let by = [(n % 3 - 1) * reach, (n / 3 - 1) * reach].map(|by| by as f32 + 0.5);
+            let at = [left + (x as f32 + by[0]) * dx, top + (y as f32 + by[1]) * dy];
+            map.is_free_at(at[0], at[1]) && known.knowledge(at) == Some(Knowledge::Beyond)
+        })
+    };
+    if is_fine {
+        ground::draw(canvas, field, &colours, fine, is_beside);
+    } else {
+        ground::draw(canvas, field, &colours, coarse, is_beside);
     }
 }
 
-/// Draws the places tried in a search for a bridge, and the way over the bridge that it found.
-fn draw_search(
-    canvas: &mut Canvas,
-    map_frame: &MapFrame,
-    search: &SearchOutcome,
-    maze: &MazeState,
-    theme: &Theme,
-) {
-    let [accepted, rejected] = theme.search;
-    let on_floor = |at: [f32; 2]| map_frame.raster.on_floor(&maze.map, at);
-    for tried in search.rejected.as_chunks::<2>().0 {
-        canvas.ground_dot(map_frame, on_floor(*tried), rejected, 'x');
+/// Returns the look of a pixel as characters show it, given that of free positions.
+fn coarse_look(ground: Ground, free: impl Fn([f32; 2]) -> Look) -> Look {
+    match ground {
+        Ground::Outside => Look { kind: Kind::Outside, ..Look::plain(0.0) },
+        Ground::Wall => Look::plain(1.0),
+        Ground::Crossed(_) => Look::plain(CROSSED_WALL_SHARE),
+        Ground::Free(at) => free(at),
     }
-    if let Some(bridge) = &search.found {
-        let [from, bridge, to] =
-            [&search.state, &bridge.point, &search.goal].map(|numbers| [numbers[0], numbers[1]]);
-        let ends = [[from, bridge], [bridge, to]].into_iter();
-        canvas.lines(map_frame, ends, Pen { rgb: accepted, share: 0.8, mark: '=' });
+}
+
+/// Returns the look of a pixel that shows the cells in these columns and rows (first, end): the
+/// more of them are wall, the darker.
+fn block_look(xs: (usize, usize), ys: (usize, usize), known: &Known, several: bool) -> Look {
+    let map = &known.maze.map;
+    if xs.0 >= map.width() || ys.0 >= map.height() {
+        return Look { kind: Kind::Outside, ..Look::plain(0.0) };
     }
+    let row =
+        |y: usize| &map.free()[y * map.width() + xs.0..y * map.width() + xs.1.min(map.width())];
+    let rows = ys.0..ys.1.min(map.height());
+    let walls: usize = rows.map(|y| row(y).iter().filter(|free| !**free).count()).sum();
+    if walls > 0 {
+        let share = walls as f32 / ((xs.1 - xs.0) * (ys.1 - ys.0)) as f32;
+        return Look::plain(share.max(LEAST_WALL_SHARE));
+    }
+    known.look(Cell::new(xs.0, ys.0).centre(), several)
+}
+
+/// Returns the cells (first, end) that each column of pixels shows, and each row: at least one.
+fn spans(raster: &Raster) -> [Vec<(usize, usize)>; 2] {
+    let [left, top, width, height] = raster.window;
+    let all = [(left, width, raster.pixels.0), (top, height, raster.pixels.1)];
+    all.map(|(from, shown, pixels)| {
+        let at = |i: usize, off: f32| from + (i as f32 + off) / pixels as f32 * shown;
+        let span = |i: usize| {
+            // A pixel shows the cell of its middle, and others whose middles are in it.
+            let (first, end) = ((at(i, 0.0) + 0.5) as usize, (at(i, 1.0) + 0.5) as usize);
+            let middle = at(i, 0.5).max(0.0) as usize;
+            if first < end && shown > pixels as f32 { (first, end) } else { (middle, middle + 1) }
+        };
+        (0..pixels).map(span).collect()
+    })
+}
+
+/// Draws what changes from frame to frame, the most important last: of the past, only the agents
+/// and the goal.
+fn draw_moving(canvas: Canvas, maze: &MazeState, screen: &Screen) -> Canvas {
+    let (raster, map, view) = (canvas.raster, &maze.map, &maze.view);
+    let place = |at: &[f32]| match at {
+        [x, y, ..] => Some(raster.on_floor(map, [*x, *y])),
+        _ => None,
+    };
+    let theme = if canvas.is_fine { screen.theme.in_full_colour() } else { screen.theme };
+    let (map_frame, past) = (canvas.frame.clone(), maze.past());
+    let scale = map_frame.scale();
+    let [least, most] = AGENT_RADII;
+    let radius = canvas.heights(AGENT_RADIUS).clamp(least, most);
+    let mut painter =
+        Painter { canvas, screen, theme, place: &place, state: &place, sizes: [2, 2] };
+    if past.is_none() {
+        let near = maze.inspecting.or(maze.hovered).unwrap_or(maze.goal).centre();
+        painter.edges(&view.graph, near, false);
+        if painter.canvas.is_fine || scale >= MIN_BRIDGE_SCALE {
+            // A sign would leave a hole in a wall that shares its character.
+            let is_open = |at: [f32; 2]| {
+                let cells = map_frame.character_of(at).map(|at| map_frame.cells_at(at, map));
+                cells.is_some_and(|cells| cells.into_iter().all(|cell| map.is_free(cell)))
+            };
+            let signs: Option<&dyn Fn([f32; 2]) -> bool> = Some(&is_open);
+            painter.candidates(&view.graph, signs.filter(|_| scale >= MIN_SIZED_CANDIDATE_SCALE));
+        }
+        let floored = |places: &[[f32; 2]]| -> Vec<[f32; 2]> {
+            places.iter().map(|at| raster.on_floor(map, *at)).collect()
+        };
+        let stops = &view.path[..view.path.len().saturating_sub(1)];
+        let stops = if painter.canvas.is_fine { floored(stops) } else { Vec::new() };
+        painter.plan(&floored(&samples(&view.way, &raster)), &stops);
+        painter.search();
+        draw_preview(&mut painter, maze);
+        painter.own_trail(&floored(&view.trail), LONGEST_STEP);
+    }
+    painter.explorers(past, LONGEST_STEP, radius);
+    draw_signs(&mut painter, maze);
+    painter.canvas
+}
+
+/// Returns positions along a way, at least one in each of its pixels.
+fn samples(way: &[[f32; 2]], raster: &Raster) -> Vec<[f32; 2]> {
+    let scale =
+        [raster.pixels.0 as f32 / raster.window[2], raster.pixels.1 as f32 / raster.window[3]];
+    let along = way.windows(2).flat_map(|ends| {
+        let [x, y] = [0, 1].map(|axis| scale[axis] * (ends[1][axis] - ends[0][axis]).abs());
+        positions_along([ends[0], ends[1]], x.max(y).ceil().max(1.0) as usize)
+    });
+    along.collect()
 }
 
 /// Draws the cells that the editor would change.
-fn draw_preview(canvas: &mut Canvas, map_frame: &MapFrame, maze: &MazeState, theme: &Theme) {
+fn draw_preview(painter: &mut Painter, maze: &MazeState) {
     let Some((cells, free)) = maze.editor.preview() else { return };
-    let (rgb, mark) = if free { (theme.unknown, ' ') } else { (theme.wall, WALL_MARK) };
-    for cell in cells.iter() {
-        canvas.dot(map_frame, cell.centre(), blend(rgb, theme.cursor, 0.25), mark);
-    }
+    let theme = &painter.theme;
+    let (rgb, mark) = if free { (theme.unknown, ' ') } else { (theme.wall, '#') };
+    let ink = Ink::new(blend(rgb, theme.cursor, 0.25), 1.0, mark);
+    cells.iter().for_each(|cell| painter.canvas.cell(*cell, ink));
 }
 
-/// Draws a trail that fades towards its beginning, from an opacity at its end.
-fn draw_trail(
-    canvas: &mut Canvas,
-    map_frame: &MapFrame,
-    trail: &[[f32; 2]],
-    rgb: Rgb,
-    opacity: f32,
-    mark: Option<char>,
-) {
-    for (i, at) in trail.iter().enumerate() {
-        let share = opacity * (i + 1) as f32 / trail.len() as f32;
-        canvas.faint_dot(map_frame, *at, rgb, share, mark);
-    }
-}
-
-/// Draws letters and signs, and the `labels` that they do not cover.
-fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, maze: &MazeState, screen: &Screen) {
-    let is_past = maze.past().is_some();
-    let shows = |overlay| screen.overlays.has(overlay) && !is_past;
-    if shows(Overlay::Candidates) && glyphs.map_frame.scale() >= MIN_SIZED_CANDIDATE_SCALE {
-        draw_candidate_signs(glyphs, maze);
-    }
-    if shows(Overlay::Directions) {
-        for (at, action) in maze.view.directions.iter() {
-            glyphs.symbol(*at, arrow(*action), None);
-        }
-    }
-    let under = |label: &Label, buffer: &Buffer| {
-        label.area.positions().map(|at| buffer[at].clone()).collect::<Vec<_>>()
-    };
-    let labels: Vec<_> =
-        labels.into_iter().map(|label| (label, under(label, glyphs.buffer))).collect();
-    if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
-        let rgb = screen.theme.search[0];
-        let raster = glyphs.map_frame.raster;
-        let place = |numbers: &[f32]| raster.on_floor(&maze.map, [numbers[0], numbers[1]]);
-        if let Some(bridge) = &search.found {
-            glyphs.letter(place(&bridge.point), 'B', rgb);
-        }
-        glyphs.symbol(place(&search.state), 'a', Some(rgb));
-        glyphs.symbol(place(&search.goal), 'g', Some(rgb));
-    }
-    draw_marks(glyphs, maze, screen);
-    for (label, before) in labels {
-        if under(label, glyphs.buffer) == before {
-            glyphs.label(label);
-        }
-    }
-}
-
-/// Draws bridge candidates as signs: the better connected, the larger.
-fn draw_candidate_signs(glyphs: &mut Glyphs, maze: &MazeState) {
-    // A sign would leave a hole in a wall that shares its character.
-    let is_open = |at: Position| {
-        let cells = glyphs.map_frame.cells_at(at, &maze.map);
-        cells.into_iter().all(|cell| maze.map.is_free(cell))
-    };
-    let open = |at| glyphs.map_frame.character_of(at).is_some_and(is_open);
-    let shown = candidates::shown(glyphs.map_frame, maze);
-    let open: Vec<_> = shown.into_iter().filter(|candidate| open(candidate.at)).collect();
-    for candidate in open {
-        let symbol = match candidate.degree {
-            d if d < 0.34 => '\u{b7}',
-            d if d < 0.67 => '\u{2022}',
-            _ => '\u{25cf}',
-        };
-        glyphs.symbol(candidate.at, symbol, None);
-    }
-}
-
-/// Draws the map's own starts and goals, the agents' goals, the walk and the cursor, the most
-/// important last.
-fn draw_marks(glyphs: &mut Glyphs, maze: &MazeState, screen: &Screen) {
-    let (theme, is_past) = (&screen.theme, maze.past().is_some());
-    let raster = glyphs.map_frame.raster;
-    let place = |numbers: &[f32]| raster.on_floor(&maze.map, [numbers[0], numbers[1]]);
+/// Draws the map's own starts and goals, the agents' goals, the walk and the cursor.
+fn draw_signs(painter: &mut Painter, maze: &MazeState) {
+    let (theme, screen, is_past) = (painter.theme, painter.screen, maze.past().is_some());
     for (marks, letter) in [(maze.map.starts(), 's'), (maze.map.goals(), 'g')] {
-        marks.iter().for_each(|cell| glyphs.symbol(cell.centre(), letter, None));
-    }
-    if screen.overlays.has(Overlay::Agents) && !is_past {
-        for at in screen.snapshot.frontier_goals.as_chunks::<2>().0 {
-            glyphs.symbol(place(at), FRONTIER_SIGN, Some(theme.frontier));
+        for cell in marks {
+            let rgb = ink(painter.canvas.colour(cell.centre()));
+            painter.canvas.symbol(cell.centre(), letter, Some(rgb));
         }
     }
-    if let Some(followed) = screen.snapshot.followed.as_ref().filter(|_| !is_past) {
-        glyphs.letter(place(&followed.state), 'A', theme.agent);
-        glyphs.symbol(place(&followed.goal), '\u{2691}', Some(theme.agent));
+    if painter.shows(Overlay::Agents) && !is_past {
+        for at in screen.snapshot.frontier_goals.chunks_exact(2).filter_map(painter.place) {
+            painter.canvas.flag(at, FRONTIER_SIGN, theme.frontier);
+        }
     }
     if !is_past {
-        glyphs.letter(place(&maze.view.walk.start), 'S', theme.walker);
+        painter.followed();
+        painter.letter((painter.place)(&maze.view.walk.start), 'S', theme.walker, 0.36);
     }
-    glyphs.letter(shown_goal(maze).centre(), 'G', theme.goal);
+    painter.canvas.letter(shown_goal(maze).centre(), 'G', theme.goal, 0.45);
     if let Some(at) = maze.view.trail.last().filter(|_| !is_past) {
-        glyphs.letter(place(at), '@', theme.walker);
+        painter.letter((painter.place)(at), '@', theme.walker, 0.42);
     }
     if let Some(cursor) = maze.editor.cursor.or(maze.inspecting) {
-        glyphs.letter(cursor.centre(), '+', theme.cursor);
+        painter.canvas.cursor(cursor.centre(), theme.cursor);
     }
 }
 
-/// Returns the arrow nearest to a direction, or a dot for standing still.
-fn arrow([x, y]: [f32; 2]) -> char {
-    const ARROWS: [char; 8] = [
-        '\u{2192}', '\u{2198}', '\u{2193}', '\u{2199}', '\u{2190}', '\u{2196}', '\u{2191}',
-        '\u{2197}',
-    ];
-    if x.abs().max(y.abs()) < 0.1 {
-        return '\u{b7}';
-    }
-    let eighth = (y.atan2(x) / std::f32::consts::FRAC_PI_4).round() as i32;
-    ARROWS[eighth.rem_euclid(8) as usize]
+/// Draws the whole map in a corner of `area` while only a part of it is shown: in the upper right
+/// one, unless it would hide the goal or the cursor there.
+fn draw_minimap(
+    frame: &mut Frame,
+    area: Rect,
+    maze: &MazeState,
+    layout: &mut ScreenLayout,
+    theme: &Theme,
+) {
+    let Some(shown) = layout.map.as_ref().filter(|_| maze.viewport.zoom > 1.0) else {
+        return;
+    };
+    let room = Rect {
+        width: MAX_MINIMAP.0.min(area.width / PANE_DIVISOR),
+        height: MAX_MINIMAP.1.min(area.height / PANE_DIVISOR),
+        ..area
+    };
+    let inner =
+        Rect { width: room.width.saturating_sub(2), height: room.height.saturating_sub(2), ..area };
+    let Some(map_frame) = MapFrame::fit(inner, &maze.map, Marker::Quadrant, Viewport::default())
+    else {
+        return;
+    };
+    let (width, height) = (map_frame.area.width + 2, map_frame.area.height + 2);
+    let (right, bottom) =
+        (area.right().saturating_sub(width), area.bottom().saturating_sub(height));
+    let corners = [(right, area.y), (area.x, area.y), (right, bottom), (area.x, bottom)];
+    let corners = corners.map(|(x, y)| Rect { x, y, width, height });
+    let seen = [Some(shown_goal(maze)), maze.inspecting, maze.editor.cursor].into_iter().flatten();
+    let seen: Vec<Position> = seen.filter_map(|cell| shown.character_of(cell.centre())).collect();
+    let outer = corners
+        .into_iter()
+        .find(|corner| !seen.iter().any(|at| corner.contains(*at)))
+        .unwrap_or(corners[0]);
+    let map_frame =
+        MapFrame { area: Rect { x: outer.x + 1, y: outer.y + 1, ..map_frame.area }, ..map_frame };
+    let mut canvas = Canvas::new(&map_frame, None);
+    let [left, top, columns, rows] = shown.raster.window;
+    let raster = map_frame.raster;
+    let looks = |y: usize, looks: &mut [Look]| {
+        for (x, look) in looks.iter_mut().enumerate() {
+            *look = coarse_look(raster.ground(&maze.map, x, y), |_| Look::plain(0.0));
+        }
+    };
+    let colours = Colours { theme, field: Field::Plain, farthest: 1.0 };
+    ground::draw(&mut canvas, None, &colours, looks, |_, _| false);
+    let part = [[left, top], [left + columns, top + rows]];
+    canvas.rectangle(part, Ink { on_floor: true, ..Ink::new(theme.walker, 0.5, '.') });
+    frame.render_widget(Clear, outer);
+    frame.render_widget(Block::bordered().style(Style::new()), outer);
+    canvas.paint(frame.buffer_mut(), theme);
+    layout.minimap = Some(map_frame);
 }

@@ -148,7 +148,6 @@ impl MazeState {
         self.viewport = Viewport { zoom, centre: [fixed[0] - off[0], fixed[1] - off[1]] };
     }
 
-    /// Moves the visible part of the map.
     pub fn pan(&mut self, dx: isize, dy: isize, layout: &ScreenLayout) {
         let Some(frame) = &layout.map else { return };
         let [_, _, width, height] = frame.raster.window;

@@ -8,7 +8,7 @@ use crate::tui::scene::MazeState;
 use crate::tui::screen::{Caption, Screen};
 use crate::tui::session::{Cx, view};
 use crate::tui::theme::ColourDepth;
-use gdg::draw::{ContourLine, contour_lines};
+use gdg::draw::{ContourPath, contour_paths};
 use gdg::learn::Scratch;
 use gdg::map::Cell;
 use gdg::viewer::Field;
@@ -152,13 +152,13 @@ fn contour_near(maze: &MazeState, screen: &Screen, near: [f32; 2]) -> Option<(Ve
         let (across, down) = ((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5);
         [left + across / columns as f32 * width, top + down / rows as f32 * height]
     };
-    let lines = contour_lines(&view.field, columns, screen.layout.contour_interval?);
-    let nearest = |line: &ContourLine| {
-        let off = line.pixels.iter().map(|i| straight(position(*i), near));
+    let lines = contour_paths(&view.field, columns, screen.layout.contour_interval?);
+    let nearest = |line: &ContourPath| {
+        let off = line.pixels(columns).into_iter().map(|i| straight(position(i), near));
         off.fold(f32::INFINITY, f32::min)
     };
     let line = lines.iter().min_by(|a, b| nearest(a).total_cmp(&nearest(b)))?;
-    let mut places: Vec<[f32; 2]> = line.pixels.iter().map(|i| position(*i)).collect();
+    let mut places: Vec<[f32; 2]> = line.pixels(columns).into_iter().map(position).collect();
     places.sort_by(|a, b| straight(*a, near).total_cmp(&straight(*b, near)));
     Some((places, line.level))
 }

@@ -7,7 +7,7 @@ use crate::draw::{Raster, positions_along};
 use crate::env::maze::ProbeGrid;
 use crate::map::{Cell, Grid};
 use crate::train::FilmFrame;
-use crate::viewer::film::mean_distance;
+use crate::viewer::mean_distance;
 
 /// Samples per cell along a line of sight.
 const SAMPLES_PER_CELL: f32 = 4.0;

@@ -1,0 +1,267 @@
+//! A canvas as characters: each shows two colours, or a sign without colours.
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::{Position, Rect};
+use ratatui::style::{Color, Modifier, Style};
+
+use super::canvas::{Canvas, Ground, Sign};
+use super::contours::Label;
+use super::marker::Marker;
+use super::theme::{ColourDepth, Rgb, Theme, ink, rgb_of_indexed};
+
+/// The most pixels in a character.
+const MAX_PIXELS: usize = 8;
+
+/// A wall without colours.
+pub const WALL_MARK: char = '#';
+
+/// Free ground without colours, from near (or good) to far.
+pub const SHADES: [char; 4] = [' ', '\u{2591}', '\u{2592}', '\u{2593}'];
+
+/// An unvisited cell without colours.
+pub const UNVISITED_MARK: char = '/';
+
+/// A cell from which no path leads to the goal, without colours.
+pub const CUT_OFF_MARK: char = '\\';
+
+/// A bridge candidate without colours.
+pub const CANDIDATE_MARK: char = '\u{2022}';
+
+impl Canvas {
+    /// Writes all pixels as characters.
+    pub fn paint(&mut self, buffer: &mut Buffer, theme: &Theme) {
+        self.changed.clear();
+        for row in 0..self.frame.area.height {
+            (0..self.frame.area.width).for_each(|x| self.paint_character(buffer, [x, row], theme));
+        }
+    }
+
+    /// Writes the characters whose pixels have changed since the last full paint.
+    pub fn paint_changes(&mut self, buffer: &mut Buffer, theme: &Theme) {
+        let ((across, down), columns) = (self.character, self.columns());
+        let character = |i: usize| [(i % columns / across) as u16, (i / columns / down) as u16];
+        let mut characters: Vec<[u16; 2]> = self.changed.drain(..).map(character).collect();
+        characters.sort_unstable();
+        characters.dedup();
+        characters.into_iter().for_each(|at| self.paint_character(buffer, at, theme));
+    }
+
+    fn paint_character(&self, buffer: &mut Buffer, [column, row]: [u16; 2], theme: &Theme) {
+        let ((across, down), columns) = (self.character, self.columns());
+        let first = down * usize::from(row) * columns + across * usize::from(column);
+        let own = |n: usize| first + n / across * columns + n % across;
+        let count = across * down;
+        let at = Position::new(self.frame.area.x + column, self.frame.area.y + row);
+        let Some(cell) = buffer.cell_mut(at) else { return };
+        if theme.depth == ColourDepth::Mono {
+            // Show the most informative mark.
+            let marks = (0..count).map(|n| self.marks[own(n)]);
+            cell.set_char(marks.max_by_key(|mark| mark_rank(*mark)).unwrap_or(' '));
+            return;
+        }
+        let mut colours = [None; MAX_PIXELS];
+        for (n, colour) in colours[..count].iter_mut().enumerate() {
+            let shown = self.grounds[own(n)] != Ground::Outside;
+            *colour = shown.then(|| self.pixels[own(n)].into());
+        }
+        let merge = if theme.has_all_colours() { mean } else { most_frequent };
+        let (mut mask, mut front, mut back) = two_colours(&colours[..count], merge);
+        let marker = self.frame.marker;
+        if marker == Marker::Braille && back.is_some() {
+            let thin = (0..count).fold(0, |thin, n| thin | u8::from(self.thin[own(n)]) << n);
+            if is_inside_out(mask, thin) {
+                (mask, front, back) = (!mask, back, front);
+            }
+        }
+        let colour = |rgb: Option<Rgb>| rgb.map_or(Color::Reset, |rgb| theme.colour(rgb));
+        if theme.prefers_in_front(colour(back), colour(front)) {
+            let all = ((1u16 << count) - 1) as u8;
+            (mask, front, back) = (!mask & all, back, front);
+        }
+        cell.set_char(glyph(marker, mask))
+            .set_style(Style::new().fg(colour(front)).bg(colour(back)));
+    }
+
+    /// Writes signs without a colour of their own, then labels unless something hides them, then
+    /// all other signs and letters.
+    pub fn paint_signs(&self, buffer: &mut Buffer, theme: &Theme) {
+        let own = |sign: &Sign| match sign {
+            Sign::Letter(at, ..) | Sign::Symbol(at, _, Some(_)) => self.frame.character_of(*at),
+            Sign::Symbol(_, _, None) | Sign::Label(_) => None,
+        };
+        let hidden: Vec<Position> = (self.signs.iter().filter_map(own))
+            .chain(self.solid.iter().map(|i| self.character_at(*i)))
+            .collect();
+        for sign in &self.signs {
+            if let Sign::Symbol(at, symbol, None) = sign
+                && let Some(at) = self.frame.character_of(*at)
+            {
+                put(buffer, at, *symbol, None, theme);
+            }
+        }
+        for sign in &self.signs {
+            if let Sign::Label(Label { text, area, .. }) = sign
+                && !hidden.iter().any(|at| area.contains(*at))
+            {
+                let places = text.chars().zip(area.positions());
+                places.for_each(|(c, at)| put(buffer, at, c, None, theme));
+            }
+        }
+        for (sign, at) in self.signs.iter().filter_map(|sign| Some((sign, own(sign)?))) {
+            match sign {
+                Sign::Letter(_, letter, rgb) => put_letter(buffer, at, *letter, *rgb, theme),
+                Sign::Symbol(_, symbol, rgb) => put(buffer, at, *symbol, *rgb, theme),
+                Sign::Label(_) => {}
+            }
+        }
+    }
+
+    /// Returns the character that shows pixel `i`.
+    fn character_at(&self, i: usize) -> Position {
+        let ((across, down), Rect { x, y, .. }) = (self.character, self.frame.area);
+        let [column, row] = [i % self.columns() / across, i / self.columns() / down];
+        Position::new(x + column as u16, y + row as u16)
+    }
+}
+
+/// Writes a letter on its own background.
+pub fn put_letter(buffer: &mut Buffer, at: Position, letter: char, rgb: Rgb, theme: &Theme) {
+    let style = match theme.depth {
+        ColourDepth::Mono => Style::new().add_modifier(Modifier::REVERSED),
+        _ => Style::new().bg(theme.colour(rgb)).fg(theme.colour(ink(rgb))),
+    };
+    if let Some(cell) = buffer.cell_mut(at) {
+        cell.set_char(letter).set_style(style.add_modifier(Modifier::BOLD));
+    }
+}
+
+/// Writes a sign on the existing background.
+pub fn put(buffer: &mut Buffer, at: Position, symbol: char, rgb: Option<Rgb>, theme: &Theme) {
+    let Some(cell) = buffer.cell_mut(at) else { return };
+    if theme.depth == ColourDepth::Mono {
+        cell.set_char(symbol);
+        return;
+    }
+    // The background of a half block is the colour of its lower half.
+    let ground = match cell.bg {
+        Color::Rgb(r, g, b) => (r, g, b),
+        Color::Indexed(i) => rgb_of_indexed(i),
+        _ => theme.unknown,
+    };
+    cell.set_char(symbol).set_fg(theme.colour(rgb.unwrap_or(ink(ground))));
+}
+
+/// Ranks a mark by how informative it is: shades, unvisited cells, wall, anything else.
+fn mark_rank(mark: char) -> u8 {
+    match mark {
+        shade if SHADES.contains(&shade) => 0,
+        UNVISITED_MARK | CUT_OFF_MARK => 1,
+        WALL_MARK => 2,
+        _ => 3,
+    }
+}
+
+/// Returns the character that stands for a share (from 0 to 1) of the largest value without
+/// colours.
+pub fn shade(share: f32) -> char {
+    SHADES[((share.clamp(0.0, 1.0) * SHADES.len() as f32) as usize).min(SHADES.len() - 1)]
+}
+
+/// Reduces a character's pixels to two colours; returns a mask of the pixels in front (bit 0 is the
+/// first pixel), the front colour and the back colour.
+///
+/// Pixels are grouped around the first one and the one most different from it, and each group is
+/// shown by the colour that `merge` makes of it. Pixels outside the map, if any, are the background.
+fn two_colours(colours: &[Option<Rgb>], merge: Merge) -> (u8, Option<Rgb>, Option<Rgb>) {
+    let first = colours[0];
+    let all = ((1u16 << colours.len()) - 1) as u8;
+    if colours.iter().all(|c| *c == first) {
+        return if first.is_some() { (all, first, first) } else { (0, None, None) };
+    }
+    if let [Some(above), Some(below)] = colours {
+        return (1, Some(*above), Some(*below));
+    }
+    let bits = |front: &dyn Fn(Option<Rgb>) -> bool| {
+        colours.iter().enumerate().fold(0u8, |mask, (i, c)| mask | u8::from(front(*c)) << i)
+    };
+    let Some(first) = first.filter(|_| colours.iter().all(Option::is_some)) else {
+        let mask = bits(&|c| c.is_some());
+        return (mask, merge(colours, mask, None), None);
+    };
+    let apart = |a: Rgb, b: Rgb| {
+        let squared = |a: u8, b: u8| (i32::from(a) - i32::from(b)).pow(2);
+        squared(a.0, b.0) + squared(a.1, b.1) + squared(a.2, b.2)
+    };
+    let other = colours.iter().flatten().copied().max_by_key(|c| apart(*c, first)).unwrap_or(first);
+    let mask = bits(&|c| c.is_some_and(|c| apart(c, first) <= apart(c, other)));
+    (mask, merge(colours, mask, Some(first)), merge(colours, all & !mask, Some(other)))
+}
+
+/// Makes one colour of those in a mask, among them the most typical one of its group, if there are
+/// groups.
+type Merge = fn(&[Option<Rgb>], u8, Option<Rgb>) -> Option<Rgb>;
+
+fn in_mask(colours: &[Option<Rgb>], mask: u8) -> impl Iterator<Item = Rgb> + Clone {
+    colours.iter().enumerate().filter(move |(i, _)| mask >> i & 1 == 1).filter_map(|(_, c)| *c)
+}
+
+fn mean(colours: &[Option<Rgb>], mask: u8, _: Option<Rgb>) -> Option<Rgb> {
+    let (sum, n) = in_mask(colours, mask).fold(((0u32, 0u32, 0u32), 0u32), |((r, g, b), n), c| {
+        ((r + u32::from(c.0), g + u32::from(c.1), b + u32::from(c.2)), n + 1)
+    });
+    (n > 0).then(|| ((sum.0 / n) as u8, (sum.1 / n) as u8, (sum.2 / n) as u8))
+}
+
+/// Returns the most frequent of the colours in `mask`, preferably the `typical` one: with few
+/// colours, a mean of two kinds of ground may look like a third.
+fn most_frequent(colours: &[Option<Rgb>], mask: u8, typical: Option<Rgb>) -> Option<Rgb> {
+    let own = in_mask(colours, mask);
+    let count = |colour: &Rgb| own.clone().filter(|other| other == colour).count();
+    own.clone().max_by_key(|colour| (count(colour), Some(*colour) == typical))
+}
+
+/// Returns whether a dot pattern, which has gaps, looks better with front and back swapped: the
+/// back should be the colour of most dots or, in a tie, the one that is not `thin`.
+fn is_inside_out(mask: u8, thin: u8) -> bool {
+    let count = |mask: u8| mask.count_ones();
+    count(mask) > 4 && mask != u8::MAX
+        || count(mask) == 4 && count(thin & !mask) > count(thin & mask)
+}
+
+/// Returns the character with the parts in `mask` in front: row by row, bit 0 at the upper left.
+fn glyph(marker: Marker, mask: u8) -> char {
+    const QUADRANTS: [char; 16] = [
+        ' ', '\u{2598}', '\u{259d}', '\u{2580}', '\u{2596}', '\u{258c}', '\u{259e}', '\u{259b}',
+        '\u{2597}', '\u{259a}', '\u{2590}', '\u{259c}', '\u{2584}', '\u{2599}', '\u{259f}',
+        '\u{2588}',
+    ];
+    match marker {
+        Marker::Auto | Marker::Pixels | Marker::HalfBlock => {
+            [' ', '\u{2580}', '\u{2584}', '\u{2588}'][usize::from(mask & 3)]
+        }
+        Marker::Quadrant => QUADRANTS[usize::from(mask & 15)],
+        Marker::Braille => {
+            // Unicode numbers the dots of the left column first, and the bottom row last.
+            const DOTS: [u32; 8] = [0x01, 0x08, 0x02, 0x10, 0x04, 0x20, 0x40, 0x80];
+            let dots: u32 = (0..8).filter(|i| mask >> i & 1 == 1).map(|i| DOTS[i]).sum();
+            char::from_u32(0x2800 + dots).unwrap_or(' ')
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_pixels_keep_their_colours() {
+        let (a, b) = ((10, 20, 30), (200, 100, 0));
+        let (mask, front, back) = two_colours(&[Some(a), Some(b)], mean);
+        assert_eq!((mask, front, back), (1, Some(a), Some(b)));
+        assert_eq!(glyph(Marker::HalfBlock, mask), '\u{2580}');
+        assert_eq!(two_colours(&[Some(a), Some(a)], mean), (3, Some(a), Some(a)));
+        assert_eq!(two_colours(&[Some(a), None], mean), (1, Some(a), None));
+        assert_eq!(two_colours(&[None, None], mean), (0, None, None));
+        assert_eq!(glyph(Marker::Braille, 0b1100_0001), '\u{28c1}');
+    }
+}

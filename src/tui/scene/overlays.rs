@@ -1,0 +1,239 @@
+//! What lies over the ground of any scene: the bridge graph, searches, agents and plans.
+
+use std::collections::HashMap;
+
+use crate::tui::canvas::{Canvas, Ink};
+use crate::tui::characters::CANDIDATE_MARK;
+use crate::tui::layers::Overlay;
+use crate::tui::screen::Screen;
+use crate::tui::theme::{Rgb, Theme};
+use gdg::bridge::EdgeStatus;
+use gdg::train::FilmFrame;
+use gdg::viewer::{Candidate, Graph};
+
+/// The most edges drawn: more of them would hide the ground.
+pub const MAX_EDGES: usize = 300;
+
+/// Number of opacity levels by which edges fade with distance from the cursor, and the lowest
+/// level.
+const FADES: usize = 5;
+const LEAST_OPACITY: f32 = 0.2;
+
+/// How edges look: their opacity, and their character without colours.
+const EDGES: [(EdgeStatus, f32, char); 3] = [
+    (EdgeStatus::Untried, 0.3, '-'),
+    (EdgeStatus::Confirmed, 0.85, '='),
+    (EdgeStatus::Demoted, 0.9, 'x'),
+];
+
+/// One candidate is drawn per block of characters, given by its columns and rows.
+const SPACING: (u16, u16) = (6, 3);
+
+/// The sign of a goal at the frontier.
+pub const FRONTIER_SIGN: char = '\u{25c6}';
+
+/// The walking agent's trail without colours.
+pub const TRAIL_MARK: char = '\u{b7}';
+
+/// Where places, `(goal_dim)`, and states are shown, in the unit of the canvas; `None` for those of
+/// another world.
+pub type Shown<'a> = &'a dyn Fn(&[f32]) -> Option<[f32; 2]>;
+
+/// Draws on a canvas.
+pub struct Painter<'a> {
+    pub canvas: Canvas,
+    pub screen: &'a Screen,
+    pub theme: Theme,
+    pub place: Shown<'a>,
+    pub state: Shown<'a>,
+    /// Numbers of a place, and of a state.
+    pub sizes: [usize; 2],
+}
+
+impl Painter<'_> {
+    pub fn shows(&self, overlay: Overlay) -> bool {
+        self.screen.overlays.has(overlay)
+    }
+
+    /// Returns the positions of places that follow each other.
+    pub fn places<'b>(&self, places: impl IntoIterator<Item = &'b Vec<f32>>) -> Vec<[f32; 2]> {
+        places.into_iter().filter_map(|place| (self.place)(place)).collect()
+    }
+
+    /// Draws walked and failed edges, those nearest to `near` on top and if there are many only
+    /// those; below them untried ones, if they are wanted.
+    pub fn edges(&mut self, graph: &Graph, near: [f32; 2], with_untried: bool) {
+        if !self.shows(Overlay::Edges) {
+            return;
+        }
+        let [left, top, width, height] = self.canvas.raster.window;
+        let place = |i: usize| graph.candidates.get(i).and_then(|own| (self.place)(&own.at));
+        let shown = graph.edges.iter().filter_map(|(ends, status)| {
+            let (a, b) = (place(ends[0])?, place(ends[1])?);
+            let [x, y] = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+            let inside = x >= left && y >= top && x <= left + width && y <= top + height;
+            inside.then(|| ((x - near[0]).hypot(y - near[1]), [a, b], *status))
+        });
+        let (untried, mut tried): (Vec<_>, Vec<_>) =
+            shown.partition(|(.., status)| *status == EdgeStatus::Untried);
+        if tried.len() > MAX_EDGES {
+            tried.select_nth_unstable_by(MAX_EDGES, |a, b| a.0.total_cmp(&b.0));
+            tried.truncate(MAX_EDGES);
+        }
+        tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let fades = if tried.len() < MAX_EDGES { 1 } else { FADES };
+        let chunk = tried.len().div_ceil(fades).max(1);
+        let chunks = tried
+            .chunks(chunk)
+            .enumerate()
+            .map(|(n, edges)| (edges, 1.0 - (1.0 - LEAST_OPACITY) * n as f32 / fades as f32));
+        let untried = Some((&*untried, 1.0)).filter(|_| with_untried);
+        let groups: Vec<_> = chunks.chain(untried).collect();
+        let [walked, failed, other] = self.theme.edges;
+        for (edges, fade) in groups.into_iter().rev() {
+            for ((status, opacity, mark), rgb) in EDGES.into_iter().zip([other, walked, failed]) {
+                let own = edges.iter().filter(|(.., own)| *own == status).map(|(_, ends, _)| *ends);
+                self.canvas.lines(own, 0.07, Ink::new(rgb, fade * opacity, mark));
+            }
+        }
+    }
+
+    /// Draws some bridge candidates, since all of them would hide the ground: in each block the one
+    /// nearest to its middle, so that they stay the same while they are in place. The better
+    /// connected, the larger or stronger; as signs where characters have `room_for_signs`.
+    pub fn candidates(&mut self, graph: &Graph, room_for_signs: Option<&dyn Fn([f32; 2]) -> bool>) {
+        if !self.shows(Overlay::Candidates) {
+            return;
+        }
+        let frame = &self.canvas.frame;
+        let mut nearest: HashMap<(u16, u16), (f32, usize)> = HashMap::new();
+        for (i, candidate) in graph.candidates.iter().enumerate() {
+            let at = (self.place)(&candidate.at).and_then(|at| frame.character_of(at));
+            let Some(at) = at else { continue };
+            let (column, row) = (at.x - frame.area.x, at.y - frame.area.y);
+            let off =
+                |at: u16, spacing: u16| f32::from(at % spacing) - 0.5 * f32::from(spacing - 1);
+            let own = off(column, SPACING.0).abs() + 2.0 * off(row, SPACING.1).abs();
+            let part = nearest.entry((column / SPACING.0, row / SPACING.1)).or_insert((own, i));
+            if own < part.0 {
+                *part = (own, i);
+            }
+        }
+        let mut shown: Vec<usize> = nearest.into_values().map(|(_, i)| i).collect();
+        shown.sort_unstable();
+        for Candidate { at, degree } in shown.into_iter().map(|i| &graph.candidates[i]) {
+            let Some(at) = (self.place)(at) else { continue };
+            match room_for_signs {
+                Some(has_room) if !self.canvas.is_fine => {
+                    let size = ((3.0 * degree) as usize).min(2);
+                    if has_room(at) {
+                        self.canvas.symbol(at, ['\u{b7}', '\u{2022}', '\u{25cf}'][size], None);
+                    }
+                }
+                _ => {
+                    let is_fine = self.canvas.is_fine;
+                    let share = if is_fine { 0.8 } else { 0.25 + 0.5 * degree };
+                    let mark = Some(CANDIDATE_MARK);
+                    let ink = Ink { rgb: None, share, mark, on_floor: true };
+                    let radius = if is_fine { 0.04 + 0.09 * degree } else { 0.0 };
+                    self.canvas.disc(at, radius, ink);
+                }
+            }
+        }
+    }
+
+    /// Draws the latest search for a bridge: the places tried, and the way over the one found.
+    pub fn search(&mut self) {
+        let Some(search) = self.screen.search().filter(|_| self.shows(Overlay::Search)) else {
+            return;
+        };
+        let [accepted, rejected] = self.theme.search;
+        for at in search.rejected.chunks_exact(self.sizes[0]).filter_map(|at| (self.place)(at)) {
+            if self.canvas.is_fine {
+                self.canvas.symbol(at, 'x', Some(rejected));
+            } else {
+                let ink = Ink { on_floor: true, ..Ink::new(rejected, 1.0, 'x') };
+                self.canvas.disc(at, 0.0, ink);
+            }
+        }
+        let [from, to] = [(self.state)(&search.state), (self.place)(&search.goal)];
+        let bridge = search.found.as_ref().and_then(|found| (self.place)(&found.point));
+        if let (Some(from), Some(bridge), Some(to)) = (from, bridge, to) {
+            self.canvas.route(&[from, bridge, to], 0.09, Ink::new(accepted, 0.8, '='));
+            self.canvas.letter(bridge, 'B', accepted, 0.36);
+        }
+        for (at, letter) in [(from, 'a'), (to, 'g')] {
+            if let Some(at) = at {
+                if self.canvas.is_fine {
+                    self.canvas.letter(at, letter, accepted, 0.28);
+                } else {
+                    self.canvas.symbol(at, letter, Some(accepted));
+                }
+            }
+        }
+    }
+
+    /// Draws the waypoints ahead of the agent and the way along them.
+    pub fn plan(&mut self, way: &[[f32; 2]], stops: &[[f32; 2]]) {
+        if !self.shows(Overlay::Path) {
+            return;
+        }
+        let ink = Ink::new(self.theme.path, 1.0, '+');
+        self.canvas.route(way, 0.1, ink);
+        stops.iter().for_each(|at| self.canvas.disc(*at, 0.17, ink));
+    }
+
+    /// Draws a trail that fades towards its beginning; positions farther apart than `longest` are
+    /// not connected, as a new episode began between them.
+    pub fn trail(&mut self, trail: &[[f32; 2]], longest: f32, width: f32, ink: Ink) {
+        for (i, ends) in trail.windows(2).enumerate() {
+            if (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]) <= longest {
+                let share = ink.share * (i + 2) as f32 / trail.len() as f32;
+                self.canvas.line(ends, width, Ink { share, on_floor: true, ..ink });
+            }
+        }
+    }
+
+    /// Draws where the agent that is shown has been.
+    pub fn own_trail(&mut self, trail: &[[f32; 2]], longest: f32) {
+        self.trail(trail, longest, 0.2, Ink::new(self.theme.walker, 0.85, TRAIL_MARK));
+    }
+
+    /// Draws the exploring agents and their trails; of the past, only the agents.
+    pub fn explorers(&mut self, past: Option<&FilmFrame>, longest: f32, radius: f32) {
+        if !self.shows(Overlay::Agents) {
+            return;
+        }
+        let (rgb, snapshot, [of_place, of_state]) =
+            (self.theme.agent, &self.screen.snapshot, self.sizes);
+        let positions = |numbers: &[f32], size: usize, shown: Shown| -> Vec<[f32; 2]> {
+            numbers.chunks_exact(size.max(1)).filter_map(shown).collect()
+        };
+        let agents = if let Some(frame) = past {
+            positions(&frame.agents, of_place, self.place)
+        } else {
+            let ink = Ink { mark: None, ..Ink::new(rgb, 0.55, ' ') };
+            for trail in snapshot.trails.iter() {
+                self.trail(&positions(trail, of_state, self.state), longest, 0.08, ink);
+            }
+            positions(&snapshot.agents, of_state, self.state)
+        };
+        agents.into_iter().for_each(|at| self.canvas.agent(at, radius, Ink::new(rgb, 1.0, 'o')));
+    }
+
+    /// Draws the exploring agent that is followed, and its goal.
+    pub fn followed(&mut self) {
+        let Some(followed) = &self.screen.snapshot.followed else { return };
+        if let Some(at) = (self.place)(&followed.goal) {
+            self.canvas.flag(at, '\u{2691}', self.theme.agent);
+        }
+        self.letter((self.state)(&followed.state), 'A', self.theme.agent, 0.4);
+    }
+
+    /// Draws a letter, if its place is shown.
+    pub fn letter(&mut self, at: Option<[f32; 2]>, letter: char, rgb: Rgb, radius: f32) {
+        if let Some(at) = at {
+            self.canvas.letter(at, letter, rgb, radius);
+        }
+    }
+}

@@ -1,0 +1,447 @@
+//! Worlds without a map: planes in the space of goals. An arm is seen from three sides, and from
+//! any other; of other worlds, two components of goals at a time.
+
+mod draw;
+
+use std::sync::Arc;
+
+use crossterm::event::{MouseButton, MouseEventKind};
+use ratatui::layout::Position;
+use ratatui::text::Line;
+
+use super::legend::scale;
+use crate::tui::action::Action;
+use crate::tui::layers::Overlay;
+use crate::tui::layout::ScreenLayout;
+use crate::tui::link::Link;
+use crate::tui::panes::Pane;
+use crate::tui::projection::{Angle, Camera, Projection, ShownAngles, has_room};
+use crate::tui::screen::Screen;
+pub use draw::{draw, legend_lines, walk_lines};
+use gdg::engine::Snapshot;
+use gdg::env::{GoalSpace, Scene};
+use gdg::train::FilmFrame;
+use gdg::viewer::space::Request;
+use gdg::viewer::{Field, SpaceView};
+
+/// How far a key moves the goal: of an arm in metres, else as a share of what is shown.
+const NUDGE: f32 = 0.01;
+const NUDGE_SHARE: f32 = 0.02;
+
+/// How far a key turns the free projection, in rad, and moves the others, as a share of what they
+/// show.
+const TURN: f32 = 0.15;
+const PAN_SHARE: f32 = 0.1;
+
+/// How far a drag by a character turns the free projection, in rad: around the vertical axis, and
+/// up or down.
+const DRAG_TURN: [f32; 2] = [0.04, 0.08];
+
+/// The greatest magnification, and the zoom factor of one wheel step.
+const MAX_ZOOM: f32 = 12.0;
+const WHEEL_ZOOM_FACTOR: f32 = 1.25;
+
+/// Margin around the components that are shown, as a share of their range.
+const MARGIN: f32 = 0.05;
+
+/// The state of a world without a map on the screen.
+#[derive(Debug, Default)]
+pub struct SpaceState {
+    pub view: Arc<SpaceView>,
+    /// The goal that distances are measured to, `(goal_dim)`; empty until there is one.
+    pub goal: Vec<f32>,
+    is_arm: bool,
+    /// Which projections of an arm are shown, and how.
+    pub shown: ShownAngles,
+    /// Which pair of components of others is shown, and whether the world's own picture is beside.
+    pair: usize,
+    has_picture: bool,
+    /// The mouse position of a drag, and whether it has turned the free projection.
+    dragged_from: Option<Position>,
+    turned: bool,
+}
+
+pub fn shows(field: Field) -> bool {
+    matches!(field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain)
+}
+
+/// Returns the space of goals, unless it is an arm's.
+fn space(screen: &Screen) -> Option<&GoalSpace> {
+    match &screen.snapshot.scene {
+        Scene::Goals(space) => Some(space),
+        _ => None,
+    }
+}
+
+/// Names and capabilities.
+impl SpaceState {
+    pub fn of(snapshot: &Snapshot) -> Self {
+        Self { is_arm: matches!(snapshot.scene, Scene::Arm(_)), ..Self::default() }
+    }
+
+    pub fn draws(&self, scene: &Scene) -> bool {
+        matches!((self.is_arm, scene), (true, Scene::Arm(_)) | (false, Scene::Goals(_)))
+    }
+
+    /// Returns the word for what is drawn.
+    pub fn noun(&self) -> &'static str {
+        if self.is_arm { "arm" } else { "goals" }
+    }
+
+    pub fn introduction(&self) -> &'static str {
+        if self.is_arm {
+            "Colours show the learned distance D to the goal G: light near, dark far. The agents do \
+             not see joints and get no reward. @ reaches for G with what it has learned so far; a \
+             click sets the two coordinates that are shown."
+        } else {
+            "Colours show the learned distance D to the goal G over two components of the space of \
+             goals: light near, dark far. The agents get no reward. @ reaches for G with what it \
+             has learned so far; a click sets the two components that are shown."
+        }
+    }
+
+    /// Returns whether an action applies: all but those that need a map, and without an arm those
+    /// that need to put an agent somewhere, a camera or a film.
+    pub fn offers(&self, action: Action) -> bool {
+        match action {
+            Action::Inspect
+            | Action::GoalHere
+            | Action::ToggleEdit
+            | Action::Tool(_)
+            | Action::Apply
+            | Action::Undo
+            | Action::Redo
+            | Action::SaveMap
+            | Action::NewMap
+            | Action::ResizeMap
+            | Action::Toggle(Overlay::Unexplored | Overlay::Directions) => false,
+            Action::StartHere
+            | Action::ZoomIn
+            | Action::ZoomOut
+            | Action::ZoomOff
+            | Action::Pan(..)
+            | Action::Back
+            | Action::Forth
+            | Action::ExportFilm => self.is_arm,
+            _ => true,
+        }
+    }
+
+    /// Returns the description of an action if its meaning differs from that on a map.
+    pub fn wording(&self, action: Action) -> Option<&'static str> {
+        let both = |arm, other| Some(if self.is_arm { arm } else { other });
+        match action {
+            Action::NewGoal => Some("a random new goal (or click)"),
+            Action::Move(-1, 0) => both(
+                "move the goal left by 1 cm, in the chosen projection",
+                "move the goal left, in the components shown",
+            ),
+            Action::NewStart => both(
+                "put @ at a start position of the world (right-click: there)",
+                "put @ at a start of the world (or right-click)",
+            ),
+            Action::StartHere => Some("put @ at the goal"),
+            Action::Projection if !self.is_arm => Some("show the next two components of goals"),
+            Action::Alone if !self.is_arm => {
+                Some("the picture that the world renders, beside it, on or off")
+            }
+            Action::Field(true) => both(
+                "colour the plane through G by the next quantity",
+                "colour the space by the next quantity",
+            ),
+            Action::Toggle(Overlay::Agents) if self.is_arm => {
+                Some("grips of exploring agents, and their trails")
+            }
+            Action::Toggle(Overlay::Contours) if self.is_arm => {
+                Some("contour lines on that plane, on or off")
+            }
+            Action::Toggle(Overlay::Candidates) if !self.is_arm => {
+                Some("bridge candidates: where agents have been")
+            }
+            Action::ZoomOff => Some("show everything"),
+            Action::Pan(-1, 0) => Some("turn the free projection (or drag), pan the others"),
+            Action::Show(Pane::Legend) => both("legend of the arm", "legend of the space"),
+            Action::Export => {
+                both("export arm, curves, screen or film", "export the space, curves or screen")
+            }
+            Action::OpenMap => Some("open a map instead"),
+            _ => None,
+        }
+    }
+}
+
+/// What is shown.
+impl SpaceState {
+    /// Returns the frame of the film that is shown: the viewer's latest, to avoid flicker.
+    pub fn past(&self) -> Option<&FilmFrame> {
+        self.view.past.as_deref()
+    }
+
+    /// Returns the field that the colours show: for the past, only D is available.
+    fn shown_field(&self, screen: &Screen) -> Field {
+        if self.past().is_some() { Field::Learned } else { screen.field }
+    }
+
+    /// Returns the largest value of the field, at least 1.
+    pub fn own_farthest(&self) -> f32 {
+        self.view.farthest.max(1.0)
+    }
+
+    /// Returns the colour scale with a bar of `bar` characters.
+    fn scale(&self, screen: &Screen, bar: usize) -> Line<'static> {
+        scale(&screen.theme, self.shown_field(screen), self.own_farthest(), bar)
+            .unwrap_or_else(|| Line::raw(format!(" {} only ", self.noun())))
+    }
+
+    /// Returns the goal that distances are shown to.
+    fn shown_goal(&self) -> &[f32] {
+        self.past().map_or(&self.goal, |frame| &frame.goal)
+    }
+
+    /// Returns the components shown, to the right and upwards, for goals of `count` components.
+    fn axes(&self, count: usize) -> [usize; 2] {
+        let mut pairs = (0..count).flat_map(|up| (0..up).map(move |across| [across, up]));
+        let all = (count * count.saturating_sub(1) / 2).max(1);
+        pairs.nth(self.pair % all).unwrap_or([0, 0])
+    }
+
+    /// Returns the lowest and the highest value of a component to show: its range in `space`, and
+    /// all places known.
+    fn range(&self, axis: usize, space: &GoalSpace) -> [f32; 2] {
+        let candidates = self.view.graph.candidates.iter().map(|candidate| &candidate.at);
+        let places = candidates.chain([&self.goal, &self.view.reach.at]);
+        let values = places.filter_map(|place| place.get(axis).copied()).chain(space.range(axis));
+        let nothing = [f32::INFINITY, f32::NEG_INFINITY];
+        let [low, high] =
+            values.fold(nothing, |[low, high], value| [low.min(value), high.max(value)]);
+        let margin = (MARGIN * (high - low)).max(f32::MIN_POSITIVE.sqrt());
+        [low - margin, high + margin]
+    }
+
+    /// Returns the chosen projection, if it has been drawn.
+    fn chosen<'a>(&self, layout: &'a ScreenLayout) -> Option<&'a Projection> {
+        let chosen = self.is_arm.then_some(self.shown.angle);
+        layout.projections.iter().find(|projection| projection.angle == chosen)
+    }
+}
+
+/// Input.
+impl SpaceState {
+    /// Shows the world of another run, with the goal that it was saved with or a random one.
+    pub fn start(&mut self, screen: &mut Screen, link: &mut Link) {
+        *self = Self {
+            shown: ShownAngles { camera: Camera::default(), ..self.shown },
+            ..Self::of(&screen.snapshot)
+        };
+        let run = screen.run();
+        let agents = run.settings.train.agents;
+        let text = format!("{} on {}, {agents} agents", run.method.name(), screen.snapshot.title);
+        screen.log.record(&text, screen.snapshot.seconds, screen.snapshot.updates());
+        let saved = screen.snapshot.notes.goal.clone();
+        let count = space(screen).map_or(3, |space| space.spec().goal_dim());
+        if saved.len() == count {
+            self.set_goal(saved, screen, link);
+        } else {
+            self.draw_goal(screen, link);
+        }
+    }
+
+    /// Sets a random goal, as the world draws them.
+    fn draw_goal(&mut self, screen: &mut Screen, link: &mut Link) {
+        if let Scene::Arm(arm) = &screen.snapshot.scene {
+            let goal = arm.random_goal(&mut link.rng).to_vec();
+            return self.set_goal(goal, screen, link);
+        }
+        link.return_to_present(screen);
+        let request = Request::Goal(None, link.next_goal_request());
+        link.request(request);
+    }
+
+    /// Sets the goal: of an arm, to the valid position nearest to it.
+    pub fn set_goal(&mut self, goal: Vec<f32>, screen: &mut Screen, link: &mut Link) {
+        link.return_to_present(screen);
+        self.goal = match (&screen.snapshot.scene, <[f32; 3]>::try_from(&*goal)) {
+            (Scene::Arm(arm), Ok(at)) => arm.nearest_goal(at).to_vec(),
+            _ => goal,
+        };
+        let request = Request::Goal(Some(self.goal.clone()), link.next_goal_request());
+        link.request(request);
+    }
+
+    pub fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
+        match action {
+            Action::NewGoal => self.draw_goal(screen, link),
+            Action::Move(dx, dy) => self.nudge([dx as f32, dy as f32], screen, link),
+            Action::StartHere => link.request(Request::Start(Some(self.goal.clone()))),
+            Action::NewStart => link.request(Request::Start(None)),
+            Action::Projection if self.is_arm => self.shown.angle = self.shown.angle.next(),
+            Action::Projection => self.show_next_pair(screen),
+            Action::Alone if !self.is_arm => self.has_picture = !self.has_picture,
+            Action::Alone if has_room(screen.layout.map_pane) => {
+                self.shown.alone = !self.shown.alone;
+            }
+            Action::Alone => screen.notify("there is only room for one projection"),
+            Action::ZoomIn => self.zoom(1.5, None),
+            Action::ZoomOut => self.zoom(1.0 / 1.5, None),
+            Action::ZoomOff => self.shown.camera = Camera::default(),
+            Action::Pan(dx, dy) if self.shown.angle == Angle::Free => {
+                self.shown.orbit.turn(TURN * dx as f32, -TURN * dy as f32);
+            }
+            Action::Pan(dx, dy) => {
+                let Some(projection) = self.chosen(&screen.layout) else { return };
+                let [_, _, width, height] = projection.frame.raster.window;
+                let by = [PAN_SHARE * width * dx as f32, PAN_SHARE * height * dy as f32];
+                self.pan(projection, by);
+            }
+            _ => {}
+        }
+    }
+
+    fn show_next_pair(&mut self, screen: &mut Screen) {
+        self.pair += 1;
+        match space(screen).map(|space| space.spec().goal_dim()) {
+            Some(1) => screen.say("goals have only the component that is shown"),
+            Some(2) => screen.say("goals have only the two components that are shown"),
+            _ => {}
+        }
+    }
+
+    /// Moves the goal in the plane of the chosen projection.
+    fn nudge(&mut self, [right, down]: [f32; 2], screen: &mut Screen, link: &mut Link) {
+        let Some(plane) = self.chosen(&screen.layout).map(|shown| &shown.plane) else { return };
+        if self.goal.is_empty() {
+            return;
+        }
+        let [_, _, width, height] = plane.raster.window;
+        let by = if self.is_arm { NUDGE } else { NUDGE_SHARE * width.min(height) };
+        let [x, y] = plane.flat(&self.goal);
+        let goal = plane.point([x + by * right, y + by * down], &self.goal);
+        self.set_goal(goal, screen, link);
+    }
+
+    /// Moves what is shown, to the right and downwards.
+    fn pan(&mut self, projection: &Projection, [right, down]: [f32; 2]) {
+        let focus = self.shown.camera.focus;
+        let [x, y] = projection.plane.flat(&focus);
+        let moved = projection.plane.point([x + right, y + down], &focus);
+        self.shown.camera.focus = <[f32; 3]>::try_from(moved).unwrap_or(focus);
+    }
+
+    /// Magnifies by a factor, keeping `fixed` (by default the goal) where it is on the screen.
+    fn zoom(&mut self, by: f32, fixed: Option<Vec<f32>>) {
+        let (before, fixed) = (self.shown.camera.zoom, fixed.unwrap_or_else(|| self.goal.clone()));
+        let camera = &mut self.shown.camera;
+        camera.zoom = (before * by).clamp(1.0, MAX_ZOOM);
+        if camera.zoom < 1.01 {
+            *camera = Camera::default();
+            return;
+        }
+        let share = before / camera.zoom;
+        for (focus, fixed) in camera.focus.iter_mut().zip(fixed) {
+            *focus = fixed + share * (*focus - fixed);
+        }
+    }
+
+    /// Shows all projections again; returns whether the chosen one was alone.
+    pub fn close(&mut self) -> bool {
+        std::mem::take(&mut self.shown.alone)
+    }
+
+    /// Handles the mouse on the projections; returns whether it did anything.
+    pub fn on_mouse(
+        &mut self,
+        kind: MouseEventKind,
+        at: Position,
+        screen: &mut Screen,
+        link: &mut Link,
+    ) -> bool {
+        let shown = &screen.layout.projections;
+        let found = shown.iter().find(|projection| projection.frame.area.contains(at)).cloned();
+        let from = self.dragged_from.take();
+        let is_free = self.is_arm && self.shown.angle == Angle::Free;
+        if let (MouseEventKind::Drag(button), Some(from)) = (kind, from) {
+            self.dragged_from = Some(at);
+            let chosen =
+                self.chosen(&screen.layout).cloned().filter(|own| Some(own) == found.as_ref());
+            match (button, chosen) {
+                (MouseButton::Left, _) if is_free => {
+                    let moved = |from: u16, to: u16| f32::from(to) - f32::from(from);
+                    let (right, down) = (moved(from.x, at.x), moved(from.y, at.y));
+                    self.turned = true;
+                    self.shown.orbit.turn(-DRAG_TURN[0] * right, DRAG_TURN[1] * down);
+                }
+                (MouseButton::Left, Some(projection)) if !self.goal.is_empty() => {
+                    self.set_goal(projection.point_at(at, &self.goal), screen, link);
+                }
+                (MouseButton::Middle, Some(projection)) => {
+                    let [was, now] = [from, at].map(|at| projection.frame.middle_of(at));
+                    self.pan(&projection, [was[0] - now[0], was[1] - now[1]]);
+                }
+                _ => {}
+            }
+            return true;
+        }
+        let Some(projection) = found.filter(|_| !self.goal.is_empty()) else { return false };
+        let point = projection.point_at(at, &self.goal);
+        match kind {
+            MouseEventKind::ScrollUp if self.is_arm => self.zoom(WHEEL_ZOOM_FACTOR, Some(point)),
+            MouseEventKind::ScrollDown if self.is_arm => {
+                self.zoom(1.0 / WHEEL_ZOOM_FACTOR, Some(point));
+            }
+            MouseEventKind::Down(button) => {
+                self.shown.angle = projection.angle.unwrap_or_default();
+                self.turned = false;
+                screen.on_first_use();
+                self.dragged_from = Some(at);
+                match button {
+                    // There, a drag turns the projection; a click sets the goal once the button is
+                    // released.
+                    MouseButton::Left if projection.angle == Some(Angle::Free) => {}
+                    MouseButton::Left => self.set_goal(point, screen, link),
+                    MouseButton::Right => {
+                        link.request(Request::Start(self.is_arm.then_some(point)));
+                    }
+                    MouseButton::Middle => {}
+                }
+            }
+            MouseEventKind::Up(MouseButton::Left) if is_free && from.is_some() => {
+                if !self.turned {
+                    self.set_goal(point, screen, link);
+                }
+            }
+            _ => return false,
+        }
+        true
+    }
+
+    /// Has the viewer compute what the pixels shown need; `before` is the previous layout.
+    pub fn drawn(before: ScreenLayout, screen: &mut Screen, link: &Link) {
+        if before.picture != screen.layout.picture {
+            link.request(Request::Picture(screen.layout.picture));
+        }
+        let shown = &mut screen.layout.projections;
+        if shown.is_empty() {
+            // Hidden behind a maximised pane.
+            *shown = before.projections;
+        } else if *shown != before.projections {
+            let planes = shown.iter().map(|projection| projection.plane.clone()).collect();
+            link.request(Request::Planes(Arc::new(planes)));
+        }
+    }
+
+    pub fn show(&mut self, view: Arc<SpaceView>, screen: &mut Screen, link: &Link) {
+        // Also goals that the viewer has drawn, but none older than the latest request.
+        if let (Some(goal), number) = &view.goal
+            && *number == link.goal_request()
+        {
+            self.goal.clone_from(goal);
+        }
+        if let (true, Some(Err(why))) = (self.has_picture, &view.picture) {
+            // Nothing but that would be shown in its place.
+            self.has_picture = false;
+            let why = why.lines().collect::<Vec<_>>().join(" ");
+            screen.report(&format!("no picture of the world: {why}"));
+        }
+        self.view = view;
+    }
+}
