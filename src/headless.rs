@@ -1,6 +1,5 @@
 //! Training without the interface: JSON lines on standard output, a progress bar on standard error.
 
-mod interruptible;
 mod progress;
 mod records;
 mod saver;
@@ -10,7 +9,7 @@ use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
@@ -21,12 +20,11 @@ use crate::host::setup::Setup;
 use crate::host::signals::TerminationSignal;
 use crate::host::status::{EXIT_BAD_INPUT, EXIT_NOT_REACHED};
 use gdg::env::{EnvError, Recorded};
+use gdg::job::{Job, Running};
 use gdg::printing;
 use gdg::printing::eprint_line;
-use gdg::pulse::Cancelled;
 use gdg::text::{counted, escape_json_line, grouped};
 use gdg::train::{Due, EndReason, EvaluateAt, Evaluation, Recovery, Schedule, Session, Trainer};
-use interruptible::run_interruptibly;
 use progress::Progress;
 use records::Record;
 pub use saver::{Saver, save_interval};
@@ -35,6 +33,9 @@ use table::Table;
 /// Updates between progress records, about a second's worth. Counted in updates so that the same
 /// run prints the same records.
 const PROGRESS_EVERY_UPDATES: u64 = 1_000;
+
+/// Time between looks for a signal while another thread works.
+const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Options of a run without the interface, besides what to train.
 #[derive(Clone, Debug)]
@@ -59,7 +60,7 @@ pub struct Options {
 /// Training, writing records or saving fails.
 pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     let termination = TerminationSignal::listen()?;
-    setup.trainer.set_pulse(termination.pulse().clone());
+    setup.trainer.set_job(termination.job().clone());
     setup.warnings.iter().for_each(|warning| eprint_line(warning));
     let saver = setup.save.clone().map(Saver::new);
     let table = options
@@ -173,7 +174,7 @@ impl HeadlessRun<'_> {
     /// first.
     fn facts(&self) -> Result<Option<Map<String, Value>>, Report> {
         let world = self.setup.trainer.world().fork(0).into_diagnostic()?;
-        run_interruptibly("world", &self.termination, move || {
+        run_interruptibly("facts", &self.termination, move |_| {
             world.abilities().recorded.map_or_else(Map::new, Recorded::facts)
         })
     }
@@ -360,8 +361,8 @@ pub fn evaluate(
     max_steps: Option<u32>,
     termination: &TerminationSignal,
 ) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
-    let job = trainer.evaluation().into_diagnostic()?.within(max_steps);
-    let work = move || job.evaluate(per_group, &Cancelled::default()).transpose();
+    let evaluation = trainer.evaluation().into_diagnostic()?.within(max_steps);
+    let work = move |job: &Job| evaluation.evaluate(per_group, job).transpose();
     let evaluated = run_interruptibly("evaluation", termination, work)?.flatten();
     if let Some(Ok(evaluation)) =
         evaluated.as_ref().filter(|done| done.as_ref().is_ok_and(Evaluation::is_finite))
@@ -369,6 +370,28 @@ pub fn evaluate(
         trainer.record_evaluation(trainer.moment(), evaluation.clone());
     }
     Ok(evaluated)
+}
+
+/// Runs `work` on a thread called `name`. Returns `None` if a signal arrives first; the thread then
+/// ends with the program.
+///
+/// # Errors
+/// The thread panics.
+fn run_interruptibly<T: Send + 'static>(
+    name: &'static str,
+    termination: &TerminationSignal,
+    work: impl FnOnce(&Job) -> T + Send + 'static,
+) -> Result<Option<T>, Report> {
+    let running = Running::start(name, Job::new(name), work);
+    while !running.wait(SIGNAL_INTERVAL) {
+        if termination.number().is_some() {
+            return Ok(None);
+        }
+    }
+    running.join().map(Some).map_err(|_| {
+        let help = crate::host::logging::hint();
+        miette!(help = help, "an internal error ended the {name} thread")
+    })
 }
 
 /// Returns the mean rate of updates over the whole training.

@@ -26,8 +26,6 @@
 
 mod action;
 mod app;
-mod background;
-mod busy;
 mod canvas;
 mod characters;
 mod clock;

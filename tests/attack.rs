@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use crate::support::{
     Session, checkpoints, headless, non_zero, outcome, size, with_updated_checksum,
 };
-use gdg::pulse::Progress;
+use gdg::job::Job;
 use gdg::train::Registry;
 use gdg::{env, map, train};
 use rand::{RngExt, SeedableRng};
@@ -459,7 +459,7 @@ fn fuzzing_seeds_are_read_or_refused() {
             }
             "data" => {
                 let world = env::PointMaze::new(std::sync::Arc::new(trap.clone()), 0);
-                drop(train::Dataset::read(&path, &world, &Progress::default()));
+                drop(train::Dataset::read(&path, &world, &Job::default()));
             }
             other => panic!("unknown fuzz target {other}"),
         }

@@ -10,9 +10,9 @@ use std::sync::Arc;
 
 use gdg::bridge::Guide;
 use gdg::env::{Environment, FetchReach, PointMaze};
+use gdg::job::Job;
 use gdg::learn::Scratch;
 use gdg::map::RandomMapKind;
-use gdg::pulse::{Cancelled, Progress};
 use gdg::train::{Preset, Registry, Run, SaveTo, Settings, Trainer, policy_file, save};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -57,8 +57,7 @@ fn running(script: &str) -> Command {
 /// Has the module follow the lines of a trace with an exported policy, without some of its rules.
 fn followed(run: &Trainer, with_plans: bool, trace: &[Value], without: &[&str]) -> Output {
     let file = tempfile::NamedTempFile::new().unwrap();
-    std::fs::write(file.path(), policy_file(run, with_plans, &Progress::default()).unwrap())
-        .unwrap();
+    std::fs::write(file.path(), policy_file(run, with_plans, &Job::default()).unwrap()).unwrap();
     let mut child = running("tests/same_walks.py")
         .arg(file.path())
         .args(without)
@@ -125,7 +124,7 @@ fn the_python_module_reads_files_and_observations_and_says_what_is_wrong() {
 /// did. Agents that do not move stay where they are, whatever they do.
 fn walks(run: &Trainer, count: usize, steps: usize, move_on: bool) -> Vec<Value> {
     let (job, mut scratch) = (run.evaluation().unwrap(), Scratch::default());
-    let graph = job.graph(&Cancelled::default()).unwrap();
+    let graph = job.graph(&Job::default()).unwrap();
     let guide = Guide { policy: job.policy(), graph: Some(&graph) };
     let (mut world, mut rng) = (run.world().fork(1).unwrap(), ChaCha8Rng::seed_from_u64(4));
     let tasks = job.tasks(count).unwrap().tasks;

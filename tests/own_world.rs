@@ -9,7 +9,7 @@ mod runs;
 use std::process::{Command, Output};
 
 use clap::Parser;
-use gdg::pulse::Progress;
+use gdg::job::Job;
 use gdg::train::{self, Preset, Run, SaveTo, Trainer};
 use gdg_tui::cli::Cli;
 use gdg_tui::headless;
@@ -131,7 +131,7 @@ fn the_program_with_a_custom_world() {
     let Ok(arguments) = std::env::var(ARGUMENTS) else { return };
     let common = ["own_world", "--no-ui", "--eval-tasks", "5", "--require-success", "0.8"];
     let args = Cli::try_parse_from(common.into_iter().chain(arguments.split(' '))).unwrap().train;
-    let setup = setup::prepare(&args.request(), &registry(), &Progress::default()).unwrap();
+    let setup = setup::prepare(&args.request(), &registry(), &Job::default()).unwrap();
     let status = headless::run(setup, &args.headless()).unwrap();
     std::process::exit(status.into());
 }
@@ -164,7 +164,7 @@ fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
             Cli::try_parse_from(["own_world", world, "--no-ui", "--method", method]).unwrap().train;
         let error = format!(
             "{:?}",
-            setup::prepare(&args.request(), &registry(), &Progress::default()).err().unwrap()
+            setup::prepare(&args.request(), &registry(), &Job::default()).err().unwrap()
         );
         let error =
             error.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");

@@ -47,24 +47,24 @@ fn said<const N: usize>(folder: &Path, commands: [(&str, &str); N]) -> [String; 
 fn commands_say_what_they_wait_for() {
     let folder = files();
     let commands = [
-        ("check trap", "the map to be measured"),
-        ("maps", "the maps to be measured"),
-        ("maps convert trap trap.png", "the map to be converted"),
-        ("export-policy saves/own.safetensors", "the checkpoint to be read"),
-        ("export-data saves/own.safetensors", "the checkpoint to be read"),
-        ("film saves/own.safetensors", "the checkpoint to be read"),
-        ("suite maps --list --out own", "the maps to be read"),
-        ("plot saves/own.safetensors", "the runs to be read"),
-        ("runs", "the runs to be read"),
-        ("runs --json", "the runs to be read"),
-        ("--no-ui trap --max-updates 1", "the world to open"),
-        ("--no-ui trap --max-updates 1 --data own.npz", "the data to be read"),
-        ("--no-ui --resume saves/own.safetensors --max-updates 21", "the run to be opened"),
-        ("--print-config --resume saves/own.safetensors", "the run to be opened"),
+        ("check trap", "measuring the map"),
+        ("maps", "measuring the maps"),
+        ("maps convert trap trap.png", "converting the map"),
+        ("export-policy saves/own.safetensors", "reading the checkpoint"),
+        ("export-data saves/own.safetensors", "reading the checkpoint"),
+        ("film saves/own.safetensors", "reading the checkpoint"),
+        ("suite maps --list --out own", "reading the maps"),
+        ("plot saves/own.safetensors", "reading the runs"),
+        ("runs", "reading the runs"),
+        ("runs --json", "reading the runs"),
+        ("--no-ui trap --max-updates 1", "opening the world"),
+        ("--no-ui trap --max-updates 1 --data own.npz", "reading the data"),
+        ("--no-ui --resume saves/own.safetensors --max-updates 21", "opening the run"),
+        ("--print-config --resume saves/own.safetensors", "opening the run"),
     ];
     let said = said(folder.path(), commands.map(|(line, _)| (line, SLOW)));
     for ((line, what), said) in commands.iter().zip(said) {
-        assert!(said.contains(&format!("waiting for {what} (")), "{line}: {said}");
+        assert!(said.contains(&format!("{what} (")), "{line}: {said}");
         has_parts(&said, &[" s so far", "; Ctrl-C cancels"]);
     }
 }
@@ -76,22 +76,22 @@ fn commands_say_how_far_they_are() {
     std::fs::copy(path("own.safetensors"), path("second.safetensors")).unwrap();
     // The pass at which the work is slow, and how far it is by then, in per cent.
     let commands = [
-        ("maps", 9, "the maps to be measured", 0),
-        ("maps convert trap trap.png", 4, "the map to be converted", 50),
-        ("export-policy saves/own.safetensors --plans", 18, "the policy to be written", 14),
-        ("export-data saves/own.safetensors", 6, "the transitions to be written", 17),
-        ("film saves/own.safetensors", 3, "the checkpoint to be read", 33),
-        ("suite maps --list --out own", 3, "the maps to be read", 50),
-        ("runs", 3, "the runs to be read", 50),
-        ("runs --json", 3, "the runs to be read", 50),
-        ("--no-ui trap --max-updates 1 --data own.npz", 7, "the data to be read", 62),
+        ("maps", 9, "measuring the maps", 0),
+        ("maps convert trap trap.png", 4, "converting the map", 50),
+        ("export-policy saves/own.safetensors --plans", 18, "writing the policy", 14),
+        ("export-data saves/own.safetensors", 6, "writing the transitions", 17),
+        ("film saves/own.safetensors", 3, "reading the checkpoint", 33),
+        ("suite maps --list --out own", 3, "reading the maps", 50),
+        ("runs", 3, "reading the runs", 50),
+        ("runs --json", 3, "reading the runs", 50),
+        ("--no-ui trap --max-updates 1 --data own.npz", 7, "reading the data", 62),
     ];
     let faults = commands.map(|(_, pass, ..)| format!("progress=delay:2400@{pass}"));
     let lines = std::array::from_fn::<_, 9, _>(|i| (commands[i].0, &*faults[i]));
     let mut shares = Vec::new();
     for ((line, _, what, _), said) in commands.iter().zip(said(folder.path(), lines)) {
         let share = said
-            .split_once(&format!("waiting for {what} ("))
+            .split_once(&format!("{what} ("))
             .and_then(|(_, told)| told.split_once(" s so far, "))
             .and_then(|(_, told)| told.split_once(" %)"))
             .and_then(|(percent, _)| percent.parse::<u8>().ok());
@@ -105,9 +105,9 @@ fn on_a_terminal_waiting_is_one_line_that_is_removed() {
     use crate::support::Session;
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::start_with(folder.path(), &["check", "trap"], &[(FAULTS, SLOW)]);
-    session.wait_for("waiting for the map to be measured");
+    session.wait_for("measuring the map");
     session.wait_for("farthest:");
     let left = session.screen_text();
-    assert!(left.starts_with("map:        trap") && !left.contains("waiting for"), "{left}");
+    assert!(left.starts_with("map:        trap") && !left.contains("measuring"), "{left}");
     assert_eq!(session.status(), 0);
 }

@@ -9,10 +9,10 @@ use super::output::{OrFail, Outcome, print_safely};
 use crate::host::maps::{doubts, find_map, unconnected_parts};
 use crate::host::report::from_map_error;
 use crate::host::status::EXIT_NOT_REACHED;
-use crate::host::waiting::Working;
+use crate::host::waiting::Waiting;
 use gdg::files::has_extension;
+use gdg::job::Job;
 use gdg::map::{self, Cell, Diameter, Grid, MapError, MapScale, Reading, Scenario, StepSearch};
-use gdg::pulse::Progress;
 use gdg::text::counted;
 use gdg::train::Registry;
 
@@ -42,8 +42,8 @@ fn checked(
     reading: &Reading,
     registry: &Registry,
 ) -> Result<(String, Grid), Report> {
-    let measuring = Working::begin("the map to be measured");
-    let progress = measuring.progress();
+    let measuring = Waiting::on("measuring the map");
+    let progress = &measuring;
     if !has_extension(file, "scen") {
         if map_file.is_some() {
             let help = "leave --map out, or give a .scen file with it";
@@ -98,7 +98,7 @@ fn place(cell: Cell) -> String {
 }
 
 /// Returns the facts about a scenario and its map.
-fn tasks(scenario: &Scenario, grid: &Grid, progress: &Progress) -> Result<String, Report> {
+fn tasks(scenario: &Scenario, grid: &Grid, progress: &Job) -> Result<String, Report> {
     let tasks = scenario.tasks(grid).map_err(from_map_error)?;
     scenario.check_lengths(&tasks, grid).map_err(from_map_error)?;
     let longest = tasks.iter().filter_map(|t| t.optimal_octile).reduce(f64::max);
@@ -142,7 +142,7 @@ fn map_beside(scenario: &Path, named: &str) -> Result<PathBuf, Report> {
 }
 
 /// Returns the facts about a map, and a line for each warning.
-fn facts(grid: &Grid, other_map: Option<String>, progress: &Progress) -> String {
+fn facts(grid: &Grid, other_map: Option<String>, progress: &Job) -> String {
     let components = StepSearch::new(grid).components(grid);
     let free = grid.free_count();
     let largest = components.sizes[components.largest() as usize];

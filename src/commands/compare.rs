@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::output::Outcome;
 use super::screen::{Refusal, watch};
 use crate::cli::CompareArgs;
-use crate::host::waiting::Working;
+use crate::host::waiting::Waiting;
 use crate::tui;
 use gdg::train::Registry;
 
@@ -20,8 +20,8 @@ pub fn run(args: &CompareArgs, registry: &Arc<Registry>) -> Outcome {
     };
     let options = args.options();
     let prepare = || {
-        let opening = Working::begin("both runs to be opened");
-        tui::prepare_comparison(&options, registry, opening.progress())
+        let opening = Waiting::on("opening both runs");
+        tui::prepare_comparison(&options, registry, &opening)
     };
     watch(&args.screen, &refusal, prepare, tui::compare)
 }

@@ -9,7 +9,7 @@ use super::output::write_file;
 use crate::cli::{ExportArgs, ExportPolicyArgs, FilmArgs};
 use crate::host::outputs::refuse_existing;
 use crate::host::report::from_checkpoint_error;
-use crate::host::waiting::Working;
+use crate::host::waiting::Waiting;
 use gdg::engine::Snapshot;
 use gdg::env::Scene;
 use gdg::files;
@@ -30,9 +30,9 @@ fn export(
         files::named(folder, checkpoint.file_stem().unwrap_or_default(), end)
     });
     refuse_existing(&path, *overwrite)?;
-    let reading = Working::begin("the checkpoint to be read");
+    let reading = Waiting::on("reading the checkpoint");
     let registry = registry.clone().only_reading();
-    let loaded = load_with(checkpoint, &registry, 1, reading.progress());
+    let loaded = load_with(checkpoint, &registry, 1, &reading);
     drop(reading);
     write_file(&path, &encode(&loaded.map_err(from_checkpoint_error)?)?)
 }
@@ -44,8 +44,8 @@ fn export(
 pub fn data(args: &ExportArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     export(args, ".npz", registry, |trainer| {
         trainer.check_data().into_diagnostic()?;
-        let writing = Working::begin("the transitions to be written");
-        let progress = writing.progress();
+        let writing = Waiting::on("writing the transitions");
+        let progress = &writing;
         progress.begin(0, 2);
         let bytes = data_file(trainer.replay(), trainer.world(), progress).into_diagnostic()?;
         progress.begin(1, 2);
@@ -59,9 +59,9 @@ pub fn data(args: &ExportArgs, registry: &Arc<Registry>) -> Result<String, Repor
 /// The checkpoint cannot be read, has no actor or no plans, or the file exists or cannot be written.
 pub fn policy(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     export(&args.export, ".policy.safetensors", registry, |trainer| {
-        let writing = Working::begin("the policy to be written");
-        writing.progress().begin(0, 1);
-        policy_file(trainer, args.plans, writing.progress()).into_diagnostic()
+        let writing = Waiting::on("writing the policy");
+        writing.begin(0, 1);
+        policy_file(trainer, args.plans, &writing).into_diagnostic()
     })
 }
 
@@ -73,12 +73,9 @@ pub fn film(args: &FilmArgs, registry: &Arc<Registry>) -> Result<String, Report>
     let end = if args.still { ".still.png" } else { ".film.png" };
     export(&args.export, end, registry, |trainer| {
         let run = Snapshot::capture(trainer).into_diagnostic()?;
-        let drawing = Working::begin("the film to be drawn");
-        let drawn = if args.still {
-            still(&run, args.width)
-        } else {
-            animate(&run, args.width, drawing.progress())
-        };
+        let drawing = Waiting::on("drawing the film");
+        let drawn =
+            if args.still { still(&run, args.width) } else { animate(&run, args.width, &drawing) };
         drop(drawing);
         drawn.map_err(|error| {
             let help = match error {

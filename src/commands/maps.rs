@@ -11,7 +11,7 @@ use crate::cli::{ConvertArgs, MapsArgs, MapsCommand};
 use crate::host::maps::{find_map, warnings};
 use crate::host::outputs::{refuse_existing, refuse_input};
 use crate::host::report::from_map_error;
-use crate::host::waiting::Working;
+use crate::host::waiting::Waiting;
 use gdg::map::{
     self, BUILTIN, Diameter, Grid, MapFormat, Reading, Scenario, ScenarioTask, print_ascii,
 };
@@ -25,14 +25,14 @@ const CONVERT_STEPS: usize = 4;
 
 /// Returns the table of built-in maps.
 fn list() -> String {
-    let measuring = Working::begin("the maps to be measured");
-    measuring.progress().begin(0, 1);
+    let measuring = Waiting::on("measuring the maps");
+    measuring.begin(0, 1);
     let head =
         format!("{:<28}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
     let maps = BUILTIN.iter().enumerate();
     let lines =
         maps.filter_map(|(i, (name, _))| Some((i, map::builtin(name)?))).map(|(i, grid)| {
-            measuring.progress().set(i, BUILTIN.len());
+            measuring.set(i, BUILTIN.len());
             let size = format!("{}x{}", grid.width(), grid.height());
             let farthest = describe_diameter(Diameter::compute(&grid));
             format!("{:<28}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count())
@@ -63,9 +63,9 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
         let help = "give --format FORMAT: gdg-tui maps convert --help lists them";
         miette!(help = help, "{}: this ending says no format", output.display())
     })?;
-    let converting = Working::begin("the map to be converted");
-    let told = |done| converting.progress().set(done, CONVERT_STEPS);
-    converting.progress().begin(0, 1);
+    let converting = Waiting::on("converting the map");
+    let told = |done| converting.set(done, CONVERT_STEPS);
+    converting.begin(0, 1);
     told(0);
     let mut grid = find_map(input, &Reading::from(&args.map), registry)?;
     if let Some(scenario) = &args.scen {

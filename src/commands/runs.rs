@@ -18,7 +18,7 @@ use crate::experiment::runs::{Dated, Reader, table};
 use crate::host::runs::SAVES;
 #[cfg(feature = "tui")]
 use crate::host::setup;
-use crate::host::waiting::Working;
+use crate::host::waiting::Waiting;
 #[cfg(feature = "tui")]
 use crate::tui::{self, ComparisonOptions, Contender, Opened, Opener, RunsScreen};
 #[cfg(feature = "tui")]
@@ -68,10 +68,10 @@ fn is_missing_default(folder: &Path) -> bool {
 
 /// Reads the runs of folders; says on standard error what is left out.
 fn read(folders: &[PathBuf]) -> Vec<Dated> {
-    let reading = Working::begin("the runs to be read");
-    reading.progress().begin(0, 1);
+    let reading = Waiting::on("reading the runs");
+    reading.begin(0, 1);
     let found = Reader::new(folders).read(|[file, files], _| {
-        reading.progress().set(file, files);
+        reading.set(file, files);
         ControlFlow::Continue(())
     });
     drop(reading);

@@ -17,7 +17,7 @@ use crate::cli::{Cli, TrainArgs};
 use crate::headless;
 #[cfg(feature = "tui")]
 use crate::host::setup::Setup;
-use crate::host::waiting::Working;
+use crate::host::waiting::Waiting;
 use crate::host::{logging, maps, setup};
 #[cfg(feature = "tui")]
 use crate::tui;
@@ -30,8 +30,8 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
     let registry = &registry_for(args, registry);
     let request = args.request();
     if args.print_config {
-        let opening = Working::begin(setup::opening(&request));
-        let settings = setup::settings_to_print(&request, registry, opening.progress());
+        let opening = Waiting::on(setup::opening(&request));
+        let settings = setup::settings_to_print(&request, registry, &opening);
         drop(opening);
         let settings = settings.or_bad_input()?;
         return print(&print_settings(&settings));
@@ -46,8 +46,8 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
     if args.resume.is_none() {
         check_for_command(args.map(), registry)?;
     }
-    let opening = Working::begin(setup::opening(&request));
-    let setup = setup::prepare(&request, registry, opening.progress());
+    let opening = Waiting::on(setup::opening(&request));
+    let setup = setup::prepare(&request, registry, &opening);
     drop(opening);
     let setup = setup.or_bad_input()?;
     #[cfg(feature = "tui")]

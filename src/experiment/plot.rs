@@ -11,7 +11,7 @@ use super::job::EvaluationAt;
 use super::runs::{self, SavedRun, join_resumed};
 use crate::figure::{Format, MILLIMETRE, Page, Sheet};
 use crate::host::outputs::refuse_existing;
-use crate::host::waiting::Working;
+use crate::host::waiting::Waiting;
 use gdg::files::{named, read, write_atomically};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
@@ -261,10 +261,10 @@ pub fn run(options: &Options) -> Result<String, Report> {
     for path in out.iter().chain([&table]) {
         refuse_existing(path, options.overwrite || is_own(path))?;
     }
-    let reading = Working::begin("the runs to be read");
-    let (runs, mut notes) = runs::runs(&options.runs, reading.progress())?;
+    let reading = Waiting::on("reading the runs");
+    let (runs, mut notes) = runs::runs(&options.runs, &reading)?;
     drop(reading);
-    let drawing = Working::begin("the curves to be drawn");
+    let drawing = Waiting::on("drawing the curves");
     let drawn = draw(&runs, options)?;
     notes.extend(formats.iter().find_map(|format| format.lacking(&drawn.sheet)));
     let figures = formats.into_iter().map(|format| format.encode(&drawn.sheet));
@@ -313,7 +313,7 @@ fn csv_of(rows: &[Vec<String>]) -> Result<Vec<u8>, Report> {
 
 #[cfg(test)]
 mod tests {
-    use gdg::pulse::Progress;
+    use gdg::job::Job;
     use serde_json::{Value, json};
 
     use super::*;
@@ -342,7 +342,7 @@ mod tests {
 
     /// Draws runs; returns the curve, seed and updates of each row of a seed, and the notes.
     fn drawn(files: &[PathBuf]) -> (Vec<String>, Vec<String>) {
-        let (runs, _) = runs::runs(files, &Progress::default()).expect("runs");
+        let (runs, _) = runs::runs(files, &Job::default()).expect("runs");
         let Drawn { table, notes, .. } = draw(&runs, &Options::default()).expect("a figure");
         let mut rows: Vec<String> = Vec::new();
         for row in csv::Reader::from_reader(&table[..]).records() {

@@ -157,7 +157,7 @@ impl Runner {
             return Ok(End::Done);
         }
         let mut trainer = self.resume_or_begin(job, at)?;
-        trainer.set_pulse(self.termination.pulse().clone());
+        trainer.set_job(self.termination.job().clone());
         let mut saver = Saver::new(SaveTo::Replace(self.folder.checkpoint(job)));
         at.progress.begin(at.job, job.plan.length.done(&trainer.counters()));
         let ended = self.train_and_finish(job, &mut trainer, &mut saver, at);
@@ -216,7 +216,7 @@ impl Runner {
         let world = job.world.create(&self.registry)?;
         let mut trainer = begin(job.run.clone(), &*world, &self.registry, 1)?;
         let data = job.plan.data.as_ref();
-        let untold = gdg::pulse::Progress::default();
+        let untold = gdg::job::Job::default();
         let learn = |data: &JobData| {
             let warning = learn_from(&mut trainer, &data.file, &untold)?;
             let read = trainer.data().map(|read| read.checksum);

@@ -20,7 +20,7 @@ use crate::host::report::from_checkpoint_error;
 use crate::host::runs::files_in;
 pub use columns::{COLUMNS, Column, WRITTEN, name, table};
 use gdg::files::{has_extension, is_hidden};
-use gdg::pulse::Progress;
+use gdg::job::Job;
 use gdg::text::{counted, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
 pub use join::{Dated, join_resumed};
@@ -182,10 +182,7 @@ fn with_preset(preset: &str, settings: impl IntoIterator<Item = String>) -> Vec<
 ///
 /// # Errors
 /// A file cannot be read or is nothing of the kind, or a folder has no runs.
-pub fn runs(
-    paths: &[PathBuf],
-    progress: &Progress,
-) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
+pub fn runs(paths: &[PathBuf], progress: &Job) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
     let (mut runs, mut notes) = (Vec::new(), Vec::new());
     for (i, path) in paths.iter().enumerate() {
         progress.begin(i, paths.len());
@@ -226,11 +223,7 @@ fn lines(notes: &[String]) -> String {
 }
 
 /// Reads the runs of an experiment's folder, or of a folder of checkpoints and records.
-fn folder(
-    path: &Path,
-    notes: &mut Vec<String>,
-    progress: &Progress,
-) -> Result<Vec<SavedRun>, Report> {
+fn folder(path: &Path, notes: &mut Vec<String>, progress: &Job) -> Result<Vec<SavedRun>, Report> {
     let (mut runs, files) = (Vec::new(), files_of(path)?);
     for (i, path) in files.iter().enumerate() {
         progress.set(i, files.len());

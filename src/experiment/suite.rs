@@ -20,7 +20,7 @@ use crate::host::maps::{find_map, warn, warnings};
 use crate::host::report::from_map_error;
 use crate::host::setup::{self, RunChoice, parallel_jobs, split_prefix};
 use crate::host::status::{EXIT_FAILURE, EXIT_NOT_REACHED};
-use crate::host::waiting::Working;
+use crate::host::waiting::Waiting;
 use gdg::env::maze;
 use gdg::files::{has_extension, is_hidden};
 use gdg::map::{Grid, Reading, builtin, load_map_as};
@@ -212,10 +212,10 @@ fn maps(folder: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<Gri
         let help = "give a folder of .map or .txt files, map files, or names from 'gdg-tui maps'";
         return Err(miette!(help = help, "{name}: the folder has no .map or .txt files"));
     }
-    let working = Working::begin("the maps to be read");
-    working.progress().begin(0, 1);
+    let working = Waiting::on("reading the maps");
+    working.begin(0, 1);
     let load = |(i, path): (usize, &PathBuf)| {
-        working.progress().set(i, files.len());
+        working.set(i, files.len());
         load_map_as(path, reading).map(|map| (warnings(&map), map)).map_err(from_map_error)
     };
     let loaded = files.iter().enumerate().map(load).collect::<Result<Vec<_>, Report>>()?;

@@ -15,9 +15,9 @@ use crate::host::report::{from_checkpoint_error, from_data_error, from_map_error
 use crate::host::runs::{self, SAVES};
 use gdg::env::{Environment, Goals, PointMaze, Restart, maze};
 use gdg::files;
+use gdg::job::Job;
 use gdg::learn::Threads;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
-use gdg::pulse::Progress;
 use gdg::text::sanitized;
 use gdg::train::{self, Limits, Registry, Run, SaveTo, Settings, TrainError, Trainer};
 
@@ -94,7 +94,7 @@ pub struct Setup {
 pub fn settings_to_print(
     request: &Request,
     registry: &Arc<Registry>,
-    progress: &Progress,
+    progress: &Job,
 ) -> Result<Settings, Report> {
     let resumed = resumed_file(request, registry)?;
     check_options(request, resumed.as_deref(), registry)?;
@@ -109,12 +109,12 @@ pub fn settings_to_print(
     }
 }
 
-/// Returns what takes time in [`prepare`], as in "waiting for ACTIVITY".
+/// Returns what takes time in [`prepare`], as in "opening the run".
 pub fn opening(request: &Request) -> &'static str {
     match (&request.resume, &request.data) {
-        (Some(_), _) => "the run to be opened",
-        (None, Some(_)) => "the data to be read",
-        (None, None) => "the world to open",
+        (Some(_), _) => "opening the run",
+        (None, Some(_)) => "reading the data",
+        (None, None) => "opening the world",
     }
 }
 
@@ -126,7 +126,7 @@ pub fn opening(request: &Request) -> &'static str {
 pub fn prepare(
     request: &Request,
     registry: &Arc<Registry>,
-    progress: &Progress,
+    progress: &Job,
 ) -> Result<Setup, Report> {
     let threads = request.threads;
     // Checked before training: otherwise, what was learned might be impossible to save.
@@ -229,7 +229,7 @@ fn check_options(
 fn begin_run(
     request: &Request,
     registry: &Arc<Registry>,
-    progress: &Progress,
+    progress: &Job,
 ) -> Result<(Trainer, Option<String>), Report> {
     let run = self::run(&request.run, &request.map, registry, request.seed)?;
     if let Some(file) = &request.data {

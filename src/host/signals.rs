@@ -15,8 +15,8 @@ use signal_hook::consts::{
 use signal_hook::iterator::Signals;
 
 use crate::host::waiting::{ONCE_MORE, TWICE, Waiting};
+use gdg::job::Job;
 use gdg::printing;
-use gdg::pulse::Pulse;
 
 /// Turns writing beyond the file size limit (`ulimit -f`), which would end the program, into an
 /// error like a full disk.
@@ -48,7 +48,7 @@ const REPEATING: [i32; 5] = [SIGHUP, SIGXCPU, SIGALRM, SIGVTALRM, SIGPROF];
 #[derive(Clone, Default)]
 pub struct TerminationSignal {
     number: Arc<AtomicI32>,
-    pulse: Pulse,
+    job: Job,
 }
 
 impl TerminationSignal {
@@ -97,11 +97,11 @@ impl TerminationSignal {
                     .is_ok()
                 {
                     printing::hurry();
-                    own.pulse.stop();
+                    own.job.cancel();
                     let how_to_end = if number == SIGINT { ONCE_MORE } else { TWICE };
                     waiting = restore_terminal
                         .is_none()
-                        .then(|| Waiting::begin(&own.pulse, how_to_end, || {}));
+                        .then(|| Waiting::begin(&own.job, how_to_end, || {}));
                 }
             }
             drop(waiting);
@@ -124,9 +124,9 @@ impl TerminationSignal {
         self.number().map(|number| 128 + number as u8)
     }
 
-    /// Returns the pulse that stops trainers on a signal.
-    pub fn pulse(&self) -> &Pulse {
-        &self.pulse
+    /// Returns the job that stops trainers on a signal.
+    pub fn job(&self) -> &Job {
+        &self.job
     }
 }
 

@@ -1,6 +1,7 @@
 //! Reports what the program still waits for: before it ends, or before it shows or writes something.
 
 use std::io::IsTerminal;
+use std::ops::Deref;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -8,29 +9,24 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::progress_bar;
+use gdg::job::Job;
 use gdg::printing::eprint_line;
-use gdg::pulse::{Activity, Progress, Pulse};
 
 /// Time before the first report: to somebody who waits, and to a log.
 const PATIENCE: Duration = Duration::from_millis(500);
 const PATIENCE_OF_LOGS: Duration = Duration::from_secs(2);
 
-/// Polling interval of lines, ...
+/// Time between looks at a job that lines are printed about, between lines while it does the same,
+/// and the share of it that is worth another line before that.
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
-
-/// ... and time between lines while the activity stays the same, ...
 const REPEAT_AFTER: Duration = Duration::from_mins(1);
-
-/// ... or until it is farther by this share.
 const TOLD_SHARE: f64 = 0.1;
 
 /// Time between reports that replace each other.
 const REDRAW_INTERVAL: Duration = Duration::from_millis(100);
 
-/// How to end the program at once if no Ctrl-C has been received yet, ...
+/// How to end the program at once if no Ctrl-C has been received yet, and if one has.
 pub const TWICE: &str = "Ctrl-C twice ends at once, without what is not saved";
-
-/// ... and if one has.
 pub const ONCE_MORE: &str = "Ctrl-C ends at once, without what is not saved";
 
 /// How to end a command that has nothing to save.
@@ -38,23 +34,46 @@ const CANCELS: &str = "Ctrl-C cancels";
 
 /// Reports on standard error what a long wait is for, until dropped.
 pub struct Waiting {
+    job: Job,
     ended: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Waiting {
-    /// Starts to report, in lines, what `pulse` is doing, and how to end the program. `before` runs
-    /// before the first line, for instance to leave the alternate screen.
-    pub fn begin(pulse: &Pulse, how_to_end: &'static str, before: fn()) -> Self {
-        let pulse = pulse.clone();
-        Self::start(move |end| print_lines(&pulse, how_to_end, before, end))
+    /// Starts to report, in lines, what is being done as part of `job`, and how to end the program.
+    /// `before` runs before the first line, for instance to leave the alternate screen.
+    pub fn begin(job: &Job, how_to_end: &'static str, before: fn()) -> Self {
+        Self::start(job.clone(), move |job, end| print_lines(job, how_to_end, before, end))
     }
 
-    fn start(say: impl FnOnce(&Receiver<()>) + Send + 'static) -> Self {
+    /// Begins the work of a command, called as in "reading a.map". Reports replace each other on a
+    /// terminal.
+    pub fn on(what: &'static str) -> Self {
+        let waiting = Self::start(Job::new(what), |job, end| {
+            let target = progress_bar::target();
+            if target.is_hidden() {
+                print_lines(job, CANCELS, || {}, end);
+            } else {
+                redraw(job, ProgressBar::with_draw_target(None, target), end);
+            }
+        });
+        gdg::faults::point("work");
+        waiting
+    }
+
+    fn start(job: Job, say: impl FnOnce(&Job, &Receiver<()>) + Send + 'static) -> Self {
         let (ended, end) = channel();
-        let thread = std::thread::Builder::new().name("waiting".to_owned());
+        let (own, thread) = (job.clone(), std::thread::Builder::new().name("waiting".to_owned()));
         // Without a thread, nothing is reported.
-        Self { ended: Some(ended), thread: thread.spawn(move || say(&end)).ok() }
+        Self { job, ended: Some(ended), thread: thread.spawn(move || say(&own, &end)).ok() }
+    }
+}
+
+impl Deref for Waiting {
+    type Target = Job;
+
+    fn deref(&self) -> &Job {
+        &self.job
     }
 }
 
@@ -66,85 +85,44 @@ impl Drop for Waiting {
     }
 }
 
-/// Work of a command: reported while it lasts, until dropped.
-pub struct Working {
-    progress: Progress,
-    // Before the activity ends: it is what is reported.
-    _waiting: Waiting,
-    _activity: Activity,
-}
-
-impl Working {
-    /// Begins work, named as in "waiting for ACTIVITY". Reports replace each other on a terminal.
-    pub fn begin(activity: &'static str) -> Self {
-        let (pulse, progress) = (Pulse::default(), Progress::default());
-        let activity = pulse.begin_with(activity, progress.clone());
-        let pulse = pulse.clone();
-        let say = move |end: &Receiver<()>| {
-            let target = progress_bar::target();
-            if target.is_hidden() {
-                print_lines(&pulse, CANCELS, || {}, end);
-            } else {
-                redraw(&pulse, ProgressBar::with_draw_target(None, target), end);
-            }
-        };
-        let working = Self { progress, _waiting: Waiting::start(say), _activity: activity };
-        gdg::faults::point("work");
-        working
-    }
-
-    /// Returns how far it is.
-    pub fn progress(&self) -> &Progress {
-        &self.progress
-    }
-}
-
 /// Prints lines until the end.
-fn print_lines(pulse: &Pulse, how_to_end: &str, before: fn(), end: &Receiver<()>) {
-    let (began, mut said) = (Instant::now(), None);
+fn print_lines(job: &Job, how_to_end: &str, before: fn(), end: &Receiver<()>) {
+    let (began, mut said) = (Instant::now(), None::<(Job, Instant, f64)>);
     let is_seen = std::io::stderr().is_terminal();
     let mut pause = if is_seen { PATIENCE } else { PATIENCE_OF_LOGS };
     while end.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
         pause = POLL_INTERVAL;
-        let (activity, share) = (pulse.activity(), share(pulse));
-        if said.is_some_and(|(same, at, before): (_, Instant, Option<f64>)| {
-            let moved = share.unwrap_or(0.0) - before.unwrap_or(0.0);
-            same == activity && at.elapsed() < REPEAT_AFTER && moved < TOLD_SHARE
+        let now = job.latest_part().unwrap_or_else(|| job.clone());
+        let share = now.share().unwrap_or(0.0);
+        if said.as_ref().is_some_and(|(before, at, told)| {
+            before.what() == now.what() && at.elapsed() < REPEAT_AFTER && share - told < TOLD_SHARE
         }) {
             continue;
         }
+        let mut line = describe(&now, began);
         if said.is_none() {
             before();
-        }
-        let mut line = describe(activity, began.elapsed(), share);
-        if said.is_none() {
             line += &format!("; {how_to_end}");
         }
-        said = Some((activity, Instant::now(), share));
+        said = Some((now, Instant::now(), share));
         eprint_line(&line);
     }
 }
 
 /// Redraws one line until the end, and removes it.
-fn redraw(pulse: &Pulse, bar: ProgressBar, end: &Receiver<()>) {
+fn redraw(job: &Job, bar: ProgressBar, end: &Receiver<()>) {
     let (began, mut pause) = (Instant::now(), PATIENCE);
     let style = ProgressStyle::with_template("{spinner} {wide_msg}");
     let bar = style.map_or(bar.clone(), |style| bar.with_style(style));
     while end.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
         pause = REDRAW_INTERVAL;
-        let text = describe(pulse.activity(), began.elapsed(), share(pulse));
-        bar.set_message(format!("{text}; {CANCELS}"));
+        bar.set_message(format!("{}; {CANCELS}", describe(job, began)));
         bar.tick();
     }
     bar.finish_and_clear();
 }
 
-/// Returns how far the work is, if that is known.
-fn share(pulse: &Pulse) -> Option<f64> {
-    pulse.busy().and_then(|doing| doing.progress.share())
-}
-
-fn describe(activity: &str, so_far: Duration, share: Option<f64>) -> String {
-    let part = share.map_or(String::new(), |share| format!(", {:.0} %", 100.0 * share));
-    format!("waiting for {activity} ({} s so far{part})", so_far.as_secs())
+fn describe(job: &Job, began: Instant) -> String {
+    let part = job.share().map_or(String::new(), |share| format!(", {:.0} %", 100.0 * share));
+    format!("{} ({} s so far{part})", job.what(), began.elapsed().as_secs())
 }

@@ -10,7 +10,6 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::{Frame, Terminal};
 
-use super::background::Background;
 use super::output::ExportKind;
 use super::render;
 use super::scene::{Cache, Scene};
@@ -18,7 +17,7 @@ use super::screen::Screen;
 use super::theme::Theme;
 use crate::figure::Format;
 use gdg::files::{self, write_atomically};
-use gdg::pulse::Progress;
+use gdg::job::{Job, Running};
 use gdg::viewer::{FilmError, animate};
 pub use picture::{PageColours, picture_of};
 
@@ -45,18 +44,19 @@ pub enum ExportError {
 }
 
 /// Encodes what has been drawn, which may take a second or two, and says how far it is.
-type Encode = Box<dyn FnOnce(&Progress) -> Result<Vec<u8>, ExportError> + Send>;
+type Encode = Box<dyn FnOnce(&Job) -> Result<Vec<u8>, ExportError> + Send>;
 
 /// Draws an export and begins to write it to a new file; returns the notice for the user.
 pub fn begin(
     kind: ExportKind,
     screen: &mut Screen,
     scene: &Scene,
-) -> Result<Background<Result<String, String>>, ExportError> {
+) -> Result<Running<Result<String, String>>, ExportError> {
     let (name, noun) = (name(kind, screen, scene), scene.noun());
     let encode = drawn(kind, screen, scene)?;
-    let write = move |progress: &Progress| write_as(&name, kind, noun, encode(progress));
-    Ok(Background::start(format!("writing {}", kind.name(noun)), write)?)
+    let write = move |progress: &Job| write_as(&name, kind, noun, encode(progress));
+    let job = Job::new(format!("writing {}", kind.name(noun)));
+    Ok(Running::start("export", job, write))
 }
 
 /// Returns what a file's name begins with: the world, and the update that is shown.
@@ -131,7 +131,7 @@ pub fn contents(
     screen: &mut Screen,
     scene: &Scene,
 ) -> Result<Vec<u8>, ExportError> {
-    drawn(kind, screen, scene)?(&Progress::default())
+    drawn(kind, screen, scene)?(&Job::default())
 }
 
 /// Returns a picture of part of a drawn screen, in a theme's colours.

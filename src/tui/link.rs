@@ -1,11 +1,17 @@
 //! The connection from the interface to trainer and viewer.
 
+use std::time::Duration;
+
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::screen::Screen;
 use gdg::engine::{Command, EngineLink, Snapshot};
+use gdg::job::Job;
 use gdg::viewer::{Request, Viewer};
+
+/// Time after which it is shown what the trainer does instead of training.
+const SHOWN_AFTER: Duration = Duration::from_millis(500);
 
 /// The connection to trainer and viewer.
 pub struct Link {
@@ -27,6 +33,11 @@ impl Link {
         &self.engine
     }
 
+    /// Returns what the trainer does instead of training, if that takes long.
+    pub fn busy(&self) -> Option<Job> {
+        self.engine.busy().filter(|job| job.since().elapsed() >= SHOWN_AFTER)
+    }
+
     pub fn viewer(&self) -> &Viewer {
         &self.viewer
     }
@@ -36,8 +47,8 @@ impl Link {
         let sent = self.engine.send(command);
         if !sent {
             screen.notify("the trainer is busy: try again");
-        } else if let Some(busy) = screen.busy {
-            screen.say(&format!("taken: it follows, the trainer is {}", busy.doing));
+        } else if let Some(job) = self.busy() {
+            screen.say(&format!("taken: it follows, the trainer is {}", job.what()));
         }
         sent
     }

@@ -27,7 +27,6 @@ use tui_input::backend::crossterm::EventHandler;
 
 use super::PreparedInterface;
 use super::action::{Action, ListAction, Mode};
-use super::background::{Background, PATIENCE};
 use super::compare::Contestants;
 use super::config::UiConfig;
 use super::dialog::Help;
@@ -35,13 +34,14 @@ use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap::{self, Keymap};
 use super::layout::Click;
 use super::log::Log;
+use super::screen::PATIENCE;
 use super::theme::{ColourDepth, Theme};
 use crate::experiment::plot::{Axis, Measure};
 use crate::experiment::runs::{Found, Reader, name};
 use crate::host::setup::Setup;
 use draw::Places;
 use files::Deletion;
-use gdg::pulse::Progress;
+use gdg::job::{Job, Running};
 use list::List;
 
 /// The pause before folders are read again: at least this, and as a multiple of the time that
@@ -73,7 +73,7 @@ pub enum Opened {
 }
 
 /// Opens what the user wishes, and says how far it is.
-pub type Opener = Arc<dyn Fn(Wish, &Progress) -> Result<Opened, Report> + Send + Sync>;
+pub type Opener = Arc<dyn Fn(Wish, &Job) -> Result<Opened, Report> + Send + Sync>;
 
 /// The screen.
 pub struct RunsScreen {
@@ -100,7 +100,7 @@ pub struct RunsScreen {
     places: Places,
     opener: Opener,
     wish: Option<Wish>,
-    opening: Option<Background<Result<Opened, Report>>>,
+    opening: Option<Running<Result<Opened, Report>>>,
     opened: Option<Opened>,
     quits: bool,
     terminal_request: Option<TerminalRequest>,
@@ -386,16 +386,13 @@ impl RunsScreen {
             let other = wish.beside.as_ref().map(|other| format!(" and {}", name(other)));
             let what = format!("opening {}{}", name(&wish.file), other.unwrap_or_default());
             let opener = self.opener.clone();
-            match Background::start(what, move |progress| opener(wish, progress)) {
-                Ok(opening) => {
-                    opening.wait(PATIENCE);
-                    self.opening = Some(opening);
-                }
-                Err(error) => self.log.show(&format!("no thread can be started: {error}"), true),
-            }
+            let open = move |progress: &Job| opener(wish, progress);
+            let opening = Running::start("opening", Job::new(what), open);
+            opening.wait(PATIENCE);
+            self.opening = Some(opening);
         }
         let Some(opening) = self.opening.take_if(|opening| opening.is_finished()) else {
-            let notice = self.opening.as_mut().and_then(Background::notice);
+            let notice = self.opening.as_mut().and_then(Running::notice);
             notice.iter().for_each(|notice| self.log.show(notice, false));
             return notice.is_some();
         };

@@ -4,7 +4,6 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::busy::{Busy, Lasting};
 use super::clock;
 use super::config::{UiConfig, used_path};
 use super::dialog::{Dialog, ListKind, Picker};
@@ -25,6 +24,9 @@ use gdg::train::{
     Description, FilmFrame, Preset, Run, Settings, Success, changed_from, settings_in_world,
 };
 use gdg::viewer::{Field, OnArrival};
+
+/// How long the interface waits for what is done on another thread before it goes on.
+pub const PATIENCE: Duration = Duration::from_millis(200);
 
 /// How long a line over the map is shown.
 const BANNER_DURATION: Duration = Duration::from_secs(10);
@@ -63,9 +65,9 @@ pub struct Screen {
     /// Whether the trainer has been asked to pause.
     pub pausing: bool,
     /// What the trainer does instead of training, if that takes long.
-    pub busy: Option<Busy>,
-    /// For how long an evaluation has been running, if one is.
-    pub evaluating: Option<Lasting>,
+    pub busy: Option<String>,
+    /// How far an evaluation is, if one has been running for some time.
+    pub evaluating: Option<String>,
     /// Whether the map is drawn for a file, which has no keys.
     pub on_paper: bool,
     /// Whether the screen is frozen.
@@ -222,8 +224,8 @@ impl Screen {
 
     /// Describes the phase in a word or two, where the trainer may still be `applying_edit`s.
     pub fn phase(&self, applying_edit: bool) -> String {
-        if let Some(busy) = self.busy.filter(|_| !self.frozen) {
-            return if self.pausing { format!("pausing: {busy}") } else { busy.to_string() };
+        if let Some(busy) = self.busy.as_ref().filter(|_| !self.frozen) {
+            return if self.pausing { format!("pausing: {busy}") } else { busy.clone() };
         }
         match &self.snapshot.phase {
             _ if self.frozen => "screen frozen".to_owned(),

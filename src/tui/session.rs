@@ -22,8 +22,6 @@ use ratatui::layout::Position;
 use tokio::sync::watch;
 
 use super::action::{Action, Binding, Mode, binding_of};
-use super::background::{self, Background};
-use super::busy::{Busy, Lasting};
 use super::clock;
 use super::config::UiConfig;
 use super::dialog::{Choice, Dialog, ListKind};
@@ -35,10 +33,11 @@ use super::link::Link;
 use super::lists;
 use super::render;
 use super::scene::{Cache, MazeState, Scene};
-use super::screen::Screen;
+use super::screen::{PATIENCE, Screen};
 use super::theme::ThemeName;
 use files::{Exports, Search, Show};
 use gdg::engine::{Command, EngineLink, NextEvaluation, Phase, Snapshot};
+use gdg::job::Running;
 use gdg::text::grouped;
 use gdg::viewer::{Field, Request, View, Viewer};
 pub use saving::Files;
@@ -56,7 +55,7 @@ pub struct Cx {
     pub link: Link,
     /// The map or checkpoints that are being read, and how long to wait for them before the
     /// interface goes on.
-    pub reading: Option<Background<Show>>,
+    pub reading: Option<Running<Show>>,
     pub reading_patience: Duration,
 }
 
@@ -146,7 +145,7 @@ impl Session {
             link: Link::new(engine, viewer, &snapshot),
             screen: Screen::new(config, keymap, snapshot),
             reading: None,
-            reading_patience: background::PATIENCE,
+            reading_patience: PATIENCE,
         };
         let mut session = Self {
             cx,
@@ -372,15 +371,13 @@ impl Session {
     pub fn update_busy(&mut self) -> bool {
         let Cx { link, screen, .. } = &mut self.cx;
         let evaluating = match screen.snapshot.next_evaluation {
-            NextEvaluation::Running(since) => {
-                Some(Lasting::now(since, &screen.snapshot.evaluation_progress))
-            }
+            NextEvaluation::Running(_) => screen.snapshot.evaluation_progress.short(),
             _ => None,
         };
-        let now = (Busy::now(link.engine()), evaluating);
-        let before = (screen.busy, screen.evaluating);
+        let now = (link.busy().map(|job| job.to_string()), evaluating);
+        let changed = now != (screen.busy.take(), screen.evaluating.take());
         (screen.busy, screen.evaluating) = now;
-        now != before
+        changed
     }
 
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {

@@ -50,8 +50,8 @@ use super::theme::{ColourDepth, Theme, ThemeName};
 use super::tool::Tool;
 use gdg::engine::{Command, Engine, EngineLink, Phase, Snapshot};
 use gdg::env::{Environment, PointMaze};
+use gdg::job::Job;
 use gdg::map::{Cell, Grid, parse_map};
-use gdg::pulse::Pulse;
 use gdg::train::{
     self, Description, FilmFrame, Limits, Method, Preset, Registry, Run, SaveTo, Trainer,
 };
@@ -196,7 +196,7 @@ struct Still {
     snapshots: watch::Sender<Arc<Snapshot>>,
     _views: watch::Sender<View>,
     /// What its trainer is doing.
-    pulse: Pulse,
+    job: Job,
 }
 
 impl Deref for Still {
@@ -246,13 +246,13 @@ fn still_of(trainer: &Trainer) -> Still {
     let (request, requests) = channel();
     let (publish, snapshots) = watch::channel(snapshot);
     let (show, views) = watch::channel(View::default());
-    let pulse = Pulse::default();
-    let engine = EngineLink::new(sender, snapshots, pulse.clone());
+    let job = Job::default();
+    let engine = EngineLink::new(sender, snapshots, job.clone());
     let viewer = Viewer::new(request, views);
     let mut app = app_with(engine, viewer, Files::default());
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     app.reading_patience = Duration::from_secs(20);
-    Still { app, commands, requests, snapshots: publish, _views: show, pulse }
+    Still { app, commands, requests, snapshots: publish, _views: show, job }
 }
 
 fn still_on(map: Grid, method: Method) -> Still {

@@ -11,7 +11,7 @@ use imports::{Crate, Name};
 
 /// The library's modules: each depends only on those before it.
 const LIBRARY: [&str; 15] = [
-    "text", "printing", "faults", "pulse", "files", "store", "settings", "map", "env", "learn",
+    "text", "printing", "faults", "job", "files", "store", "settings", "map", "env", "learn",
     "bridge", "train", "engine", "draw", "viewer",
 ];
 

@@ -293,7 +293,7 @@ fn a_program_that_takes_long_to_end_says_what_it_waits_for() {
     kill(run.child.id(), "TERM");
     let (mut line, mut errors) = (String::new(), BufReader::new(run.child.stderr.take().unwrap()));
     errors.read_line(&mut line).unwrap();
-    assert!(line.contains("waiting for the checkpoint") && line.contains("twice"), "{line}");
+    assert!(line.contains("saving (") && line.contains("twice"), "{line}");
     assert_eq!(run.end_with_signal("TERM").0, 143);
     // After one Ctrl-C, another one suffices.
     let mut run = RunningProgram::start(headless(folder.path(), &args).envs(faults));
@@ -308,7 +308,7 @@ fn a_program_that_takes_long_to_end_says_what_it_waits_for() {
     let session = Session::start_with(folder.path(), &args, &faults);
     session.wait_for("training");
     session.signal("TERM");
-    session.wait_for("waiting for");
+    session.wait_for(" s so far");
     session.signal("TERM");
     assert_eq!(session.end(), 143);
 }

@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
+use crate::job::Job;
 use crate::learn::Scratch;
-use crate::pulse::{Doing, Pulse};
 use crate::text::grouped;
 use crate::train::{
     Due, EndReason, EvaluateAt, Limits, Recovery, Schedule, Session, Tick, TrainError, Trainer,
@@ -53,23 +53,23 @@ const NICENESS: i32 = 10;
 pub struct EngineLink {
     commands: SyncSender<Command>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
-    pulse: Pulse,
+    job: Job,
 }
 
 impl EngineLink {
-    /// Links to an engine that receives `commands`, publishes `snapshots` and tells `pulse` what it
+    /// Links to an engine that receives `commands`, publishes `snapshots` and tells `job` what it
     /// is doing.
     pub fn new(
         commands: SyncSender<Command>,
         snapshots: watch::Receiver<Arc<Snapshot>>,
-        pulse: Pulse,
+        job: Job,
     ) -> Self {
-        Self { commands, snapshots, pulse }
+        Self { commands, snapshots, job }
     }
 
     /// Returns what the trainer is doing besides training.
-    pub fn busy(&self) -> Option<Doing> {
-        self.pulse.busy()
+    pub fn busy(&self) -> Option<Job> {
+        self.job.latest_part()
     }
 
     /// Queues a command, which runs before the next update. Drops it and returns `false` if the
@@ -113,8 +113,8 @@ impl Engine {
         let (commands, inbox) = sync_channel(64);
         at_first.into_iter().for_each(|command| drop(commands.try_send(command)));
         let saved = file.map(|file| (trainer.counters().updates, Arc::new(file)));
-        let pulse = Pulse::default();
-        trainer.set_pulse(pulse.clone());
+        let job = Job::default();
+        trainer.set_job(job.clone());
         let saved_seconds = if saved.is_some() { trainer.seconds() } else { 0.0 };
         let first = Snapshot { limits, saved, saved_seconds, ..Snapshot::capture(&trainer)? };
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
@@ -132,12 +132,12 @@ impl Engine {
             next_update_at: None,
             new_file: None,
             autosaved: Vec::new(),
-            pulse: pulse.clone(),
+            job: job.clone(),
             scratch: Scratch::default(),
         };
         let thread =
             std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
-        Ok(Self { link: EngineLink::new(commands, snapshots, pulse), thread })
+        Ok(Self { link: EngineLink::new(commands, snapshots, job), thread })
     }
 
     /// Returns a link for a front end, which must be gone before the trainer can be stopped.
@@ -156,8 +156,8 @@ impl Engine {
     }
 
     /// Returns the trainer's progress signal: whether it advances, and its current activity.
-    pub fn pulse(&self) -> &Pulse {
-        &self.link.pulse
+    pub fn job(&self) -> &Job {
+        &self.link.job
     }
 
     /// Stops training and returns the trainer; waits as long as there is progress. `None` if its
@@ -167,12 +167,12 @@ impl Engine {
     }
 
     fn stop_unless_hung(self, hung_after: Duration) -> Option<Trainer> {
-        let pulse = self.pulse().clone();
+        let job = self.job().clone();
         drop(self.link);
-        pulse.stop();
-        let (mut beats, mut moved) = (pulse.beats(), Instant::now());
+        job.cancel();
+        let (mut beats, mut moved) = (job.beats(), Instant::now());
         while !self.thread.is_finished() {
-            let now = pulse.beats();
+            let now = job.beats();
             if now != beats {
                 (beats, moved) = (now, Instant::now());
             } else if moved.elapsed() > hung_after {
@@ -205,7 +205,7 @@ struct Worker {
     new_file: Option<(PathBuf, PathBuf)>,
     /// Autosaved files, oldest first, and the updates in each.
     autosaved: Vec<(u64, PathBuf, Option<File>)>,
-    pulse: Pulse,
+    job: Job,
     scratch: Scratch,
 }
 
@@ -467,13 +467,13 @@ mod tests {
             let engine = started([]);
             let _held = engine.link();
             let ((begun, begins), (release, wait)) = (channel(), channel::<()>());
-            let pulse = engine.pulse().clone();
+            let job = engine.job().clone();
             // An edit that moves for longer than the limit, or hangs.
             let make = move |world: &dyn Environment| {
                 begun.send(()).expect("the test waits");
                 for _ in (0..60).filter(|_| moves) {
                     std::thread::sleep(limit / 40);
-                    pulse.beat();
+                    job.beat();
                 }
                 let _ =
                     wait.recv_timeout(if moves { Duration::ZERO } else { Duration::from_mins(1) });

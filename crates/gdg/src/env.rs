@@ -21,8 +21,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::job::Job;
 use crate::map::Grid;
-use crate::pulse::Pulse;
 use crate::store::Store;
 pub use abilities::{
     Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, Recorded, Rendered,
@@ -263,9 +263,9 @@ pub trait Environment: Any + Send + Sync {
     /// [default task](Episodes::default_task).
     fn configure(&mut self, _settings: &EnvSettings) {}
 
-    /// Takes the pulse that says when training is to stop: a world that keeps its caller waiting then
+    /// Takes the job that says when training is to stop: a world that keeps its caller waiting then
     /// gives up soon, with [`EnvError::Stopped`]. The default never does.
-    fn share_pulse(&mut self, _pulse: &Pulse) {}
+    fn share_job(&mut self, _job: &Job) {}
 
     /// Returns an agent's full state: for every agent the same number of components, at least one.
     /// The default is its state. A world overrides both this and [`Self::set_full_state`], or

@@ -12,11 +12,11 @@
 //! Each module depends only on modules to its left (`tests/layers` checks it):
 //!
 //! ```text
-//! text, printing, faults, pulse, files, store, settings <- map <- env <- learn <- bridge <- train
+//! text, printing, faults, job, files, store, settings <- map <- env <- learn <- bridge <- train
 //!     <- engine <- draw <- viewer
 //! ```
 //!
-//! * [`printing`]: standard output and error, written by threads of their own. [`pulse`]: progress
+//! * [`printing`]: standard output and error, written by threads of their own. [`job`]: progress
 //!   of a run, and the request to stop it. [`text`]: makes external text safe to display.
 //!   [`files`]: reads and replaces files safely. [`faults`]: collects panics. [`store`]: named
 //!   arrays and texts, the form of all saved state. [`settings`]: what a setting is, and the macro
@@ -96,10 +96,10 @@ pub mod engine;
 pub mod env;
 pub mod faults;
 pub mod files;
+pub mod job;
 pub mod learn;
 pub mod map;
 pub mod printing;
-pub mod pulse;
 pub mod settings;
 pub mod store;
 pub mod text;

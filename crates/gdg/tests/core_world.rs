@@ -137,7 +137,7 @@ fn it_is_trained_and_after_a_resume_its_agents_begin_new_episodes() {
 fn updates_do_not_wait_for_a_world_that_computes_elsewhere_and_are_finished_if_training_is_to_stop()
 {
     let mut run = trainer_in(&Line { is_elsewhere: true, ..Line::new(0) });
-    run.pulse().stop();
+    run.job().cancel();
     let mut meanwhile = 0;
     while run.counters().updates < 30 {
         let steps = run.counters().env_steps;

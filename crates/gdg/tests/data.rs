@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::support::{assert_same, load, maze, resumed, state, train_all, train_to};
 use candle_core::{DType, Device, Tensor};
 use gdg::env::PointMaze;
-use gdg::pulse::Progress;
+use gdg::job::Job;
 use gdg::train::{self, Dataset, Registry, SaveTo, Settings, Trainer};
 use gdg::train::{LeftOut, TrainError, data_file};
 
@@ -39,18 +39,18 @@ fn recorded(folder: &Path, seed: u64) -> PathBuf {
         random.tick().unwrap();
     }
     let file = folder.join("walks.npz");
-    let bytes = data_file(random.replay(), random.world(), &Progress::default()).unwrap();
+    let bytes = data_file(random.replay(), random.world(), &Job::default()).unwrap();
     std::fs::write(&file, bytes).unwrap();
     file
 }
 
 fn read(file: &Path) -> Result<Dataset, impl std::error::Error> {
-    Dataset::read(file, &maze(CORNER), &Progress::default())
+    Dataset::read(file, &maze(CORNER), &Job::default())
 }
 
 fn learner(file: &Path, settings: Settings, seed: u64) -> Trainer {
     let mut trainer = trainer("gdg-bridge", settings, seed);
-    trainer.learn_from(&read(file).unwrap(), &Progress::default());
+    trainer.learn_from(&read(file).unwrap(), &Job::default());
     trainer
 }
 
@@ -152,7 +152,7 @@ fn any_learner_learns_from_data() {
     let file = recorded(folder.path(), 7);
     for method in ["her", "ddpg", "gdg-distance", "her+sorb", "random"] {
         let mut trainer = trainer(method, settings(), 1);
-        trainer.learn_from(&read(&file).unwrap(), &Progress::default());
+        trainer.learn_from(&read(&file).unwrap(), &Job::default());
         train_to(&mut trainer, 30);
         assert_eq!(trainer.counters().env_steps, 0, "{method}");
     }
@@ -290,10 +290,7 @@ fn what_a_map_does_not_allow_is_left_out_and_never_a_goal() {
         arrays[0].1 = Tensor::from_slice(&far, (4, 2), &Device::Cpu).unwrap();
     });
     let (mut trainer, data) = (trainer("gdg-bridge", settings(), 0), read(&file).unwrap());
-    assert_eq!(
-        trainer.learn_from(&data, &Progress::default()),
-        LeftOut { impossible: 1, by_chance: 0 }
-    );
+    assert_eq!(trainer.learn_from(&data, &Job::default()), LeftOut { impossible: 1, by_chance: 0 });
     let mut states = Vec::new();
     trainer.replay().visit_rows(|state, _, _| states.extend_from_slice(state));
     assert_eq!(states, [0.5, 0.5, 1.5, 0.5]);

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use crate::support::{assert_same, resumed};
 use gdg::env::{Editable, Environment, Episodes, PointMaze};
+use gdg::job::Job;
 use gdg::map::{self, Ogbench};
-use gdg::pulse::Progress;
 use gdg::train::{Dataset, LeftOut, Settings, Trainer, data_file};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -31,7 +31,7 @@ fn recorded(name: &str) -> PathBuf {
 }
 
 fn read(file: &Path, world: &PointMaze) -> Dataset {
-    Dataset::read(file, world, &Progress::default()).unwrap()
+    Dataset::read(file, world, &Job::default()).unwrap()
 }
 
 /// Returns how far each recorded step leads from where it led there, along the axis where it is
@@ -137,7 +137,7 @@ fn recorded_steps_through_teleports_are_possible() {
     });
     assert_eq!(jumps, 2);
     let mut trainer = trainer(Ogbench::Teleport, 0);
-    assert_eq!(trainer.learn_from(&data, &Progress::default()).by_chance, 2);
+    assert_eq!(trainer.learn_from(&data, &Job::default()).by_chance, 2);
     assert_eq!(leaps_in(&trainer), 0);
 }
 
@@ -192,14 +192,13 @@ fn recorded_states_are_in_the_benchmarks_unit() {
     }
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("d.npz");
-    std::fs::write(&file, data_file(own.replay(), own.world(), &Progress::default()).unwrap())
-        .unwrap();
+    std::fs::write(&file, data_file(own.replay(), own.world(), &Job::default()).unwrap()).unwrap();
     // Read as it is, by a world without a unit of its own.
     let plain = read(&file, &crate::support::maze("....\n....\n"));
     let data = read(&file, &maze(Ogbench::Large, 0));
     for (cells, lengths) in data.states().iter().zip(plain.states()) {
         assert!((lengths - (0.2 * cells - 6.0)).abs() < 1e-4, "{lengths} {cells}");
     }
-    let left_out = trainer(Ogbench::Large, 0).learn_from(&data, &Progress::default());
+    let left_out = trainer(Ogbench::Large, 0).learn_from(&data, &Job::default());
     assert_eq!(left_out, LeftOut { impossible: 0, by_chance: 0 });
 }

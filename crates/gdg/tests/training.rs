@@ -14,9 +14,9 @@ use crate::support::{
 };
 use gdg::bridge::{BridgeSettings, Planner};
 use gdg::env::{Goals, PointMaze, Restart};
+use gdg::job::Job;
 use gdg::learn::{LearnSettings, Scratch, Threads};
 use gdg::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
-use gdg::pulse::{Cancelled, Wanted};
 use gdg::settings::{Auto, Effect};
 use gdg::store::Store;
 use gdg::train::{self, Method, Moment, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
@@ -182,11 +182,11 @@ fn an_evaluation_that_nobody_wants_builds_no_graph() {
     let mut run = trainer(settings(), 11, 2);
     train_to(&mut run, 50);
     let (job, tasks) = (run.evaluation().unwrap(), run.tasks(1).unwrap());
-    let cancelled = Cancelled::default();
+    let cancelled = Job::default();
     assert!(job.graph(&cancelled).is_some());
-    drop(Wanted::from(&cancelled));
+    cancelled.cancel();
     assert!(job.run_unless(&cancelled, &tasks).unwrap().is_none());
-    assert_eq!(cancelled.progress().share(), Some(0.0), "not even its first row");
+    assert_eq!(cancelled.share(), Some(0.0), "not even its first row");
 }
 
 #[test]

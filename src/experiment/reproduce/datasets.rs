@@ -8,8 +8,8 @@ use miette::{IntoDiagnostic, Report, miette};
 
 use crate::experiment::plan::JobData;
 use gdg::env::GymOptions;
+use gdg::job::Job;
 use gdg::printing::eprint_line;
-use gdg::pulse::Progress;
 use gdg::text::sanitized;
 use gdg::train::Dataset;
 
@@ -76,7 +76,7 @@ impl DataFolder {
     /// It is not there, or cannot be read.
     pub fn find(&self, dataset: &str) -> Result<JobData, Report> {
         let file = self.file(dataset);
-        let checksum = Dataset::check_file(&file, &Progress::default()).map_err(|error| {
+        let checksum = Dataset::check_file(&file, &Job::default()).map_err(|error| {
             miette!(help = self.help(&file), "{}", sanitized(&error.to_string()))
         })?;
         Ok(JobData { file, checksum })

@@ -5,7 +5,7 @@ use std::path::Path;
 use miette::{Report, miette};
 
 use crate::host::report::from_data_error;
-use gdg::pulse::Progress;
+use gdg::job::Job;
 use gdg::text::sanitized;
 use gdg::train::{Dataset, LeftOut, Trainer};
 
@@ -22,7 +22,7 @@ const OF_ANOTHER_MAP: f64 = 0.05;
 ///
 /// # Errors
 /// The file cannot be read, or is of another kind.
-pub fn check(file: &Path, progress: &Progress) -> Result<(), Report> {
+pub fn check(file: &Path, progress: &Job) -> Result<(), Report> {
     progress.begin(0, BEGIN_STAGES);
     Dataset::check_file(file, progress).map_err(from_data_error)?;
     progress.begin(1, BEGIN_STAGES);
@@ -37,7 +37,7 @@ pub fn check(file: &Path, progress: &Progress) -> Result<(), Report> {
 pub fn learn_from(
     trainer: &mut Trainer,
     file: &Path,
-    progress: &Progress,
+    progress: &Job,
 ) -> Result<Option<String>, Report> {
     progress.begin(2, BEGIN_STAGES);
     let data = Dataset::read(file, trainer.world(), progress).map_err(from_data_error)?;

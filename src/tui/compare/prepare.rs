@@ -11,9 +11,9 @@ use crate::host::outputs::refuse_input;
 use crate::host::report::{from_checkpoint_error, from_config_error};
 use crate::host::setup;
 use gdg::env::{PointMaze, maze};
+use gdg::job::Job;
 use gdg::learn::Threads;
 use gdg::map::{Grid, Reading};
-use gdg::pulse::Progress;
 use gdg::text::sanitized;
 use gdg::train::{self, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
@@ -76,7 +76,7 @@ enum Side<'a> {
 pub fn prepare(
     options: &ComparisonOptions,
     registry: &Arc<Registry>,
-    progress: &Progress,
+    progress: &Job,
 ) -> Result<Contestants, Report> {
     check(options)?;
     let load = |own: usize| {

@@ -155,8 +155,8 @@ fn next(screen: &Screen) -> Line<'static> {
     }
     let when = match screen.snapshot.next_evaluation {
         NextEvaluation::Running(_) => {
-            let long = screen.evaluating.filter(|lasting| lasting.seconds > 0);
-            let long = long.map_or(" now".to_owned(), |lasting| format!(", {}", lasting.short()));
+            let long = screen.evaluating.as_ref();
+            let long = long.map_or(" now".to_owned(), |so_far| format!(", {so_far}"));
             return fact("next", format!("running{long}"));
         }
         _ if !screen.snapshot.phase.is_training() => "paused".to_owned(),

@@ -13,7 +13,6 @@ use crate::host::maps::warnings;
 use crate::host::outputs::is_same_file;
 use crate::host::runs::{self, SAVES};
 use crate::tui::action::Action;
-use crate::tui::background::Background;
 use crate::tui::config::recent_path;
 use crate::tui::dialog::Picker;
 use crate::tui::export;
@@ -21,8 +20,8 @@ use crate::tui::lists::{self, Described};
 use crate::tui::output::ExportKind;
 use crate::tui::screen::Screen;
 use gdg::files::{has_extension, is_hidden, read_text, write_atomically};
+use gdg::job::{Job, Running};
 use gdg::map::{Grid, MapFormat, Reading as MapReading, format_for, load_map, load_map_like};
-use gdg::pulse::Progress;
 use gdg::text::{counted, grouped};
 use gdg::train::{Description, describe};
 
@@ -39,15 +38,13 @@ const MAX_BYTES: u64 = 1 << 20;
 pub type Show = Box<dyn FnOnce(&mut Cx) + Send>;
 
 /// Reads `what` on its own thread and shows it: at once, or when it is there.
-fn read(cx: &mut Cx, what: &str, read: impl FnOnce(&Progress) -> Show + Send + 'static) {
-    match Background::start(format!("reading {what}"), read) {
-        Ok(reading) if reading.wait(cx.reading_patience) => show(cx, reading),
-        Ok(mut reading) => {
-            reading.notice().iter().for_each(|notice| cx.screen.say(notice));
-            cx.reading = Some(reading);
-        }
-        Err(error) => cx.screen.report(&format!("nothing can be read: {error}")),
+fn read(cx: &mut Cx, what: &str, read: impl FnOnce(&Job) -> Show + Send + 'static) {
+    let mut reading = Running::start("reading", Job::new(format!("reading {what}")), read);
+    if reading.wait(cx.reading_patience) {
+        return show(cx, reading);
     }
+    reading.notice().iter().for_each(|notice| cx.screen.say(notice));
+    cx.reading = Some(reading);
 }
 
 /// Shows what has been read meanwhile, or how long it takes; returns whether the screen changes.
@@ -56,12 +53,12 @@ pub fn on_tick(cx: &mut Cx) -> bool {
         show(cx, reading);
         return true;
     }
-    let notice = cx.reading.as_mut().and_then(Background::notice);
+    let notice = cx.reading.as_mut().and_then(Running::notice);
     notice.iter().for_each(|notice| cx.screen.say(notice));
     notice.is_some()
 }
 
-fn show(cx: &mut Cx, reading: Background<Show>) {
+fn show(cx: &mut Cx, reading: Running<Show>) {
     match reading.finish() {
         Ok(show) => show(cx),
         Err(problem) => cx.screen.report(&problem),
@@ -310,7 +307,7 @@ pub fn offer_on_tick(search: &mut Option<Search>, screen: &mut Screen) -> bool {
 pub struct Exports {
     pending: Option<ExportKind>,
     /// Returns the notice at the end.
-    writing: Option<Background<Result<String, String>>>,
+    writing: Option<Running<Result<String, String>>>,
 }
 
 impl Exports {
@@ -324,7 +321,7 @@ impl Exports {
     pub fn on_tick(&mut self, Cx { screen, scene, .. }: &mut Cx) {
         if let Some(kind) = self.pending.take() {
             if let Some(writing) = &self.writing {
-                return screen.notify(&format!("not yet: still {}", writing.what()));
+                return screen.notify(&format!("not yet: still {}", writing.job().what()));
             }
             match export::begin(kind, screen, scene) {
                 Ok(writing) => self.writing = Some(writing),
@@ -340,13 +337,13 @@ impl Exports {
                 Err(problem) => screen.report(&problem),
             }
         }
-        let notice = self.writing.as_mut().and_then(Background::notice);
+        let notice = self.writing.as_mut().and_then(Running::notice);
         notice.iter().for_each(|notice| screen.say(notice));
     }
 
     pub fn finish(&mut self) {
         // A second or two; otherwise its temporary file would stay behind.
-        self.writing.take().map(Background::finish);
+        self.writing.take().map(Running::finish);
     }
 }
 

@@ -364,8 +364,8 @@ impl Session {
         // Decided before: what closing itself reports changes nothing.
         self.catch_up();
         self.screen.snapshot = self.screen.latest.clone();
-        let pulse = engine.pulse().clone();
-        let _waiting = Waiting::begin(&pulse, TWICE, terminal::restore);
+        let job = engine.job().clone();
+        let _waiting = Waiting::begin(&job, TWICE, terminal::restore);
         let failed = self.saver.has_failed || matches!(self.screen.latest.phase, Phase::Failed(_));
         let mut ending = Ending {
             files: String::new(),

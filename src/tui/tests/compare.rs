@@ -6,7 +6,7 @@ use crate::tui::compare::{Comparison, ComparisonOptions, Contender, Contestant, 
 use crate::tui::graphics::{Graphics, Protocol, Redraw};
 use crate::tui::tests::past::film;
 use gdg::env::FetchReach;
-use gdg::pulse::Progress;
+use gdg::job::Job;
 use gdg::train::{Counters, Evaluation};
 use gdg::viewer::View;
 
@@ -221,7 +221,7 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
     let other = save(&trainer("her", 8), "other.safetensors");
     let method = Contender::Method("her".parse().expect("a method"));
     let registry = Registry::builtin();
-    let prepared = prepare(&options([saved.clone(), method]), &registry, &Progress::default());
+    let prepared = prepare(&options([saved.clone(), method]), &registry, &Job::default());
     let [a, b] = prepared.expect("a run beside a method").both;
     assert_eq!([a.is_paused, b.is_paused], [true, false]);
     assert_eq!(a.title, "A own.safetensors: gdg-bridge default seed 7");
@@ -232,7 +232,7 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
     assert_eq!(map(&a), map(&b));
 
     let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
-    let contestants = prepare(&both, &registry, &Progress::default()).expect("two saved runs").both;
+    let contestants = prepare(&both, &registry, &Job::default()).expect("two saved runs").both;
     let (mut comparison, _engines) = start(contestants, Limits::default());
     let paused = |app: &Session| {
         assert_eq!(app.screen.snapshot.counters.env_steps, 0, "shown as it was saved");
@@ -273,7 +273,7 @@ fn what_cannot_stand_beside_a_saved_run_is_refused() {
         (options([arm, method()]), "is of a world without a map"),
         (options([Contender::Checkpoint("none".into()), method()]), "none"),
     ] {
-        let refused = prepare(&options, &Registry::builtin(), &Progress::default());
+        let refused = prepare(&options, &Registry::builtin(), &Job::default());
         let error = refused.err().expect("it is refused");
         assert!(error.to_string().contains(problem), "{error}");
     }

@@ -1,10 +1,9 @@
 //! Dialogs, notices, and screens with little room.
 
 use super::*;
-use crate::tui::background::Background;
 use crate::tui::lists;
 use crate::tui::session::files::{Show, offer_map, pick_map};
-use gdg::pulse::Progress;
+use gdg::job::{Job, Running};
 
 #[test]
 fn a_theme_is_shown_while_it_is_selected_and_kept_only_if_it_is_picked() {
@@ -92,13 +91,13 @@ fn tick_until(app: &mut App, is: fn(&App) -> bool) {
 fn the_interface_goes_on_while_a_map_is_read() {
     let mut app = still();
     let (send, receive) = std::sync::mpsc::channel();
-    let read = move |progress: &Progress| -> Show {
+    let read = move |progress: &Job| -> Show {
         progress.begin(0, 1);
         progress.set(1, 4);
         let map = receive.recv().expect("a map");
         Box::new(|cx| offer_map(cx, map, None))
     };
-    app.reading = Some(Background::start("reading large.map".to_owned(), read).expect("a thread"));
+    app.reading = Some(Running::start("reading", Job::new("reading large.map"), read));
     tick_until(&mut app, |app| app.screen.log.notice().is_some());
     tick_until(&mut app, |app| {
         app.screen.log.notice().is_some_and(|notice| notice.text.ends_with("... 2 s, 25 %"))

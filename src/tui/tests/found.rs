@@ -3,7 +3,6 @@
 use super::*;
 use crate::tui::clock;
 use gdg::engine::Command;
-use gdg::pulse::Progress;
 
 #[test]
 fn a_saved_run_is_offered_and_resumed_by_key_or_click_or_hidden() {
@@ -112,10 +111,10 @@ fn a_goal_without_a_path_is_said_and_marked() {
 fn what_takes_long_is_shown_and_keys_pressed_meanwhile_are_taken() {
     let mut app = still();
     assert!(!app.on_tick());
-    let half = Progress::default();
-    half.begin(0, 1);
-    half.set(50, 100);
-    let saving = app.pulse.begin_with("the checkpoint to be written", half.clone());
+    let saving = app.job.part("saving");
+    saving.begin(0, 1);
+    saving.set(50, 100);
+    let half = (*saving).clone();
     assert!(!app.on_tick(), "not for a moment");
     app.act(Action::Evaluate);
     assert_eq!(notice(&app), "");
@@ -130,7 +129,7 @@ fn what_takes_long_is_shown_and_keys_pressed_meanwhile_are_taken() {
     assert!(shown_by(&mut app, 80, 24).contains(" pausing: saving, 1 s, 50 % "));
     drop(saving);
     assert!(app.on_tick() && shown_by(&mut app, 80, 24).contains(" pausing "));
-    let waiting = app.pulse.begin("the environment to step");
+    let waiting = app.job.part("waiting for the environment");
     app.on_tick();
     std::thread::sleep(Duration::from_millis(1_100));
     let waits = " pausing: waiting for the environment, 1 s";

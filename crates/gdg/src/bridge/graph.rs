@@ -12,8 +12,8 @@ use std::sync::Arc;
 use super::candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 use super::settings::BridgeSettings;
 use crate::env::Spec;
+use crate::job::Job;
 use crate::learn::{Policy, Scratch};
-use crate::pulse::Cancelled;
 use crate::store::{Store, StoreError};
 
 /// A directed edge between two candidates.
@@ -152,7 +152,7 @@ impl BridgeGraph {
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Self {
-        let (now, never) = (|_| true, Cancelled::default());
+        let (now, never) = (|_| true, Job::default());
         Self::empty(spec, settings)
             .renewed(&never, candidates, now, policy, scratch)
             .unwrap_or_else(|| unreachable!("nothing cancels it"))
@@ -165,11 +165,11 @@ impl BridgeGraph {
     }
 
     /// Returns the graph of the current `candidates`: rebuilds the edges from those that are new or
-    /// `is_due`, see [`Self::build`]; the others keep their D. Returns `None` once `cancelled` is
-    /// set.
+    /// `is_due`, see [`Self::build`]; the others keep their D. Returns `None` once `job` is
+    /// cancelled.
     pub fn renewed(
         &self,
-        cancelled: &Cancelled,
+        job: &Job,
         candidates: &Arc<Candidates>,
         is_due: impl Fn(usize) -> bool,
         policy: &dyn Policy,
@@ -178,10 +178,10 @@ impl BridgeGraph {
         let before = self.candidates();
         let mut rows = Rows::new(&self.spec, &self.settings, candidates);
         for from in 0..candidates.len() {
-            if cancelled.is_set() {
+            if job.is_cancelled() {
                 return None;
             }
-            cancelled.progress().set(from, candidates.len());
+            job.set(from, candidates.len());
             let Some(old) = before.index_of(candidates.id(from)).filter(|_| !is_due(from)) else {
                 rows.add(from, policy, scratch);
                 continue;

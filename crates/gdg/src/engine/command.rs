@@ -8,7 +8,7 @@ use super::snapshot::{Phase, Snapshot, Step};
 use super::{Worker, session};
 use crate::env::{EnvError, Environment};
 use crate::files;
-use crate::pulse::Progress;
+use crate::job::Job;
 use crate::text::{counted, grouped, sanitized};
 use crate::train::{
     self, CheckpointError, Dataset, Limits, Notes, Run, SaveTo, TrainError, Trainer, list_settings,
@@ -103,11 +103,11 @@ fn changes(before: &Run, after: &Run) -> String {
 /// Describes a command, to follow "waiting for".
 fn activity(command: &Command) -> &'static str {
     match command {
-        Command::Save(..) | Command::Autosave(..) => "the checkpoint to be written",
-        Command::ChangeWorld(..) => "the edit of the world",
-        Command::Change(..) => "the change of settings",
-        Command::StartRun(..) | Command::Load(..) => "the run to be opened",
-        _ => "the trainer",
+        Command::Save(..) | Command::Autosave(..) => "saving",
+        Command::ChangeWorld(..) => "applying the edit",
+        Command::Change(..) => "changing settings",
+        Command::StartRun(..) | Command::Load(..) => "opening the run",
+        _ => "following a command",
     }
 }
 
@@ -166,7 +166,7 @@ impl Worker {
     /// Switches to another run.
     fn switch_to(&mut self, trainer: Trainer) -> Result<(), TrainError> {
         (self.trainer, self.session) = (trainer, session());
-        self.trainer.set_pulse(self.pulse.clone());
+        self.trainer.set_job(self.job.clone());
         (
             self.evaluation,
             self.next_evaluation_at,
@@ -254,7 +254,7 @@ impl Worker {
 
     /// Runs a command. A panic is reported, and the run is repaired as far as possible.
     pub(super) fn execute(&mut self, command: Command) {
-        let _activity = self.pulse.begin(activity(&command));
+        let _activity = self.job.part(activity(&command));
         let saves = matches!(command, Command::Save(..));
         if catch_unwind(AssertUnwindSafe(|| self.execute_unguarded(command))).is_err() {
             self.repair("a command");
@@ -358,8 +358,8 @@ impl Worker {
     }
 
     /// Returns how far the opening of a run is, to be told.
-    fn opening(&self) -> Progress {
-        self.pulse.busy().map(|opening| opening.progress).unwrap_or_default()
+    fn opening(&self) -> Job {
+        self.job.latest_part().unwrap_or_default()
     }
 
     fn load(&mut self, path: PathBuf) -> Result<String, CommandError> {

@@ -1,12 +1,11 @@
 //! Evaluations, which run beside training on a thread of their own.
 
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::snapshot::{NextEvaluation, next_multiple};
 use super::{EVALUATE_EVERY_UPDATES, Worker};
 use crate::env::EnvError;
-use crate::pulse::{Cancelled, Wanted};
+use crate::job::{Job, Running};
 use crate::train::{Evaluation, Moment, TrainError};
 
 /// Tasks at each distance.
@@ -23,12 +22,10 @@ const MAX_AGE: Duration = Duration::from_secs(10);
 /// as long as the evaluation.
 const MAX_AGE_UPDATES: f64 = 1_500.0;
 
-/// An evaluation running on its own thread.
+/// An evaluation running on its own thread, of the networks as they were then.
 pub struct RunningEvaluation {
     made: Moment,
-    began: Instant,
-    result: JoinHandle<Result<Option<Evaluation>, EnvError>>,
-    wanted: Wanted,
+    running: Running<Result<Option<Evaluation>, EnvError>>,
 }
 
 impl Worker {
@@ -37,17 +34,13 @@ impl Worker {
         if self.evaluation.is_some() {
             return Ok(false);
         }
-        let job = self.trainer.evaluation()?;
-        let (began, cancelled) = (Instant::now(), Cancelled::default());
-        self.current.evaluation_progress = cancelled.progress().clone();
-        let wanted = Wanted::from(&cancelled);
-        let result = std::thread::Builder::new()
-            .name("evaluation".to_owned())
-            .spawn(move || job.evaluate(EVALUATION_TASKS, &cancelled))?;
-        let made = self.trainer.moment();
-        self.evaluation = Some(RunningEvaluation { made, began, result, wanted });
+        let (evaluation, job) = (self.trainer.evaluation()?, Job::new("evaluating"));
+        self.current.evaluation_progress = job.clone();
+        self.current.next_evaluation = NextEvaluation::Running(job.since());
+        let work = move |job: &Job| evaluation.evaluate(EVALUATION_TASKS, job);
+        let running = Running::start("evaluation", job, work);
+        self.evaluation = Some(RunningEvaluation { made: self.trainer.moment(), running });
         self.evaluation_is_due = false;
-        self.current.next_evaluation = NextEvaluation::Running(began);
         Ok(true)
     }
 
@@ -63,7 +56,7 @@ impl Worker {
     /// Returns when the next evaluation comes.
     pub(super) fn next_evaluation(&self) -> NextEvaluation {
         if let Some(running) = &self.evaluation {
-            return NextEvaluation::Running(running.began);
+            return NextEvaluation::Running(running.running.job().since());
         }
         let rest = self
             .next_evaluation_at
@@ -80,17 +73,17 @@ impl Worker {
 
     /// Collects the evaluation if it has finished.
     pub(super) fn collect_evaluation(&mut self) {
-        let Some(RunningEvaluation { made, began, result, wanted }) =
-            self.evaluation.take_if(|e| e.result.is_finished())
+        let Some(RunningEvaluation { made, running }) =
+            self.evaluation.take_if(|e| e.running.is_finished())
         else {
             return;
         };
-        drop(wanted);
         let updates = made.updates;
         let now = Instant::now();
-        let pause = pause_after(now - began, self.evaluation_pause, self.current.rates.0);
+        let pause =
+            pause_after(now - running.job().since(), self.evaluation_pause, self.current.rates.0);
         self.next_evaluation_at = Some(now + pause);
-        match result.join() {
+        match running.join() {
             Ok(Ok(None)) => {}
             Ok(Ok(Some(evaluation))) if evaluation.is_finite() => {
                 self.trainer.record_evaluation(made, evaluation);

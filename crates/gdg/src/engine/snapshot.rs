@@ -7,8 +7,8 @@ use std::time::Instant;
 use super::EVALUATE_EVERY_UPDATES;
 use crate::bridge::{Candidates, SearchOutcome};
 use crate::env::Scene;
+use crate::job::Job;
 use crate::learn::{Losses, Policy, Profile};
-use crate::pulse::Progress;
 use crate::train::{
     Counters, CurvePoint, DataSource, Evaluation, FilmFrame, Limits, Methods, Notes, Registry,
     Rollout, Run, TrainError, Trainer,
@@ -141,7 +141,7 @@ pub struct Snapshot {
     /// When the next evaluation comes.
     pub next_evaluation: NextEvaluation,
     /// How far the latest evaluation is.
-    pub evaluation_progress: Progress,
+    pub evaluation_progress: Job,
     /// The latest notice.
     pub notice: Notice,
 }
@@ -249,7 +249,7 @@ impl Snapshot {
             saved_seconds: 0.0,
             save_failed: (0, String::new()),
             autosaves: Arc::default(),
-            evaluation_progress: Progress::default(),
+            evaluation_progress: Job::default(),
             next_evaluation: NextEvaluation::AtUpdate(next_multiple(
                 trainer.counters().updates,
                 EVALUATE_EVERY_UPDATES,

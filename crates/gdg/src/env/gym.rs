@@ -24,7 +24,7 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use super::{Abilities, EnvError, EnvSettings, Environment, Spec, Walls, WorldKind};
-use crate::pulse::Pulse;
+use crate::job::Job;
 use crate::store::{Store, StoreError};
 use crate::text::counted;
 use facts::Found;
@@ -358,8 +358,8 @@ impl Environment for Gym {
     }
 
     /// Answers are no longer waited for once training is to stop, by all that share its workers.
-    fn share_pulse(&mut self, pulse: &Pulse) {
-        *self.pool.pulse.lock() = pulse.clone();
+    fn share_job(&mut self, job: &Job) {
+        *self.pool.job.lock() = job.clone();
     }
 
     /// The state, and how the agent has come there, unless the environment has failed: seed, task,

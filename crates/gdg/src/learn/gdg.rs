@@ -12,6 +12,7 @@ use candle_core::Result;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
+use crate::job::Job;
 use crate::learn::data::batch::{Batch, BatchSampler};
 use crate::learn::learner::{LearnerKind, TrainingData};
 use crate::learn::networks::dense::NetworkState;
@@ -28,7 +29,6 @@ use crate::learn::update::profile::Profile;
 use crate::learn::update::reference::{Parameters, Reference};
 use crate::learn::update::threads::Threads;
 use crate::learn::update::training::Training;
-use crate::pulse::Pulse;
 use graph_paths::GraphPaths;
 use imagined_walks::ImaginedWalks;
 use short_pairs::ShortPairs;
@@ -114,11 +114,11 @@ impl Gdg {
     pub fn update_on(
         &self,
         batch: &Batch,
-        pulse: Option<&Pulse>,
+        job: Option<&Job>,
         profile: &mut Profile,
     ) -> Result<Losses> {
         self.training.batch().write().clone_from(batch);
-        self.training.update(pulse, profile)
+        self.training.update(job, profile)
     }
 
     /// Returns the losses and the gradients (flat parameters and table) of the first critic, the

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
+use crate::job::Job;
 use crate::learn::data::known::{KnownDistances, Relearning};
 use crate::learn::data::replay::Replay;
 use crate::learn::error::LearnError;
@@ -15,7 +16,6 @@ use crate::learn::settings::LearnSettings;
 use crate::learn::update::losses::Losses;
 use crate::learn::update::profile::Profile;
 use crate::learn::update::threads::Threads;
-use crate::pulse::Pulse;
 use crate::store::Store;
 
 /// Registry entry of a kind of learner.
@@ -52,7 +52,7 @@ pub struct TrainingData<'a> {
     /// Random stream for drawing batches.
     pub rng: &'a mut ChaCha8Rng,
     /// Beats before each part of the update, which shows that a long one moves.
-    pub pulse: &'a Pulse,
+    pub job: &'a Job,
 }
 
 /// How agents act.

@@ -56,12 +56,12 @@ impl<L: PhasedLearner> Learner for L {
     }
 
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> Result<Losses, LearnError> {
-        let (began, pulse) = (Instant::now(), data.pulse);
+        let (began, job) = (Instant::now(), data.job);
         let mut batch = std::mem::take(&mut *self.training().batch().write());
         self.sample(data, &mut batch)?;
         *self.training().batch().write() = batch;
         profile.lap(Stage::Sample, began);
-        Ok(self.training().update(Some(pulse), profile)?)
+        Ok(self.training().update(Some(job), profile)?)
     }
 
     fn policy(&self, averaged: bool) -> Result<Arc<dyn Policy>, LearnError> {

@@ -3,7 +3,7 @@
 use super::distance::{Components, StepSearch};
 use super::grid::{Cell, Grid};
 use super::half_cells::HalfCells;
-use crate::pulse::Progress;
+use crate::job::Job;
 
 /// The most steps from any cell of a map's largest component to any other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,11 +30,11 @@ impl Diameter {
     /// Computes the diameter of `grid` in bounded time.
     pub fn compute(grid: &Grid) -> Self {
         let components = StepSearch::new(grid).components(grid);
-        Self::compute_from(grid, &components, &Progress::default())
+        Self::compute_from(grid, &components, &Job::default())
     }
 
     /// Like [`Self::compute`], for a map whose components are known; says how far it is.
-    pub fn compute_from(grid: &Grid, components: &Components, progress: &Progress) -> Self {
+    pub fn compute_from(grid: &Grid, components: &Components, progress: &Job) -> Self {
         let searches = CELL_BUDGET / grid.free_count().max(1);
         Self::bounded(searches, grid, components, &HalfCells::new(grid), progress)
     }
@@ -43,7 +43,7 @@ impl Diameter {
     /// middle.
     pub fn within(searches: usize, grid: &Grid) -> Self {
         let components = StepSearch::new(grid).components(grid);
-        let progress = Progress::default();
+        let progress = Job::default();
         Self::bounded(searches, grid, &components, &HalfCells::new(grid), &progress)
     }
 
@@ -55,7 +55,7 @@ impl Diameter {
         grid: &Grid,
         components: &Components,
         half_cells: &HalfCells,
-        progress: &Progress,
+        progress: &Job,
     ) -> Self {
         let Some(first) = components.largest_cells(grid).next() else {
             return Self { steps: 0, exact: true, middle: None };

@@ -28,8 +28,8 @@ use super::score::Success;
 use super::trainer::{FINGERPRINT, HISTORY, LEARNED, Trainer, TrainerState};
 use crate::env::EnvError;
 use crate::files::{self, FileFacts, Format, Mismatch, Wanted};
+use crate::job::Job;
 use crate::learn::Threads;
-use crate::pulse::Progress;
 use crate::store::{Store, StoreError};
 use crate::text::{safe_file_name, sanitized, truncated};
 pub use content::{ContentError, unpacked, with_updated_checksum};
@@ -305,8 +305,7 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
         problem: format!("not saved: {problem}"),
         help: "choose a file in a writable folder with enough free space".to_owned(),
     };
-    let progress = Progress::default();
-    let _activity = trainer.pulse().begin_with("the checkpoint to be written", progress.clone());
+    let progress = trainer.job().part("saving");
     if crate::faults::point("save") {
         return Err(failed("injected fault".to_owned()));
     }
@@ -355,7 +354,7 @@ pub fn load(
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
 ) -> Result<Trainer, CheckpointError> {
-    load_with(path, registry, threads, &Progress::default())
+    load_with(path, registry, threads, &Job::default())
 }
 
 /// Like [`load`], and says how far it is.
@@ -366,7 +365,7 @@ pub fn load_with(
     path: &Path,
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
-    progress: &Progress,
+    progress: &Job,
 ) -> Result<Trainer, CheckpointError> {
     progress.begin(0, LOAD_STAGES);
     let facts = FileFacts::of(path);
@@ -402,14 +401,14 @@ pub fn from_bytes(
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
 ) -> Result<Trainer, LoadError> {
-    parse(bytes, registry, threads, &Progress::default())
+    parse(bytes, registry, threads, &Job::default())
 }
 
 fn parse(
     bytes: &[u8],
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
-    progress: &Progress,
+    progress: &Job,
 ) -> Result<Trainer, LoadError> {
     progress.begin(1, LOAD_STAGES);
     let store = content::from_bytes(bytes, most_bytes())?;

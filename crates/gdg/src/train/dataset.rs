@@ -14,8 +14,8 @@ use super::error::{DataError, TrainError};
 use super::memory;
 use crate::env::{Environment, MAX_MAGNITUDE};
 use crate::files::{self, FileFacts, Format, Wanted};
+use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes};
-use crate::pulse::Progress;
 use crate::store::StoreError;
 
 /// Names of the arrays.
@@ -87,11 +87,7 @@ impl Dataset {
     ///
     /// # Errors
     /// It cannot be read, is no such file, or does not fit the world.
-    pub fn read(
-        file: &Path,
-        world: &dyn Environment,
-        progress: &Progress,
-    ) -> Result<Self, DataError> {
+    pub fn read(file: &Path, world: &dyn Environment, progress: &Job) -> Result<Self, DataError> {
         let checked = checksum(file, [0, 2], progress)?;
         Self::read_checked(file, checked, world, 2, progress)
     }
@@ -102,7 +98,7 @@ impl Dataset {
         (checksum, facts): (u32, Option<FileFacts>),
         world: &dyn Environment,
         parts: usize,
-        progress: &Progress,
+        progress: &Job,
     ) -> Result<Self, DataError> {
         let sizes = ReplaySizes::of(world.spec());
         let read = || -> Result<Self, String> {
@@ -156,7 +152,7 @@ impl Dataset {
     ///
     /// # Errors
     /// See [`Self::read`].
-    pub fn check_file(file: &Path, progress: &Progress) -> Result<u32, DataError> {
+    pub fn check_file(file: &Path, progress: &Job) -> Result<u32, DataError> {
         let (checksum, facts) = checksum(file, [0, 1], progress)?;
         Arrays::open(file, facts).map_err(|problem| unfit(file, problem))?;
         Ok(checksum)
@@ -170,7 +166,7 @@ impl Dataset {
         source: &DataSource,
         moved: Option<&Path>,
         world: &dyn Environment,
-        progress: &Progress,
+        progress: &Job,
     ) -> Result<Self, DataError> {
         let file = moved.unwrap_or(&source.file);
         let checked = checksum(file, [0, 2], progress)?;
@@ -252,7 +248,7 @@ impl Dataset {
 pub fn data_file(
     replay: &Replay,
     world: &dyn Environment,
-    progress: &Progress,
+    progress: &Job,
 ) -> Result<Vec<u8>, TrainError> {
     let (mut states, mut actions, mut ends) = (Vec::new(), Vec::new(), Vec::new());
     progress.set(0, 3);
@@ -287,7 +283,7 @@ pub fn data_file(
 fn checksum(
     path: &Path,
     [part, parts]: [usize; 2],
-    progress: &Progress,
+    progress: &Job,
 ) -> Result<(u32, Option<FileFacts>), DataError> {
     let facts = FileFacts::of(path);
     let all = facts.map_or(0, |facts| facts.bytes as usize);
@@ -539,7 +535,7 @@ mod tests {
             Tensor::write_npz(&arrays, &file).expect("written");
         };
         let map = Arc::new(crate::map::builtin("trap").expect("built in"));
-        let (world, progress) = (PointMaze::new(map, 0), Progress::default());
+        let (world, progress) = (PointMaze::new(map, 0), Job::default());
         write(4);
         let checked = checksum(&file, [0, 2], &progress).expect("a checksum");
         let read = || Dataset::read_checked(&file, checked, &world, 2, &progress);

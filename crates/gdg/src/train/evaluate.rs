@@ -13,8 +13,8 @@ use super::run::Run;
 use super::score::Score;
 use crate::bridge::{BridgeGraph, Candidates, Guide};
 use crate::env::{EnvError, Environment, Episodes, Evaluated, GroundTruth, Spec, TaskSet};
+use crate::job::Job;
 use crate::learn::{Acting, Policy, Scratch};
-use crate::pulse::Cancelled;
 pub use results::{BridgeFacts, ComposedError, DistanceError, Evaluation, MarkedTask, TaskOutcome};
 use tasks::{Actor, run_tasks, run_tasks_watched};
 use truth::{bridge_facts, distance_error};
@@ -54,18 +54,14 @@ impl EvaluationJob {
         self.world.tasks(per_group, &mut self.task_rng.clone())
     }
 
-    /// Draws tasks like [`Self::tasks`] and evaluates on them; returns `None` once `cancelled` is
-    /// set. Where the world fails, tries once more: a world in another process gets a new one, and
+    /// Draws tasks like [`Self::tasks`] and evaluates on them; returns `None` once `job` is
+    /// cancelled. Where the world fails, tries once more: a world in another process gets a new one, and
     /// the result is the same.
     ///
     /// # Errors
     /// The world fails twice.
-    pub fn evaluate(
-        &self,
-        per_group: usize,
-        cancelled: &Cancelled,
-    ) -> Result<Option<Evaluation>, EnvError> {
-        let once = || self.run_unless(cancelled, &self.tasks(per_group)?);
+    pub fn evaluate(&self, per_group: usize, job: &Job) -> Result<Option<Evaluation>, EnvError> {
+        let once = || self.run_unless(job, &self.tasks(per_group)?);
         once().or_else(|error| {
             if error == EnvError::Stopped {
                 return Err(error);
@@ -80,25 +76,20 @@ impl EvaluationJob {
     /// # Errors
     /// The world fails.
     pub fn run(&self, tasks: &TaskSet) -> Result<Evaluation, EnvError> {
-        let done = self.run_unless(&Cancelled::default(), tasks)?;
+        let done = self.run_unless(&Job::default(), tasks)?;
         Ok(done.unwrap_or_else(|| unreachable!("nothing cancels it")))
     }
 
-    /// Like [`Self::run`]; returns `None` once `cancelled` is set.
+    /// Like [`Self::run`]; returns `None` once `job` is cancelled.
     ///
     /// # Errors
     /// The world fails.
-    pub fn run_unless(
-        &self,
-        cancelled: &Cancelled,
-        tasks: &TaskSet,
-    ) -> Result<Option<Evaluation>, EnvError> {
+    pub fn run_unless(&self, job: &Job, tasks: &TaskSet) -> Result<Option<Evaluation>, EnvError> {
         crate::faults::point("evaluation");
-        let (progress, stages) =
-            (cancelled.progress(), 1 + 2 * usize::from(self.candidates.is_some()));
+        let (progress, stages) = (job, 1 + 2 * usize::from(self.candidates.is_some()));
         let mut stage = 0;
         progress.begin(stage, stages);
-        let graph = self.graph(cancelled);
+        let graph = self.graph(job);
         stage += usize::from(graph.is_some());
         let greedy = self.actor(None);
         let planned = graph.as_ref().map(|graph| self.actor(Some(graph)));
@@ -108,14 +99,14 @@ impl EvaluationJob {
             stage += 1;
             let mut watch = |_: &[f32], over| {
                 progress.set(over, tasks.tasks.len());
-                !cancelled.is_set()
+                !job.is_cancelled()
             };
             let runs = run_tasks_watched(world, &tasks.tasks, actor, rng, &mut watch)?;
             Ok::<_, EnvError>(Score::new(tasks, &runs.taken))
         };
         let planned_score = planned.as_ref().map(&mut score).transpose()?;
-        let greedy_score = if cancelled.is_set() { None } else { Some(score(&greedy)?) };
-        let Some(greedy_score) = greedy_score.filter(|_| !cancelled.is_set()) else {
+        let greedy_score = if job.is_cancelled() { None } else { Some(score(&greedy)?) };
+        let Some(greedy_score) = greedy_score.filter(|_| !job.is_cancelled()) else {
             return Ok(None);
         };
         let mut truth = world.abilities().evaluated.and_then(Evaluated::ground_truth);
@@ -159,14 +150,14 @@ impl EvaluationJob {
         Ok(Some(Score::new(tasks, &run_tasks(world, &tasks.tasks, &actor, &mut rng)?.taken)))
     }
 
-    /// Builds the graph to plan on, for methods that plan; returns `None` once `cancelled` is set.
+    /// Builds the graph to plan on, for methods that plan; returns `None` once `job` is cancelled.
     /// Says how far it is, as one stage of its progress.
-    pub fn graph(&self, cancelled: &Cancelled) -> Option<BridgeGraph> {
+    pub fn graph(&self, job: &Job) -> Option<BridgeGraph> {
         let (spec, settings, policy) = (self.world.spec(), self.run.bridge(), &*self.policy);
         let candidates = self.candidates.as_ref()?;
         let now = |_| true;
         let empty = BridgeGraph::empty(spec, &settings);
-        empty.renewed(cancelled, candidates, now, policy, &mut Scratch::default())
+        empty.renewed(job, candidates, now, policy, &mut Scratch::default())
     }
 
     /// Returns how agents act, with planning over `graph` if there is one.

@@ -6,15 +6,14 @@
 //! it finishes in between: the same seed gives the same run.
 
 use std::sync::{Arc, OnceLock};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use rand_chacha::ChaCha8Rng;
 
 use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, GraphState};
 use crate::env::Spec;
+use crate::job::{Job, Running};
 use crate::learn::{ChangedDistances, DistancesByGoal, Policy, Scratch};
-use crate::pulse::{Cancelled, Progress, Wanted};
 use crate::store::{Store, StoreError};
 
 /// Candidates per build to which graph distances are found: the more, the more far pairs of a batch
@@ -36,9 +35,6 @@ pub(crate) const EDIT_ACTIVATION_DIVISOR: u64 = 2;
 /// A build updates D of the edges from one in this many candidates.
 pub(crate) const RENEWAL_ROUNDS: u64 = 2;
 
-/// How often a build is asked whether it is done.
-const POLL_INTERVAL: Duration = Duration::from_millis(1);
-
 /// Where the graph of a build comes from.
 pub enum GraphSource {
     /// From the graph before, or an empty one; the round says whose edges are due.
@@ -56,8 +52,6 @@ pub struct GraphJob {
     pub finds_changed: bool,
     /// RNG for the distilled distances.
     pub rng: ChaCha8Rng,
-    /// Ends the build without a result.
-    pub cancelled: Cancelled,
 }
 
 /// A graph and its distilled distances.
@@ -97,38 +91,35 @@ struct Building {
     job: Arc<GraphJob>,
     /// What the thread leaves behind.
     result: Arc<OnceLock<BuiltGraph>>,
-    thread: JoinHandle<()>,
-    wanted: Wanted,
+    running: Running<()>,
 }
 
 impl Building {
     /// Starts `job` on a thread of its own.
-    fn start(at: u64, job: &Arc<GraphJob>) -> std::io::Result<Self> {
-        let (job, wanted) = (job.clone(), Wanted::from(&job.cancelled));
+    fn start(at: u64, job: GraphJob) -> Self {
+        let job = Arc::new(job);
         let result = Arc::new(OnceLock::new());
         let (own, place) = (job.clone(), result.clone());
-        let build = move || {
-            if let Some(built) = own.run(at, &own.cancelled) {
+        let build = move |building: &Job| {
+            if let Some(built) = own.run(at, building) {
                 // The place is this thread's alone.
                 let _ = place.set(built);
             }
         };
-        let thread = std::thread::Builder::new().name("bridge graph".to_owned()).spawn(build)?;
-        Ok(Self { at, job, result, thread, wanted })
+        let running = Running::start("bridge graph", Job::new("building the graph"), build);
+        Self { at, job, result, running }
     }
 
     /// Waits for the graph; builds it if its thread has panicked.
     fn wait(&self) -> BuiltGraph {
-        while !self.thread.is_finished() {
-            std::thread::sleep(POLL_INTERVAL);
-        }
+        self.running.wait(Duration::MAX);
         self.result.get().cloned().unwrap_or_else(|| self.job.finish(self.at))
     }
 
     /// Waits for the graph. If its thread panics, so does this one.
     fn join(self) -> BuiltGraph {
-        let Self { at, job, result, thread, wanted: _wanted } = self;
-        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        let Self { at, job, result, running } = self;
+        running.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         result.get().cloned().unwrap_or_else(|| job.finish(at))
     }
 }
@@ -192,29 +183,29 @@ impl StoredGraph {
 }
 
 impl GraphJob {
-    /// Builds the graph; returns `None` if `cancelled` becomes true.
-    fn run(&self, at: u64, cancelled: &Cancelled) -> Option<BuiltGraph> {
+    /// Builds the graph; returns `None` once `job` is cancelled.
+    fn run(&self, at: u64, job: &Job) -> Option<BuiltGraph> {
         crate::faults::point("graph");
         let (mut scratch, policy) = (Scratch::default(), &*self.policy);
         let candidates = &self.candidates;
         let stages = 1 + usize::from(self.finds_changed);
-        cancelled.progress().begin(0, stages);
+        job.begin(0, stages);
         let graph = match &self.source {
             GraphSource::Edited(graph) => graph.clone(),
             GraphSource::Renewed { before, round } => {
                 let is_due =
                     |i| (u64::from(candidates.id(i)) + round).is_multiple_of(RENEWAL_ROUNDS);
                 let s = &mut scratch;
-                Arc::new(before.renewed(cancelled, candidates, is_due, policy, s)?)
+                Arc::new(before.renewed(job, candidates, is_due, policy, s)?)
             }
         };
         let checked = goals_to_check(&graph);
         let mut built = BuiltGraph::new(at, graph, checked, &mut self.rng.clone());
         if self.finds_changed {
-            cancelled.progress().begin(1, stages);
+            job.begin(1, stages);
             if let Some(by_goal) = &built.distilled {
                 let graph = &built.graph;
-                let changed = graph.changed_distances(by_goal, policy, &mut scratch, cancelled)?;
+                let changed = graph.changed_distances(by_goal, policy, &mut scratch, job)?;
                 built.changed = Some(Arc::new(changed));
             }
         }
@@ -223,7 +214,7 @@ impl GraphJob {
 
     /// Builds the graph even if the job has been cancelled.
     fn finish(&self, at: u64) -> BuiltGraph {
-        self.run(at, &Cancelled::default()).unwrap_or_else(|| unreachable!("nobody cancels it"))
+        self.run(at, &Job::default()).unwrap_or_else(|| unreachable!("nobody cancels it"))
     }
 }
 
@@ -315,14 +306,7 @@ impl Graphs {
     /// Starts a build at update `at` that takes effect `delay` updates later: on a thread of its
     /// own or, where none can be started, at once.
     pub fn start_build(&mut self, at: u64, delay: u64, job: GraphJob) {
-        let job = Arc::new(job);
-        let next = match Building::start(at, &job) {
-            Ok(building) => PendingGraph::Building(building),
-            Err(error) => {
-                log::warn!("the bridge graph is built without a thread of its own: {error}");
-                PendingGraph::Ready(job.finish(at))
-            }
-        };
+        let next = PendingGraph::Building(Building::start(at, job));
         self.next = Some((at + delay.max(1), next));
     }
 
@@ -342,11 +326,11 @@ impl Graphs {
         self.next.as_ref().is_some_and(|(due, _)| *due <= now)
     }
 
-    /// Returns how far the build of the next graph is.
-    pub fn progress(&self) -> Progress {
+    /// Returns the build of the next graph, if it goes on.
+    pub fn building(&self) -> Option<&Job> {
         match &self.next {
-            Some((_, PendingGraph::Building(building))) => building.wanted.progress().clone(),
-            _ => Progress::default(),
+            Some((_, PendingGraph::Building(building))) => Some(building.running.job()),
+            _ => None,
         }
     }
 

@@ -10,8 +10,8 @@ use super::error::TrainError;
 use super::trainer::Trainer;
 use crate::bridge::{BridgeGraph, Edge};
 use crate::env::Recorded;
+use crate::job::Job;
 use crate::learn::{LearnError, NamedTensor};
-use crate::pulse::{Cancelled, Progress};
 use crate::store::StoreError;
 
 /// Name of the description in the file's metadata.
@@ -58,7 +58,7 @@ impl From<&NamedTensor> for Array {
 pub fn policy_file(
     trainer: &Trainer,
     with_plans: bool,
-    progress: &Progress,
+    progress: &Job,
 ) -> Result<Vec<u8>, TrainError> {
     let run = trainer.run();
     let export = trainer.learner().export_actor(run.settings.bridge.averaged_weights)?;
@@ -99,9 +99,9 @@ fn not_exported(trainer: &Trainer, what: &str) -> LearnError {
 }
 
 /// Returns the description and the arrays of what planned evaluations use besides the actor.
-fn plans(trainer: &Trainer, progress: &Progress) -> Result<(Value, Vec<Array>), TrainError> {
+fn plans(trainer: &Trainer, progress: &Job) -> Result<(Value, Vec<Array>), TrainError> {
     let method = &trainer.run().method;
-    let Some(graph) = trainer.evaluation()?.graph(&Cancelled::from(progress)) else {
+    let Some(graph) = trainer.evaluation()?.graph(progress) else {
         let problem = format!("the method {method} does not plan: there are no plans to export");
         return Err(LearnError::Other(problem.into()).into());
     };

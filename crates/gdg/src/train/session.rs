@@ -98,7 +98,7 @@ impl Session {
         trainer: &mut Trainer,
         limits: &Limits,
     ) -> Result<ControlFlow<EndReason, Tick>, TrainError> {
-        if trainer.pulse().stops() {
+        if trainer.job().is_cancelled() {
             return Ok(ControlFlow::Break(EndReason::Interrupted));
         }
         if let Some(reason) = trainer.limit_reached(limits) {
@@ -247,7 +247,7 @@ mod tests {
         let evaluation = trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("one");
         trainer.record_evaluation(trainer.moment(), evaluation);
         assert_eq!(due(&trainer), [Due::Edit(0)]);
-        trainer.pulse().stop();
+        trainer.job().cancel();
         let ended = Session::new(schedule).tick(&mut trainer, &Limits::default());
         assert_eq!(ended.expect("no tick"), ControlFlow::Break(EndReason::Interrupted));
     }

@@ -26,11 +26,11 @@ use super::settings::UpdateWhen;
 use super::visits::Visits;
 use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
 use crate::env::{EnvError, Environment, Episodes, Goals, Scene, Spec, TaskSet};
+use crate::job::Job;
 use crate::learn::{
     Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, ReplaySizes,
     Scratch, Stage, Threads, TrainingData,
 };
-use crate::pulse::Pulse;
 pub use change::{KeptState, WorldChange, resets_networks};
 use data::Data;
 pub use data::LeftOut;
@@ -79,7 +79,7 @@ pub struct Trainer {
     /// Counters and seconds at the first update in this process, or with these settings, that was
     /// as slow as those to come.
     paced_from: Option<(Counters, f64)>,
-    pulse: Pulse,
+    job: Job,
 }
 
 fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
@@ -159,7 +159,7 @@ impl Trainer {
             recovery: None,
             in_update: false,
             paced_from: None,
-            pulse: Pulse::default(),
+            job: Job::default(),
             learner,
             registry: registry.clone(),
             run,
@@ -172,14 +172,14 @@ impl Trainer {
     }
 
     /// Returns the progress signal, which also carries the request to stop.
-    pub fn pulse(&self) -> &Pulse {
-        &self.pulse
+    pub fn job(&self) -> &Job {
+        &self.job
     }
 
-    /// Shares a pulse with those that wait for the trainer.
-    pub fn set_pulse(&mut self, pulse: Pulse) {
-        self.rollout.env_mut().share_pulse(&pulse);
-        self.pulse = pulse;
+    /// Shares a job with those that wait for the trainer.
+    pub fn set_job(&mut self, job: Job) {
+        self.rollout.env_mut().share_job(&job);
+        self.job = job;
     }
 
     /// Returns the definition of the run.
@@ -300,7 +300,7 @@ impl Trainer {
     /// can then be saved.
     pub fn tick(&mut self) -> Result<Tick> {
         let began = Instant::now();
-        self.pulse.beat();
+        self.job.beat();
         self.check_data()?;
         self.begin_to_act();
         let tick = if self.is_update_due() { self.update_meanwhile()? } else { self.step()? };
@@ -379,7 +379,7 @@ impl Trainer {
             return Ok(());
         }
         // Those in other processes may take long, or hang.
-        let _activity = self.pulse.begin("the environment to step");
+        let _activity = self.job.part("waiting for the environment");
         Ok(self.rollout.wait()?)
     }
 
@@ -432,7 +432,6 @@ impl Trainer {
 
     /// Learns from a batch.
     fn update(&mut self) -> Result<()> {
-        let _activity = self.pulse.begin("the update in progress");
         // With data, updates are due without steps.
         let steps = self.run.settings.train.env_steps_per_update;
         self.counters.owed_steps = self.counters.owed_steps.saturating_sub(steps);
@@ -444,7 +443,7 @@ impl Trainer {
         self.refresh_graph()?;
         self.profile.lap(Stage::Graph, began);
         let (relearns, graph_finds_changed) = (self.relearns(), self.needs_graph());
-        let Self { learner, replay, graphs, batch_rng, profile, pulse, .. } = self;
+        let Self { learner, replay, graphs, batch_rng, profile, job, .. } = self;
         let known =
             graphs.current().and_then(|BuiltGraph { graph, distilled, changed, .. }| {
                 Some(KnownDistances {
@@ -459,7 +458,7 @@ impl Trainer {
             self.counters.env_steps.saturating_sub(self.counters.changed_at_step) / agents;
         let relearning = relearns.then_some(Relearning { recent_slots, graph_finds_changed });
         self.in_update = true;
-        let data = TrainingData { replay, known, relearning, rng: batch_rng, pulse };
+        let data = TrainingData { replay, known, relearning, rng: batch_rng, job };
         let losses = learner.update(data, profile)?;
         self.in_update = false;
         let keep = (1.0 - 1.0 / LOSS_AVERAGE_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);

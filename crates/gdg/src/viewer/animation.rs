@@ -8,7 +8,7 @@ use crate::draw::{
 };
 use crate::engine::Snapshot;
 use crate::env::{ArmScene, MazeScene, Scene};
-use crate::pulse::Progress;
+use crate::job::Job;
 use crate::text::grouped;
 use crate::train::FilmFrame;
 
@@ -68,11 +68,7 @@ pub enum FilmError {
 ///
 /// # Errors
 /// There is no film, or it cannot be encoded.
-pub fn animate(
-    run: &Snapshot,
-    width: Option<usize>,
-    progress: &Progress,
-) -> Result<Vec<u8>, FilmError> {
+pub fn animate(run: &Snapshot, width: Option<usize>, progress: &Job) -> Result<Vec<u8>, FilmError> {
     progress.begin(0, 1);
     let frames = &run.film;
     let (stage, last) = (Stage::new(run, width)?, frames.last().ok_or(FilmError::NoFrames)?);
@@ -364,7 +360,7 @@ mod tests {
 
     #[test]
     fn films_of_maps_and_arms_are_animations_in_which_time_passes_evenly() {
-        let drawn = Progress::default();
+        let drawn = Job::default();
         let run_in_maze = run(&maze("....#....\n.........\n"), &[250, 500, 1_000, 1_250]);
         let (size, seconds) = shown(&animate(&run_in_maze, None, &drawn).expect("a film"));
         assert_eq!(size, (9 * 24, 2 * 24 + 24));
@@ -392,14 +388,14 @@ mod tests {
         for (width, height) in [(1, 1), (700, 1), (1, 700), (300, 200)] {
             let world = PointMaze::new(Arc::new(Grid::empty("shape", width, height)), 0);
             let run = run(&world, &[250]);
-            assert!(animate(&run, None, &Progress::default()).is_ok(), "{width} x {height}");
+            assert!(animate(&run, None, &Job::default()).is_ok(), "{width} x {height}");
             let ((columns, _), _) = shown(&still(&run, Some(500)).expect("a picture"));
             // A map much higher than wide would be far too long otherwise.
             assert_eq!(columns as usize, 500.min((MOST_PIXELS * width / width.max(height)).max(1)));
         }
         let mut run = run(&maze("..\n"), &[250]);
         run.film = Arc::default();
-        assert!(matches!(animate(&run, None, &Progress::default()), Err(FilmError::NoFrames)));
+        assert!(matches!(animate(&run, None, &Job::default()), Err(FilmError::NoFrames)));
         assert!(matches!(still(&run, None), Err(FilmError::NoFrames)));
     }
 }

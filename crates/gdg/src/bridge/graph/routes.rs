@@ -7,10 +7,10 @@ use rand_chacha::ChaCha8Rng;
 
 use super::radix_heap::RadixHeap;
 use super::{BridgeGraph, Incoming, Link};
+use crate::job::Job;
 use crate::learn::{
     ChangedDistances, DistancesByGoal, GoalIndex, NEAR_STEPS, Policy, Scratch, WAYPOINT_STEPS,
 };
-use crate::pulse::Cancelled;
 
 /// Resolution of path costs: as integers in this many parts of a step, they make shortest paths
 /// exact and identical on every machine.
@@ -362,17 +362,17 @@ impl BridgeGraph {
         by_goal: &DistancesByGoal,
         policy: &dyn Policy,
         scratch: &mut Scratch,
-        cancelled: &Cancelled,
+        job: &Job,
     ) -> Option<ChangedDistances> {
         let (count, hop) = (self.candidates.len(), self.hop_steps());
         let mut changed = ChangedDistances::default();
         let mut distances = vec![0.0; count];
         let places = by_goal.checked_places();
         for (goal, lengths) in places.iter().zip(by_goal.steps.chunks_exact(count)) {
-            if cancelled.is_set() {
+            if job.is_cancelled() {
                 return None;
             }
-            cancelled.progress().set(changed.goals.len(), places.len());
+            job.set(changed.goals.len(), places.len());
             changed.goals.push(*goal);
             let goals = self.point(*goal as usize).repeat(count);
             policy.distances(self.candidates.states(), &goals, &mut distances, scratch);

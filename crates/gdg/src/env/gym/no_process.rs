@@ -9,7 +9,7 @@ use parking_lot::Mutex;
 
 use super::messages::{Expected, Request};
 use crate::env::EnvError;
-use crate::pulse::Pulse;
+use crate::job::Job;
 
 pub struct Worker {
     pub environments: usize,
@@ -18,12 +18,7 @@ pub struct Worker {
 }
 
 impl Worker {
-    pub fn start(
-        _: &Path,
-        title: &str,
-        _: Duration,
-        _: Arc<Mutex<Pulse>>,
-    ) -> Result<Self, EnvError> {
+    pub fn start(_: &Path, title: &str, _: Duration, _: Arc<Mutex<Job>>) -> Result<Self, EnvError> {
         let problem = "environments in Python need Linux, macOS or another Unix".to_owned();
         Err(failed(title, problem, Vec::new()))
     }

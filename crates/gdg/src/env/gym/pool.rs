@@ -10,7 +10,7 @@ use super::messages::Description;
 use super::options::{Address, GymOptions};
 use super::process::Worker;
 use crate::env::EnvError;
-use crate::pulse::Pulse;
+use crate::job::Job;
 use crate::store::StoreError;
 
 /// What all worlds of one environment share.
@@ -22,7 +22,7 @@ pub struct Pool {
     /// What has been found out.
     pub found: Found,
     /// Says when training is to stop.
-    pub pulse: Arc<Mutex<Pulse>>,
+    pub job: Arc<Mutex<Job>>,
     /// What its users should know and have not been told yet.
     pub warnings: Mutex<Vec<String>>,
     /// Whether it has been said that an episode could not be repeated.
@@ -33,10 +33,10 @@ pub struct Pool {
 impl Pool {
     /// Opens an environment and finds out what the learner needs.
     pub fn open(address: &Address, options: &GymOptions) -> Result<Self, EnvError> {
-        let pulse = Arc::default();
-        let (mut worker, about) = start(address, options, &pulse)?;
+        let job = Arc::default();
+        let (mut worker, about) = start(address, options, &job)?;
         let found = facts::find(&mut worker, &about, options)?;
-        let pool = Self::new(address, options, about, found, pulse)?;
+        let pool = Self::new(address, options, about, found, job)?;
         pool.about.warnings().into_iter().for_each(|warning| pool.warn(&warning));
         pool.idle.lock().push(worker);
         Ok(pool)
@@ -44,9 +44,9 @@ impl Pool {
 
     /// Opens an environment that has been found out about before.
     pub fn resume(address: &Address, options: &GymOptions, found: Found) -> Result<Self, EnvError> {
-        let pulse = Arc::default();
-        let (worker, about) = start(address, options, &pulse)?;
-        let pool = Self::new(address, options, about, found, pulse)?;
+        let job = Arc::default();
+        let (worker, about) = start(address, options, &job)?;
+        let pool = Self::new(address, options, about, found, job)?;
         pool.idle.lock().push(worker);
         Ok(pool)
     }
@@ -70,7 +70,7 @@ impl Pool {
         options: &GymOptions,
         about: Description,
         found: Found,
-        pulse: Arc<Mutex<Pulse>>,
+        job: Arc<Mutex<Job>>,
     ) -> Result<Self, EnvError> {
         found.check(&about)?;
         Ok(Self {
@@ -78,7 +78,7 @@ impl Pool {
             options: options.clone(),
             about,
             found,
-            pulse,
+            job,
             warnings: Mutex::default(),
             said: AtomicBool::new(false),
             idle: Mutex::default(),
@@ -113,7 +113,7 @@ impl Pool {
 
     /// Starts a worker.
     pub fn start(&self) -> Result<Worker, EnvError> {
-        Ok(start(&self.address, &self.options, &self.pulse)?.0)
+        Ok(start(&self.address, &self.options, &self.job)?.0)
     }
 
     /// Takes a worker back.
@@ -133,10 +133,10 @@ impl Drop for Pool {
 fn start(
     address: &Address,
     options: &GymOptions,
-    pulse: &Arc<Mutex<Pulse>>,
+    job: &Arc<Mutex<Job>>,
 ) -> Result<(Worker, Description), EnvError> {
     let (python, timeout) = (options.interpreter(), options.timeout);
-    let mut worker = Worker::start(&python, &address.id, timeout, pulse.clone())?;
+    let mut worker = Worker::start(&python, &address.id, timeout, job.clone())?;
     let about = worker.open(address.package.as_deref(), &address.id)?;
     worker.forget_output();
     Ok((worker, about))

@@ -17,7 +17,7 @@ use serde::Deserialize;
 
 use super::messages::{self, BadHeader, Expected, HEADER_BYTES, Request};
 use crate::env::EnvError;
-use crate::pulse::Pulse;
+use crate::job::Job;
 use crate::text::truncated;
 
 /// What the worker runs.
@@ -115,7 +115,7 @@ pub struct Worker {
     reader: Option<JoinHandle<()>>,
     timeout: Duration,
     /// Says when training is to stop.
-    pulse: Arc<Mutex<Pulse>>,
+    job: Arc<Mutex<Job>>,
     /// When it is to have ended.
     ends_by: Option<Instant>,
     /// How many environments it has.
@@ -144,7 +144,7 @@ struct Exception {
 
 impl Worker {
     /// Starts a worker for the environment called `title`; every answer has to come within
-    /// `timeout`, or soon once `pulse` says that training is to stop.
+    /// `timeout`, or soon once `job` says that training is to stop.
     ///
     /// # Errors
     /// The interpreter cannot be started.
@@ -152,7 +152,7 @@ impl Worker {
         python: &Path,
         title: &str,
         timeout: Duration,
-        pulse: Arc<Mutex<Pulse>>,
+        job: Arc<Mutex<Job>>,
     ) -> Result<Self, EnvError> {
         let unstarted = |error: std::io::Error| {
             let shown = truncated(&python.to_string_lossy(), MAX_SHOWN_CHARS);
@@ -185,7 +185,7 @@ impl Worker {
             output: lines,
             reader: Some(reader),
             timeout,
-            pulse,
+            job,
             ends_by: None,
             environments: 0,
             is_broken: false,
@@ -279,7 +279,7 @@ impl Worker {
                     _ => return Err(error),
                 },
             }
-            waited.add(began.elapsed(), self.pulse.lock().stops());
+            waited.add(began.elapsed(), self.job.lock().is_cancelled());
         }
         Ok(())
     }

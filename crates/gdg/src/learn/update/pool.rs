@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
 
+use crate::job::Job;
 use crate::learn::update::threads::{Chooser, Threads};
-use crate::pulse::Pulse;
 
 /// How long a thread spins before it sleeps: about as long as waking it takes.
 const SPIN_DURATION: Duration = Duration::from_micros(20);
@@ -22,7 +22,7 @@ const SPIN_DURATION: Duration = Duration::from_micros(20);
 const SPINS_PER_CLOCK_READ: usize = 32;
 
 /// A piece of work: `tasks` calls, each with its own index.
-struct Job {
+struct Calls {
     work: Box<dyn Fn(usize) + Send + Sync>,
     tasks: usize,
     /// The next task to claim.
@@ -34,7 +34,7 @@ struct Job {
     caller: Thread,
 }
 
-impl Job {
+impl Calls {
     /// Runs tasks until none is left.
     fn run_tasks(&self) {
         loop {
@@ -78,7 +78,7 @@ fn wait_until(is_done: impl Fn() -> bool) {
 struct JobSlot {
     /// Number of pieces announced.
     generation: AtomicUsize,
-    job: Mutex<Option<Arc<Job>>>,
+    job: Mutex<Option<Arc<Calls>>>,
     shutdown: AtomicBool,
 }
 
@@ -154,7 +154,7 @@ impl ThreadPool {
         if helpers.is_empty() {
             return (0..tasks).for_each(work);
         }
-        let job = Arc::new(Job {
+        let job = Arc::new(Calls {
             work: Box::new(work),
             tasks,
             next: AtomicUsize::new(0),
@@ -173,7 +173,7 @@ impl ThreadPool {
 
 impl ThreadPool {
     /// Calls `work` with each index below `tasks` on data that all threads share; returns when all
-    /// calls are done. `pulse` beats before each.
+    /// calls are done. `job` beats before each.
     ///
     /// # Errors
     /// Returns the first error of a call.
@@ -184,13 +184,13 @@ impl ThreadPool {
         &self,
         tasks: usize,
         shared: &Arc<S>,
-        pulse: Option<&Pulse>,
+        job: Option<&Job>,
         work: fn(&S, usize) -> Result<(), E>,
     ) -> Result<(), E> {
         let failure = Arc::new(Mutex::new(None));
-        let (shared, first, pulse) = (shared.clone(), failure.clone(), pulse.cloned());
+        let (shared, first, job) = (shared.clone(), failure.clone(), job.cloned());
         self.run(tasks, move |i| {
-            pulse.iter().for_each(Pulse::beat);
+            job.iter().for_each(Job::beat);
             if let Err(error) = work(&shared, i) {
                 first.lock().get_or_insert(error);
             }

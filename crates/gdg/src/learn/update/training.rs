@@ -11,6 +11,7 @@ use candle_core::Result;
 use parking_lot::{Mutex, RwLock};
 use rand_chacha::ChaCha8Rng;
 
+use crate::job::Job;
 use crate::learn::networks::dense::LearningRates;
 use crate::learn::networks::export::ActorExport;
 use crate::learn::networks::network::{LockedNetwork, Network, Weights};
@@ -25,7 +26,6 @@ use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::rows::parts_of;
 use crate::learn::update::threads::Threads;
-use crate::pulse::Pulse;
 
 /// Networks with all that is needed to train them. The number of threads does not change results.
 pub struct Training<O: Objective> {
@@ -126,11 +126,11 @@ impl<O: Objective> Training<O> {
     }
 
     /// Updates all networks once on the latest batch and adds the time to `profile`;
-    /// `pulse` beats before each part.
+    /// `job` beats before each part.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn update(&self, pulse: Option<&Pulse>, profile: &mut Profile) -> Result<Losses> {
+    pub fn update(&self, job: Option<&Job>, profile: &mut Profile) -> Result<Losses> {
         let phases: [(Stage, usize, Work<O>); 4] = [
             (Stage::CriticModelGradients, self.gradient_tasks(), Shared::corners_or_gradients),
             (Stage::CriticModelSteps, 2 * self.shared.actor(), Shared::step),
@@ -140,7 +140,7 @@ impl<O: Objective> Training<O> {
         let first_began = Instant::now();
         let mut began = first_began;
         for (stage, tasks, work) in phases {
-            self.pool.try_run(tasks, &self.shared, pulse, work)?;
+            self.pool.try_run(tasks, &self.shared, job, work)?;
             began = profile.lap(stage, began);
         }
         self.pool.record(began - first_began);

@@ -7,7 +7,7 @@ use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
 use serde::Deserialize;
 
 use super::packed::{PackedError, Packer, Packing};
-use crate::pulse::Progress;
+use crate::job::Job;
 use crate::store::{Array, Store, StoreError};
 use crate::train::policy_file::POLICY_KEY;
 
@@ -107,7 +107,7 @@ fn array(view: &TensorView) -> Option<Array> {
 ///
 /// # Errors
 /// The format cannot represent the store.
-pub fn to_bytes(store: Store, progress: &Progress) -> Result<Vec<u8>, ContentError> {
+pub fn to_bytes(store: Store, progress: &Job) -> Result<Vec<u8>, ContentError> {
     let (arrays, mut texts) = store.into_parts();
     let (mut packer, mut packings) = (Packer::default(), BTreeMap::new());
     let mut tensors = BTreeMap::new();
@@ -383,7 +383,7 @@ mod tests {
     fn a_check_compares_the_checksum_and_unpacks_nothing() {
         let mut store = Store::default();
         store.put("a", vec![0.5_f32; 3_000]);
-        let mut bytes = to_bytes(store, &Progress::default()).expect("it can be stored");
+        let mut bytes = to_bytes(store, &Job::default()).expect("it can be stored");
         assert!(check(&bytes, u64::MAX).is_ok());
         assert!(matches!(check(&bytes, 100), Err(ContentError::TooLarge(12_000, 100))));
         bytes.iter_mut().rev().take(8).for_each(|byte| *byte = u8::MAX);
@@ -395,7 +395,7 @@ mod tests {
 
     #[test]
     fn packing_says_how_far_it_is() {
-        let (mut store, progress) = (Store::default(), Progress::default());
+        let (mut store, progress) = (Store::default(), Job::default());
         store.put("a", vec![0.5_f32; 3_000]);
         store.put("b", vec![0.5_f32; 1_000]);
         assert_eq!(progress.share(), None);

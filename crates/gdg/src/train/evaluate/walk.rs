@@ -4,8 +4,8 @@ use super::EvaluationJob;
 use super::tasks::run_tasks_watched;
 use crate::bridge::Guide;
 use crate::env::{EnvError, Task};
+use crate::job::Job;
 use crate::learn::{Policy, Scratch};
-use crate::pulse::Cancelled;
 
 /// The plan for a task, and the walk that followed it.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,7 +30,7 @@ impl EvaluationJob {
     /// # Errors
     /// The world fails.
     pub fn walk(&self, task: &Task) -> Result<TaskWalk, EnvError> {
-        let (graph, mut states) = (self.graph(&Cancelled::default()), Vec::new());
+        let (graph, mut states) = (self.graph(&Job::default()), Vec::new());
         let tasks = std::slice::from_ref(task);
         let mut watch = |state: &[f32], _| {
             states.push(state.to_vec());

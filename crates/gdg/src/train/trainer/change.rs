@@ -7,8 +7,8 @@ use super::recovery::LastGood;
 use super::{Result, Trainer, fork_world, new_candidates, new_learner, new_rollout};
 use crate::bridge::Candidates;
 use crate::env::{Change, EnvError, Environment, Region, Spec};
+use crate::job::Job;
 use crate::learn::Replay;
-use crate::pulse::Progress;
 use crate::settings::Effect;
 use crate::store::Store;
 use crate::train::config::list_settings;
@@ -65,8 +65,7 @@ impl Trainer {
     /// `world` cannot replace the run's world; nothing has changed then.
     pub fn change_world(&mut self, world: &dyn Environment) -> Result<WorldChange> {
         self.check_data()?;
-        let progress = Progress::default();
-        let _activity = self.pulse.begin_with("the edit of the world", progress.clone());
+        let progress = self.job.part("applying the edit");
         let is_at = |stage| progress.begin(stage, EDIT_STAGES);
         is_at(0);
         let editable = world.abilities().editable.ok_or(EnvError::NotEditable(world.kind()))?;
@@ -112,8 +111,7 @@ impl Trainer {
     /// The learner or the world fails; nothing has changed then.
     pub fn change_run(&mut self, run: Run) -> Result<KeptState> {
         self.check_data()?;
-        let progress = Progress::default();
-        let _activity = self.pulse.begin_with("the change of settings", progress.clone());
+        let progress = self.job.part("changing settings");
         progress.begin(0, CHANGE_STAGES);
         let spec = self.spec();
         let fresh = || new_learner(&run, spec, &self.registry, self.threads);
@@ -158,7 +156,7 @@ impl Trainer {
 
     /// Adapts world, agents, replay buffer and candidates to settings changed from `before`;
     /// replaces the agents by `fresh` ones, if there are any.
-    fn fit_agents(&mut self, before: &Run, fresh: Option<Rollout>, progress: &Progress) {
+    fn fit_agents(&mut self, before: &Run, fresh: Option<Rollout>, progress: &Job) {
         let are_fresh = fresh.is_some();
         match fresh {
             None => self.rollout.env_mut().configure(&self.run.settings.train.env()),
@@ -183,7 +181,7 @@ impl Trainer {
     }
 
     /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.
-    pub(super) fn rebuild_candidates(&mut self, progress: &Progress) {
+    pub(super) fn rebuild_candidates(&mut self, progress: &Job) {
         self.candidates.reset_to(new_candidates(&self.run, self.spec()));
         self.revisit_everything(progress);
         // The whole replay shows more paths than were known before.
@@ -191,7 +189,7 @@ impl Trainer {
     }
 
     /// Lets the candidates visit again all that the replay buffer has seen.
-    pub(super) fn revisit_everything(&mut self, progress: &Progress) {
+    pub(super) fn revisit_everything(&mut self, progress: &Job) {
         let everything = Region::everything(self.spec().goal_dim());
         let Self { candidates, replay, rollout, .. } = self;
         revisit(replay, candidates, rollout.env().spec(), &everything, progress);
@@ -205,7 +203,7 @@ fn revisit(
     candidates: &mut Candidates,
     spec: &Spec,
     region: &Region,
-    progress: &Progress,
+    progress: &Job,
 ) {
     let (mut seen, all) = (0, replay.len());
     let reach = candidates.reach();

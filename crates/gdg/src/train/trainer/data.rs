@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Result, Stream, Trainer, stream};
 use crate::files::FileFacts;
+use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes, ReplayState};
-use crate::pulse::Progress;
 use crate::store::{Store, StoreError};
 use crate::train::dataset::{DataSource, Dataset};
 use crate::train::error::{DataError, TrainError};
@@ -46,7 +46,7 @@ impl Trainer {
     /// Learns from `data` instead of acting: its transitions fill the replay buffer, and its states
     /// are goals and bridge candidates. Call it before the first update. Returns how many
     /// transitions are left out, and says how far it is, as one stage of `progress`.
-    pub fn learn_from(&mut self, data: &Dataset, progress: &Progress) -> LeftOut {
+    pub fn learn_from(&mut self, data: &Dataset, progress: &Job) -> LeftOut {
         self.replay = self.replay_of(data);
         let editable = self.rollout.env().abilities().editable;
         let possible = |s: &[f32], a: &[f32], next: &[f32]| {
@@ -59,7 +59,7 @@ impl Trainer {
         replay.visit_rows(|state, _, _| visits.add(rollout.env(), state));
         self.rebuild_candidates(progress);
         // Paths from where candidates were found later.
-        self.revisit_everything(&Progress::default());
+        self.revisit_everything(&Job::default());
         let source = data.source().clone();
         let own_replay = (removed > 0).then(|| self.replay.capacity());
         let facts = data.facts();
@@ -193,7 +193,7 @@ impl Trainer {
 
     /// Restores what [`Self::save_replay`] wrote. Without its file, a run can be loaded, but not go
     /// on.
-    pub(super) fn load_replay(&mut self, store: &Store, progress: &Progress) -> Result<()> {
+    pub(super) fn load_replay(&mut self, store: &Store, progress: &Job) -> Result<()> {
         let mut data: Option<Data> =
             store.texts().contains_key(DATA).then(|| store.json(DATA)).transpose()?;
         match &mut data {

@@ -7,8 +7,8 @@ use rand_chacha::ChaCha8Rng;
 use super::{Result, Stream, Trainer, stream};
 use crate::bridge::BridgeGraph;
 use crate::env::Region;
+use crate::job::Job;
 use crate::learn::Scratch;
-use crate::pulse::Cancelled;
 use crate::train::graphs::{
     ACTIVATION_DIVISOR, EDIT_ACTIVATION_DIVISOR, GraphJob, GraphSource, Graphs,
 };
@@ -33,9 +33,8 @@ impl Trainer {
             return Ok(());
         }
         let now = self.counters.updates;
-        let waits = self.graphs.is_due(now);
-        let _activity = waits
-            .then(|| self.pulse.begin_with("the bridge graph to be built", self.graphs.progress()));
+        let building = self.graphs.building().filter(|_| self.graphs.is_due(now));
+        let _waiting = building.map(|job| self.job.add(job.clone()));
         if self.graphs.activate_due(now) {
             self.with_step_context(|rollout, context| rollout.replan(context))?;
         }
@@ -59,7 +58,7 @@ impl Trainer {
         let (candidates, policy) = (self.candidates.frozen(), self.policy()?);
         let near = candidates.near(region);
         let mut scratch = Scratch::default();
-        let never = Cancelled::default();
+        let never = Job::default();
         let graph = current.graph.renewed(&never, &candidates, |i| near[i], &*policy, &mut scratch);
         let graph = Arc::new(graph.unwrap_or_else(|| unreachable!("nothing cancels it")));
         self.graphs.edit(self.counters.updates, graph.clone());
@@ -90,7 +89,6 @@ impl Trainer {
             source,
             finds_changed: self.relearns(),
             rng: self.graph_rng(now),
-            cancelled: Cancelled::default(),
         };
         self.graphs.start_build(
             now,

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::recovery::LastGood;
 use super::{Result, Trainer};
 use crate::bridge::CandidatesState;
+use crate::job::Job;
 use crate::learn::Threads;
-use crate::pulse::Progress;
 use crate::settings::Setting;
 use crate::store::{Store, StoreError};
 use crate::train::error::TrainError;
@@ -98,7 +98,7 @@ impl Trainer {
         registry: &Arc<Registry>,
         threads: impl Into<Threads>,
     ) -> Result<Self> {
-        Self::load_with(store, registry, threads, &Progress::default())
+        Self::load_with(store, registry, threads, &Job::default())
     }
 
     /// Like [`Self::load`], and says how far it is, as one stage of `progress`.
@@ -109,7 +109,7 @@ impl Trainer {
         store: &Store,
         registry: &Arc<Registry>,
         threads: impl Into<Threads>,
-        progress: &Progress,
+        progress: &Job,
     ) -> Result<Self> {
         let run: Run = store.json("run")?;
         let range = |OutOfRange(Setting { name, values, .. }): OutOfRange| {
