@@ -1,19 +1,16 @@
 //! The command line.
 
-mod ablate;
 #[cfg(feature = "tui")]
 mod compare;
 mod completions;
+mod experiments;
 mod export;
 mod gym;
 mod maps;
 mod method;
-mod plot;
-mod reproduce;
 mod runs;
 #[cfg(feature = "tui")]
 mod screen;
-mod suite;
 #[cfg(feature = "tui")]
 mod tour;
 mod train;
@@ -24,19 +21,18 @@ use std::path::PathBuf;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-pub use ablate::AblateArgs;
+use crate::experiment::plot;
+
 #[cfg(feature = "tui")]
 pub use compare::CompareArgs;
 pub use completions::completions;
+pub use experiments::{ReproduceArgs, SuiteArgs};
 pub use export::{ExportArgs, ExportPolicyArgs, FilmArgs};
 pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand};
 pub use method::RunArgs;
-pub use plot::PlotArgs;
-pub use reproduce::ReproduceArgs;
 pub use runs::RunsArgs;
 #[cfg(feature = "tui")]
 pub use screen::ScreenArgs;
-pub use suite::SuiteArgs;
 #[cfg(feature = "tui")]
 pub use tour::TourArgs;
 pub use train::TrainArgs;
@@ -115,14 +111,13 @@ pub enum Command {
     /// Watch two methods train side by side on the same map
     #[cfg(feature = "tui")]
     Compare(CompareArgs),
-    /// Benchmark suite: train on every map, and write a table and a report with pictures
+    /// Train on many maps, with several methods, settings and seeds: a table, and a report with
+    /// pictures
     Suite(SuiteArgs),
     /// Draw the curves of several runs over their seeds, as a figure for a paper and as a table
-    Plot(PlotArgs),
+    Plot(plot::Options),
     /// Reproduce the paper's figures: data, drawings and a report that compares
     Reproduce(ReproduceArgs),
-    /// Ablation study: measure the effect of switching off each component of the default preset
-    Ablate(AblateArgs),
     /// Write the transitions that a checkpoint's run has seen as an .npz file, for --data
     ExportData(ExportArgs),
     /// Write a checkpoint's policy as a safetensors file that other programs can run: with the Python

@@ -1,18 +1,15 @@
-//! The commands, one file each.
+//! The commands.
 
-mod ablate;
 mod check;
 #[cfg(feature = "tui")]
 mod compare;
+mod experiments;
 mod export;
 mod maps;
 mod output;
-mod plot;
-mod reproduce;
 mod runs;
 #[cfg(feature = "tui")]
 mod screen;
-mod suite;
 #[cfg(feature = "tui")]
 mod tour;
 mod train;
@@ -42,10 +39,9 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Tour(args)) => tour::run(&args, registry),
         #[cfg(feature = "tui")]
         Some(Command::Compare(args)) => compare::run(&args, registry),
-        Some(Command::Suite(args)) => suite::run(args, registry),
-        Some(Command::Plot(args)) => plot::run(args),
-        Some(Command::Reproduce(args)) => reproduce::run(args, registry),
-        Some(Command::Ablate(args)) => ablate::run(args, registry),
+        Some(Command::Suite(args)) => experiments::suite(args, registry),
+        Some(Command::Plot(options)) => experiments::plot(&options),
+        Some(Command::Reproduce(args)) => experiments::reproduce(args, registry),
         Some(Command::Completions { shell }) => print(&completions(shell)),
         Some(Command::Man) => print(&manual().or_failure()?),
         Some(Command::Check { file, map, strict, reading }) => {

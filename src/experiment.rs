@@ -1,22 +1,20 @@
 //! Experiments: many runs at once, each a job whose result is kept in a folder.
 //!
-//! A [`job::Job`] is everything that a result depends on; a [`folder::Folder`] keeps results,
-//! checkpoints and pictures; a [`runner::Runner`] runs the jobs without a result, in parallel.
-//! Interrupted jobs resume where they stopped. [`suite`] and [`reproduce`] are lists of jobs with a
-//! report.
+//! A [`job::Job`] is everything that a result depends on: a world, a method with its settings, a
+//! seed and a plan. [`jobs::Jobs`] is the list of them that a command trains, lists and reports;
+//! [`suite`] and [`figures`] make such lists. Interrupted jobs resume where they stopped. [`runs`]
+//! reads results, checkpoints and records again; [`plot`] draws their curves.
 
-pub mod ablate;
+pub mod figures;
 pub mod folder;
 pub mod job;
+pub mod jobs;
 pub mod measure;
-pub mod picture;
 pub mod plan;
 pub mod plot;
 pub mod progress;
 pub mod report;
-pub mod reproduce;
 pub mod runner;
 pub mod runs;
 pub mod suite;
-pub mod table;
-pub mod world;
+pub mod variants;

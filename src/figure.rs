@@ -2,12 +2,9 @@
 //! an inch; no font of the system is needed.
 
 mod chart;
-mod labels;
+mod encode;
 mod letters;
-mod pdf;
-mod png;
 mod sheet;
-mod svg;
 mod ticks;
 
 use std::path::Path;
@@ -16,7 +13,7 @@ use miette::Report;
 
 pub use chart::{Chart, Curve, Page, Point, Range, colour};
 pub use letters::fitted;
-pub use sheet::{Anchor, Mark, Sheet, Text, circle};
+pub use sheet::{Anchor, Mark, Sheet, circle};
 pub use ticks::tick;
 
 /// A millimetre in points.
@@ -34,10 +31,8 @@ pub enum Format {
 }
 
 impl Format {
-    /// All formats.
     pub const ALL: [Self; 3] = [Self::Svg, Self::Png, Self::Pdf];
 
-    /// Returns the extension of its files.
     pub fn extension(self) -> &'static str {
         match self {
             Self::Svg => "svg",
@@ -46,7 +41,6 @@ impl Format {
         }
     }
 
-    /// Returns the format that a file's extension names.
     pub fn of(path: &Path) -> Option<Self> {
         Self::ALL.into_iter().find(|format| gdg::files::has_extension(path, format.extension()))
     }
@@ -74,15 +68,11 @@ impl Format {
         })
     }
 
-    /// Returns `sheet` as a file.
-    ///
-    /// # Errors
-    /// It is too large, or cannot be encoded.
     pub fn encode(self, sheet: &Sheet) -> Result<Vec<u8>, Report> {
         match self {
-            Self::Svg => svg::encode(sheet).map(String::into_bytes),
-            Self::Png => png::encode(sheet),
-            Self::Pdf => Ok(pdf::encode(sheet)),
+            Self::Svg => encode::svg(sheet).map(String::into_bytes),
+            Self::Png => encode::png(sheet),
+            Self::Pdf => Ok(encode::pdf(sheet)),
         }
     }
 }

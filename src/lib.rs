@@ -20,18 +20,17 @@
 //!
 //! # Add a figure
 //!
-//! An entry in `FIGURES` in `src/experiment/reproduce/figures.rs` (map or world, methods, what it
-//! shows) and, for a new method, an entry in `methods.rs`. Another kind of chart is a variant of
-//! `Shows` with its lines in `curves.rs`, another kind of picture one in `maps.rs`; files, report
-//! and terminal follow. What a figure needs of the trained networks is measured in
-//! `src/experiment/measure.rs`.
+//! An entry in `FIGURES` in `src/experiment/figures/catalogue.rs`: map or world, methods, what it
+//! shows. Another kind of chart is a variant of `Shows` with its lines in `curves.rs`, another kind
+//! of picture one in `maps.rs`; files, report and terminal follow. What a figure needs of the
+//! trained networks is measured in `src/experiment/measure.rs`.
 
 #![forbid(unsafe_code)]
 
 pub mod cli;
 pub mod commands;
-pub mod experiment;
-pub mod figure;
+pub(crate) mod experiment;
+pub(crate) mod figure;
 pub mod headless;
 pub mod host;
 #[cfg(feature = "tui")]

@@ -31,7 +31,10 @@ compare() {
     echo "$1: $(wc -l <"$work/$1.jobs") jobs, the same bytes as one process alone"
 }
 
-list() { "$program" "${figure[@]}" --out "$work/$1" --list-jobs >"$work/$1.jobs" 2>/dev/null; }
+list() { "$program" "${figure[@]}" --out "$work/$1" --list >"$work/$1.jobs" 2>/dev/null; }
+
+# Prints the command of a job, given the folder and its number.
+one() { echo "'$program' ${figure[*]} --out '$work/$1' --job $2"; }
 
 slurm() {
     for tool in munged slurmctld slurmd sbatch; do
@@ -89,9 +92,9 @@ CONF
         return
     fi
     list slurm
-    # As in the README.
+    # As in docs/figures.md.
     (cd "$work" && sbatch --wait --output=/dev/null --array="1-$(wc -l <slurm.jobs)" \
-        --wrap "eval \"\$(sed -n \"\${SLURM_ARRAY_TASK_ID}p\" '$work/slurm.jobs')\"" >/dev/null)
+        --wrap "$(one slurm '$SLURM_ARRAY_TASK_ID')" >/dev/null)
     compare slurm
 }
 
@@ -104,20 +107,22 @@ hyperqueue() {
         for _ in $(seq 50); do hq server info >/dev/null 2>&1 && break; sleep 0.2; done
         hq worker start >"$work/hq-worker.out" 2>&1 &
         started+=($!)
-        # As in the README.
-        (cd "$work" && hq submit --wait --stdout=none --stderr=none --each-line hyperqueue.jobs -- \
-            sh -c 'eval "$HQ_ENTRY"' >/dev/null)
+        # As in docs/figures.md.
+        (cd "$work" && hq submit --wait --stdout=none --stderr=none --array "1-$(wc -l <hyperqueue.jobs)" -- \
+            sh -c "$(one hyperqueue '$HQ_TASK_ID')" >/dev/null)
         compare hyperqueue
     elif "${PYTHON:-python3}" -c 'import hyperqueue' 2>/dev/null; then
-        (cd "$work" && TMPDIR="$work" "${PYTHON:-python3}" - >"$work/hq.out" 2>&1 <<'PYTHON'
+        (cd "$work" && ONE="$(one hyperqueue '')" TMPDIR="$work" "${PYTHON:-python3}" - >"$work/hq.out" 2>&1 <<'PYTHON'
+import os
+
 from hyperqueue import Job, LocalCluster
 from hyperqueue.cluster import WorkerConfig
 
 with LocalCluster() as cluster:
     cluster.start_worker(WorkerConfig(cores=2))
     client, job = cluster.client(), Job()
-    for line in open("hyperqueue.jobs"):
-        job.program(["sh", "-c", line.strip()], stdout=None, stderr=None)
+    for number, _ in enumerate(open("hyperqueue.jobs"), 1):
+        job.program(["sh", "-c", os.environ["ONE"] + str(number)], stdout=None, stderr=None)
     client.wait_for_jobs([client.submit(job)])
 PYTHON
         )
@@ -133,7 +138,7 @@ gnu_parallel() {
         return
     fi
     list parallel
-    parallel --jobs 2 <"$work/parallel.jobs" >/dev/null 2>&1
+    seq "$(wc -l <"$work/parallel.jobs")" | parallel --jobs 2 "$(one parallel '{}')" >/dev/null 2>&1
     compare parallel
 }
 

@@ -182,7 +182,6 @@ fn tables_and_exports_never_replace_a_checkpoint() {
     run(&["film", "small.safetensors", "--out", "small.safetensors", "--overwrite"]);
     run(&["--no-ui", "trap", "--max-updates", "5", "--csv", "small.safetensors", "--overwrite"]);
     run(&["--no-ui", "--resume", "small.safetensors", "--csv", "small.safetensors", "--overwrite"]);
-    run(&["ablate", "trap", "--updates", "5", "--json", "small.safetensors", "--overwrite"]);
 }
 
 #[test]
@@ -838,7 +837,7 @@ fn special_files_are_refused_without_blocking() {
             &["--no-ui", "trap", "--scen", file, "--csv", "q.csv"],
             &["--no-ui", "trap", "--config", file, "--csv", "q.csv"],
             &["--no-ui", "trap", "--csv", file, "--overwrite"],
-            &["ablate", file, "--json", "q.json"],
+            &["suite", file],
         ] {
             let began = Instant::now();
             let (status, _, errors) = outcome(isolated_command(folder.path()).args(args));

@@ -25,7 +25,7 @@ Exit status: 0 success; 2 bad usage or input; 128 + its number after a signal.";
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct RunsArgs {
-    /// Folders of checkpoints, of records, or of gdg-tui suite, reproduce or ablate
+    /// Folders of checkpoints, of records, or of gdg-tui suite or reproduce
     #[arg(default_value = SAVES, value_name = "FOLDER")]
     pub folders: Vec<PathBuf>,
 

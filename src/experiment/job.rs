@@ -1,15 +1,20 @@
 //! One job: a run in a world, and its result.
 
-use miette::{IntoDiagnostic, Report};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::sync::Arc;
+
+use miette::{IntoDiagnostic, Report, miette};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::measure::Measured;
 use super::plan::{Length, Plan};
-use super::world::JobWorld;
-use gdg::map::fingerprint;
+use crate::host::maps::find_map;
+use gdg::env::{Environment, PointMaze};
+use gdg::map::{Grid, MapScale, Reading, fingerprint, print_ascii, with_start};
 use gdg::text::safe_file_name;
-use gdg::train::{Evaluation, History, Method, Preset, Run, Trainer};
+use gdg::train::{Evaluation, History, Method, Preset, Registry, Run, Trainer};
 
 /// Hexadecimal digits of the key in the job's name.
 const NAME_DIGITS: usize = 6;
@@ -18,38 +23,107 @@ const NAME_DIGITS: usize = 6;
 /// mixes results of different programs.
 const RESULTS_VERSION: u32 = 3;
 
+/// A world to train in.
+#[derive(Clone, Debug)]
+pub enum JobWorld {
+    Maze {
+        /// The map, with a start.
+        map: Arc<Grid>,
+        /// Whether that start was drawn, as the map itself has none.
+        start_drawn: bool,
+    },
+    /// A world that needs no file, by the name that opens it.
+    Named(String),
+}
+
+impl JobWorld {
+    /// Returns the maze on `map`. A map without a start gets one drawn by `seed`.
+    pub fn maze(map: &Grid, seed: u64) -> Self {
+        let start_drawn = map.starts().is_empty();
+        Self::Maze { start_drawn, map: Arc::new(with_start(map.clone(), seed)) }
+    }
+
+    /// Returns the world that `name` opens, if it opens one without a map.
+    pub fn named(name: &str, registry: &Registry) -> Option<Self> {
+        let kind = registry.world_opened_by(name)?;
+        (kind.create.is_some() || kind.open.is_some()).then(|| Self::Named(name.to_owned()))
+    }
+
+    pub fn find(name: &str, seed: u64, registry: &Registry) -> Result<Self, Report> {
+        let map = || find_map(Path::new(name), &Reading::default(), registry);
+        Self::named(name, registry).map_or_else(|| Ok(Self::maze(&map()?, seed)), Ok)
+    }
+
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Maze { map, .. } => map.name(),
+            Self::Named(name) => name,
+        }
+    }
+
+    pub fn map(&self) -> Option<&Arc<Grid>> {
+        match self {
+            Self::Maze { map, .. } => Some(map),
+            Self::Named(_) => None,
+        }
+    }
+
+    pub fn create(&self, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
+        match self {
+            Self::Maze { map, .. } => Ok(Box::new(PointMaze::new(map.clone(), 0))),
+            Self::Named(name) => match registry.open(name) {
+                Some(opened) => opened.into_diagnostic(),
+                None => Err(miette!("{name}: this build has no such world")),
+            },
+        }
+    }
+
+    fn is(&self, world: &dyn Environment) -> bool {
+        match self {
+            Self::Maze { map, .. } => PointMaze::downcast_ref(world)
+                .is_some_and(|maze| content(maze.map()) == content(map)),
+            Self::Named(name) => match name.split_once(':') {
+                Some((kind, argument)) => world.kind() == kind && argument.ends_with(world.title()),
+                None => world.kind() == name,
+            },
+        }
+    }
+}
+
+/// Returns a map as text, with its scale unless that is the default.
+fn content(map: &Grid) -> String {
+    let scale = map.scale();
+    let scale = if scale == MapScale::default() { String::new() } else { format!("{scale:?}") };
+    print_ascii(map) + &scale
+}
+
 /// A run in a world, its length, and what is measured.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// The world's name, the label if any (method and variant), the seed and the beginning of the key.
+    /// The world's name, the label if any (method and variant), the seed and the beginning of the
+    /// key.
     pub name: String,
     /// Checksum of everything that the result depends on, in hexadecimal digits.
     pub key: String,
     /// Name of the variant, if its settings have one. The result does not depend on it.
     pub variant: Option<String>,
-    /// The world.
     pub world: JobWorld,
-    /// Method, settings and seed.
     pub run: Run,
-    /// Length, evaluations and what is measured at the end.
     pub plan: Plan,
 }
 
 impl Job {
     /// Creates the job of `run` in `world`; `label` becomes part of its name.
-    ///
-    /// # Errors
-    /// The run cannot be written as JSON.
-    pub fn new(world: JobWorld, label: Option<&str>, run: Run, plan: Plan) -> Result<Self, Report> {
+    pub fn new(world: JobWorld, label: &str, run: Run, plan: Plan) -> Result<Self, Report> {
         let version = (env!("CARGO_PKG_VERSION"), RESULTS_VERSION);
-        let determines = (version, world.name(), world.content(), &run, &plan);
+        let content = world.map().map_or(String::new(), |map| content(map));
+        let determines = (version, world.name(), content, &run, &plan);
         let mut determines = serde_json::to_value(determines).into_diagnostic()?;
         // The order in which settings are listed means nothing.
         determines.sort_all_objects();
         let key = format!("{:08x}", crc32fast::hash(determines.to_string().as_bytes()));
-        let label = label.map_or(String::new(), |label| format!("{}-", file_stem(label)));
-        let name =
-            format!("{}-{label}{}-{}", file_stem(world.name()), run.seed, &key[..NAME_DIGITS]);
+        let [world_name, label] = [world.name(), label].map(file_stem);
+        let name = format!("{world_name}-{label}-{}-{}", run.seed, &key[..NAME_DIGITS]);
         Ok(Self { name, key, variant: None, world, run, plan })
     }
 
@@ -63,14 +137,9 @@ impl Job {
         *trainer.run() == self.run && self.world.is(trainer.world()) && !beyond
     }
 
-    /// Returns the settings that differ from the preset's, as `--set` takes them.
-    pub fn changed_settings(&self) -> Vec<String> {
+    /// Returns what is known of its result before it has begun.
+    pub fn open_result(&self) -> JobResult {
         let changed = self.run.changed_settings();
-        changed.iter().map(|(name, value)| setting_text(name, value)).collect()
-    }
-
-    /// Returns the result of a finished `trainer`, with what was measured at the end.
-    pub fn result(&self, trainer: &Trainer, measured: Option<Measured>) -> JobResult {
         JobResult {
             name: self.name.clone(),
             key: self.key.clone(),
@@ -78,25 +147,34 @@ impl Job {
             method: self.run.method.clone(),
             variant: self.variant.clone(),
             preset: self.run.preset,
-            settings: self.changed_settings(),
+            settings: changed.iter().map(|(name, value)| setting_text(name, value)).collect(),
             seed: self.run.seed,
             world: self.world.name().to_owned(),
             map: MapFacts::of(&self.world),
+            updates: self.plan.length.amount(),
+            seconds: 0.0,
+            evaluations: Vec::new(),
+            measured: None,
+        }
+    }
+
+    /// Returns the result of a finished `trainer`, with what was measured at the end.
+    pub fn result(&self, trainer: &Trainer, measured: Option<Measured>) -> JobResult {
+        JobResult {
             updates: trainer.counters().updates,
             seconds: trainer.seconds(),
             evaluations: evaluations(trainer.history()),
             measured,
+            ..self.open_result()
         }
     }
 }
 
-/// Returns a setting as `--set` takes it.
 pub fn setting_text(name: &str, value: &Value) -> String {
     let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     format!("{name}={value}")
 }
 
-/// Returns the evaluations of a run, oldest first.
 pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
     let evaluation = |(updates, evaluation): &(u64, Evaluation)| {
         let made = history.moment(*updates);
@@ -113,50 +191,40 @@ pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
 /// A finished job, as stored in its JSON file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JobResult {
-    /// The job's name.
     pub name: String,
-    /// The job's key.
     pub key: String,
     /// Version of the program.
     pub version: String,
-    /// The method.
     pub method: Method,
-    /// Name of the variant, if its settings have one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<String>,
-    /// The preset that the settings are based on.
     pub preset: Preset,
     /// Settings that differ from the preset's, as `--set` takes them.
     pub settings: Vec<String>,
-    /// The seed.
     pub seed: u64,
     /// Name of the map, or of the world if it has none.
     #[serde(rename = "map")]
     pub world: String,
-    /// The map, if there is one.
     #[serde(flatten)]
     pub map: Option<MapFacts>,
-    /// Updates done.
     pub updates: u64,
-    /// Training time in seconds, without evaluation.
+    /// Training time, without evaluation.
     pub seconds: f64,
-    /// All evaluations, oldest first.
+    /// Oldest first.
     pub evaluations: Vec<EvaluationAt>,
     /// Further measurements at the end, if the job's plan asks for any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Measured>,
 }
 
-/// A job's map.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MapFacts {
-    /// Number of free cells.
     pub free_cells: usize,
     /// Column and row of each start.
     pub starts: Vec<[usize; 2]>,
     /// Whether the start was drawn, as the map itself has none.
     pub start_drawn: bool,
-    /// What tells the map apart from others of its name; older results do not have it.
+    /// What tells the map apart from others of its name; the first part is its size.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fingerprint: Option<String>,
 }
@@ -176,15 +244,13 @@ impl MapFacts {
 /// An evaluation after a number of updates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluationAt {
-    /// Updates done before it.
     pub updates: u64,
-    /// Environment steps before it, summed over all agents; older results do not have it.
+    /// Environment steps before it, summed over all agents; older records do not have it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub env_steps: Option<u64>,
-    /// Training time before it in seconds; older results do not have it.
+    /// Training time before it; older records do not have it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
-    /// Its results.
     #[serde(flatten)]
     pub evaluation: Evaluation,
 }
@@ -195,16 +261,38 @@ impl JobResult {
         self.map.as_ref()?.fingerprint.as_deref()
     }
 
-    /// Returns the last evaluation.
     pub fn last(&self) -> Option<&Evaluation> {
         self.evaluations.last().map(|at| &at.evaluation)
     }
 }
 
-/// Returns a map's name as part of file names and links: only letters, digits and `-_.`.
+/// Returns a name as part of file names and links: only letters, digits and `-_.`.
 fn file_stem(name: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     safe_file_name(name).chars().map(plain).collect()
+}
+
+/// Returns the name of each world, given with its fingerprint. Where names of different worlds are
+/// equal, they get what tells all of them apart: `hall (11 x 7)`, `hall (21 x 21)`.
+pub fn told_apart(worlds: &[(&str, Option<&str>)]) -> Vec<String> {
+    let mut known: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for (name, fingerprint) in worlds {
+        known.entry(name).or_default().extend(*fingerprint);
+    }
+    let fact = |fingerprint: &str, i| fingerprint.split(", ").nth(i).map(str::to_owned);
+    let named = |(name, fingerprint): &(&str, Option<&str>)| match (&known[name], fingerprint) {
+        (all, Some(own)) if all.len() > 1 => {
+            let is_own = |i: &usize| {
+                let facts: BTreeSet<_> = all.iter().map(|each| fact(each, *i)).collect();
+                facts.len() == all.len() && !facts.contains(&None)
+            };
+            // The last fact is a checksum.
+            let own = (0..own.split(", ").count()).find(is_own).and_then(|i| fact(own, i));
+            format!("{name} ({})", own.as_deref().or(*fingerprint).unwrap_or_default())
+        }
+        _ => (*name).to_owned(),
+    };
+    worlds.iter().map(named).collect()
 }
 
 #[cfg(test)]
@@ -213,50 +301,54 @@ mod tests {
     use gdg::map::parse_map;
 
     fn run(seed: u64) -> Run {
-        Run {
-            method: Method::default(),
-            preset: Preset::Default,
-            seed,
-            settings: Preset::Default.settings(),
-        }
+        let (method, settings) = (Method::default(), Preset::Default.settings());
+        Run { method, preset: Preset::Default, seed, settings }
     }
 
-    fn job(map: &str, run: Run, updates: u64) -> Job {
+    fn job(map: &str, run: Run, plan: Plan) -> Job {
         let map = parse_map("a map|(1).map", map.as_bytes()).expect("a map");
-        Job::new(JobWorld::maze(&map, run.seed), None, run, Plan::suite(updates, 2)).expect("a job")
+        Job::new(JobWorld::maze(&map, run.seed), "gdg", run, plan).expect("a job")
     }
 
     #[test]
     fn the_name_is_plain_and_the_key_depends_on_all_that_the_result_does() {
-        let one = job("...\n", run(1), 100);
-        assert!(one.name.starts_with("a_map_1_-1-"), "{}", one.name);
-        assert!(
-            MapFacts::of(&one.world).is_some_and(|map| map.start_drawn && map.starts.len() == 1)
-        );
-        assert_eq!(job("...\n", run(1), 100).key, one.key);
+        let plan = Plan { max_steps: Some(500), ..Plan::suite(100, 2) };
+        let one = job("...\n", run(1), plan.clone());
+        assert!(one.name.starts_with("a_map_1_-gdg-1-"), "{}", one.name);
+        let facts = one.open_result().map.expect("a map");
+        assert!(facts.start_drawn && facts.starts.len() == 1);
+        assert_eq!(job("...\n", run(1), plan.clone()).key, one.key);
         let mut other = run(1);
         other.settings.learn.hidden = 17;
-        assert_eq!(job("...\n", other.clone(), 100).changed_settings(), ["hidden=17"]);
-        let others =
-            [job("..#\n", run(1), 100), job("...\n", run(2), 100), job("...\n", run(1), 101)];
-        assert!(others.into_iter().chain([job("...\n", other, 100)]).all(|job| job.key != one.key));
-    }
-
-    #[test]
-    fn the_key_depends_on_the_plan_and_the_name_on_the_label() {
-        let map = parse_map("map", b"...\n").expect("a map");
-        let world = JobWorld::maze(&map, 1);
-        let job = |plan: &Plan| {
-            Job::new(world.clone(), Some("gdg"), run(1), plan.clone()).expect("a job")
-        };
-        let plan = Plan { max_steps: Some(500), ..Plan::suite(100, 2) };
-        assert!(job(&plan).name.starts_with("map-gdg-1-"));
-        let others = [
+        let changed = job("...\n", other, plan.clone());
+        assert_eq!(changed.open_result().settings, ["hidden=17"]);
+        let plans = [
             Plan::suite(100, 2),
+            Plan { length: Length::Updates(101), ..plan.clone() },
             Plan { length: Length::Episodes(100), ..plan.clone() },
             Plan { walks: vec![90], ..plan.clone() },
             Plan { last_tasks: 3, ..plan.clone() },
         ];
-        assert!(others.iter().all(|other| job(other).key != job(&plan).key));
+        let others = plans.map(|plan| job("...\n", run(1), plan)).into_iter().chain([
+            changed,
+            job("..#\n", run(1), plan.clone()),
+            job("...\n", run(2), plan),
+        ]);
+        others.for_each(|other| assert_ne!(other.key, one.key));
+    }
+
+    #[test]
+    fn equal_names_of_different_worlds_get_the_first_fact_that_tells_all_apart() {
+        let named = |worlds: &[(&str, &str)]| {
+            let known = |(name, own)| (name, Some(own).filter(|own: &&str| !own.is_empty()));
+            told_apart(&worlds.iter().copied().map(known).collect::<Vec<_>>()).join("; ")
+        };
+        let (small, wide) = (("hall", "4 x 2, radius 1, a"), ("hall", "4 x 2, radius 2, b"));
+        assert_eq!(named(&[small, ("city", "9 x 9, radius 1, c"), small]), "hall; city; hall");
+        assert_eq!(named(&[small, ("hall", "")]), "hall; hall", "older records");
+        assert_eq!(named(&[small, wide]), "hall (radius 1); hall (radius 2)");
+        let large = ("hall", "9 x 9, radius 1, d");
+        assert_eq!(named(&[small, large]), "hall (4 x 2); hall (9 x 9)");
+        assert_eq!(named(&[small, wide, large]), "hall (a); hall (b); hall (d)");
     }
 }

@@ -1,5 +1,5 @@
-//! Measurements of trained runs for figures, besides evaluations: walks, and a bridge point with
-//! the distances around it.
+//! Measurements of trained runs besides evaluations: walks, a bridge point with the distances
+//! around it, and a small picture of D to one far goal, the plan to it and the path walked.
 
 use std::sync::Arc;
 
@@ -10,10 +10,11 @@ use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
 use gdg::bridge::{self, BridgePoint, Candidates, SearchSpace};
+use gdg::draw::{Picture, Raster, Rgb, WALL, contour_interval, distance_colour};
 use gdg::env::{EnvError, EnvSettings, PointMaze, Restart, Task, TaskSet};
 use gdg::learn::{Policy, Scratch};
 use gdg::map::{Cell, Grid};
-use gdg::train::{EvaluationJob, Trainer};
+use gdg::train::{EvaluationJob, TaskWalk, Trainer};
 
 /// Seed of the tasks that are walked: the same for every run on a map.
 const TASK_SEED: u64 = 0;
@@ -31,17 +32,13 @@ const MIDDLE_SHARE: f32 = 0.25;
 pub struct Measured {
     /// Environment steps, summed over all agents.
     pub env_steps: u64,
-    /// Episodes.
     pub episodes: u64,
     /// Walks, one per requested distance.
     pub walks: Vec<Walked>,
-    /// The search for a bridge point.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bridge: Option<Bridge>,
-    /// The walk of a long task.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub long_walk: Option<GoalWalk>,
-    /// Success on tasks drawn at random.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub random: Option<RandomTasks>,
 }
@@ -59,15 +56,12 @@ pub struct RandomTasks {
 /// A walk in any world. Positions are goals (`goal_dim`), in the world's unit of length.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GoalWalk {
-    /// The goal.
     pub goal: Vec<f32>,
     /// A position closer to the goal than this reaches it.
     pub goal_radius: f32,
-    /// Whether it was reached in time.
     pub reached: bool,
     /// Waypoints of the plan made at the start, the goal last; none if the method does not plan.
     pub plan: Vec<Vec<f32>>,
-    /// Position at the start and after every step.
     pub path: Vec<Vec<f32>>,
 }
 
@@ -78,22 +72,17 @@ pub struct Walked {
     pub distance: u32,
     /// Fewest steps from start to goal.
     pub shortest: u32,
-    /// The goal.
     pub goal: [f32; 2],
-    /// Whether it was reached in time.
     pub reached: bool,
     /// Waypoints of the plan made at the start, the goal last; none if the method does not plan.
     pub plan: Vec<[f32; 2]>,
-    /// Position at the start and after every step.
     pub path: Vec<[f32; 2]>,
 }
 
 /// A search for a bridge point b with D(s,b) + D(b,g) < D(s,g), and the distances around it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bridge {
-    /// D(s,g) in steps.
     pub direct: f32,
-    /// The point found, if any.
     pub found: Option<Found>,
     /// Tasks searched, the last one with success if a point was found.
     pub searches: usize,
@@ -107,22 +96,16 @@ pub struct Bridge {
     pub walk: Walked,
 }
 
-/// A bridge point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Found {
     /// Its position b.
     pub point: [f32; 2],
-    /// D(s,b).
     pub from_start: f32,
-    /// D(b,g).
     pub to_goal: f32,
 }
 
 /// Measures what `plan` asks for; `None` if that is nothing. Measurements that need a map are
 /// skipped without one.
-///
-/// # Errors
-/// The learner or the world fails.
 pub fn measure(
     plan: &Plan,
     trainer: &Trainer,
@@ -213,9 +196,6 @@ fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Result<Walked, EnvEr
 }
 
 /// Searches as published for a bridge point and shows it with the distances to both ends.
-///
-/// # Errors
-/// D is not finite.
 fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bridge, Report> {
     let policy = job.policy();
     let Searched { task, start, bridge, searches, tried } = search_tasks(trainer, policy, map);
@@ -260,7 +240,6 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
 struct Searched {
     /// The task with the bridge point; without one, the first task.
     task: Task,
-    /// Its start, as a state.
     start: Vec<f32>,
     bridge: Option<BridgePoint>,
     searches: usize,
@@ -326,7 +305,6 @@ fn middle(
     (states, goals)
 }
 
-/// Returns the position in a state or goal of a maze.
 fn position(values: &[f32]) -> [f32; 2] {
     [0, 1].map(|i| values.get(i).copied().and_then(hundredths).unwrap_or(0.0))
 }
@@ -334,4 +312,86 @@ fn position(values: &[f32]) -> [f32; 2] {
 /// Rounds to hundredths; `None` if the number is not finite.
 fn hundredths(value: f32) -> Option<f32> {
     value.is_finite().then(|| (100.0 * value).round() / 100.0)
+}
+
+/// Pixels along the longer side, at most.
+const MAX_PIXELS: usize = 340;
+
+/// Pixels along a cell's side, at most.
+const MAX_PIXELS_PER_CELL: usize = 8;
+
+/// Pixels between two contour lines, on average, at least.
+pub const LINE_SPACING: f32 = 30.0;
+
+/// The plan: red; the path walked: white; on dark edges, to stand out from every ground.
+const PLAN: Rgb = (255, 70, 50);
+const WALKED: Rgb = (255, 255, 255);
+const EDGE: Rgb = (20, 20, 30);
+const START: Rgb = (86, 180, 233);
+const GOAL: Rgb = (230, 159, 0);
+
+/// Draws `trainer`'s run as a PNG file: D to the goal of the map's own task, or else to a cell as
+/// far as possible from the start.
+pub fn picture(trainer: &Trainer, map: &Arc<Grid>) -> Result<Vec<u8>, Report> {
+    let job = trainer.evaluation().into_diagnostic()?;
+    let task = PointMaze::new(map.clone(), 0).longest_task();
+    let raster = Raster::of_map(map, MAX_PIXELS, MAX_PIXELS_PER_CELL);
+    let mut picture = field(map, raster, &task.goal, job.policy());
+    paths(&mut picture, raster, &task, &job).into_diagnostic()?;
+    picture.to_png("gdg-tui").into_diagnostic()
+}
+
+/// Colours the free ground by D to `goal`, light near and dark far, with contour lines.
+fn field(map: &Grid, raster: Raster, goal: &[f32], policy: &dyn Policy) -> Picture {
+    let (free, positions) = raster.free_ground(map);
+    let mut distances = vec![0.0; free.len()];
+    policy.distances(
+        positions.as_flattened(),
+        &goal.repeat(free.len()),
+        &mut distances,
+        &mut Scratch::default(),
+    );
+    let mut picture = Picture::new(raster.pixels, WALL);
+    let mut field = vec![f32::NAN; raster.len()];
+    free.iter().zip(&distances).for_each(|(i, distance)| field[*i] = *distance);
+    let farthest =
+        distances.iter().copied().filter(|distance| distance.is_finite()).fold(1.0, f32::max);
+    for i in free {
+        picture.pixels_mut()[i] = distance_colour(colorous::VIRIDIS, field[i] / farthest);
+    }
+    picture.contours(&field, contour_interval(&field, raster.pixels.0, LINE_SPACING));
+    picture
+}
+
+/// Draws the plan, the path walked and both ends.
+fn paths(
+    picture: &mut Picture,
+    raster: Raster,
+    task: &Task,
+    job: &EvaluationJob,
+) -> Result<(), EnvError> {
+    let scale = raster.pixels.0 as f32 / raster.window[2];
+    let at = |position: &[f32]| [position[0] * scale, position[1] * scale];
+    let TaskWalk { plan, states, .. } = job.walk(task)?;
+    let walked: Vec<[f32; 2]> = states.iter().map(|state| at(state)).collect();
+    let start: Vec<[f32; 2]> = walked.first().copied().into_iter().collect();
+    let planned: Vec<[f32; 2]> =
+        start.iter().copied().chain(plan.iter().map(|stop| at(stop))).collect();
+    // The path walked is narrower than the plan, which stays visible where it is followed. Widths
+    // in pixels.
+    let (wide, narrow) = ((0.3 * scale).max(1.0), (0.12 * scale).max(0.5));
+    picture.lines(&planned, wide + 0.6, EDGE);
+    picture.lines(&planned, wide, PLAN);
+    if narrow > 0.7 {
+        picture.lines(&walked, narrow + 0.5, EDGE);
+    }
+    picture.lines(&walked, narrow, WALKED);
+    let radius = (0.45 * scale).max(2.5);
+    for (position, colour) in [(start.first().copied(), START), (Some(at(&task.goal)), GOAL)] {
+        if let Some(position) = position {
+            picture.disc(position, radius + 1.0, EDGE);
+            picture.disc(position, radius, colour);
+        }
+    }
+    Ok(())
 }

@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Report, miette};
+use serde::Serialize;
 
 use super::job::EvaluationAt;
 use super::runs::{self, SavedRun, join_resumed};
@@ -16,10 +17,10 @@ use gdg::files::{named, read, write_atomically};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
 use lines::{Grouping, Panels};
+pub use lines::{Points, mean};
 
 /// Width of a paper's column.
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
-/// Width of its page.
 pub const PAGE: f32 = 174.0 * MILLIMETRE;
 
 /// What tables begin with.
@@ -31,25 +32,72 @@ const MOST_OF_A_FIGURE: u64 = 64 << 20;
 /// Width of a chart among several side by side, at least.
 const PANEL_WIDTH: f32 = 160.0;
 
+const EXAMPLES: &str = "\
+Examples:
+  gdg-tui suite my.map --seeds 3 --method gdg-bridge --method her --out saves/my
+  gdg-tui plot saves/my --out fig.pdf        both methods, and fig.csv behind it
+  gdg-tui plot saves/my --y error --x steps --out error.svg --out error.png
+  gdg-tui plot saves/my --by map --width page    a chart per method
+  gdg-tui plot saves/a.safetensors saves/b.safetensors    two saved runs
+  gdg-tui plot run1.jsonl run2.jsonl         records of gdg-tui --no-ui
+
+Every curve is the mean over the seeds, on a band from the lowest to the highest; standard \
+error says what to write into the caption. Seeds that were evaluated at different places are \
+interpolated. All curves are drawn over the same range.
+
+Exit status: 0 success; 2 bad usage or input.";
+
 /// What to draw, and where to.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub struct Options {
-    /// Folders of experiments or of checkpoints, checkpoints, and files of records.
+    /// Folders of gdg-tui suite or reproduce or of checkpoints, checkpoints, and records of
+    /// gdg-tui --no-ui
+    #[arg(value_name = "FOLDER|CHECKPOINT|JSONL", required = true)]
     pub runs: Vec<PathBuf>,
-    /// What curves differ in; otherwise whatever runs differ in.
+
+    /// What curves differ in; what else differs makes charts of its own (repeatable) [default:
+    /// methods and settings; maps if these are the same]
+    #[arg(long, value_enum, value_name = "WHAT")]
     pub by: Vec<By>,
-    /// What is drawn.
+
+    /// What is drawn
+    #[arg(long, value_enum, value_name = "MEASURE", default_value_t = Measure::Success)]
     pub y: Measure,
-    /// What it is drawn over.
+
+    /// What it is drawn over
+    #[arg(long, value_enum, value_name = "AXIS", default_value_t = Axis::Updates)]
     pub x: Axis,
-    /// Whether curves go on to their own ends.
+
+    /// Draw each curve to its own end, instead of all to the end of the shortest
+    #[arg(long)]
     pub whole: bool,
-    /// Files to write; otherwise an SVG beside the first run.
+
+    /// File that ends in .svg, .png (300 pixels an inch) or .pdf (repeatable); the table of that name
+    /// ends in .csv [default: MEASURE.svg in the folder, or RUN.MEASURE.svg beside the file]
+    #[arg(long, value_name = "FILE")]
     pub out: Vec<PathBuf>,
-    /// Whether they are replaced if they exist.
+
+    /// Replace files that exist, even if they are not figures of gdg-tui
+    #[arg(long)]
     pub overwrite: bool,
-    /// Width in points.
+
+    /// Width: column (84 mm), page (174 mm), or millimetres
+    #[arg(long, value_name = "WIDTH", default_value = "column", value_parser = parse_width)]
     pub width: f32,
+}
+
+/// Parses a width; returns points.
+fn parse_width(text: &str) -> Result<f32, String> {
+    let millimetres = match text {
+        "column" => return Ok(COLUMN),
+        "page" => return Ok(PAGE),
+        _ => text.strip_suffix("mm").unwrap_or(text).trim().parse::<f32>(),
+    };
+    let fitting = millimetres.ok().filter(|width| (40.0..=1000.0).contains(width));
+    fitting.map(|width| width * MILLIMETRE).ok_or_else(|| {
+        "expected column, page, or a number of millimetres from 40 to 1000".to_owned()
+    })
 }
 
 impl Default for Options {
@@ -69,42 +117,38 @@ impl Default for Options {
 }
 
 /// What runs differ in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum By {
-    /// Their methods.
     Method,
-    /// Their maps or worlds.
     Map,
-    /// Their settings.
     Setting,
 }
 
 /// A result of evaluations.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Measure {
-    /// Success rate, with plans if the method plans.
+    /// Success rate, with plans if the method plans
     Success,
-    /// Success rate of the actor alone.
+    /// Success rate of the actor alone
     Greedy,
-    /// Relative error of D.
+    /// Relative error of D
     Error,
-    /// Share of the world explored.
+    /// Share of the world explored
     Coverage,
 }
 
 /// What the horizontal axis counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Axis {
-    /// Updates.
+    /// Updates
     Updates,
-    /// Environment steps.
+    /// Environment steps
     Steps,
-    /// Seconds of training.
+    /// Seconds of training
     Seconds,
 }
 
 impl Measure {
-    /// Returns its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Success => "success",
@@ -114,7 +158,6 @@ impl Measure {
         }
     }
 
-    /// Returns its label.
     pub fn label(self) -> &'static str {
         match self {
             Self::Success => "success rate",
@@ -124,7 +167,6 @@ impl Measure {
         }
     }
 
-    /// Returns the next one.
     #[must_use]
     pub fn next(self) -> Self {
         match self {
@@ -135,7 +177,6 @@ impl Measure {
         }
     }
 
-    /// Returns its value in an evaluation, if that has one.
     pub fn of(self, evaluation: &Evaluation) -> Option<f64> {
         let value = match self {
             Self::Success => evaluation.success_rate(),
@@ -148,7 +189,6 @@ impl Measure {
 }
 
 impl Axis {
-    /// Returns its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Updates => "updates",
@@ -157,7 +197,6 @@ impl Axis {
         }
     }
 
-    /// Returns the next one.
     #[must_use]
     pub fn next(self) -> Self {
         match self {
@@ -167,7 +206,7 @@ impl Axis {
         }
     }
 
-    /// Returns where it is at an evaluation; runs of older versions do not know it.
+    /// Returns where it is at an evaluation; older records do not know it.
     pub fn of(self, at: &EvaluationAt) -> Option<f64> {
         match self {
             Self::Updates => Some(at.updates as f64),
@@ -176,7 +215,6 @@ impl Axis {
         }
     }
 
-    /// Returns its label.
     pub fn label(self) -> &'static str {
         match self {
             Self::Updates => "updates",
@@ -188,9 +226,7 @@ impl Axis {
 
 /// A figure of curves, and the table behind it.
 pub struct Drawn {
-    /// The figure.
     pub sheet: Sheet,
-    /// The table, as CSV.
     pub table: Vec<u8>,
     /// What the figure shows, for its caption.
     pub caption: String,
@@ -198,10 +234,6 @@ pub struct Drawn {
     pub notes: Vec<String>,
 }
 
-/// Draws runs.
-///
-/// # Errors
-/// Nothing is known of what is asked for, or the table cannot be written.
 pub fn draw(runs: &[SavedRun], options: &Options) -> Result<Drawn, Report> {
     let runs = &join_resumed(runs)[..];
     let grouping = Grouping::new(runs, &options.by);
@@ -242,10 +274,6 @@ fn of_plans(runs: &[SavedRun], y: Measure) -> String {
 }
 
 /// Reads runs, draws them and writes the files; returns a line for each.
-///
-/// # Errors
-/// A run cannot be read, nothing is known of what is asked for, or a file exists or cannot be
-/// written.
 pub fn run(options: &Options) -> Result<String, Report> {
     let first = options.runs.first().map_or(Path::new(""), PathBuf::as_path);
     let out = match &options.out[..] {
@@ -280,13 +308,11 @@ pub fn run(options: &Options) -> Result<String, Report> {
     Ok(lines + &write(&table, &drawn.table)?)
 }
 
-/// Returns whether a figure or table was drawn by this program.
 fn is_own(path: &Path) -> bool {
     let Ok(bytes) = read(path, MOST_OF_A_FIGURE) else { return false };
     Format::of(path).map_or(bytes.starts_with(TABLE.as_bytes()), |format| format.wrote(&bytes))
 }
 
-/// Returns where the figure of runs at `path` is written.
 fn beside(path: &Path, name: &str) -> PathBuf {
     if path.is_dir() {
         return path.join(name).with_extension("svg");
@@ -304,10 +330,10 @@ fn write(path: &Path, bytes: &[u8]) -> Result<String, Report> {
     Ok(format!("{}\n", path.display()))
 }
 
-/// Returns bytes of CSV.
-fn csv_of(rows: &[Vec<String>]) -> Result<Vec<u8>, Report> {
+pub fn csv_of(head: &[&str], rows: Vec<impl Serialize>) -> Result<Vec<u8>, Report> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    rows.iter().try_for_each(|row| writer.write_record(row)).into_diagnostic()?;
+    writer.write_record(head).into_diagnostic()?;
+    rows.into_iter().try_for_each(|row| writer.serialize(row)).into_diagnostic()?;
     writer.into_inner().into_diagnostic()
 }
 

@@ -1,20 +1,210 @@
-//! The report of a suite, in Markdown: the table, the learning curves, and a picture of every job.
+//! The results of a suite as a table, and its report in Markdown: the table, the learning curves,
+//! and a picture of every job.
 
 use std::collections::BTreeSet;
 
 use super::folder::{Folder, picture_name};
-use super::job::JobResult;
-use super::table::{self, Row};
+use super::job::{Job, JobResult, told_apart};
 use gdg::env::Restart;
-use gdg::text::{counted, markdown};
+use gdg::text::{aligned, counted, markdown};
 
 /// File of the learning curves, beside their table.
 pub const CURVES: &str = "success.svg";
 
+/// A column of numbers.
+struct Column {
+    title: &'static str,
+    /// Whether it is shown on a terminal, too.
+    matters: bool,
+    /// Digits after the point.
+    digits: usize,
+    /// Decides what the worst value is.
+    smaller_is_better: bool,
+    of: fn(&JobResult) -> Option<f64>,
+}
+
+type Of = fn(&JobResult) -> Option<f64>;
+
+const fn high(title: &'static str, digits: usize, matters: bool, of: Of) -> Column {
+    Column { title, matters, digits, smaller_is_better: false, of }
+}
+
+const fn low(title: &'static str, digits: usize, matters: bool, of: Of) -> Column {
+    Column { title, matters, digits, smaller_is_better: true, of }
+}
+
+const COLUMNS: [Column; 10] = [
+    high("planned", 3, true, |r| r.last()?.planned.as_ref()?.success),
+    high("SPL", 2, false, |r| r.last()?.planned.as_ref()?.spl),
+    high("greedy", 3, true, |r| r.last()?.greedy.success),
+    high("straight", 3, false, |r| r.last()?.straight.as_ref()?.success),
+    low("error of D", 2, true, |r| Some(r.last()?.distance_error?.mape)),
+    low("error near", 2, false, |r| Some(r.last()?.distance_error?.near_mape)),
+    low("error of graph", 2, false, |r| Some(r.last()?.distance_error?.graph?.mape)),
+    low("false edges", 0, false, |r| Some(r.last()?.bridges.as_ref()?.false_edges? as f64)),
+    high("coverage", 3, true, |r| r.last()?.coverage),
+    high("updates/s", 0, true, |r| (r.seconds > 0.0).then(|| r.updates as f64 / r.seconds)),
+];
+
+/// One line: a map, a method with its settings, and the results of its seeds.
+pub struct Row {
+    /// The map's name, with what tells it apart from others of that name.
+    map: String,
+    /// What all seeds share.
+    about: JobResult,
+    /// Names of the jobs, one per seed; none if only results are known.
+    jobs: Vec<String>,
+    pub results: Vec<JobResult>,
+}
+
+/// Returns the rows of `jobs`, with the results there are, and those of other runs in the folder,
+/// so that no method's results replace those of another; and what cannot be used there.
+pub fn rows(jobs: &[Job], folder: &Folder) -> (Vec<Row>, Vec<String>) {
+    let row = |about| Row { map: String::new(), about, jobs: Vec::new(), results: Vec::new() };
+    let mut rows: Vec<Row> = Vec::new();
+    for job in jobs {
+        let about = job.open_result();
+        let at = rows.iter().position(|row| row.is_of(&about)).unwrap_or_else(|| {
+            rows.push(row(about));
+            rows.len() - 1
+        });
+        rows[at].jobs.push(job.name.clone());
+        rows[at].results.extend(folder.result_of(job));
+    }
+    let (results, problems) = folder.results();
+    for result in results {
+        let at = rows.iter().position(|row| row.is_of(&result)).unwrap_or_else(|| {
+            let last = rows.iter().rposition(|row| row.about.world == result.world);
+            let at = last.map_or(rows.len(), |i| i + 1);
+            rows.insert(at, row(result.clone()));
+            at
+        });
+        // Jobs that are known replace those of other versions.
+        if rows[at].jobs.is_empty() {
+            rows[at].results.push(result);
+        }
+    }
+    let maps = rows.iter().map(|row| (&*row.about.world, row.about.fingerprint()));
+    let names = told_apart(&maps.collect::<Vec<_>>());
+    rows.iter_mut().zip(names).for_each(|(row, name)| row.map = name);
+    (rows, problems)
+}
+
+impl Row {
+    /// Whether a result is of the same map, method, settings and length.
+    fn is_of(&self, result: &JobResult) -> bool {
+        let facts = |of: &JobResult| {
+            let (method, preset) = (of.method.clone(), of.preset);
+            (of.world.clone(), method, of.variant.clone(), preset, of.settings.clone(), of.updates)
+        };
+        let fingerprints = self.about.fingerprint().zip(result.fingerprint());
+        fingerprints.is_none_or(|(own, other)| own == other) && facts(&self.about) == facts(result)
+    }
+
+    /// Returns method, variant and those settings that not all of `rows` have. The variants of an
+    /// ablation, unlike others, have names that say what they change.
+    fn label(&self, rows: &[Self]) -> String {
+        let variant = self.about.variant.as_ref().map_or(String::new(), |name| format!(", {name}"));
+        let is_common = |set: &&String| rows.iter().all(|row| row.about.settings.contains(set));
+        let own = self.about.settings.iter().filter(|set| !is_common(set));
+        let own = own.map(String::as_str).collect::<Vec<_>>().join(" ");
+        let says_all = own.is_empty() || variant.trim_start_matches(", ").contains(' ');
+        let own = if says_all { own.clone() } else { format!(" ({own})") };
+        format!("{}{variant}{}", self.about.method, if says_all { "" } else { &own })
+    }
+}
+
+/// Returns the table: a line per map and method and, for several maps, lines with the mean and the
+/// worst of each column. In Markdown with all columns, or aligned with those that matter.
+pub fn table(rows: &[Row], as_markdown: bool) -> String {
+    let columns = || COLUMNS.iter().filter(|column| as_markdown || column.matters);
+    let plain = |text: &str| if as_markdown { markdown(text) } else { text.to_owned() };
+    let texts = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
+    let head = texts(if as_markdown {
+        &["map", "method", "free cells", "updates"]
+    } else {
+        &["map", "method", "updates"]
+    });
+    let head = head.into_iter().chain(columns().map(|column| column.title.to_owned()));
+    let mut lines: Vec<Vec<String>> = vec![head.collect()];
+    let labels: Vec<String> = rows.iter().map(|row| plain(&row.label(rows))).collect();
+    for (row, label) in rows.iter().zip(&labels) {
+        let missing = match (row.results.len(), row.jobs.len()) {
+            (found, all) if found < all && all > 1 => format!(" ({found} of {all} seeds)"),
+            _ => String::new(),
+        };
+        let map = plain(&row.map) + &missing;
+        let free = row.about.map.as_ref().map_or("-".to_owned(), |map| map.free_cells.to_string());
+        let mut line = vec![map, label.clone(), free, row.about.updates.to_string()];
+        if !as_markdown {
+            line.remove(2);
+        }
+        line.extend(columns().map(|column| column.cell(&row.results)));
+        lines.push(line);
+    }
+    let mut known = BTreeSet::new();
+    for label in labels.iter().filter(|label| known.insert(*label)) {
+        let own = rows.iter().zip(&labels).filter(|(_, of)| *of == label);
+        let own: Vec<&Row> = own.map(|(row, _)| row).collect();
+        for (name, of) in
+            [("mean", (|_, v| mean(v)) as fn(&Column, &[f64]) -> f64), ("worst", Column::worst)]
+        {
+            if own.len() > 1 {
+                let name = if as_markdown { format!("**{name}**") } else { name.to_owned() };
+                let total = columns().map(|column| {
+                    let values = own.iter().flat_map(|row| column.values(&row.results));
+                    match &values.collect::<Vec<f64>>()[..] {
+                        [] => "-".to_owned(),
+                        values => column.format(of(column, values)),
+                    }
+                });
+                let mut line = vec![name, label.clone()];
+                line.resize(lines[0].len() - columns().count(), String::new());
+                lines.push(line.into_iter().chain(total).collect());
+            }
+        }
+    }
+    if !as_markdown {
+        return aligned(&lines);
+    }
+    let rule = format!("|---|---|{}\n", "---:|".repeat(lines[0].len() - 2));
+    let line = |line: &Vec<String>| format!("| {} |\n", line.join(" | ")).replace("|  |", "| |");
+    line(&lines[0]) + &rule + &lines[1..].iter().map(line).collect::<String>()
+}
+
+impl Column {
+    fn values(&self, results: &[JobResult]) -> Vec<f64> {
+        results.iter().filter_map(self.of).collect()
+    }
+
+    fn worst(&self, values: &[f64]) -> f64 {
+        let worse = if self.smaller_is_better { f64::max } else { f64::min };
+        values.iter().copied().reduce(worse).unwrap_or(f64::NAN)
+    }
+
+    fn format(&self, value: f64) -> String {
+        format!("{value:.*}", self.digits)
+    }
+
+    fn cell(&self, results: &[JobResult]) -> String {
+        match &self.values(results)[..] {
+            [] => "-".to_owned(),
+            [value] => self.format(*value),
+            values => {
+                format!("{} ({})", self.format(mean(values)), self.format(self.worst(values)))
+            }
+        }
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
 /// Returns the report on `rows`, whose pictures are in `folder`; `caption` is that of the learning
 /// curves, if there are any.
 pub fn report(rows: &[Row], folder: &Folder, caption: Option<&str>) -> String {
-    let mut out = format!("# Suite\n\n{}\n\n{}", about(rows), table::table(rows));
+    let mut out = format!("# Suite\n\n{}\n\n{}", about(rows), table(rows, true));
     out += "\nIn the pictures, colours show the learned distance D to the goal (orange), light \
             near and dark far, with contour lines; from the start (blue), the plan is red and the \
             path walked white.\n\nPlanned and greedy are success rates with plans and of the actor \
@@ -31,11 +221,16 @@ pub fn report(rows: &[Row], folder: &Folder, caption: Option<&str>) -> String {
             out += &format!("\n## {}\n", markdown(&row.map));
         }
         last = Some(&row.map);
-        out += &format!("\n### {}\n\n{}.\n", markdown(&row.label(rows)), size(row));
-        let missing = |name: &&String| row.results.iter().all(|result| result.name != **name);
+        let size = row.about.fingerprint().and_then(|facts| facts.split(", ").next());
+        let size = size.map_or(String::new(), |size| format!("{size}, "));
+        let cells = row.about.map.as_ref().map(|map| format!("{} free cells, ", map.free_cells));
+        let (cells, updates) = (cells.unwrap_or_default(), row.about.updates);
+        let label = markdown(&row.label(rows));
+        out += &format!("\n### {label}\n\n{size}{cells}{updates} updates.\n");
         for result in &row.results {
             out += &format!("\n{}\n", section(result, folder));
         }
+        let missing = |name: &&String| row.results.iter().all(|result| result.name != **name);
         for name in row.jobs.iter().filter(missing) {
             out += &format!("\n{}: no result yet.\n", markdown(name));
         }
@@ -43,67 +238,48 @@ pub fn report(rows: &[Row], folder: &Folder, caption: Option<&str>) -> String {
     out
 }
 
-/// Describes what was run and where agents start.
 fn about(rows: &[Row]) -> String {
     let names = |name: &dyn Fn(&Row) -> String| {
         let names: BTreeSet<String> = rows.iter().map(name).collect();
         names.into_iter().collect::<Vec<_>>().join(", ")
     };
-    let common = |set: &&String| rows.iter().all(|row| row.settings.contains(set));
-    let set: Vec<&str> = rows
-        .first()
-        .map_or(&[][..], |row| &row.settings)
-        .iter()
-        .filter(common)
-        .map(String::as_str)
-        .collect();
-    let changed = if set.is_empty() { String::new() } else { format!(" with {}", set.join(" ")) };
+    let common = |set: &&String| rows.iter().all(|row| row.about.settings.contains(set));
+    let set = rows.first().map_or(&[][..], |row| &row.about.settings).iter().filter(common);
+    let set = set.map(String::as_str).collect::<Vec<_>>().join(" ");
+    let changed = if set.is_empty() { String::new() } else { format!(" with {set}") };
     let seeds = rows.iter().map(|row| row.jobs.len().max(row.results.len())).max().unwrap_or(0);
-    let mut starts = "Agents start at the map's `S`; on a map without one, at one cell of its \
-                      largest component that the seed draws, and nowhere else"
-        .to_owned();
-    if rows.iter().any(starts_anywhere) {
-        starts += "; with restart=anywhere, anywhere";
-    }
+    let starts_anywhere = |row: &Row| {
+        let given = row.about.settings.iter().find_map(|set| set.strip_prefix("restart="));
+        let preset = || row.about.preset.settings().train.restart == Restart::Anywhere;
+        given.map_or_else(preset, |restart| restart == "anywhere")
+    };
+    let anywhere =
+        if rows.iter().any(starts_anywhere) { "; with restart=anywhere, anywhere" } else { "" };
     format!(
-        "gdg-tui {}; methods: {}; presets: {}{changed}; {} each, on tasks at six distances. \
-         {starts}. In brackets: the worst seed.",
+        "gdg-tui {}; methods: {}; presets: {}{changed}; {} each, on tasks at six distances. Agents \
+         start at the map's `S`; on a map without one, at one cell of its largest component that \
+         the seed draws, and nowhere else{anywhere}. In brackets: the worst seed.",
         env!("CARGO_PKG_VERSION"),
-        names(&|row| row.method.name()),
-        names(&|row| row.preset.name().to_owned()),
+        names(&|row| row.about.method.name()),
+        names(&|row| row.about.preset.name().to_owned()),
         counted(seeds as u64, "seed"),
     )
 }
 
-fn starts_anywhere(row: &Row) -> bool {
-    match row.settings.iter().find_map(|set| set.strip_prefix("restart=")) {
-        Some(restart) => restart == "anywhere",
-        None => row.preset.settings().train.restart == Restart::Anywhere,
-    }
-}
-
-fn size(row: &Row) -> String {
-    let size = row.size.map_or(String::new(), |(width, height)| format!("{width} x {height}, "));
-    format!("{size}{} free cells, {} updates", row.free_cells, row.updates)
-}
-
-/// Returns a job's picture and numbers.
 fn section(result: &JobResult, folder: &Folder) -> String {
-    let (picture, numbers) = (picture_name(&result.name), table::numbers(result));
+    let number =
+        |column: &Column| Some(format!("{} {}", column.title, column.format((column.of)(result)?)));
+    let numbers = COLUMNS.iter().filter_map(number).collect::<Vec<_>>().join(", ");
+    let (seed, seconds) = (result.seed, result.seconds);
+    let Some(map) = &result.map else { return format!("Seed {seed}: {numbers}; {seconds:.0} s.") };
+    let (name, picture) = (markdown(&result.name), picture_name(&result.name));
     let shown = if folder.path(&picture).is_file() {
-        format!("![{}]({picture})\n\n", markdown(&result.name))
+        format!("![{name}]({picture})")
     } else {
         let again = "delete the file of its result and run this again to draw it";
-        format!("({} is missing: {again}.)\n\n", markdown(&picture))
+        format!("({} is missing: {again}.)", markdown(&picture))
     };
-    let starts = result.map.iter().flat_map(|map| &map.starts);
-    let starts: Vec<String> = starts.map(|[x, y]| format!("({x}, {y})")).collect();
-    let drawn =
-        if result.map.as_ref().is_some_and(|map| map.start_drawn) { " (drawn)" } else { "" };
-    format!(
-        "{shown}Seed {}, start {}{drawn}: {numbers}; {:.0} s.",
-        result.seed,
-        starts.join(" "),
-        result.seconds
-    )
+    let starts: Vec<String> = map.starts.iter().map(|[x, y]| format!("({x}, {y})")).collect();
+    let (starts, drawn) = (starts.join(" "), if map.start_drawn { " (drawn)" } else { "" });
+    format!("{shown}\n\nSeed {seed}, start {starts}{drawn}: {numbers}; {seconds:.0} s.")
 }

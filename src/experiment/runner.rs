@@ -10,24 +10,22 @@ use parking_lot::Mutex;
 
 use super::folder::Folder;
 use super::job::Job;
-use super::measure::measure;
-use super::picture;
-use super::plan::{JobData, Length};
+use super::measure::{self, measure};
+use super::plan::Length;
 use super::progress::Progress;
 use crate::headless::{Saver, evaluate, save_interval};
 use crate::host::outputs::{elsewhere, save_elsewhere};
 use crate::host::report::print_error;
 use crate::host::setup::{begin, learn_from};
 use crate::host::signals::TerminationSignal;
-use gdg::files::{LockFile, check_writable};
+use gdg::files::check_writable;
 use gdg::printing::eprint_line;
 use gdg::text::{counted, sanitized};
 use gdg::train::{self, Due, EndReason, Registry, SaveTo, Schedule, Session, Trainer, describe};
 
 /// How a job ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
-    /// It has a result.
+enum End {
     Done,
     /// A signal arrived: its checkpoint is saved.
     Interrupted,
@@ -37,132 +35,163 @@ pub enum End {
     Failed,
 }
 
-/// Runs jobs, each on one thread.
-pub struct Runner {
-    /// Where results and checkpoints are kept.
-    folder: Folder,
-    /// Worlds and learners.
-    registry: Arc<Registry>,
-    /// Ends all jobs when a signal arrives.
-    termination: TerminationSignal,
-    /// Whether the checkpoints of finished jobs are kept.
-    keep: bool,
-}
-
-/// Outcome of the jobs that had no result.
-pub struct Outcome<'a> {
-    /// These jobs.
-    pub open: Vec<&'a Job>,
-    /// How each ended, in the same order.
-    pub ends: Vec<End>,
+/// How jobs ended.
+pub struct Outcome {
+    pub any_failed: bool,
+    /// Whether other processes run some of them.
+    pub any_elsewhere: bool,
     /// Exit status if a signal ended them.
     pub interrupted: Option<u8>,
 }
 
-impl Runner {
-    /// Runs those of `jobs` that have no result, `parallel` at a time, until a signal arrives.
-    ///
-    /// # Errors
-    /// A result could not be written, or signals cannot be listened for.
-    pub fn run_open<'a>(
-        folder: &Folder,
-        registry: &Arc<Registry>,
-        jobs: impl Iterator<Item = &'a Job>,
-        parallel: usize,
-        keep: bool,
-    ) -> Result<Outcome<'a>, Report> {
-        let (done, open): (Vec<&Job>, Vec<&Job>) =
-            jobs.partition(|job| folder.result_of(job).is_some());
-        for job in &open {
-            folder.check_result_writable(job)?;
-            if let Some(problem) = folder.problem(job) {
-                eprint_line(&format!("{problem}; it runs again"));
-            }
-        }
-        if let Some(longest) =
-            open.iter().map(|job| folder.checkpoint(job)).max_by_key(|path| path.as_os_str().len())
-        {
-            check_writable(&longest).map_err(|error| {
-                miette!(
-                    help = "give --out another folder",
-                    "{}: cannot be saved: {error}",
-                    longest.display()
-                )
-            })?;
-        }
-        eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
-        let termination = TerminationSignal::listen()?;
-        let (folder, registry) = (folder.clone(), registry.clone());
-        let runner = Self { folder, registry, termination: termination.clone(), keep };
-        let ends = runner.run(&open, parallel);
-        Ok(Outcome { open, ends, interrupted: termination.status() })
-    }
+/// Runs jobs, each on one thread.
+struct Runner<'a> {
+    folder: &'a Folder,
+    registry: &'a Arc<Registry>,
+    /// Ends all jobs when a signal arrives.
+    termination: TerminationSignal,
+    /// Whether the checkpoints of finished jobs are kept.
+    keep: bool,
+    jobs: Vec<&'a Job>,
+    progress: Progress,
+}
 
-    /// Runs `jobs` without a result, `parallel` at a time, the longest first; returns how each
-    /// ended, in the same order. A job that fails does not end the others.
-    fn run(&self, jobs: &[&Job], parallel: usize) -> Vec<End> {
-        let mut order: Vec<usize> = (0..jobs.len()).collect();
-        let length = |i: &usize| {
-            (matches!(jobs[*i].plan.length, Length::Episodes(_)), jobs[*i].plan.length.amount())
-        };
-        order.sort_by_key(|i| std::cmp::Reverse(length(i)));
-        let progress = Progress::new(jobs, parallel);
+/// Runs those of `jobs` that have no result, `parallel` at a time, until a signal arrives, and says
+/// which failed or run elsewhere.
+pub fn run_open(
+    folder: &Folder,
+    registry: &Arc<Registry>,
+    jobs: &[&Job],
+    parallel: usize,
+    keep: bool,
+) -> Result<Outcome, Report> {
+    let (done, open): (Vec<&Job>, Vec<&Job>) =
+        jobs.iter().partition(|job| folder.result_of(job).is_some());
+    for job in &open {
+        folder.check_result_writable(job)?;
+        if let Some(problem) = folder.problem(job)? {
+            eprint_line(&format!("{problem}; it runs again"));
+        }
+    }
+    let checkpoints = open.iter().map(|job| folder.checkpoint(job));
+    if let Some(longest) = checkpoints.max_by_key(|path| path.as_os_str().len()) {
+        check_writable(&longest).map_err(|error| {
+            let (help, path) = ("give --out another folder", longest.display());
+            miette!(help = help, "{path}: cannot be saved: {error}")
+        })?;
+    }
+    eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
+    let (termination, progress) = (TerminationSignal::listen()?, Progress::new(open.len()));
+    let runner = Runner { folder, registry, termination, keep, jobs: open, progress };
+    let ends = runner.run(parallel);
+    let named = |wanted: End| {
+        let found = runner.jobs.iter().zip(&ends).filter(move |(_, end)| **end == wanted);
+        found.map(|(job, _)| &*job.name).collect::<Vec<_>>()
+    };
+    let (failed, others) = (named(End::Failed), named(End::Elsewhere));
+    drop(runner.progress);
+    if !failed.is_empty() {
+        let names = failed.join(", ");
+        eprint_line(&format!("{} failed: {names}", counted(failed.len() as u64, "job")));
+    }
+    if !others.is_empty() {
+        let names = others.join(", ");
+        eprint_line(&format!(
+            "other processes run {names}: once they are done, run this again for the whole report"
+        ));
+    }
+    Ok(Outcome {
+        any_failed: !failed.is_empty(),
+        any_elsewhere: !others.is_empty(),
+        interrupted: runner.termination.status(),
+    })
+}
+
+impl Runner<'_> {
+    /// Runs the jobs, the longest first; returns how each ended. A job that fails does not end the
+    /// others.
+    fn run(&self, parallel: usize) -> Vec<End> {
+        let all = self.jobs.len();
+        let mut order: Vec<usize> = (0..all).collect();
+        order.sort_by_key(|i| {
+            let length = self.jobs[*i].plan.length;
+            std::cmp::Reverse((matches!(length, Length::Episodes(_)), length.amount()))
+        });
         let (next, ended) = (AtomicUsize::new(0), AtomicUsize::new(0));
-        let ends: Vec<Mutex<End>> = jobs.iter().map(|_| Mutex::new(End::Interrupted)).collect();
+        let ends = Mutex::new(vec![End::Interrupted; all]);
         let work = || {
             while let Some(i) = order.get(next.fetch_add(1, Ordering::Relaxed))
                 && self.termination.number().is_none()
             {
-                let end = self.run_guarded(jobs[*i], &At { progress: &progress, job: *i });
-                progress.end(*i, end == End::Done);
+                let end = self.run_guarded(*i);
+                self.progress.advance(*i, 1.0);
                 let count = ended.fetch_add(1, Ordering::Relaxed) + 1;
-                let name = &jobs[*i].name;
-                match &end {
-                    End::Done => progress.line(&format!("{name}: done, {count} of {}", jobs.len())),
-                    End::Elsewhere => progress.line(&format!("{name}: another process runs it")),
-                    End::Interrupted => progress.line(&format!("{name}: interrupted, saved")),
+                match end {
+                    End::Done => self.say(*i, &format!("done, {count} of {all}")),
+                    End::Elsewhere => self.say(*i, "another process runs it"),
+                    End::Interrupted => self.say(*i, "interrupted, saved"),
                     End::Failed => {}
                 }
-                *ends[*i].lock() = end;
+                ends.lock()[*i] = end;
             }
         };
         std::thread::scope(|scope| {
             let thread =
                 |i| std::thread::Builder::new().name(format!("jobs {i}")).spawn_scoped(scope, work);
-            if (1..=parallel.min(jobs.len())).filter(|i| thread(*i).is_ok()).count() == 0 {
+            if (1..=parallel.min(all)).filter(|i| thread(*i).is_ok()).count() == 0 {
                 work();
             }
         });
-        ends.into_iter().map(Mutex::into_inner).collect()
+        ends.into_inner()
+    }
+
+    fn share_of(&self, i: usize, trainer: &Trainer) -> f64 {
+        let length = self.jobs[i].plan.length;
+        length.done(&trainer.counters()) as f64 / length.amount().max(1) as f64
+    }
+
+    fn say(&self, i: usize, text: &str) {
+        self.progress.line(&format!("{}: {text}", self.jobs[i].name));
     }
 
     /// Runs a job; an error or a panic becomes [`End::Failed`].
-    fn run_guarded(&self, job: &Job, at: &At) -> End {
+    fn run_guarded(&self, i: usize) -> End {
+        let job = self.jobs[i];
         let run = || match self.folder.lock(job)? {
-            Some(lock) => self.run_locked(job, at, &lock),
+            // Another process may have finished it in the meantime.
+            Some(_) if self.folder.result_of(job).is_some() => Ok(End::Done),
+            Some(_lock) => self.run_locked(i),
             None => Ok(End::Elsewhere),
         };
-        match catch_unwind(AssertUnwindSafe(run)) {
-            Ok(Ok(end)) => end,
-            Ok(Err(error)) => failed(job, error),
-            Err(_) => {
-                failed(job, miette!(help = crate::host::logging::hint(), "an internal error"))
-            }
-        }
+        let panicked = |_| {
+            let help = crate::host::logging::hint();
+            Err(miette!(help = help, "an internal error"))
+        };
+        catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(panicked).unwrap_or_else(|error| {
+            log::error!("{}: {error}", job.name);
+            print_error(error.wrap_err(format!("job {} failed", job.name)));
+            End::Failed
+        })
     }
 
-    /// Runs a job, unless another process has finished it in the meantime.
-    fn run_locked(&self, job: &Job, at: &At, _: &LockFile) -> Result<End, Report> {
-        if self.folder.result_of(job).is_some() {
-            return Ok(End::Done);
-        }
-        let mut trainer = self.resume_or_begin(job, at)?;
+    /// Runs a job to its end. If its result or checkpoint cannot be written, it is saved elsewhere:
+    /// the next run resumes from there.
+    fn run_locked(&self, i: usize) -> Result<End, Report> {
+        let job = self.jobs[i];
+        let mut trainer = self.resume_or_begin(i)?;
         trainer.set_job(self.termination.job().clone());
+        self.progress.begin(i, self.share_of(i, &trainer));
         let mut saver = Saver::new(SaveTo::Replace(self.folder.checkpoint(job)));
-        at.progress.begin(at.job, job.plan.length.done(&trainer.counters()));
-        let ended = self.train_and_finish(job, &mut trainer, &mut saver, at);
-        if ended.is_err() && self.folder.result_of(job).is_none() {
-            rescue(job, &mut trainer, &mut saver, at);
+        let ended = self.train_and_finish(i, &mut trainer, &mut saver);
+        if ended.is_err()
+            && self.folder.result_of(job).is_none()
+            && saver.save(&mut trainer).is_err()
+        {
+            let kept = save_elsewhere(&trainer, saver.path());
+            let line = kept.map_or("what it has learned cannot be saved".to_owned(), |path| {
+                format!("saved to {} instead, where the next run finds it", path.display())
+            });
+            self.say(i, &line);
         }
         ended
     }
@@ -170,28 +199,29 @@ impl Runner {
     /// Trains to the end and keeps the result, or the checkpoint if a signal arrives.
     fn train_and_finish(
         &self,
-        job: &Job,
+        i: usize,
         trainer: &mut Trainer,
         saver: &mut Saver,
-        at: &At,
     ) -> Result<End, Report> {
-        if !self.train(job, trainer, saver, at)? {
+        let job = self.jobs[i];
+        let is_whole = self.train(i, trainer, saver)?;
+        if !is_whole || self.keep {
             saver.save(trainer)?;
+        }
+        if !is_whole {
             return Ok(End::Interrupted);
         }
-        if self.keep {
-            saver.save(trainer)?;
-        }
         let map = job.world.map().filter(|_| job.plan.picture);
-        let picture = map.map(|map| picture::draw(trainer, map)).transpose()?;
+        let picture = map.map(|map| measure::picture(trainer, map)).transpose()?;
         let measured = measure(&job.plan, trainer, job.world.map())?;
         self.folder.finish(job, &job.result(trainer, measured), picture.as_deref(), self.keep)?;
         Ok(End::Done)
     }
 
     /// Resumes the job from its checkpoint; begins it if there is none that can be loaded.
-    fn resume_or_begin(&self, job: &Job, at: &At) -> Result<Trainer, Report> {
-        let (name, own, length) = (&job.name, self.folder.checkpoint(job), job.plan.length);
+    fn resume_or_begin(&self, i: usize) -> Result<Trainer, Report> {
+        let job = self.jobs[i];
+        let (own, length) = (self.folder.checkpoint(job), job.plan.length);
         let (amount, unit) = (length.amount(), length.unit());
         // Includes where it was saved if its own file could not be written; `max_by_key` prefers
         // its own, the last, among equals.
@@ -199,129 +229,79 @@ impl Runner {
         if let Some(checkpoint) =
             found.max_by_key(|path| describe(path).map_or(0, |found| found.updates))
         {
-            match train::load(&checkpoint, &self.registry, 1) {
+            match train::load(&checkpoint, self.registry, 1) {
                 Ok(trainer) if job.is_run_of(&trainer) => {
                     trainer.check_data().into_diagnostic()?;
                     let done = length.done(&trainer.counters());
-                    at.progress.line(&format!("{name}: resumes after {done} of {amount} {unit}"));
+                    self.say(i, &format!("resumes after {done} of {amount} {unit}"));
                     return Ok(trainer);
                 }
-                Ok(_) => at
-                    .progress
-                    .line(&format!("{name}: its checkpoint is of another run: begins again")),
-                Err(error) => at.progress.line(&format!("{name}: {error}: begins again")),
+                Ok(_) => self.say(i, "its checkpoint is of another run: begins again"),
+                Err(error) => self.say(i, &format!("{error}: begins again")),
             }
         }
-        at.progress.line(&format!("{name}: begins, {amount} {unit}"));
-        let world = job.world.create(&self.registry)?;
-        let mut trainer = begin(job.run.clone(), &*world, &self.registry, 1)?;
-        let data = job.plan.data.as_ref();
-        let untold = gdg::job::Job::default();
-        let learn = |data: &JobData| {
+        self.say(i, &format!("begins, {amount} {unit}"));
+        let world = job.world.create(self.registry)?;
+        let mut trainer = begin(job.run.clone(), &*world, self.registry, 1)?;
+        if let Some(data) = &job.plan.data {
+            let untold = gdg::job::Job::default();
             let warning = learn_from(&mut trainer, &data.file, &untold)?;
-            let read = trainer.data().map(|read| read.checksum);
-            if read == Some(data.checksum) {
-                return Ok(warning);
+            if trainer.data().map(|read| read.checksum) != Some(data.checksum) {
+                let file = sanitized(&data.file.to_string_lossy());
+                let help = "run it again";
+                return Err(miette!(help = help, "{file}: has changed since the experiment began"));
             }
-            let file = sanitized(&data.file.to_string_lossy());
-            Err(miette!(help = "run it again", "{file}: has changed since the experiment began"))
-        };
-        if let Some(warning) = data.map_or(Ok(None), learn)? {
-            at.progress.line(&warning);
+            warning.iter().for_each(|warning| self.progress.line(warning));
         }
         Ok(trainer)
     }
 
     /// Trains and evaluates to the end; returns whether it got there before a signal arrived.
-    fn train(
-        &self,
-        job: &Job,
-        trainer: &mut Trainer,
-        saver: &mut Saver,
-        at: &At,
-    ) -> Result<bool, Report> {
-        let (length, evaluate) = (job.plan.length, job.plan.evaluate_at());
+    fn train(&self, i: usize, trainer: &mut Trainer, saver: &mut Saver) -> Result<bool, Report> {
+        let plan = &self.jobs[i].plan;
+        let (evaluate, limits) = (plan.evaluate_at(), plan.length.limits());
         let schedule =
             Schedule { evaluate, save_every: save_interval(None), ..Schedule::default() };
-        let (mut session, limits) = (Session::resume(schedule, trainer), length.limits());
+        let mut session = Session::resume(schedule, trainer);
         loop {
             while let Some(due) = session.next_due() {
                 match due {
-                    Due::Evaluation => {
-                        if !self.evaluate(job, trainer, at)? {
-                            return Ok(false);
-                        }
-                    }
+                    Due::Evaluation if !self.evaluate(i, trainer)? => return Ok(false),
                     Due::Save => {
                         if let Err(error) = saver.save(trainer) {
-                            print_error(
-                                error.wrap_err("training continues; saving will be tried again"),
-                            );
+                            let then = "training continues; saving will be tried again";
+                            print_error(error.wrap_err(then));
                         }
                     }
-                    Due::Recovery(recovery) => {
-                        at.progress.line(&format!("{}: {recovery}", job.name));
-                    }
-                    Due::Progress | Due::Edit(_) => {}
+                    Due::Recovery(recovery) => self.say(i, &recovery.to_string()),
+                    Due::Evaluation | Due::Progress | Due::Edit(_) => {}
                 }
             }
             if let ControlFlow::Break(reason) = session.tick(trainer, &limits).into_diagnostic()? {
                 return Ok(reason != EndReason::Interrupted);
             }
-            let is_steady = trainer.pace().per_second(|counters| counters.updates).is_some();
-            at.progress.advance(at.job, length.done(&trainer.counters()), is_steady);
+            self.progress.advance(i, self.share_of(i, trainer));
         }
     }
 
     /// Evaluates the present state; returns whether no signal arrived.
-    fn evaluate(&self, job: &Job, trainer: &mut Trainer, at: &At) -> Result<bool, Report> {
-        let (plan, length) = (&job.plan, job.plan.length);
-        let done = length.done(&trainer.counters());
-        let tasks = plan.tasks_after(done);
-        let evaluated = evaluate(trainer, tasks, plan.max_steps, &self.termination)?;
+    fn evaluate(&self, i: usize, trainer: &mut Trainer) -> Result<bool, Report> {
+        let plan = &self.jobs[i].plan;
+        let (amount, unit) = (plan.length.amount(), plan.length.unit());
+        let done = plan.length.done(&trainer.counters());
+        let evaluated =
+            evaluate(trainer, plan.tasks_after(done), plan.max_steps, &self.termination)?;
         let Some(evaluation) = evaluated.transpose().into_diagnostic()? else {
             return Ok(false);
         };
         let updates = trainer.counters().updates;
-        let (name, success, amount, unit) =
-            (&job.name, evaluation.success(updates), length.amount(), length.unit());
         let rate = updates as f64 / trainer.seconds().max(1e-3);
-        at.progress.line(&format!(
-            "{name}: {done} of {amount} {unit}, {success}, {rate:.0} updates/s{}",
-            at.progress.overall()
-        ));
+        let (success, overall) = (evaluation.success(updates), self.progress.overall());
+        self.say(i, &format!("{done} of {amount} {unit}, {success}, {rate:.0} updates/s{overall}"));
         if !evaluation.is_finite() && done >= amount {
-            return Err(miette!(
-                help = "try another seed, or a smaller learning_rate",
-                "the distances are not finite"
-            ));
+            let help = "try another seed, or a smaller learning_rate";
+            return Err(miette!(help = help, "the distances are not finite"));
         }
         Ok(true)
     }
-}
-
-/// Where a job reports its progress.
-struct At<'a> {
-    progress: &'a Progress,
-    /// The job's index.
-    job: usize,
-}
-
-/// Saves a job elsewhere if its result or checkpoint could not be written: the next run resumes
-/// from there.
-fn rescue(job: &Job, trainer: &mut Trainer, saver: &mut Saver, at: &At) {
-    if saver.save(trainer).is_err() {
-        let kept = save_elsewhere(trainer, saver.path());
-        let line = kept.map_or("what it has learned cannot be saved".to_owned(), |path| {
-            format!("saved to {} instead, where the next run finds it", path.display())
-        });
-        at.progress.line(&format!("{}: {line}", job.name));
-    }
-}
-
-/// Prints why a job failed.
-fn failed(job: &Job, error: Report) -> End {
-    log::error!("{}: {error}", job.name);
-    print_error(error.wrap_err(format!("job {} failed", job.name)));
-    End::Failed
 }

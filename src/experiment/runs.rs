@@ -3,16 +3,19 @@
 
 mod columns;
 mod join;
-mod line;
 mod reader;
 mod records;
 
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
+use jiff::Timestamp;
 use miette::{Report, miette};
+use serde::Serialize;
+use serde_json::{Map, Value};
 
 use super::folder::read_result;
 use super::job::{EvaluationAt, JobResult, evaluations, setting_text};
@@ -25,7 +28,6 @@ use gdg::text::{counted, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
 pub use join::{Dated, join_resumed};
 use join::{join, whole};
-pub use line::RunLine;
 pub use reader::{Found, Reader};
 pub use records::{Ending, Skipped};
 
@@ -36,33 +38,27 @@ const QUIET: Duration = Duration::from_mins(1);
 pub const EDITED: &str = "edited";
 
 /// What can be given.
-const HELP: &str = "give a folder of gdg-tui suite, reproduce or ablate, a folder of checkpoints, \
-                    a checkpoint, or the records of gdg-tui --no-ui in a file";
+const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of checkpoints, a \
+                    checkpoint, or the records of gdg-tui --no-ui in a file";
 
 /// A run's evaluations, and what it is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SavedRun {
-    /// Where it was read.
     pub source: PathBuf,
-    /// What that is.
     pub kind: Kind,
     /// Its map, or the world if there is none.
     pub map: String,
     /// What tells that apart from others of its name, if it is known; [`EDITED`] if it changed.
     pub fingerprint: Option<String>,
-    /// Its method.
     pub method: String,
-    /// Name of the variant, if its settings have one.
     pub variant: Option<String>,
     /// The preset, and the settings that differ from it.
     pub settings: Vec<String>,
-    /// Its seed.
     pub seed: u64,
     /// Updates from which these records go on; 0 for a run from its beginning.
     pub begun: u64,
     /// The checkpoint that they go on from, if they say so.
     pub resumed: Option<PathBuf>,
-    /// Updates done.
     pub updates: u64,
     /// Its evaluations, oldest first.
     pub evaluations: Vec<EvaluationAt>,
@@ -80,7 +76,6 @@ pub type Identity = (String, Option<String>, String, Vec<String>, u64);
 /// What a run was read from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// The result of a job.
     Result,
     /// A checkpoint.
     Checkpoint,
@@ -91,7 +86,6 @@ pub enum Kind {
 /// What has become of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// It has reached its end.
     Done,
     /// It was saved, and can go on.
     Saved,
@@ -104,7 +98,6 @@ pub enum State {
 }
 
 impl State {
-    /// Returns its name on the screen and in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Done => "done",
@@ -133,9 +126,7 @@ impl SavedRun {
         }
     }
 
-    /// Returns the run of a result in `source`.
     pub fn of_result(result: JobResult, source: PathBuf) -> Self {
-        // Only kept if that was asked for.
         let checkpoint = Some(source.with_extension("safetensors")).filter(|path| path.is_file());
         Self {
             source,
@@ -150,8 +141,8 @@ impl SavedRun {
             resumed: None,
             updates: result.updates,
             evaluations: result.evaluations,
+            others: checkpoint.iter().cloned().collect(),
             checkpoint,
-            others: Vec::new(),
             skipped: Skipped::default(),
         }
     }
@@ -168,9 +159,78 @@ impl SavedRun {
         (world.0, world.1, self.method.clone(), self.settings.clone(), self.seed)
     }
 
-    /// Returns the last evaluation.
     pub fn last(&self) -> Option<&Evaluation> {
         self.evaluations.last().map(|at| &at.evaluation)
+    }
+}
+
+/// A run as a line of JSON.
+#[derive(Debug, Serialize)]
+pub struct RunLine<'a> {
+    file: Cow<'a, str>,
+    /// What the file is: `checkpoint`, `result` or `records`.
+    kind: &'static str,
+    state: &'static str,
+    map: &'a str,
+    /// What tells that apart from others of its name, if it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fingerprint: Option<&'a str>,
+    method: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    variant: Option<&'a str>,
+    seed: u64,
+    /// The preset, and settings that differ from it.
+    settings: Map<String, Value>,
+    updates: u64,
+    /// Updates at the last evaluation, and its results.
+    evaluated_at: Option<u64>,
+    success: Option<f64>,
+    greedy: Option<f64>,
+    distance_error: Option<f64>,
+    coverage: Option<f64>,
+    written: Option<String>,
+    checkpoint: Option<Cow<'a, str>>,
+}
+
+impl SavedRun {
+    /// Returns it as a line of JSON, given when its file was `written`.
+    pub fn line(&self, written: Option<SystemTime>) -> RunLine<'_> {
+        let last = self.evaluations.last();
+        let evaluation = last.map(|at| &at.evaluation);
+        let setting = |text: &String| {
+            let (name, value) = text.split_once('=')?;
+            let value = serde_json::from_str(value).unwrap_or_else(|_| value.into());
+            Some((name.to_owned(), value))
+        };
+        RunLine {
+            // JSON has no bytes that are not text.
+            file: self.source.to_string_lossy(),
+            kind: match self.kind {
+                Kind::Result => "result",
+                Kind::Checkpoint => "checkpoint",
+                Kind::Records(_) => "records",
+            },
+            state: self.state(written).name(),
+            map: &self.map,
+            fingerprint: self.fingerprint.as_deref(),
+            method: &self.method,
+            variant: self.variant.as_deref(),
+            seed: self.seed,
+            settings: self.settings.iter().filter_map(setting).collect(),
+            updates: self.updates,
+            evaluated_at: last.map(|at| at.updates),
+            success: evaluation.and_then(Evaluation::success_rate),
+            greedy: evaluation.and_then(|last| last.greedy.success),
+            distance_error: evaluation.and_then(|last| Some(last.distance_error?.mape)),
+            coverage: evaluation.and_then(|last| last.coverage),
+            written: written.and_then(|at| Some(Timestamp::try_from(at).ok()?.to_string())),
+            // It may have been deleted since.
+            checkpoint: self
+                .checkpoint
+                .as_deref()
+                .filter(|path| path.is_file())
+                .map(Path::to_string_lossy),
+        }
     }
 }
 
@@ -179,9 +239,6 @@ fn with_preset(preset: &str, settings: impl IntoIterator<Item = String>) -> Vec<
 }
 
 /// Reads all runs at `paths`, says how far it is, and what in folders cannot be used.
-///
-/// # Errors
-/// A file cannot be read or is nothing of the kind, or a folder has no runs.
 pub fn runs(paths: &[PathBuf], progress: &Job) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
     let (mut runs, mut notes) = (Vec::new(), Vec::new());
     for (i, path) in paths.iter().enumerate() {
@@ -190,11 +247,17 @@ pub fn runs(paths: &[PathBuf], progress: &Job) -> Result<(Vec<SavedRun>, Vec<Str
             runs.extend(file(path)?);
             continue;
         }
-        let found = folder(path, &mut notes, progress)?;
-        if found.is_empty() {
+        let (before, files) = (runs.len(), files_of(path)?);
+        for (i, path) in files.iter().enumerate() {
+            progress.set(i, files.len());
+            match file(path) {
+                Ok(found) => runs.extend(found),
+                Err(problem) => notes.push(format!("{problem}: left out")),
+            }
+        }
+        if runs.len() == before {
             return Err(miette!(help = HELP, "{}: no runs here{}", path.display(), lines(&notes)));
         }
-        runs.extend(found);
     }
     // A file may be named twice, or be in a folder that is.
     let mut known = HashSet::new();
@@ -217,29 +280,12 @@ pub fn runs(paths: &[PathBuf], progress: &Job) -> Result<(Vec<SavedRun>, Vec<Str
     Ok((runs, notes))
 }
 
-/// Returns notes as further lines of an error.
 fn lines(notes: &[String]) -> String {
     notes.iter().map(|note| format!("\n{note}")).collect()
 }
 
-/// Reads the runs of an experiment's folder, or of a folder of checkpoints and records.
-fn folder(path: &Path, notes: &mut Vec<String>, progress: &Job) -> Result<Vec<SavedRun>, Report> {
-    let (mut runs, files) = (Vec::new(), files_of(path)?);
-    for (i, path) in files.iter().enumerate() {
-        progress.set(i, files.len());
-        match file(path) {
-            Ok(found) => runs.extend(found),
-            Err(problem) => notes.push(format!("{problem}: left out")),
-        }
-    }
-    Ok(runs)
-}
-
 /// Returns the files with runs in a folder: results, records and checkpoints of its jobs if it is
 /// an experiment's, then its own records and checkpoints.
-///
-/// # Errors
-/// The folder cannot be read.
 pub fn files_of(folder: &Path) -> Result<Vec<PathBuf>, Report> {
     let listed = |folder: &Path, extensions: &[&str]| {
         let entries = std::fs::read_dir(folder).map_err(|error| unreadable(folder, &error))?;
@@ -251,14 +297,16 @@ pub fn files_of(folder: &Path) -> Result<Vec<PathBuf>, Report> {
         Ok::<_, Report>(files)
     };
     let jobs = folder.join("jobs");
-    let of_jobs = if jobs.is_dir() { listed(&jobs, &["json", "jsonl"])? } else { Vec::new() };
+    let mut of_jobs = if jobs.is_dir() { listed(&jobs, &["json", "jsonl"])? } else { Vec::new() };
+    // Results replace checkpoints, which take longer to read.
+    let results: HashSet<PathBuf> =
+        of_jobs.iter().filter(|file| has_extension(file, "json")).cloned().collect();
+    of_jobs.retain(|file| {
+        !has_extension(file, "safetensors") || !results.contains(&file.with_extension("json"))
+    });
     Ok(of_jobs.into_iter().chain(listed(folder, &["jsonl"])?).collect())
 }
 
-/// Reads the runs of a file.
-///
-/// # Errors
-/// It cannot be read, or is nothing of the kind.
 pub fn file(path: &Path) -> Result<Vec<SavedRun>, Report> {
     if is_checkpoint(path) || has_extension(path, "safetensors") {
         return checkpoint(path).map(|run| vec![run]);

@@ -2,7 +2,6 @@
 
 use gdg::draw::{Rgb, contrast};
 
-use super::labels::spread;
 use super::letters::{fitted, width};
 use super::sheet::{Anchor, Mark, Sheet, Text, circle};
 use super::ticks;
@@ -60,60 +59,44 @@ const COLOURS: [Rgb; 7] = [
     (0, 0, 0),
 ];
 
-/// Returns the colour of curve `i`.
 pub fn colour(i: usize) -> Rgb {
     COLOURS[i % COLOURS.len()]
 }
 
-/// A chart.
 #[derive(Clone, Debug)]
 pub struct Chart {
     /// What it shows, above it; may be empty.
     pub title: String,
-    /// Labels of both axes.
     pub labels: [String; 2],
-    /// The horizontal range.
     pub x: [f64; 2],
-    /// The vertical range.
     pub y: Range,
-    /// The curves.
     pub curves: Vec<Curve>,
 }
 
 /// A vertical range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// Its lower end.
     pub low: f64,
-    /// Its upper end.
     pub high: f64,
     /// Whether equal distances are equal ratios.
     pub log: bool,
 }
 
-/// A curve.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// Its name.
     pub name: String,
-    /// Its colour.
     pub colour: Rgb,
     /// The number of its marker: shapes tell curves apart without colours, too.
     pub marker: usize,
-    /// Points from left to right.
     pub points: Vec<Point>,
 }
 
 /// A point of a curve: the mean over seeds, and the band.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Place on the horizontal axis.
     pub x: f64,
-    /// Mean over the seeds.
     pub mean: f64,
-    /// Ends of the band.
     pub low: f64,
-    /// Upper end.
     pub high: f64,
 }
 
@@ -126,14 +109,12 @@ pub struct Page<'a> {
     pub has_heading: bool,
     /// The charts, row by row.
     pub charts: &'a [Chart],
-    /// Its width.
     pub width: f32,
     /// Charts side by side.
     pub columns: usize,
 }
 
 impl Point {
-    /// Returns the point of one run.
     pub fn single(x: f64, value: f64) -> Self {
         Self { x, mean: value, low: value, high: value }
     }
@@ -197,7 +178,6 @@ struct Placed<'a> {
 }
 
 impl Page<'_> {
-    /// Draws the charts.
     pub fn draw(&self) -> Sheet {
         let columns = self.columns.clamp(1, self.charts.len().max(1));
         let column = (self.width - MARGIN * (columns as f32 + 1.0)) / columns as f32;
@@ -246,7 +226,6 @@ impl Page<'_> {
         sheet
     }
 
-    /// Returns the first curve of each name.
     fn names(&self) -> Vec<&Curve> {
         let mut names: Vec<&Curve> = Vec::new();
         for curve in self.charts.iter().flat_map(|chart| &chart.curves) {
@@ -275,7 +254,6 @@ fn legend(sheet: &mut Sheet, names: &[&Curve], top: f32) -> f32 {
     y + MARGIN
 }
 
-/// Returns the corners of a marker.
 fn marker(number: usize, [x, y]: [f32; 2]) -> Vec<[f32; 2]> {
     let r = 1.15 * RADIUS;
     match number % 5 {
@@ -298,7 +276,6 @@ fn dark(colour: Rgb) -> Rgb {
 }
 
 impl Placed<'_> {
-    /// Returns where a value is drawn.
     fn at(&self, x: f64, y: f64) -> [f32; 2] {
         let (Area { left, top, right, bottom }, [from, to]) = (self.area, self.chart.x);
         let along = if to > from { ((x - from) / (to - from)) as f32 } else { 0.5 };
@@ -361,7 +338,6 @@ impl Placed<'_> {
         }
     }
 
-    /// Writes the name of each curve beside its end.
     fn names(&self, sheet: &mut Sheet) {
         let Area { top, right, bottom, .. } = self.area;
         let ends: Vec<(&Curve, [f32; 2])> = (self.chart.curves.iter())
@@ -378,5 +354,51 @@ impl Placed<'_> {
             let at = [right + 6.0, place + 0.36 * LETTERS];
             sheet.text(at, &curve.name, LETTERS, Anchor::Start, dark(curve.colour));
         }
+    }
+}
+
+/// Returns the place of each label: as close as possible to where it is `wanted`, at least `gap`
+/// from the others, and between `low` and `high` if they fit.
+fn spread(wanted: &[f32], gap: f32, low: f32, high: f32) -> Vec<f32> {
+    let mut order: Vec<usize> = (0..wanted.len()).collect();
+    order.sort_by(|a, b| wanted[*a].total_cmp(&wanted[*b]));
+    // Groups of labels that touch: the place of the first, and their number.
+    let mut groups: Vec<(f32, usize)> = Vec::new();
+    for i in &order {
+        groups.push((wanted[*i].clamp(low, high.max(low)), 1));
+        while let [.., (upper, above), (lower, below)] = groups[..]
+            && upper + above as f32 * gap > lower
+        {
+            // The first label of both, where their places differ least from those wanted.
+            let (a, b) = (above as f32, below as f32);
+            let first = (a * upper + b * (lower - a * gap)) / (a + b);
+            groups.pop();
+            groups.pop();
+            let end = first + (a + b - 1.0) * gap;
+            let shift = (high - end).min(0.0);
+            groups.push(((first + shift).max(low), above + below));
+        }
+    }
+    let places =
+        groups.iter().flat_map(|(first, count)| (0..*count).map(move |i| first + i as f32 * gap));
+    let mut found = vec![0.0; wanted.len()];
+    order.iter().zip(places).for_each(|(i, place)| found[*i] = place);
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_keep_apart_and_within_bounds() {
+        assert_eq!(spread(&[10.0, 50.0], 8.0, 0.0, 100.0), [10.0, 50.0], "they do not touch");
+        assert_eq!(spread(&[50.0, 50.0], 8.0, 0.0, 100.0), [46.0, 54.0]);
+        let all = spread(&[0.0, 1.0, 0.0, 99.0, 100.0], 10.0, 0.0, 100.0);
+        let mut sorted = all.clone();
+        sorted.sort_by(f32::total_cmp);
+        assert!(sorted.windows(2).all(|pair| pair[1] - pair[0] > 9.99), "{all:?}");
+        assert!(sorted[0] >= 0.0 && sorted[4] <= 100.0, "{all:?}");
+        assert!(all[0] < all[1] && all[3] < all[4], "in the order of the curves: {all:?}");
     }
 }

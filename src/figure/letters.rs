@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
 
+use tiny_skia::{Path, PathBuilder};
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 use super::sheet::{Mark, Sheet, Text};
@@ -11,7 +12,6 @@ use super::sheet::{Mark, Sheet, Text};
 static FACE: LazyLock<Option<Face>> =
     LazyLock::new(|| Face::parse(dejavu::sans::regular(), 0).ok());
 
-/// Returns the width of `text` at this size of letters.
 pub fn width(text: &str, size: f32) -> f32 {
     FACE.as_ref().map_or(0.0, |face| glyphs(face, text).map(|(_, advance)| size * advance).sum())
 }
@@ -41,27 +41,29 @@ pub fn lacking(sheet: &Sheet) -> String {
     lacking.into_iter().collect()
 }
 
-/// Draws the outlines of a text with `pen`.
-pub fn outline(text: &Text, pen: &mut dyn OutlineBuilder) {
-    let Some(face) = FACE.as_ref() else { return };
+/// Returns the outlines of a text, unless it is blank.
+pub fn outline(text: &Text) -> Option<Path> {
+    let face = FACE.as_ref()?;
     let scale = text.size / f32::from(face.units_per_em());
-    let mut along = -text.anchor.share() * width(&text.text, text.size);
+    let along = -text.anchor.share() * width(&text.text, text.size);
+    let mut pen = Pen { text, scale, along, path: PathBuilder::new() };
     for (glyph, advance) in glyphs(face, &text.text) {
-        face.outline_glyph(glyph, &mut Placed { text, scale, along, pen });
-        along += text.size * advance;
+        face.outline_glyph(glyph, &mut pen);
+        pen.along += text.size * advance;
     }
+    pen.path.finish()
 }
 
-/// Moves a glyph to its place in a text.
-struct Placed<'a> {
+/// Draws glyphs at their places in a text.
+struct Pen<'a> {
     text: &'a Text,
     scale: f32,
     /// Distance from the text's point along the baseline.
     along: f32,
-    pen: &'a mut dyn OutlineBuilder,
+    path: PathBuilder,
 }
 
-impl Placed<'_> {
+impl Pen<'_> {
     fn place(&self, x: f32, y: f32) -> (f32, f32) {
         let (along, up) = (self.along + self.scale * x, self.scale * y);
         let [x, y] = self.text.at;
@@ -69,29 +71,29 @@ impl Placed<'_> {
     }
 }
 
-impl OutlineBuilder for Placed<'_> {
+impl OutlineBuilder for Pen<'_> {
     fn move_to(&mut self, x: f32, y: f32) {
         let (x, y) = self.place(x, y);
-        self.pen.move_to(x, y);
+        self.path.move_to(x, y);
     }
 
     fn line_to(&mut self, x: f32, y: f32) {
         let (x, y) = self.place(x, y);
-        self.pen.line_to(x, y);
+        self.path.line_to(x, y);
     }
 
     fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
         let ((x1, y1), (x, y)) = (self.place(x1, y1), self.place(x, y));
-        self.pen.quad_to(x1, y1, x, y);
+        self.path.quad_to(x1, y1, x, y);
     }
 
     fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
         let ((x1, y1), (x2, y2), (x, y)) =
             (self.place(x1, y1), self.place(x2, y2), self.place(x, y));
-        self.pen.curve_to(x1, y1, x2, y2, x, y);
+        self.path.cubic_to(x1, y1, x2, y2, x, y);
     }
 
     fn close(&mut self) {
-        self.pen.close();
+        self.path.close();
     }
 }

@@ -2,10 +2,8 @@
 
 use gdg::draw::{Picture, Rgb};
 
-/// A page.
 #[derive(Clone, Debug)]
 pub struct Sheet {
-    /// Width and height.
     pub size: [f32; 2],
     /// What it shows, for the file's metadata.
     pub title: String,
@@ -18,31 +16,22 @@ pub struct Sheet {
 pub enum Mark {
     /// A line from point to point.
     Line {
-        /// The points.
         points: Vec<[f32; 2]>,
-        /// Its width.
         width: f32,
-        /// Its colour.
         colour: Rgb,
     },
     /// A filled polygon.
     Area {
-        /// The corners.
         points: Vec<[f32; 2]>,
-        /// Its colour.
         colour: Rgb,
         /// How much it hides, from 0 to 1.
         opacity: f32,
     },
-    /// Text.
     Text(Text),
-    /// Pixels.
     Picture {
         /// Upper left corner.
         at: [f32; 2],
-        /// Width and height.
         size: [f32; 2],
-        /// The pixels.
         picture: Picture,
     },
 }
@@ -52,11 +41,8 @@ pub enum Mark {
 pub struct Text {
     /// A point of the baseline.
     pub at: [f32; 2],
-    /// What it says.
     pub text: String,
-    /// Size of the letters.
     pub size: f32,
-    /// Their colour.
     pub colour: Rgb,
     /// Which part of the text is at that point.
     pub anchor: Anchor,
@@ -67,16 +53,12 @@ pub struct Text {
 /// A part of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// The first letter.
     Start,
-    /// The middle.
     Middle,
-    /// The last letter.
     End,
 }
 
 impl Anchor {
-    /// Returns the share of the text that is before the point.
     pub fn share(self) -> f32 {
         match self {
             Self::Start => 0.0,
@@ -87,7 +69,6 @@ impl Anchor {
 }
 
 impl Sheet {
-    /// Adds a line.
     pub fn line(&mut self, points: Vec<[f32; 2]>, width: f32, colour: Rgb) {
         if points.len() > 1 {
             self.marks.push(Mark::Line { points, width, colour });
@@ -99,7 +80,6 @@ impl Sheet {
         self.marks.push(Mark::Area { points, colour, opacity: 1.0 });
     }
 
-    /// Adds text.
     pub fn text(&mut self, at: [f32; 2], text: &str, size: f32, anchor: Anchor, colour: Rgb) {
         let text = text.to_owned();
         self.marks.push(Mark::Text(Text { at, text, size, colour, anchor, turned: false }));

@@ -107,7 +107,6 @@ fn no_output_is_written_to_a_file_called_minus() {
         &["--no-ui", "trap", "--csv", "-"][..],
         &["--no-ui", "trap", "--save", "-"],
         &["trap", "--record", "-"],
-        &["ablate", "--json", "-"],
         &["film", "x", "--out", "-"],
         &["export-policy", "x", "--out", "-"],
         &["suite", "trap", "--out", "-"],

@@ -324,6 +324,7 @@ fn names_do_not_act_in_a_report() {
     let args = [
         "suite",
         ".",
+        "--markdown",
         "--budget",
         "2",
         "--eval-tasks",

@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use miette::{Report, miette};
 
 use super::{By, Measure, Options, csv_of};
+use crate::experiment::job::told_apart;
 use crate::experiment::runs::SavedRun;
-use crate::experiment::world::told_apart;
 use crate::figure::{Chart, Curve, Point, Range, colour};
 use gdg::text::sanitized;
 
@@ -16,7 +16,6 @@ pub struct Grouping {
     by: Vec<By>,
     /// What each run differs in from the others: method, map and settings.
     parts: Vec<[String; 3]>,
-    /// Which of these differ at all.
     differ: [bool; 3],
 }
 
@@ -64,7 +63,6 @@ impl Grouping {
         Self { by, parts, differ }
     }
 
-    /// Returns the names of a run's chart and curve.
     fn names(&self, run: usize) -> (String, String) {
         let named = |on_curve: bool| {
             let parts = PARTS.iter().enumerate().filter(|(i, part)| {
@@ -86,37 +84,23 @@ impl Grouping {
 /// Charts, and the table behind them.
 pub struct Panels {
     pub charts: Vec<Chart>,
-    /// The table, as CSV.
     pub table: Vec<u8>,
     /// The smallest and the largest number of seeds of a curve.
     pub seeds: [usize; 2],
-    /// What is left out.
     pub notes: Vec<String>,
 }
 
-/// The points of one seed, in order.
-type Points = Vec<(f64, f64)>;
+pub type Points = Vec<(f64, f64)>;
 
 /// Chart, curve, and the points of each seed; in the order in which they first appear.
 type Lines = Vec<(String, String, BTreeMap<u64, Points>)>;
 
-/// Returns the charts of all runs.
-///
-/// # Errors
-/// No run knows the measure, or one does not know the axis.
 pub fn panels(runs: &[SavedRun], grouping: &Grouping, options: &Options) -> Result<Panels, Report> {
     let mut notes = Vec::new();
     let lines = lines(runs, grouping, options, &mut notes)?;
     let x = range(&lines, options, &mut notes);
-    let mut table = vec![vec![
-        "chart".to_owned(),
-        "curve".to_owned(),
-        "seed".to_owned(),
-        options.x.name().to_owned(),
-        options.y.name().to_owned(),
-        "low".to_owned(),
-        "high".to_owned(),
-    ]];
+    let head = ["chart", "curve", "seed", options.x.name(), options.y.name(), "low", "high"];
+    let mut table = Vec::new();
     let mut names: Vec<&String> = Vec::new();
     let mut charts: Vec<Chart> = Vec::new();
     for (title, name, seeds) in &lines {
@@ -145,10 +129,9 @@ pub fn panels(runs: &[SavedRun], grouping: &Grouping, options: &Options) -> Resu
     }
     let seeds = || lines.iter().map(|(_, _, seeds)| seeds.len());
     let seeds = [seeds().min(), seeds().max()].map(Option::unwrap_or_default);
-    Ok(Panels { charts, table: csv_of(&table)?, seeds, notes })
+    Ok(Panels { charts, table: csv_of(&head, table)?, seeds, notes })
 }
 
-/// Returns the points of every run, by chart, curve and seed.
 fn lines(
     runs: &[SavedRun],
     grouping: &Grouping,
@@ -248,7 +231,7 @@ fn range(lines: &Lines, options: &Options, notes: &mut Vec<String>) -> [f64; 2] 
 }
 
 /// Averages over seeds wherever all of them have points on both sides, up to the end of the range.
-fn mean(seeds: &BTreeMap<u64, Points>, [_, end]: [f64; 2]) -> Vec<Point> {
+pub fn mean(seeds: &BTreeMap<u64, Points>, [_, end]: [f64; 2]) -> Vec<Point> {
     let ends = |of: fn(&Points) -> Option<&(f64, f64)>| {
         seeds.values().filter_map(of).map(|point| point.0).collect::<Vec<_>>()
     };

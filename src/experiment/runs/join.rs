@@ -152,129 +152,109 @@ impl SavedRun {
 mod tests {
     use super::super::records;
     use super::*;
-    use crate::experiment::job::EvaluationAt;
 
-    const SEED: u64 = 3;
+    const PATH: &str = "saves/a.safetensors";
+    const OPEN: Kind = Kind::Records(Ending::Open);
 
-    /// Returns a run with evaluations after these thousands of updates, the last of them its end.
-    fn run(kind: Kind, source: &str, checkpoint: Option<&str>, evaluated: &[u64]) -> Dated {
+    /// Returns a run with evaluations after these thousands of updates, the last of them its end;
+    /// its records name a checkpoint and begin at thousands of updates.
+    fn run(kind: Kind, source: &str, begun: u64, evaluated: &[u64]) -> Dated {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("run.jsonl");
-        let score = r#"{"success":0.5,"spl":null,"steps_ratio":null,"by_distance":[]}"#;
-        let mut text = format!(
-            "{{\"event\":\"start\",\"world\":\"maze\",\"map\":{{\"name\":\"room\"}},\
-             \"method\":\"gdg\",\"preset\":\"default\",\"settings\":{{}},\"seed\":{SEED}}}\n"
-        );
+        let mut text = "{\"event\":\"start\",\"world\":\"maze\",\"map\":{\"name\":\"room\"},\
+             \"method\":\"gdg\",\"preset\":\"default\",\"settings\":{},\"seed\":3}\n"
+            .to_owned();
         for thousands in evaluated {
+            // The time tells the parts apart.
             text += &format!(
-                "{{\"event\":\"evaluation\",\"updates\":{thousands}000,\"greedy\":{score},\
-                 \"planned\":null}}\n"
+                "{{\"event\":\"evaluation\",\"updates\":{thousands}000,\"seconds\":{begun},\
+                 \"greedy\":{{\"success\":0.5,\"spl\":null,\"steps_ratio\":null,\
+                 \"by_distance\":[]}},\"planned\":null}}\n"
             );
         }
         std::fs::write(&path, text).expect("a file");
         let mut run = records::read(&path).expect("a run").remove(0);
-        run.kind = kind;
-        run.source = source.into();
-        run.checkpoint = checkpoint.map(PathBuf::from);
+        run.checkpoint = matches!(kind, Kind::Records(_)).then(|| format!("./{PATH}").into());
+        (run.kind, run.source, run.begun) = (kind, source.into(), 1_000 * begun);
+        run.updates = run.updates.max(run.begun);
         (Arc::new(run), None)
     }
 
+    fn checkpoint(source: &str, evaluated: &[u64]) -> Dated {
+        run(Kind::Checkpoint, source, 0, evaluated)
+    }
+
     /// Returns each run's file, the others that belong to it, and thousands of updates at its
-    /// evaluations.
+    /// evaluations, with the part that they are of.
     fn joined(runs: &[&Dated]) -> Vec<String> {
         let runs = join(runs.iter().map(|run| (*run).clone()).collect());
         let text = |(run, _): &Dated| {
-            let others: Vec<String> =
-                run.others.iter().map(|path| path.display().to_string()).collect();
-            let at: Vec<u64> = run.evaluations.iter().map(|at| at.updates / 1_000).collect();
-            format!("{} [{}] {at:?}", run.source.display(), others.join(" "))
+            let others = run.others.iter().map(|path| path.display().to_string());
+            let at = run.evaluations.iter();
+            let at = at.map(|at| format!("{}.{}", at.updates / 1_000, at.seconds.unwrap_or(9.0)));
+            let (others, at) = (others.collect::<Vec<_>>(), at.collect::<Vec<_>>());
+            format!("{} [{}] {}", run.source.display(), others.join(" "), at.join(" "))
         };
         runs.iter().map(text).collect()
     }
 
     #[test]
     fn records_and_the_checkpoint_that_they_name_are_one_run() {
-        let done = Kind::Records(Ending::Finished);
-        let records = run(done, "run.jsonl", Some("./saves/a.safetensors"), &[1, 2]);
-        let same = run(Kind::Checkpoint, "saves/a.safetensors", None, &[1, 2]);
-        assert_eq!(joined(&[&records, &same]), ["run.jsonl [saves/a.safetensors] [1, 2]"]);
-        let further = run(Kind::Checkpoint, "saves/a.safetensors", None, &[1, 2, 3]);
-        assert_eq!(joined(&[&records, &further]), ["run.jsonl [saves/a.safetensors] [1, 2, 3]"]);
+        let records = run(Kind::Records(Ending::Finished), "run.jsonl", 0, &[1, 2]);
+        let same = checkpoint(PATH, &[1, 2]);
+        assert_eq!(joined(&[&records, &same]), ["run.jsonl [saves/a.safetensors] 1.0 2.0"]);
+        let further = checkpoint(PATH, &[1, 2, 3]);
+        assert_eq!(joined(&[&records, &further]), ["run.jsonl [saves/a.safetensors] 1.0 2.0 3.0"]);
         let resumed = join(vec![records.clone(), further.clone()]).remove(0).0;
         assert_eq!((resumed.state(None).name(), resumed.updates), ("saved", 3_000));
-        let other = run(Kind::Checkpoint, "saves/b.safetensors", None, &[1, 2]);
+        let other = checkpoint("saves/b.safetensors", &[1, 2]);
         assert_eq!(joined(&[&records, &other]).len(), 2, "it does not name that one");
-        let mut replaced = further.clone();
-        Arc::make_mut(&mut replaced.0).seed = SEED + 1;
+        let mut replaced = further;
+        Arc::make_mut(&mut replaced.0).seed += 1;
         assert_eq!(joined(&[&records, &replaced]).len(), 2, "another run has replaced it");
+        let result = run(Kind::Result, "jobs/a.json", 0, &[5]);
+        let records = run(OPEN, "jobs/a.jsonl", 0, &[4]);
+        assert_eq!(
+            joined(&[&records, &result, &checkpoint("jobs/a.safetensors", &[5])]),
+            ["jobs/a.json [jobs/a.jsonl jobs/a.safetensors] 5.0"]
+        );
     }
 
     #[test]
     fn the_records_of_both_parts_of_a_resumed_run_are_one_run() {
-        let path = Some("saves/a.safetensors");
-        let first = run(Kind::Records(Ending::Interrupted), "1.jsonl", path, &[1, 2]);
-        let checkpoint = run(Kind::Checkpoint, "saves/a.safetensors", None, &[1, 2, 3]);
-        let mut second = run(Kind::Records(Ending::Open), "2.jsonl", path, &[3, 4]);
+        let first = run(Kind::Records(Ending::Interrupted), "1.jsonl", 0, &[1, 2]);
+        let saved = checkpoint(PATH, &[1, 2, 3]);
         assert_eq!(
-            joined(&[&first, &checkpoint, &second]),
-            ["1.jsonl [] [1, 2]", "2.jsonl [saves/a.safetensors] [1, 2, 3, 4]"],
+            joined(&[&first, &saved, &run(OPEN, "2.jsonl", 0, &[3, 4])]),
+            ["1.jsonl [] 1.0 2.0", "2.jsonl [saves/a.safetensors] 1.0 2.0 3.0 4.0"],
             "a run that began anew has replaced the file"
         );
-        Arc::make_mut(&mut second.0).begun = 2_000;
+        let second = run(OPEN, "2.jsonl", 2, &[3, 4]);
         assert_eq!(
-            joined(&[&first, &checkpoint, &second]),
-            ["2.jsonl [1.jsonl saves/a.safetensors] [1, 2, 3, 4]"]
+            joined(&[&first, &saved, &second]),
+            ["2.jsonl [1.jsonl saves/a.safetensors] 1.0 2.0 3.2 4.2"]
         );
         // A checkpoint is written between two records.
-        let later = run(Kind::Checkpoint, "saves/a.safetensors", None, &[1, 2, 3, 4, 5]);
-        let now = Some(SystemTime::now());
+        let (later, now) = (checkpoint(PATH, &[1, 2, 3, 4, 5]), Some(SystemTime::now()));
         let still = join(vec![later, (second.0, now)]).remove(0).0;
         assert_eq!((still.state(now).name(), still.updates), ("running", 5_000));
     }
 
     #[test]
     fn what_a_part_lacks_comes_from_those_that_it_was_resumed_from() {
-        let part = |source, begun: u64, evaluated: &[u64]| {
-            let kind = Kind::Records(Ending::Interrupted);
-            let mut part = run(kind, source, Some("saves/a.safetensors"), evaluated);
-            let run = Arc::make_mut(&mut part.0);
-            run.begun = 1_000 * begun;
-            run.updates = run.updates.max(run.begun);
-            // Tells the parts apart.
-            run.evaluations.iter_mut().for_each(|at| at.seconds = Some(begun as f64));
-            part
+        let part = |source, begun, evaluated: &[u64]| {
+            run(Kind::Records(Ending::Interrupted), source, begun, evaluated)
         };
-        let checkpoint = run(Kind::Checkpoint, "saves/a.safetensors", None, &[1, 2]);
-        let first = part("1.jsonl", 0, &[1, 2, 3, 4]);
-        let shorter = part("2.jsonl", 2, &[3]);
-        let both = join(vec![first.clone(), shorter, checkpoint.clone()]).remove(0).0;
-        assert_eq!((both.source.to_str(), both.updates), (Some("2.jsonl"), 3_000));
-        let found = |run: &SavedRun| {
-            let at = |at: &EvaluationAt| (at.updates / 1_000, at.seconds.unwrap_or(f64::NAN));
-            run.evaluations.iter().map(at).collect::<Vec<_>>()
-        };
-        assert_eq!(found(&both), [(1, 0.0), (2, 0.0), (3, 2.0)]);
-        let unevaluated = part("2.jsonl", 2, &[]);
-        let both = join(vec![unevaluated, checkpoint.clone(), first.clone()]).remove(0).0;
-        assert_eq!(found(&both), [(1, 0.0), (2, 0.0)]);
+        let (saved, first) = (checkpoint(PATH, &[1, 2]), part("1.jsonl", 0, &[1, 2, 3, 4]));
+        let of = |parts: &[&Dated]| joined(&[parts, &[&saved, &first]].concat());
+        let all = "[1.jsonl saves/a.safetensors]";
+        assert_eq!(of(&[&part("2.jsonl", 2, &[3])]), [format!("2.jsonl {all} 1.0 2.0 3.2")]);
+        assert_eq!(of(&[&part("2.jsonl", 2, &[])]), [format!("2.jsonl {all} 1.0 2.0")]);
         let (second, third) = (part("2.jsonl", 2, &[3, 4, 5]), part("3.jsonl", 4, &[5, 6]));
-        let all = join(vec![third, first, checkpoint, second]).remove(0).0;
         assert_eq!(
-            found(&all),
-            [(1, 0.0), (2, 0.0), (3, 2.0), (4, 2.0), (5, 4.0), (6, 4.0)],
+            of(&[&third, &second]),
+            ["3.jsonl [2.jsonl 1.jsonl saves/a.safetensors] 1.0 2.0 3.2 4.2 5.4 6.4"],
             "the later part where they overlap"
-        );
-        assert_eq!(all.source.to_str(), Some("3.jsonl"));
-    }
-
-    #[test]
-    fn results_replace_what_else_there_is_of_their_job() {
-        let result = run(Kind::Result, "jobs/a.json", None, &[5]);
-        let records = run(Kind::Records(Ending::Open), "jobs/a.jsonl", None, &[4]);
-        let checkpoint = run(Kind::Checkpoint, "jobs/a.safetensors", None, &[5]);
-        assert_eq!(
-            joined(&[&records, &result, &checkpoint]),
-            ["jobs/a.json [jobs/a.jsonl jobs/a.safetensors] [5]"]
         );
     }
 }

@@ -13,7 +13,6 @@ use super::{SavedRun, file, files_of};
 use crate::host::runs::SAVES;
 use gdg::text::sanitized;
 
-/// The runs of folders.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
     /// The runs, with the time at which their files were written.
@@ -106,7 +105,6 @@ impl Reader {
     }
 }
 
-/// Returns a folder, and those in it that are of experiments.
 fn with_experiments(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let inner = entries.map(|entry| entry.path()).filter(|path| path.join("jobs").is_dir());
@@ -133,21 +131,39 @@ fn reason(path: &Path, problem: &Report) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::fs::{create_dir, remove_file, write};
+    use std::fs::{create_dir_all, remove_file, write};
+
+    use tempfile::TempDir;
 
     use super::*;
 
-    const START: &str = r#"{"event":"start","world":"maze","map":{"name":"room"},"method":"gdg",
-        "preset":"default","settings":{},"seed":3,"updates":0}"#;
+    const START: &str = "{\"event\":\"start\",\"world\":\"maze\",\"map\":{\"name\":\"room\"},\
+        \"method\":\"gdg\",\"preset\":\"default\",\"settings\":{},\"seed\":3,\"updates\":0}\n";
 
-    fn start() -> String {
-        START.replace('\n', "") + "\n"
+    /// Returns the records of a run that has made so many updates.
+    fn records(updates: u64) -> String {
+        format!("{START}{{\"event\":\"progress\",\"updates\":{updates}}}\n")
     }
 
-    fn progress(updates: u64) -> String {
-        format!("{{\"event\":\"progress\",\"updates\":{updates}}}\n")
+    fn folder_of(files: &[(&str, &str)]) -> TempDir {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (name, text) in files {
+            let path = folder.path().join(name);
+            create_dir_all(path.parent().expect("a folder")).expect("a folder");
+            write(path, text).expect("a file");
+        }
+        folder
     }
 
+    fn reader(folder: &Path) -> Reader {
+        Reader::new(&[folder.to_owned()])
+    }
+
+    fn read_all(reader: &mut Reader) -> Found {
+        reader.read(|_, _| ControlFlow::Continue(()))
+    }
+
+    /// Returns the updates of each run, and how many files cannot be read and were read.
     fn read(reader: &mut Reader) -> (Vec<u64>, usize, usize) {
         let mut told = 0;
         let found = reader.read(|_, _| {
@@ -160,50 +176,46 @@ mod tests {
 
     #[test]
     fn only_files_that_have_changed_are_read_again() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let [one, two] = ["one.jsonl", "two.jsonl"].map(|name| folder.path().join(name));
-        write(&one, start() + &progress(1_000)).expect("a file");
-        write(&two, "{}\n").expect("a file");
-        write(folder.path().join("notes.txt"), "not read").expect("a file");
-        let mut reader = Reader::new(&[folder.path().to_owned()]);
+        let files = [("1.jsonl", &*records(1_000)), ("2.jsonl", "{}\n"), ("notes.txt", "other")];
+        let folder = folder_of(&files);
+        let mut reader = Reader::new(&[folder.path().to_owned(), folder.path().to_owned()]);
         assert_eq!(read(&mut reader), (vec![1_000], 1, 2), "the second one is damaged");
         assert_eq!(read(&mut reader), (vec![1_000], 1, 0), "nothing is new");
         // Its last line is not complete yet.
-        write(&one, start() + &progress(1_000) + &progress(2_000) + "{\"eve").expect("a file");
+        write(folder.path().join("1.jsonl"), records(2_000) + "{\"eve").expect("a file");
         assert_eq!(read(&mut reader), (vec![2_000], 1, 1), "it has grown");
-        remove_file(&two).expect("a file");
+        remove_file(folder.path().join("2.jsonl")).expect("a file");
         assert_eq!(read(&mut reader), (vec![2_000], 0, 0));
+        let windows = format!("\u{feff}{}", records(5)).replace('\n', "\r\n");
+        write(folder.path().join("1.jsonl"), windows).expect("a file");
+        assert_eq!(read(&mut reader), (vec![5], 0, 1));
     }
 
     #[test]
-    fn runs_of_a_file_are_in_the_order_in_which_they_began() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let of_map = |name: &str| start().replace("room", name) + &progress(1_000);
-        let text = of_map("b") + &of_map("c") + &of_map("a") + &of_map("c");
-        write(folder.path().join("one.jsonl"), text).expect("a file");
-        let found = Reader::new(&[folder.path().to_owned()]).read(|_, _| ControlFlow::Continue(()));
+    fn runs_of_a_file_are_named_after_their_worlds_in_the_order_in_which_they_began() {
+        let maze = |name: &str| records(1_000).replace("room", name);
+        let python = records(1).replace(r#""map":{"name":"room"}"#, r#""gym":{"id":"FetchReach"}"#);
+        let text = maze("b") + &maze("c") + &maze("a") + &maze("c") + &python;
+        let folder = folder_of(&[("1.jsonl", &text)]);
+        let found = read_all(&mut reader(folder.path()));
         let maps: Vec<&str> = found.runs.iter().map(|(run, _)| &*run.map).collect();
-        assert_eq!(maps, ["b", "c", "a"]);
+        assert_eq!(maps, ["b", "c", "a", "FetchReach"]);
     }
 
     #[test]
     fn what_is_trained_again_after_a_resume_replaces_what_was_lost() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let evaluated = |updates: u64, success: f64| {
+        let evaluated = |(updates, success): (u64, f64)| {
             format!(
                 "{{\"event\":\"evaluation\",\"updates\":{updates},\"greedy\":{{\"success\":{success},\
                  \"spl\":null,\"steps_ratio\":null,\"by_distance\":[]}},\"planned\":null}}\n"
             )
         };
-        let first: String = [(3_000, 0.1), (6_000, 0.2), (9_000, 0.3)]
-            .map(|(updates, success)| evaluated(updates, success))
-            .concat();
+        let first = [(3_000, 0.1), (6_000, 0.2), (9_000, 0.3)].map(evaluated).concat();
         // Saved at 5,000 updates and killed after 9,000.
-        let again = evaluated(6_000, 0.4) + &evaluated(7_000, 0.5);
-        let text =
-            start() + &first + &start().replace("\"updates\":0", "\"updates\":5000") + &again;
-        write(folder.path().join("one.jsonl"), text).expect("a file");
-        let found = Reader::new(&[folder.path().to_owned()]).read(|_, _| ControlFlow::Continue(()));
+        let resumed = START.replace("\"updates\":0", "\"updates\":5000");
+        let again = [(6_000, 0.4), (7_000, 0.5)].map(evaluated).concat();
+        let folder = folder_of(&[("1.jsonl", &(START.to_owned() + &first + &resumed + &again))]);
+        let found = read_all(&mut reader(folder.path()));
         let [(run, _)] = &found.runs[..] else { panic!("{:?}", found.runs) };
         let curve: Vec<_> =
             run.evaluations.iter().map(|at| (at.updates, at.evaluation.greedy.success)).collect();
@@ -211,42 +223,18 @@ mod tests {
     }
 
     #[test]
-    fn a_run_in_an_environment_in_python_is_named_after_it() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let facts = r#""world":"gym","gym":{"id":"FetchReach-v4"}"#;
-        let start = start().replace(r#""world":"maze","map":{"name":"room"}"#, facts);
-        write(folder.path().join("one.jsonl"), start).expect("a file");
-        let found = Reader::new(&[folder.path().to_owned()]).read(|_, _| ControlFlow::Continue(()));
-        assert_eq!(found.runs[0].0.map, "FetchReach-v4");
-    }
-
-    #[test]
-    fn experiments_in_a_folder_are_read_and_their_results_replace_records() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let jobs = folder.path().join("suite/jobs");
-        std::fs::create_dir_all(&jobs).expect("a folder");
-        create_dir(folder.path().join("other")).expect("a folder");
-        let result = serde_json::json!({
-            "name": "a", "key": "0", "version": "1", "method": "gdg", "preset": "default",
-            "settings": [], "seed": 3, "map": "room", "updates": 500, "seconds": 1.0,
-            "evaluations": [],
-        });
-        for (name, text) in [
-            ("suite/jobs/a.json", result.to_string()),
-            ("suite/jobs/a.jsonl", start() + &progress(400)),
-            ("suite/jobs/b.jsonl", start() + &progress(300)),
-            ("other/c.jsonl", start()),
-        ] {
-            write(folder.path().join(name), text).expect("a file");
-        }
-        let mut reader = Reader::new(&[folder.path().to_owned()]);
-        let (updates, problems, _) = read(&mut reader);
-        assert_eq!((updates, problems), (vec![500, 300], 0), "c is in no experiment");
+    fn experiments_in_a_folder_are_read_but_no_others() {
+        let folder = folder_of(&[
+            ("suite/jobs/a.json", "{}"),
+            ("suite/jobs/b.jsonl", &records(300)),
+            ("other/c.jsonl", START),
+        ]);
+        assert_eq!(read(&mut reader(folder.path())), (vec![300], 1, 2));
     }
 
     #[test]
     fn a_line_that_is_no_record_is_named_and_explained() {
-        let folder = tempfile::tempdir().expect("a folder");
+        let folder = folder_of(&[]);
         let file = folder.path().join("run.jsonl");
         let long = "x".repeat(17 << 20);
         for (line, problem) in [
@@ -260,79 +248,59 @@ mod tests {
         ] {
             let read = |text: String| {
                 write(&file, text).expect("a file");
-                let mut reader = Reader::new(&[folder.path().to_owned()]);
-                reader.read(|_, _| ControlFlow::Continue(()))
+                read_all(&mut reader(folder.path()))
             };
             let found = read(line.to_owned() + "\n");
             assert_eq!(found.problems, [(file.clone(), format!("line 1{problem}"))], "no run");
-            let found = read(start() + &progress(1_000) + line + "\n" + &progress(2_000));
+            let found = read(records(1_000) + line + "\n{\"event\":\"progress\",\"updates\":9}\n");
             assert_eq!(found.problems, [], "the others are read");
             let run = &found.runs[0].0;
-            assert_eq!((run.updates, run.skipped.to_string()), (2_000, format!("3{problem}")));
+            assert_eq!((run.updates, run.skipped.to_string()), (9, format!("3{problem}")));
             let note = format!("{}:3{problem}: left out", file.display());
             assert_eq!(run.note(), Some(note));
         }
         write(&file, "version https://git-lfs.github.com/spec/v1\n").expect("a file");
         let error = crate::experiment::runs::file(&file).expect_err("no records").to_string();
-        assert!(
-            error
-                .ends_with("is a Git LFS pointer, which stands for the file, not records of a run")
-        );
+        let pointer = "is a Git LFS pointer, which stands for the file, not records of a run";
+        assert!(error.ends_with(pointer), "{error}");
     }
 
     #[test]
-    fn files_that_windows_wrote_and_folders_that_are_named_twice_are_read_once() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let text = format!("\u{feff}{}{}", start(), progress(1_000)).replace('\n', "\r\n");
-        write(folder.path().join("one.jsonl"), text).expect("a file");
-        let mut reader = Reader::new(&[folder.path().to_owned(), folder.path().to_owned()]);
-        assert_eq!(read(&mut reader), (vec![1_000], 0, 1));
-    }
-
-    #[test]
-    fn a_checkpoint_is_found_from_above_its_records() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = |name: &str| folder.path().join(name);
-        for name in ["saves", "records"] {
-            create_dir(path(name)).expect("a folder");
-        }
-        write(path("saves/a.safetensors"), "").expect("a file");
+    fn a_checkpoint_is_found_from_above_its_records_and_null_in_json_once_it_is_gone() {
         let saved = r#"{"event":"saved","updates":1,"path":"saves/a.safetensors"}"#;
-        write(path("records/a.jsonl"), start() + saved + "\n").expect("a file");
-        let found = Reader::new(&[path("records")]).read(|_, _| ControlFlow::Continue(()));
-        assert_eq!(found.runs[0].0.checkpoint, Some(path("saves/a.safetensors")));
+        let text = format!("{START}{saved}\n");
+        let folder = folder_of(&[("saves/a.safetensors", ""), ("records/a.jsonl", &text)]);
+        let found = read_all(&mut reader(&folder.path().join("records")));
+        let (run, path) = (&found.runs[0].0, folder.path().join("saves/a.safetensors"));
+        assert_eq!(run.checkpoint.as_ref(), Some(&path));
+        let line = || serde_json::to_value(run.line(None)).expect("JSON");
+        assert!(line()["checkpoint"].as_str().is_some_and(|name| path.ends_with(name)));
+        remove_file(path).expect("a file");
+        assert!(line()["checkpoint"].is_null());
     }
 
     #[test]
     fn a_name_that_is_no_text_is_in_json_all_the_same() {
         use std::os::unix::ffi::OsStrExt;
-        let folder = tempfile::tempdir().expect("a folder");
+        let folder = folder_of(&[]);
         let name = std::ffi::OsStr::from_bytes(b"a\xff.jsonl");
-        if write(folder.path().join(name), start()).is_err() {
+        if write(folder.path().join(name), START).is_err() {
             return; // Not every file system has such names.
         }
-        let mut reader = Reader::new(&[folder.path().to_owned()]);
-        let found = reader.read(|_, _| ControlFlow::Continue(()));
+        let found = read_all(&mut reader(folder.path()));
         let line = serde_json::to_string(&found.runs[0].0.line(None)).expect("JSON");
         assert!(line.contains("a\u{fffd}.jsonl"), "{line}");
     }
 
     #[test]
     fn a_folder_that_is_missing_is_named_and_a_reader_can_be_stopped() {
-        let folder = tempfile::tempdir().expect("a folder");
+        let folder = folder_of(&[("a.jsonl", START), ("b.jsonl", START)]);
         let missing = folder.path().join("none");
-        let found =
-            Reader::new(std::slice::from_ref(&missing)).read(|_, _| ControlFlow::Continue(()));
-        assert!(
-            found.problems[0].0 == missing && found.problems[0].1.starts_with("cannot be read"),
-            "{:?}",
-            found.problems
-        );
-        for name in ["a.jsonl", "b.jsonl"] {
-            write(folder.path().join(name), start()).expect("a file");
-        }
+        let found = read_all(&mut reader(&missing));
+        let (path, problem) = &found.problems[0];
+        assert!(*path == missing && problem.starts_with("cannot be read"), "{problem}");
         let mut told = Vec::new();
-        Reader::new(&[folder.path().to_owned()]).read(|_, found| {
+        reader(folder.path()).read(|_, found| {
             told.push(found().read);
             ControlFlow::Break(())
         });

@@ -24,14 +24,12 @@ const RECORDS: Wanted =
 /// Some editors begin files with it.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// How the records of a run end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
     /// They go on, or were cut off.
     Open,
     /// A signal has interrupted the run.
     Interrupted,
-    /// The run has reached its limit.
     Finished,
     /// Its checkpoint has been resumed since, elsewhere.
     Continued,
@@ -40,7 +38,6 @@ pub enum Ending {
 /// Lines of records that cannot be read and are left out.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Skipped {
-    /// How many.
     pub lines: u64,
     /// What is wrong with the first one, and its number.
     first: String,
@@ -65,7 +62,6 @@ impl fmt::Display for Skipped {
     }
 }
 
-/// What of the records is read.
 #[derive(Deserialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
 enum Record {
@@ -86,7 +82,6 @@ enum Record {
     Other,
 }
 
-/// The first record of a run.
 #[derive(Deserialize)]
 struct Start {
     world: String,
@@ -103,7 +98,6 @@ struct Start {
 }
 
 impl SavedRun {
-    /// Returns the run that begins with `start` in `source`, without evaluations.
     fn begun(start: Start, source: &Path) -> Self {
         let Start { world, fingerprint, map, gym, method, preset, settings, seed, .. } = start;
         let named =
@@ -145,7 +139,6 @@ impl SavedRun {
         self.skipped = before.skipped;
     }
 
-    /// Adds what a record other than the first says.
     fn add(&mut self, record: Record) {
         match record {
             Record::Progress { updates } => self.updates = updates,

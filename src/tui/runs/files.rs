@@ -19,7 +19,7 @@ fn checkpoint(row: &Row) -> Result<PathBuf, String> {
     let problem = match row.run() {
         None => "it cannot be loaded".to_owned(),
         Some(SavedRun { checkpoint: None, kind: Kind::Result, .. }) => {
-            "its checkpoint was not kept: gdg-tui suite --keep keeps them".to_owned()
+            "its checkpoint was not kept (gdg-tui suite --no-keep)".to_owned()
         }
         Some(SavedRun { checkpoint: None, .. }) => "it was trained without --save".to_owned(),
         Some(run @ SavedRun { checkpoint: Some(path), .. }) => {

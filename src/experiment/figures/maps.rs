@@ -1,12 +1,13 @@
 //! Figures 2 and 5: pictures of the map with distances, plans and paths; panels of the arm's are in
 //! `grip`.
 
-use super::MethodResults;
-use super::figures::{Figure, Shows};
+use super::MethodRuns;
+use super::catalogue::{Figure, Shows};
 use super::grip;
-use super::panel::{Dot, FLOOR, GOAL, MapPanel, PANEL_PIXELS, PATH, PLAN, PolyLine, START, WALL};
-use crate::experiment::measure::{Bridge, Walked};
-use crate::experiment::picture::LINE_SPACING;
+use super::panel::{
+    Dot, FLOOR, GOAL, MapPanel, PANEL_PIXELS, PATH, PLAN, PolyLine, START, WALL, walk_end,
+};
+use crate::experiment::measure::{Bridge, LINE_SPACING, Walked};
 use gdg::draw::{Picture, Rgb, contour_interval, distance_colour};
 use gdg::map::{Grid, builtin};
 use gdg::text::counted;
@@ -14,13 +15,12 @@ use gdg::text::counted;
 const WALKED: Rgb = (255, 255, 255);
 const BRIDGE: Rgb = (255, 70, 50);
 
-/// Returns the panels of a figure, in rows; none if it shows curves alone.
-pub fn rows(figure: &Figure, methods: &[MethodResults]) -> Vec<Vec<MapPanel>> {
+pub fn rows(figure: &Figure, methods: &[MethodRuns]) -> Vec<Vec<MapPanel>> {
     if figure.shows == Shows::CompleteSuccessAndGripPath {
         return grip::rows(methods);
     }
     let Some(map) = builtin(figure.world) else { return Vec::new() };
-    let row = |method: &MethodResults| {
+    let row = |method: &MethodRuns| {
         let measured = method.results.first()?.measured.as_ref()?;
         let title = method.entry.title;
         match figure.shows {
@@ -34,18 +34,21 @@ pub fn rows(figure: &Figure, methods: &[MethodResults]) -> Vec<Vec<MapPanel>> {
     methods.iter().filter_map(row).collect()
 }
 
-/// Returns pixels per cell.
 fn scale(map: &Grid) -> usize {
     (PANEL_PIXELS / map.width().max(map.height())).max(1)
+}
+
+fn cell_at(map: &Grid, pixel: usize) -> usize {
+    let (scale, columns) = (scale(map), map.width() * scale(map));
+    (pixel / columns / scale) * map.width() + pixel % columns / scale
 }
 
 /// Returns a picture of the map whose free cells have these colours, by index.
 fn picture(map: &Grid, colour: impl Fn(usize) -> Rgb) -> Picture {
     let scale = scale(map);
     let mut picture = Picture::new((map.width() * scale, map.height() * scale), WALL);
-    let columns = map.width() * scale;
     for (i, pixel) in picture.pixels_mut().iter_mut().enumerate() {
-        let cell = (i / columns / scale) * map.width() + i % columns / scale;
+        let cell = cell_at(map, i);
         if map.free()[cell] {
             *pixel = colour(cell);
         }
@@ -53,66 +56,56 @@ fn picture(map: &Grid, colour: impl Fn(usize) -> Rgb) -> Picture {
     picture
 }
 
+fn line(map: &Grid, stops: &[[f32; 2]], colour: Rgb, width: u32) -> PolyLine {
+    let scale = scale(map) as f32;
+    PolyLine { stops: stops.iter().map(|at| at.map(|v| v * scale)).collect(), colour, width }
+}
+
+fn dot(map: &Grid, at: [f32; 2], colour: Rgb) -> Dot {
+    Dot::new(at.map(|v| v * scale(map) as f32), colour)
+}
+
+fn ends(map: &Grid, walk: &Walked) -> Vec<Dot> {
+    let start = walk.path.first().map(|at| dot(map, *at, START));
+    start.into_iter().chain([dot(map, walk.goal, GOAL)]).collect()
+}
+
+fn walk_caption(walk: &Walked) -> String {
+    format!("shortest {}; {}", walk.shortest, walk_end(walk.reached, walk.path.len()))
+}
+
 /// Returns the four panels of Figure 2: D(s,.), D(.,g), their sum with the bridge point, and the
 /// walk.
 fn bridge_row(map: &Grid, title: &str, bridge: &Bridge) -> Vec<MapPanel> {
-    let scale = scale(map) as f32;
-    let to_pixels = |at: [f32; 2]| at.map(|v| v * scale);
-    let sum: Vec<Option<f32>> = bridge
-        .from_start
+    let Bridge { direct, found, searches, tried, from_start, to_goal, walk: walked } = bridge;
+    let sum: Vec<Option<f32>> = from_start
         .iter()
-        .zip(&bridge.to_goal)
+        .zip(to_goal)
         .map(|(from, to)| Some(from.as_ref()? + to.as_ref()?))
         .collect();
-    let ends = |walk: &Walked| {
-        let start = walk.path.first().map(|at| Dot::new(to_pixels(*at), START));
-        start.into_iter().chain([Dot::new(to_pixels(walk.goal), GOAL)]).collect::<Vec<_>>()
+    let panel = |what: &str, caption: String, values: &[Option<f32>]| MapPanel {
+        dots: ends(map, walked),
+        ..MapPanel::new(format!("{title}: {what}"), caption, field(map, values))
     };
-    let panel = |what: String, caption: String, values: &[Option<f32>]| MapPanel {
-        title: what,
-        caption,
-        picture: field(map, values),
-        lines: Vec::new(),
-        rings: Vec::new(),
-        dots: ends(&bridge.walk),
-        text: String::new(),
+    let numbers = match found {
+        Some(found) => {
+            let (there, on) = (found.from_start, found.to_goal);
+            format!("b: {there:.2} + {on:.2} = {:.2} < {direct:.2}", there + on)
+        }
+        None => format!("none in {searches} tasks, {tried} candidates"),
     };
-    let direct = bridge.direct;
-    let found = bridge.found.map(|found| Dot::new(to_pixels(found.point), BRIDGE));
-    let numbers = match &bridge.found {
-        Some(found) => format!(
-            "b: {:.2} + {:.2} = {:.2} < {direct:.2}",
-            found.from_start,
-            found.to_goal,
-            found.from_start + found.to_goal
-        ),
-        None => format!("none in {} tasks, {} candidates", bridge.searches, bridge.tried),
-    };
-    let plan = [bridge.walk.path.first().copied().into_iter().collect(), bridge.walk.plan.clone()]
-        .concat();
-    let line = |stops: &[[f32; 2]], colour, width| PolyLine {
-        stops: stops.iter().map(|at| to_pixels(*at)).collect(),
-        colour,
-        width,
-    };
-    let searched =
-        format!("D(s,g) {direct:.2}; searched {}", counted(bridge.searches as u64, "task"));
-    let from = panel(format!("{title}: D(s, .)"), searched, &bridge.from_start);
-    let to = panel(
-        format!("{title}: D(., g)"),
-        format!("true steps {}", bridge.walk.shortest),
-        &bridge.to_goal,
-    );
-    let mut both = panel(format!("{title}: D(s, .) + D(., g)"), numbers, &sum);
-    both.dots.extend(found);
-    let mut walk = panel(
-        format!("{title}: the plan and the walk"),
-        walk_caption(&bridge.walk),
-        &bridge.to_goal,
-    );
-    walk.lines = vec![line(&plan, PLAN, 5), line(&bridge.walk.path, WALKED, 2)];
-    walk.dots.extend(found);
-    walk.text = text(map, &bridge.walk, bridge.found.map(|found| found.point));
+    let searched = format!("D(s,g) {direct:.2}; searched {}", counted(*searches as u64, "task"));
+    let from = panel("D(s, .)", searched, from_start);
+    let to = panel("D(., g)", format!("true steps {}", walked.shortest), to_goal);
+    let mut both = panel("D(s, .) + D(., g)", numbers, &sum);
+    let mut walk = panel("the plan and the walk", walk_caption(walked), to_goal);
+    let start: Vec<[f32; 2]> = walked.path.first().copied().into_iter().collect();
+    let plan = [start, walked.plan.clone()].concat();
+    walk.lines = vec![line(map, &plan, PLAN, 5), line(map, &walked.path, WALKED, 2)];
+    let point = found.map(|found| found.point);
+    both.dots.extend(point.map(|at| dot(map, at, BRIDGE)));
+    walk.dots.extend(point.map(|at| dot(map, at, BRIDGE)));
+    walk.text = text(map, walked, point);
     vec![from, to, both, walk]
 }
 
@@ -121,45 +114,25 @@ fn field(map: &Grid, values: &[Option<f32>]) -> Picture {
     let finite = || values.iter().flatten().copied();
     let (nearest, farthest) =
         (finite().fold(f32::INFINITY, f32::min), finite().fold(1.0, f32::max));
-    let scale = scale(map);
-    let columns = map.width() * scale;
     let share = |value: f32| (value - nearest) / (farthest - nearest).max(1e-3);
     let mut picture = picture(map, |cell| {
-        values
-            .get(cell)
-            .copied()
-            .flatten()
-            .map_or(WALL, |value| distance_colour(colorous::VIRIDIS, share(value)))
+        let value = values.get(cell).copied().flatten();
+        value.map_or(WALL, |value| distance_colour(colorous::VIRIDIS, share(value)))
     });
-    let of_pixel = |i: usize| {
-        values[(i / columns / scale) * map.width() + i % columns / scale].unwrap_or(f32::NAN)
-    };
-    let pixels: Vec<f32> = (0..columns * map.height() * scale).map(of_pixel).collect();
+    let (columns, rows) = picture.size();
+    let of_pixel = |i: usize| values[cell_at(map, i)].unwrap_or(f32::NAN);
+    let pixels: Vec<f32> = (0..columns * rows).map(of_pixel).collect();
     picture.contours(&pixels, contour_interval(&pixels, columns, LINE_SPACING));
     picture
 }
 
-fn walk_caption(walk: &Walked) -> String {
-    let steps = walk.path.len().saturating_sub(1);
-    let end = if walk.reached { "reached in" } else { "not reached within" };
-    format!("shortest {}; {end} {steps}", walk.shortest)
-}
-
-/// Returns a panel of Figure 5: the path walked, over the plan if there is one.
 fn path_panel(map: &Grid, title: &str, walk: &Walked) -> MapPanel {
-    let scale = scale(map) as f32;
-    let to_pixels = |at: &[f32; 2]| at.map(|v| v * scale);
-    let path =
-        PolyLine { stops: walk.path.iter().map(to_pixels).collect(), colour: PATH, width: 3 };
-    let start = walk.path.first().map(|at| Dot::new(to_pixels(at), START));
+    let (title, ground) = (format!("{title}: {} steps", walk.distance), picture(map, |_| FLOOR));
     MapPanel {
-        title: format!("{title}: {} steps", walk.distance),
-        caption: walk_caption(walk),
-        picture: picture(map, |_| FLOOR),
-        lines: vec![path],
-        rings: Vec::new(),
-        dots: start.into_iter().chain([Dot::new(to_pixels(&walk.goal), GOAL)]).collect(),
+        lines: vec![line(map, &walk.path, PATH, 3)],
+        dots: ends(map, walk),
         text: text(map, walk, None),
+        ..MapPanel::new(title, walk_caption(walk), ground)
     }
 }
 
@@ -187,10 +160,8 @@ fn text(map: &Grid, walk: &Walked, bridge: Option<[f32; 2]>) -> String {
     bridge.into_iter().for_each(|at| put(at, 'b'));
     walk.path.first().into_iter().for_each(|at| put(*at, 'S'));
     put(walk.goal, 'G');
-    characters
-        .chunks(columns)
-        .map(|row| row.iter().collect::<String>().trim_end().to_owned() + "\n")
-        .collect()
+    let lines = characters.chunks(columns).map(|row| row.iter().collect::<String>());
+    lines.map(|line| line.trim_end().to_owned() + "\n").collect()
 }
 
 #[cfg(test)]

@@ -11,15 +11,15 @@ use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Widget};
 
-use super::curves::Panel;
+use super::curves::{Curve, Panel};
 use gdg::draw::Rgb;
 use gdg::text::terminal_obeys_escapes;
 
 /// Columns and rows of a chart.
 const SIZE: (u16, u16) = (100, 22);
 
-/// Columns of the names of methods.
-const LEGEND: u16 = 31;
+/// Columns of the names of methods, with the last value of each.
+const LEGEND: u16 = 37;
 
 /// Draws charts one below the other, in colours if standard output is a terminal that has some.
 pub fn charts(panels: &[Panel]) -> String {
@@ -29,22 +29,17 @@ pub fn charts(panels: &[Panel]) -> String {
 }
 
 fn chart(panel: &Panel, coloured: bool) -> String {
-    let points: Vec<Vec<(f64, f64)>> = panel
-        .curves
-        .iter()
-        .map(|curve| curve.points.iter().map(|p| (p.x as f64, p.mean())).collect())
-        .collect();
+    let means = panel.curves.iter().map(Curve::means);
+    let points: Vec<Vec<(f64, f64)>> =
+        means.map(|means| means.iter().map(|point| (point.x, point.mean)).collect()).collect();
     let all = || points.iter().flatten();
     let last = all().map(|p| p.0).fold(1.0, f64::max);
     let highest = panel.top.unwrap_or_else(|| all().map(|p| p.1).fold(1.0, f64::max));
-    // Without colours, letters tell the methods apart.
-    let methods = || panel.curves.iter().zip('a'..);
-    let data = methods().zip(&points).map(|((curve, letter), points)| {
-        Dataset::default()
-            .marker(if coloured { Marker::Braille } else { Marker::Custom(letter) })
-            .graph_type(GraphType::Line)
-            .style(Style::new().fg(of(curve.entry.colour)))
-            .data(points)
+    // The nearest of the 256 colours, which every terminal with colours has.
+    let of = |(r, g, b): Rgb| Color::Indexed(rgb_to_xterm(RgbColor(r, g, b)).0);
+    let data = panel.curves.iter().zip(&points).map(|(curve, points)| {
+        let line = Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line);
+        line.style(Style::new().fg(of(curve.entry.colour))).data(points)
     });
     let axis = |top: f64| {
         let labels = [0.0, 0.5, 1.0].map(|share| Line::from(crate::figure::tick(share * top)));
@@ -59,21 +54,17 @@ fn chart(panel: &Panel, coloured: bool) -> String {
         Layout::horizontal([Constraint::Fill(1), Constraint::Length(LEGEND)]).areas(middle);
     Chart::new(data.collect()).x_axis(axis(last)).y_axis(axis(highest)).render(ground, &mut screen);
     Line::from(panel.labels[1]).render(above, &mut screen);
-    Line::from(panel.labels[0])
-        .right_aligned()
-        .render(Rect { width: ground.width, ..below }, &mut screen);
-    for ((curve, letter), row) in methods().zip(legend.rows()) {
-        let symbol = if coloured { "──".to_owned() } else { letter.to_string() };
-        Line::from(format!("  {symbol} {}", curve.entry.title))
+    let below = Rect { width: ground.width, ..below };
+    Line::from(panel.labels[0]).right_aligned().render(below, &mut screen);
+    // Without colours, the last values tell the lines apart.
+    let digits = if panel.top.is_some() { 2 } else { 1 };
+    for ((curve, points), row) in panel.curves.iter().zip(&points).zip(legend.rows()) {
+        let last = points.last().map_or(String::new(), |(_, value)| format!("{value:.digits$}"));
+        Line::from(format!("  ── {:<27}{last}", curve.entry.title))
             .style(of(curve.entry.colour))
             .render(row, &mut screen);
     }
     text(&screen, coloured)
-}
-
-/// Returns the nearest of the 256 colours, which every terminal with colours has.
-fn of((r, g, b): Rgb) -> Color {
-    Color::Indexed(rgb_to_xterm(RgbColor(r, g, b)).0)
 }
 
 /// Returns the characters, with escape sequences for their colours if `coloured`.
@@ -99,37 +90,27 @@ fn text(screen: &Buffer, coloured: bool) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::reproduce::curves::{Curve, Point};
-    use crate::experiment::reproduce::methods::{DEFAULT, Entry, GDG_BRIDGE};
+    use crate::experiment::figures::catalogue::{DEFAULT, Entry, GDG_BRIDGE};
 
     static ENTRIES: [Entry; 2] = [DEFAULT, GDG_BRIDGE];
 
     #[test]
     fn a_chart_shows_axes_legend_and_a_line_per_method() {
-        let points = |value| {
-            vec![
-                Point { x: 0, values: vec![(1, value)] },
-                Point { x: 40_000, values: vec![(1, value)] },
-            ]
+        let curve = |i: usize, value| {
+            let points = vec![(0.0, value), (40_000.0, value)];
+            Curve { entry: &ENTRIES[i], seeds: [(1, points)].into() }
         };
-        let curve = |i: usize, value| Curve { entry: &ENTRIES[i], points: points(value) };
         // The first curve lies at the top, where names of axis and methods must not be.
         let curves = vec![curve(0, 1.0), curve(1, 0.1)];
-        let panel = Panel {
-            measure: "success",
-            labels: ["updates", "success rate"],
-            top: Some(1.0),
-            curves,
-        };
+        let labels = ["updates", "success rate"];
+        let panel = Panel { measure: "success", labels, top: Some(1.0), curves };
         let plain = chart(&panel, false);
         for part in [
             "updates",
-            "success rate",
-            "a default (ours)",
-            "b GDG, bridges",
+            "── default (ours)             1.00",
+            "── GDG, bridges               0.10",
             "40k",
-            "aaaaaaaa",
-            "bbbbbbbb",
+            "⠒⠒⠒⠒",
         ] {
             assert!(plain.contains(part), "{part}: {plain}");
         }

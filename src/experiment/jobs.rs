@@ -1,0 +1,177 @@
+//! The jobs of an experiment: listed, run, and reported.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use miette::{IntoDiagnostic, Report, WrapErr, miette};
+
+use super::folder::Folder;
+use super::job::{Job, JobResult};
+use super::runner::run_open;
+use crate::host::status::{EXIT_FAILURE, EXIT_NOT_REACHED};
+use gdg::printing::{eprint_line, print_text};
+use gdg::text::{aligned, counted, sanitized, sanitized_lines};
+use gdg::train::{Evaluation, Registry};
+
+/// A length below this share of the usual one says nothing about a method.
+const SHORT: f64 = 0.1;
+
+/// Which jobs run, how, and where.
+#[derive(Clone, Debug)]
+pub struct Running {
+    /// Folder of jobs and results.
+    pub out: PathBuf,
+    /// Jobs at the same time.
+    pub parallel: usize,
+    /// Whether to print the jobs instead.
+    pub list: bool,
+    /// Names or numbers of the only jobs to run.
+    pub job: Vec<String>,
+    /// Whether to report from finished jobs without running any.
+    pub collect: bool,
+    /// Whether checkpoints of finished jobs are kept.
+    pub keep: bool,
+    /// The success rate that every run has to reach.
+    pub require_success: Option<f64>,
+}
+
+/// The jobs of an experiment, each once, in order.
+pub struct Jobs<'a> {
+    pub all: Vec<Job>,
+    pub folder: Folder,
+    registry: &'a Arc<Registry>,
+    running: &'a Running,
+}
+
+impl<'a> Jobs<'a> {
+    /// Takes `jobs`, the same of which may be given several times. Checks that those named exist,
+    /// and that their results and `files` can be written.
+    pub fn new(
+        jobs: impl IntoIterator<Item = Job>,
+        running: &'a Running,
+        registry: &'a Arc<Registry>,
+        files: &[&str],
+    ) -> Result<Self, Report> {
+        let mut known = BTreeSet::new();
+        let all = jobs.into_iter().filter(|job| known.insert(job.name.clone())).collect();
+        let jobs = Self { all, folder: Folder(running.out.clone()), registry, running };
+        jobs.chosen()?;
+        if running.collect {
+            jobs.folder.check_has_jobs()?;
+        }
+        if !running.list {
+            jobs.folder.check_writable(&[&["report.md", "jobs/NAME.json"], files].concat())?;
+        }
+        Ok(jobs)
+    }
+
+    /// Returns the jobs to run: those given with `--job`, or all.
+    fn chosen(&self) -> Result<Vec<&Job>, Report> {
+        if self.running.job.is_empty() {
+            return Ok(self.all.iter().collect());
+        }
+        let find = |name: &String| {
+            let line = name.parse().ok().and_then(|line: usize| self.all.get(line.checked_sub(1)?));
+            line.or_else(|| self.all.iter().find(|job| job.name == *name)).ok_or_else(|| {
+                let names: Vec<&str> = self.all.iter().map(|job| job.name.as_str()).collect();
+                let (all, names) = (names.len(), names.join(", "));
+                let help = format!("give a number from 1 to {all}, or a name: {names}");
+                miette!(help = help, "--job {name}: there is no such job")
+            })
+        };
+        let mut chosen = self.running.job.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let mut seen = BTreeSet::new();
+        chosen.retain(|job| seen.insert(&job.name));
+        Ok(chosen)
+    }
+
+    /// Lists the jobs; or runs those without a result and, unless single ones were named, calls
+    /// `report` with the names of those that have none yet. Returns the exit status.
+    pub fn run(&self, report: impl FnOnce(&[&str]) -> Result<(), Report>) -> Result<u8, Report> {
+        let Running { parallel, list, collect, keep, .. } = *self.running;
+        if list {
+            return print(&self.list()).map(|()| 0);
+        }
+        let chosen = self.chosen()?;
+        let (mut any_failed, mut any_elsewhere) = (false, false);
+        if !collect {
+            let outcome = run_open(&self.folder, self.registry, &chosen, parallel, keep)?;
+            if let Some(status) = outcome.interrupted {
+                return Ok(status);
+            }
+            (any_failed, any_elsewhere) = (outcome.any_failed, outcome.any_elsewhere);
+        }
+        if self.running.job.is_empty() {
+            let open = self.all.iter().filter(|job| self.folder.result_of(job).is_none());
+            let missing: Vec<&str> = open.map(|job| &*job.name).collect();
+            report(&missing)?;
+            eprint_line(&format!("report: {}", self.folder.path("report.md").display()));
+            if !missing.is_empty() {
+                let names = missing.join(", ");
+                eprint_line(&format!("{} missing: {names}", counted(missing.len() as u64, "job")));
+                any_failed |= collect;
+            }
+        }
+        Ok(match self.running.require_success {
+            _ if any_failed => EXIT_FAILURE,
+            Some(least) if self.any_below(&chosen, least) || any_elsewhere => EXIT_NOT_REACHED,
+            _ => 0,
+        })
+    }
+
+    fn list(&self) -> String {
+        let row = |job: &Job| {
+            let variant = job.variant.as_ref().map_or(String::new(), |name| format!(" {name}"));
+            let length = job.plan.length;
+            vec![
+                job.name.clone(),
+                sanitized(job.world.name()),
+                format!("{}{variant}", job.run.method),
+                format!("seed {}", job.run.seed),
+                format!("{:>7} {}", length.amount(), length.unit()),
+                self.folder.state(job),
+            ]
+        };
+        aligned(&self.all.iter().map(row).collect::<Vec<_>>())
+    }
+
+    /// Names the results below a success rate; returns whether there are any.
+    fn any_below(&self, jobs: &[&Job], required: f64) -> bool {
+        let rate = |result: &JobResult| result.last().and_then(Evaluation::success_rate);
+        let results = jobs.iter().filter_map(|job| self.folder.result_of(job));
+        let below: Vec<JobResult> =
+            results.filter(|result| rate(result).is_none_or(|rate| rate < required)).collect();
+        for result in &below {
+            let (name, rate) = (&result.name, rate(result));
+            let rate = rate.map_or("-".to_owned(), |rate| format!("{rate:.3}"));
+            eprint_line(&format!("{name}: success rate {rate} is below the required {required}"));
+        }
+        !below.is_empty()
+    }
+}
+
+/// Warns if jobs train for far less than is `usual` for them, given in the same unit.
+pub fn warn_if_short<'a>(jobs: impl IntoIterator<Item = (&'a Job, u64)>) {
+    let is_short =
+        |(job, usual): &(&Job, u64)| (job.plan.length.amount() as f64) < SHORT * *usual as f64;
+    if let Some((job, usual)) = jobs.into_iter().find(is_short) {
+        let (name, length) = (job.world.name(), job.plan.length);
+        eprint_line(&sanitized(&format!(
+            "warning: {} {} on {name}, where {usual} are usual, are too few to compare methods",
+            length.amount(),
+            length.unit()
+        )));
+    }
+}
+
+/// Prints to standard output, made safe to display.
+pub fn print(text: &str) -> Result<(), Report> {
+    print_raw(&sanitized_lines(text))
+}
+
+/// Prints text of our own, which may contain colours, to standard output. An early close (`| head`)
+/// is not an error.
+pub fn print_raw(text: &str) -> Result<(), Report> {
+    print_text(text).into_diagnostic().wrap_err("standard output")
+}

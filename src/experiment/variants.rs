@@ -1,0 +1,253 @@
+//! What a suite trains on every map: methods, each with the settings of variants, of sweeps, or of
+//! an ablation.
+
+use miette::{Report, miette};
+use serde_json::Value;
+
+use super::job::setting_text;
+use crate::host::setup::{RunChoice, split_prefix};
+use gdg::settings::Ablation as Without;
+use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
+
+/// A method with settings of its own.
+pub struct Variant {
+    pub name: Option<String>,
+    pub run: RunChoice,
+}
+
+/// What is trained besides the methods as they are.
+#[derive(Clone, Debug)]
+pub enum Variation {
+    /// Every value of every `NAME=VALUE,VALUE`, instead of the methods as they are: all
+    /// combinations.
+    Sweep(Vec<String>),
+    /// These variants of the default method, whatever methods are named.
+    Ablation(Ablation),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Ablation {
+    /// The default, the default without each of its components, and with other methods
+    Components,
+    /// From the preset paper to the default, component by component
+    Ladder,
+}
+
+/// The default's method.
+const METHOD: &str = METHODS[0].name;
+
+/// Two settings of the default changed at once, besides those whose entry has an ablation.
+const COMBINATION: (&str, &str) =
+    ("targets from behaviour alone, expectile of 0.95", "greedy_targets=false expectile=0.95");
+
+const OTHER_METHODS: [(&str, &str); 2] =
+    [("method sorb", "sorb"), ("method gdg (no bridges)", "gdg")];
+
+/// The components between the presets `paper` and `default`, each on top of those before it: the
+/// settings that get their default. The world is the same for all, without noise.
+const LADDER: [(&str, &str); 16] = [
+    ("preset paper, without noise", "env_noise"),
+    (
+        "+ hindsight goals instead of near ones",
+        "near_goals goal_hindsight goal_random hindsight_bound max_distance_steps",
+    ),
+    (
+        "+ 32 agents side by side, long episodes",
+        "agents env_steps_per_update update_when learning_starts random_actions \
+         new_goal_when_reached episode_steps",
+    ),
+    ("+ relative inputs, Fourier features", "relative_scales fourier_octaves"),
+    ("+ grid encoding", "grid_cells"),
+    ("+ 3-step targets, two critics, error of sqrt(D)", "n_step critics loss tau"),
+    (
+        "+ targets of the better of behaviour and actor",
+        "greedy_targets expectile actor_bound relearn_updates",
+    ),
+    (
+        "+ verified edges, progress check, more candidates",
+        "verify_edges keep_observed_edges progress_check averaged_weights hop_steps candidates \
+         candidate_spacing",
+    ),
+    ("+ distillation, plans in exploration", "distillation planned_episodes"),
+    ("+ bounds by the graph on other pairs", "graph_bounds"),
+    ("+ waypoints for the actor", "actor_waypoints"),
+    ("+ checks of the model, ways out for a blocked actor", "model_check unblock_actor"),
+    ("+ near pairs where D falls short of the graph", "short_pairs"),
+    ("+ pairs where the actor gets stuck", "imagined_walks"),
+    ("+ lookahead", "lookahead"),
+    ("+ one start, excursions: the default", "restart frontier_epsilon"),
+];
+
+impl Variant {
+    /// Returns method and name, as in names of jobs.
+    pub fn label(&self) -> String {
+        let method = self.run.method.name();
+        let Some(name) = &self.name else { return method };
+        let words = name.split(|c: char| !c.is_alphanumeric() && !"-_.".contains(c));
+        let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+        format!("{method}-{}", words.join("-"))
+    }
+}
+
+/// Returns every method as it is and with the settings of each variant that `set`,
+/// `[NAME:]SETTING=VALUE`, names, or what `variation` makes of them.
+pub fn variants(
+    methods: &[Method],
+    base: &RunChoice,
+    variation: &Variation,
+) -> Result<Vec<Variant>, Report> {
+    let sweeps = match variation {
+        Variation::Ablation(ablation) => return Ok(ablation.variants(base)),
+        Variation::Sweep(sweeps) => combinations(sweeps)?,
+    };
+    let own: Vec<String> = methods.iter().map(Method::name).collect();
+    let mut names: Vec<Option<&str>> = vec![None];
+    for name in base.set.iter().filter_map(|text| split_prefix(text).0) {
+        if !own.iter().any(|method| method == name) && !names.contains(&Some(name)) {
+            check_name(name, &own)?;
+            names.push(Some(name));
+        }
+    }
+    let mut all = Vec::new();
+    for method in methods {
+        for name in &names {
+            let is_own = |text: &&String| match split_prefix(text).0 {
+                Some(prefix) => prefix == method.name() || Some(prefix) == *name,
+                None => true,
+            };
+            let own = base.set.iter().filter(is_own).map(|text| split_prefix(text).1.to_owned());
+            let set: Vec<String> = own.collect();
+            all.extend(sweeps.iter().map(|swept| Variant {
+                name: name.map(str::to_owned),
+                run: RunChoice {
+                    method: method.clone(),
+                    set: [&set[..], swept].concat(),
+                    ..base.clone()
+                },
+            }));
+        }
+    }
+    Ok(all)
+}
+
+fn check_name(name: &str, methods: &[String]) -> Result<(), Report> {
+    if METHODS.iter().any(|method| method.name == name) {
+        let help = format!("add --method {name}, or name one of {}", methods.join(", "));
+        return Err(miette!(help = help, "--set {name}:...: {name} is not among the methods"));
+    }
+    if name.is_empty() || !name.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c)) {
+        let help = "NAME has only letters, digits and -_.: --set small:hidden=32";
+        return Err(miette!(help = help, "--set {name}:...: not the name of a variant"));
+    }
+    Ok(())
+}
+
+/// Returns all combinations of the values of sweeps; without sweeps, one that changes nothing.
+fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
+    let mut all = vec![Vec::new()];
+    for sweep in sweeps {
+        let Some((name, values)) = sweep.split_once('=') else {
+            let help = "--sweep hidden=32,64,128";
+            return Err(miette!(help = help, "--sweep {sweep}: not SETTING=VALUE,VALUE"));
+        };
+        // Values may be lists themselves; names of choices are no JSON.
+        let settings: Vec<String> = match serde_json::from_str::<Vec<Value>>(&format!("[{values}]"))
+        {
+            Ok(values) => values.iter().map(|value| setting_text(name, value)).collect(),
+            Err(_) => values.split(',').map(|value| format!("{name}={}", value.trim())).collect(),
+        };
+        let with = |before: &Vec<String>| {
+            settings.iter().map(|own| [&before[..], std::slice::from_ref(own)].concat()).collect()
+        };
+        all = all.iter().flat_map(|before| -> Vec<Vec<String>> { with(before) }).collect();
+    }
+    Ok(all)
+}
+
+impl Ablation {
+    /// Returns its variants in the order of the table, each on top of the settings of `base`.
+    fn variants(self, base: &RunChoice) -> Vec<Variant> {
+        let variant = |name: &str, method: &str, preset, set: &[String]| {
+            let method = method.parse().unwrap_or_default();
+            let set = [&base.set, set].concat();
+            let run = RunChoice { method, preset: Some(preset), config: None, set };
+            Variant { name: Some(name.to_owned()), run }
+        };
+        if self == Self::Ladder {
+            let (default, mut set) = (list_settings(&Settings::default()), Vec::new());
+            return LADDER
+                .map(|(name, added)| {
+                    let is_added = |name: &str| added.split_whitespace().any(|added| added == name);
+                    let added = default.iter().filter(|(name, _)| is_added(name));
+                    set.extend(added.map(|(name, value)| format!("{name}={value}")));
+                    variant(name, METHOD, Preset::Paper, &set)
+                })
+                .into();
+        }
+        let changed = |name: &str, method: &str, set: &str| {
+            let set: Vec<String> = set.split_whitespace().map(str::to_owned).collect();
+            variant(name, method, Preset::Default, &set)
+        };
+        let without = SETTINGS.iter().filter_map(|setting| {
+            let Without { name, value } = setting.ablation?;
+            Some(changed(name, METHOD, &format!("{}={value}", setting.name)))
+        });
+        let others = OTHER_METHODS.map(|(name, method)| changed(name, method, ""));
+        let all = [changed("default", METHOD, "")].into_iter().chain(without);
+        all.chain([changed(COMBINATION.0, METHOD, COMBINATION.1)]).chain(others).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gdg::train::{Overrides, TrainSettings, settings_from};
+
+    fn base(set: &[&str]) -> RunChoice {
+        let set = set.iter().map(|text| (*text).to_owned()).collect();
+        RunChoice { method: Method::default(), preset: None, config: None, set }
+    }
+
+    fn settings(variant: &Variant) -> Settings {
+        let overrides = Overrides { set: &variant.run.set, ..Overrides::default() };
+        settings_from(variant.run.preset.expect("a preset"), &overrides).expect("valid settings")
+    }
+
+    #[test]
+    fn the_ladder_climbs_from_the_preset_paper_to_the_default() {
+        let ladder = Ablation::Ladder.variants(&base(&[]));
+        let first = Settings {
+            train: TrainSettings { env_noise: 0.0, ..TrainSettings::of(Preset::Paper) },
+            ..Preset::Paper.settings()
+        };
+        assert_eq!(settings(&ladder[0]), first);
+        assert_eq!(settings(&ladder[ladder.len() - 1]), Settings::default());
+        assert!(ladder.windows(2).all(|rungs| settings(&rungs[0]) != settings(&rungs[1])));
+        assert_eq!(ladder[4].label(), "gdg-bridge-grid-encoding");
+        let components = Ablation::Components.variants(&base(&["hidden=16"]));
+        assert!(components.iter().all(|variant| settings(variant).learn.hidden == 16));
+    }
+
+    #[test]
+    fn sweeps_are_all_combinations_and_nothing_else() {
+        let of = |sweeps: &[&str]| {
+            let sweeps = sweeps.iter().map(|text| (*text).to_owned()).collect();
+            let all =
+                variants(&[Method::default()], &base(&["tau=0.1"]), &Variation::Sweep(sweeps));
+            let all = all.map_err(|error| error.to_string())?;
+            Ok::<_, String>(all.iter().map(|variant| variant.run.set.join(" ")).collect::<Vec<_>>())
+        };
+        assert_eq!(of(&[]), Ok(vec!["tau=0.1".to_owned()]));
+        assert_eq!(
+            of(&["hidden=32,64", "grid_cells=[4,2],[]"]).expect("settings"),
+            [
+                "tau=0.1 hidden=32 grid_cells=[4,2]",
+                "tau=0.1 hidden=32 grid_cells=[]",
+                "tau=0.1 hidden=64 grid_cells=[4,2]",
+                "tau=0.1 hidden=64 grid_cells=[]"
+            ]
+        );
+        assert_eq!(of(&["loss=sqrt, mse"]).expect("settings").len(), 2);
+        assert!(of(&["hidden"]).is_err_and(|error| error.contains("not SETTING=VALUE")));
+    }
+}
