@@ -317,7 +317,7 @@ fn jobs_are_listed_and_run_by_name() {
 
     let unknown = place.run(&[&args[..], &["--job", "open-1"]].concat());
     assert_eq!(unknown.status, Some(2));
-    has_parts(&unknown.err, &["open-1: there is no such job", open, parts]);
+    has_parts(&unknown.err, &["open-1: there is no such job", "give a number from 1 to 2", open]);
 
     let one = place.run(&[&args[..], &["--job", "2", "--job", parts]].concat());
     assert_eq!((one.status, &*one.out), (Some(0), ""), "{}", one.err);

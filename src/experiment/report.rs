@@ -105,7 +105,14 @@ impl Row {
     /// ablation, unlike others, have names that say what they change.
     fn label(&self, rows: &[Self]) -> String {
         let variant = self.about.variant.as_ref().map_or(String::new(), |name| format!(", {name}"));
-        let is_common = |set: &&String| rows.iter().all(|row| row.about.settings.contains(set));
+        // Worlds without a map have settings of their own.
+        let is_other = |row: &Self| {
+            self.about.world != row.about.world
+                && (self.about.map.is_none() || row.about.map.is_none())
+        };
+        let is_common = |set: &&String| {
+            rows.iter().all(|row| is_other(row) || row.about.settings.contains(set))
+        };
         let own = self.about.settings.iter().filter(|set| !is_common(set));
         let own = own.map(String::as_str).collect::<Vec<_>>().join(" ");
         let says_all = own.is_empty() || variant.trim_start_matches(", ").contains(' ');
