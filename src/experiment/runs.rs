@@ -21,7 +21,7 @@ use super::folder::read_result;
 use super::job::{EvaluationAt, JobResult, evaluations, setting_text};
 use crate::host::report::from_checkpoint_error;
 use crate::host::runs::files_in;
-pub use columns::{COLUMNS, Column, WRITTEN, name, table};
+pub use columns::{COLUMNS, WRITTEN, name, table};
 use gdg::files::{has_extension, is_hidden};
 use gdg::job::Job;
 use gdg::text::{counted, sanitized};

@@ -312,8 +312,8 @@ impl Placed<'_> {
         }
         if labelled[1] {
             let at = [start + 0.9 * LETTERS, f32::midpoint(top, bottom)];
-            let (text, anchor) = (up.clone(), Anchor::Middle);
-            let text = Text { at, text, size: LETTERS, colour: INK, anchor, turned: true };
+            let (words, anchor) = (up.clone(), Anchor::Middle);
+            let text = Text { at, words, size: LETTERS, colour: INK, anchor, turned: true };
             sheet.marks.push(Mark::Text(text));
         }
     }

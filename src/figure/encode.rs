@@ -137,7 +137,7 @@ pub fn svg(sheet: &Sheet) -> Result<String, Report> {
         };
         let turn = if text.turned { " rotate(-90)" } else { "" };
         Group::new().set("transform", format!("translate({x} {y}){turn}")).add(
-            Letters::new(sanitized(&text.text))
+            Letters::new(sanitized(&text.words))
                 .set("font-size", text.size)
                 .set("fill", hex(text.colour))
                 .set("text-anchor", anchor),

@@ -35,7 +35,7 @@ pub fn lacking(sheet: &Sheet) -> String {
     let mut lacking = BTreeSet::new();
     for mark in &sheet.marks {
         if let (Mark::Text(text), Some(face)) = (mark, FACE.as_ref()) {
-            lacking.extend(text.text.chars().filter(|c| face.glyph_index(*c).is_none()));
+            lacking.extend(text.words.chars().filter(|c| face.glyph_index(*c).is_none()));
         }
     }
     lacking.into_iter().collect()
@@ -45,9 +45,9 @@ pub fn lacking(sheet: &Sheet) -> String {
 pub fn outline(text: &Text) -> Option<Path> {
     let face = FACE.as_ref()?;
     let scale = text.size / f32::from(face.units_per_em());
-    let along = -text.anchor.share() * width(&text.text, text.size);
+    let along = -text.anchor.share() * width(&text.words, text.size);
     let mut pen = Pen { text, scale, along, path: PathBuilder::new() };
-    for (glyph, advance) in glyphs(face, &text.text) {
+    for (glyph, advance) in glyphs(face, &text.words) {
         face.outline_glyph(glyph, &mut pen);
         pen.along += text.size * advance;
     }

@@ -41,7 +41,7 @@ pub enum Mark {
 pub struct Text {
     /// A point of the baseline.
     pub at: [f32; 2],
-    pub text: String,
+    pub words: String,
     pub size: f32,
     pub colour: Rgb,
     /// Which part of the text is at that point.
@@ -81,8 +81,8 @@ impl Sheet {
     }
 
     pub fn text(&mut self, at: [f32; 2], text: &str, size: f32, anchor: Anchor, colour: Rgb) {
-        let text = text.to_owned();
-        self.marks.push(Mark::Text(Text { at, text, size, colour, anchor, turned: false }));
+        let words = text.to_owned();
+        self.marks.push(Mark::Text(Text { at, words, size, colour, anchor, turned: false }));
     }
 }
 

@@ -149,7 +149,7 @@ fn training(
 fn by_distance(result: &JobResult) -> Points {
     let Some(last) = result.last() else { return Vec::new() };
     let score = last.planned.as_ref().unwrap_or(&last.greedy);
-    let of = |d: &DistanceScore| Some((f64::from(d.distance()?.0).round(), d.success?));
+    let of = |d: &DistanceScore| Some((d.distance()?.0.round(), d.success?));
     score.by_distance.iter().filter_map(of).collect()
 }
 
