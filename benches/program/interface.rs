@@ -51,7 +51,7 @@ pub fn measure(threads: usize, runs: usize) -> Result<String, TrainError> {
         on(threads)
     );
     for (screen, (_, ratios, frames)) in MeasuredScreen::ALL.into_iter().zip(screens) {
-        let (name, ratio) = (screen.name(), median(ratios));
+        let (name, ratio) = (screen.name, median(ratios));
         let [frame, slow] = [0.5, 0.95].map(|share| quantile(frames.clone(), share) / 1e3);
         out += &format!("  {name:<16}{ratio:.2} of that; a frame {frame:.1} ms");
         out += &format!(", 95th percentile {slow:.1} ms\n");

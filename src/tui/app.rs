@@ -164,6 +164,9 @@ impl App {
 
     /// Has the topmost dialog handle an event, and does what the user picks in it.
     fn on_event_in_dialog(&mut self, event: &Event) {
+        if let Base::Comparison(comparison) = &mut self.base {
+            comparison.sessions[0].screen.log.dismiss();
+        }
         let choice = self.first_mut().on_event_in_dialog(event);
         match &mut self.base {
             Base::Run(session) => choice.into_iter().for_each(|choice| session.choose(choice)),
@@ -218,7 +221,7 @@ impl Interface for App {
     fn report(&mut self, problem: &str) {
         match &mut self.base {
             Base::Run(session) => session.screen.report(problem),
-            Base::Comparison(comparison) => comparison.log.show(problem, true),
+            Base::Comparison(comparison) => comparison.log.add(problem, 0.0, 0, true),
         }
     }
 

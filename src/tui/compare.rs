@@ -101,9 +101,6 @@ fn maze_of(session: &Session) -> &MazeState {
 
 impl Comparison {
     /// Starts both runs; both agents walk to the map's own goal, or to a random one.
-    ///
-    /// # Errors
-    /// A learner fails, or a thread cannot be started.
     pub fn start(
         contestants: [Contestant; 2],
         config: &UiConfig,

@@ -33,37 +33,20 @@ pub struct MeasuredInterface {
     patches: Option<(Patches, Graphics)>,
 }
 
-/// The graphics of the invisible screen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MeasuredScreen {
-    /// Characters only.
-    Characters,
-    /// Pictures as kitty does, in characters of 10 x 20 pixels.
-    Kitty,
-    /// Sixels, in characters of 10 x 20 pixels.
-    Sixel,
+/// An invisible screen: its name, and how it shows pictures, in characters of 10 x 20 pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct MeasuredScreen {
+    pub name: &'static str,
+    protocol: Option<Protocol>,
 }
 
 impl MeasuredScreen {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Characters, Self::Kitty, Self::Sixel];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Characters => "characters",
-            Self::Kitty => "pixels, kitty",
-            Self::Sixel => "pixels, sixel",
-        }
-    }
-
-    fn graphics(self) -> Option<Graphics> {
-        let of = |protocol| Some(Graphics { protocol, character: (10, 20) });
-        match self {
-            Self::Characters => None,
-            Self::Kitty => of(Protocol::Kitty),
-            Self::Sixel => of(Protocol::Sixel),
-        }
-    }
+    pub const ALL: [Self; 3] = [
+        Self { name: "characters", protocol: None },
+        Self { name: "pixels, kitty", protocol: Some(Protocol::Kitty) },
+        Self { name: "pixels, sixel", protocol: Some(Protocol::Sixel) },
+    ];
 }
 
 /// Measurements of a watched run.
@@ -91,8 +74,10 @@ impl MeasuredInterface {
         let session = Session::new(engine.link(), viewer, &config, keymap, Files::default());
         let mut app = App::new(session);
         app.first_mut().screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
-        let patches = screen.graphics().map(|graphics| (Patches::new(graphics.protocol), graphics));
-        app.set_graphics(screen.graphics(), Redraw::All);
+        let patches = screen
+            .protocol
+            .map(|protocol| (Patches::new(protocol), Graphics { protocol, character: (10, 20) }));
+        app.set_graphics(patches.as_ref().map(|(_, graphics)| *graphics), Redraw::All);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
         let terminal =
             Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;

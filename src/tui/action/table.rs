@@ -53,6 +53,10 @@ const fn scene(action: A, name: &'static str, keys: &'static [&'static str]) -> 
     bind(action, name, keys, Session::act_in_scene)
 }
 
+const fn watch_scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
+    scene(action, name, keys).watching()
+}
+
 /// A row for an overlay.
 const fn overlay(overlay: Overlay, name: &'static str, keys: &'static [&'static str]) -> Binding {
     watch(A::Toggle(overlay), name, keys, |s, action| view::toggle_overlay(s, action)).each()
@@ -74,13 +78,8 @@ const fn tool(action: A, name: &'static str, keys: &'static [&'static str]) -> B
 }
 
 /// A row for an action on a list of runs, which knows what it does.
-const fn on_runs(
-    action: ListAction,
-    name: &'static str,
-    keys: &'static [&'static str],
-    long: &'static str,
-) -> Binding {
-    bind(A::List(action), name, keys, |_, _| {}).within(When::Listing).help(long)
+const fn on_runs(action: ListAction, name: &'static str, keys: &'static [&'static str]) -> Binding {
+    bind(A::List(action), name, keys, |_, _| {}).within(When::Listing)
 }
 
 impl Binding {
@@ -233,16 +232,13 @@ const GOAL_AND_AGENT: &[Binding] = &[
     towards(A::Move(0, 1), "down", &["down", "j"]).help("move the goal or cursor down").in_lists(),
     towards(A::Move(0, -1), "up", &["up", "k"]).help("move the goal or cursor up").in_lists(),
     towards(A::Move(1, 0), "right", &["right", "l"]).help("move the goal or cursor right"),
-    scene(A::NewStart, "new-start", &["w"])
+    watch_scene(A::NewStart, "new-start", &["w"])
         .help("put @ at a random place (right-click: at that cell)")
-        .watching()
         .also("start agent walker position move teleport spawn")
         .own(Comparison::new_start)
         .in_present(),
-    scene(A::StartHere, "start-here", &["shift-s"])
-        .help("put @ at the cursor or goal")
-        .watching()
-        .also("start agent walker position teleport")
+    watch_scene(A::StartHere, "start-here", &["shift-s"])
+        .about("put @ at the cursor or goal", "start agent walker position teleport")
         .own(Comparison::start_here)
         .in_present(),
     watch(A::GoalHere, "goal-here", &["enter"], Session::act_on_goal)
@@ -298,19 +294,16 @@ const VIEW: &[Binding] = &[
         .about("the latest search for a bridge point, on or off", "bridge overlay layer"),
     overlay(Overlay::Path, "path", &["p"])
         .about("the path planned by @, on or off", "plan route waypoints overlay layer hide show"),
-    scene(A::Inspect, "inspect", &["i"])
+    watch_scene(A::Inspect, "inspect", &["i"])
         .help("inspect cells with a cursor")
-        .watching()
         .also("cursor look value info cell query coordinates position hover")
         .each(),
     scene(A::ZoomIn, "zoom-in", &["+", "="])
         .about("zoom in (or mouse wheel)", "magnify larger bigger closer enlarge minimap")
         .each(),
     scene(A::ZoomOut, "zoom-out", &["-"]).about("zoom out", "smaller farther shrink").each(),
-    scene(A::ZoomOff, "whole-map", &["0"])
-        .help("show the whole map")
-        .watching()
-        .also("fit all reset zoom overview")
+    watch_scene(A::ZoomOff, "whole-map", &["0"])
+        .about("show the whole map", "fit all reset zoom overview")
         .each(),
     scene(A::Pan(-1, 0), "pan-left", &["shift-left", "alt-left"])
         .about("pan the map to the left", "scroll")
@@ -332,15 +325,12 @@ const VIEW: &[Binding] = &[
         .help("go forward in time, up to the present")
         .also("future now present film forward later next time travel movie replay")
         .own(Comparison::step_through_films),
-    scene(A::Projection, "projection", &["shift-p"])
+    watch_scene(A::Projection, "projection", &["shift-p"])
         .help("choose the next projection")
         .short("projection")
-        .watching()
         .also("side top front orbit rotate camera angle"),
-    scene(A::Alone, "alone", &["shift-z"])
-        .help("show the chosen projection alone, or all")
-        .watching()
-        .also("single full"),
+    watch_scene(A::Alone, "alone", &["shift-z"])
+        .about("show the chosen projection alone, or all", "single full"),
     watch(A::Marker, "marker", &["m"], |s, _| view::change_marker(s))
         .help("pixels, half blocks, quadrants or braille")
         .also("characters symbols pixels resolution font")
@@ -554,63 +544,32 @@ const fn beside(
 }
 
 const RUNS: &[Binding] = &[
-    on_runs(
-        ListAction::Mark,
-        "mark-run",
-        &["space"],
+    on_runs(ListAction::Mark, "mark-run", &["space"]).short("mark").help(
         "mark the selected run, or unmark it (or click on it twice): marked runs are drawn together",
-    )
-    .short("mark"),
-    on_runs(
-        ListAction::Filter,
-        "filter-runs",
-        &["/"],
+    ),
+    on_runs(ListAction::Filter, "filter-runs", &["/"]).short("filter").help(
         "list only runs with all of the words typed: of map, method, settings and file; \
          seed=1 or hidden=64 must be equal",
-    )
-    .short("filter"),
-    on_runs(ListAction::Resume, "resume-run", &["enter"], "resume the selected run")
-        .short("resume"),
-    on_runs(
-        ListAction::Compare,
-        "compare-runs",
-        &["c"],
-        "show side by side what two marked runs, or a marked and the selected one, have learned",
-    )
-    .short("compare"),
-    on_runs(
-        ListAction::Plot,
-        "plot-runs",
-        &["p"],
-        "draw the marked runs as gdg-tui plot does: SVG and PDF, and the table behind them",
-    )
-    .short("plot"),
-    on_runs(
-        ListAction::Measure,
-        "runs-curves",
-        &["v"],
-        "curves of success, success without plans, error of D, or what was explored",
-    )
-    .short("curves"),
-    on_runs(
-        ListAction::Axis,
-        "runs-axis",
-        &["x"],
-        "curves over updates, environment steps or seconds",
-    )
-    .short("axis"),
-    on_runs(
-        ListAction::Sort,
-        "sort-runs",
-        &["s"],
-        "sort by the next column (or click on its name; again reverses)",
-    )
-    .short("sort"),
-    on_runs(ListAction::Reverse, "reverse-runs", &["shift-s"], "reverse the order"),
-    on_runs(
-        ListAction::Delete,
-        "delete-runs",
-        &["delete", "shift-d"],
-        "delete the files of the marked runs, or of the selected one; asks first",
     ),
+    on_runs(ListAction::Resume, "resume-run", &["enter"])
+        .short("resume")
+        .help("resume the selected run"),
+    on_runs(ListAction::Compare, "compare-runs", &["c"]).short("compare").help(
+        "show side by side what two marked runs, or a marked and the selected one, have learned",
+    ),
+    on_runs(ListAction::Plot, "plot-runs", &["p"])
+        .short("plot")
+        .help("draw the marked runs as gdg-tui plot does: SVG and PDF, and the table behind them"),
+    on_runs(ListAction::Measure, "runs-curves", &["v"])
+        .short("curves")
+        .help("curves of success, success without plans, error of D, or what was explored"),
+    on_runs(ListAction::Axis, "runs-axis", &["x"])
+        .short("axis")
+        .help("curves over updates, environment steps or seconds"),
+    on_runs(ListAction::Sort, "sort-runs", &["s"])
+        .short("sort")
+        .help("sort by the next column (or click on its name; again reverses)"),
+    on_runs(ListAction::Reverse, "reverse-runs", &["shift-s"]).help("reverse the order"),
+    on_runs(ListAction::Delete, "delete-runs", &["delete", "shift-d"])
+        .help("delete the files of the marked runs, or of the selected one; asks first"),
 ];

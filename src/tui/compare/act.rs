@@ -337,9 +337,6 @@ impl Comparison {
 
     /// Returns a picture of both maps in characters, in full colour even on a terminal that has fewer
     /// colours.
-    ///
-    /// # Errors
-    /// The screen is too small, or the picture cannot be encoded.
     pub fn contents(&mut self, kind: ExportKind) -> Result<Vec<u8>, ExportError> {
         self.sessions.iter_mut().for_each(|session| session.screen.on_paper = true);
         let drawn = in_full_colour(self, Self::themes, |own| {

@@ -26,10 +26,8 @@ const MARGIN_ROWS: u16 = 2;
 /// Maximum number of positions tried from left to right.
 const TRIES: u16 = 60;
 
-/// Costs of covering a character of the subject, of touching one, and of covering goal or agent, in
-/// rows of distance.
+/// Costs of covering a character of the subject, and of covering goal or agent, in rows of distance.
 const COVERED_COST: f32 = 1000.0;
-const TOUCHED_COST: f32 = 2.0;
 const HIDDEN_COST: f32 = 30.0;
 
 /// Draws the caption into the map's `area`, and its signs on the map.
@@ -91,19 +89,9 @@ fn place(
         }
     }
     let cost = |rect: Rect| {
-        let around = Rect::new(
-            rect.x.saturating_sub(1),
-            rect.y.saturating_sub(1),
-            rect.width + 2,
-            rect.height + 2,
-        );
-        let count =
-            |rect: Rect, of: &[Position]| of.iter().filter(|at| rect.contains(**at)).count() as f32;
+        let covered = |of: &[Position]| of.iter().filter(|at| rect.contains(**at)).count() as f32;
         let gap = subject.first().map_or(0.0, |at| distance(rect, *at));
-        COVERED_COST * count(rect, subject)
-            + TOUCHED_COST * count(around, subject)
-            + HIDDEN_COST * count(rect, others)
-            + gap
+        COVERED_COST * covered(subject) + HIDDEN_COST * covered(others) + gap
     };
     let sizes = WIDTHS.into_iter().map(|width| (width, rows(tour, width)));
     let fitting = sizes.filter(|(width, rows)| *width <= area.width && *rows <= area.height);

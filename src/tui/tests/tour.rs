@@ -201,19 +201,6 @@ fn a_bridge_that_saves_much_is_found_drawn_and_walked() {
 }
 
 #[test]
-fn nothing_is_called_a_bridge_that_saves_nothing() {
-    let mut app = touring_app();
-    (0..3).for_each(|_| press(&mut app, KeyCode::Right));
-    learn_everywhere(&mut app, straight);
-    for _ in 0..100 {
-        advance(&mut app, Duration::from_millis(101));
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    assert!(caption(&app).contains("Wait for a bridge"), "{}", caption(&app));
-    assert!(app.screen.search().is_none_or(|search| search.found.is_none()));
-}
-
-#[test]
 fn clicks_and_keys_move_on_and_esc_ends() {
     let map = builtin("fourrooms").expect("a map");
     for ending_step in [3, 7] {
