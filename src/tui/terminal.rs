@@ -1,7 +1,7 @@
 //! The terminal: set up at the start and always restored, and the loop that forwards its events and
 //! draws frames.
 
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
@@ -258,27 +258,15 @@ struct Terminal {
 
 /// What is drawn, until it is sent.
 #[derive(Clone, Default)]
-struct Output {
-    bytes: Rc<RefCell<Vec<u8>>>,
-    /// Whether the text cursor has been shown: pictures must not move it, and ratatui does not
-    /// expose it.
-    shows_cursor: Rc<Cell<bool>>,
-}
+struct Output(Rc<RefCell<Vec<u8>>>);
 
-/// Shows and hides the text cursor.
-const SHOW_CURSOR: &[u8] = b"\x1b[?25h";
-const HIDE_CURSOR: &[u8] = b"\x1b[?25l";
-
-/// Saves and restores its position.
+/// Saves and restores the position of the text cursor, which pictures must not move.
 const SAVE_CURSOR: &[u8] = b"\x1b7";
 const RESTORE_CURSOR: &[u8] = b"\x1b8";
 
 impl Write for Output {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        if [SHOW_CURSOR, HIDE_CURSOR].contains(&bytes) {
-            self.shows_cursor.set(bytes == SHOW_CURSOR);
-        }
-        self.bytes.borrow_mut().extend(bytes);
+        self.0.borrow_mut().extend(bytes);
         Ok(bytes.len())
     }
 
@@ -429,7 +417,7 @@ impl Terminal {
         let size = (columns.min(LARGEST_SCREEN.0), rows.min(LARGEST_SCREEN.1));
         if std::mem::replace(&mut self.size, size) != size {
             if let Some(patches) = &mut self.patches {
-                self.output.bytes.borrow_mut().extend(patches.clear());
+                self.output.0.borrow_mut().extend(patches.clear());
             }
             self.inner.resize(Rect::new(0, 0, size.0, size.1))?;
         }
@@ -449,7 +437,7 @@ impl Terminal {
         queue!(self.output, BeginSynchronizedUpdate)?;
         self.draw_within_update(interface)?;
         queue!(self.output, EndSynchronizedUpdate)?;
-        writer.send(&self.output.bytes.take())?;
+        writer.send(&self.output.0.take())?;
         Ok(true)
     }
 
@@ -472,10 +460,8 @@ impl Terminal {
             if graphics.protocol == Protocol::Kitty {
                 SHOWS_KITTY_PICTURES.store(true, Ordering::Relaxed);
             }
-            // Hide the cursor meanwhile, and put it back.
-            let cursor = if self.output.shows_cursor.get() { SHOW_CURSOR } else { b"" };
-            let parts = [HIDE_CURSOR, SAVE_CURSOR, &bytes, RESTORE_CURSOR, cursor];
-            self.output.bytes.borrow_mut().extend(parts.concat());
+            let parts = [SAVE_CURSOR, &bytes, RESTORE_CURSOR];
+            self.output.0.borrow_mut().extend(parts.concat());
             self.pictures_sent = Some((began.elapsed(), interface.is_training()));
         }
         Ok(())
@@ -507,8 +493,7 @@ impl Terminal {
         set_up_modes()?;
         // A new instance knows nothing of the old screen, so it redraws everything without querying
         // the terminal. What the old one would still write is discarded.
-        self.output =
-            Output { shows_cursor: self.output.shows_cursor.clone(), ..Output::default() };
+        self.output = Output::default();
         self.inner = screen(&self.output)?;
         self.patches.iter_mut().for_each(Patches::forget);
         self.size = (0, 0);

@@ -21,26 +21,6 @@ const LEVELS_BESIDE: usize = 4;
 /// gradient would be pink, olive and teal.
 const COLOUR_BLIND_SAFE: [u8; 9] = [227, 221, 179, 144, 247, 103, 67, 61, 25];
 
-/// The first 16 colours of xterm; those of the Linux console are the palette's own.
-const XTERM: [Rgb; 16] = [
-    (0, 0, 0),
-    (205, 0, 0),
-    (0, 205, 0),
-    (205, 205, 0),
-    (0, 0, 238),
-    (205, 0, 205),
-    (0, 205, 205),
-    (229, 229, 229),
-    (127, 127, 127),
-    (255, 0, 0),
-    (0, 255, 0),
-    (255, 255, 0),
-    (92, 92, 255),
-    (255, 0, 255),
-    (0, 255, 255),
-    (255, 255, 255),
-];
-
 /// The colours of ground.
 #[derive(Clone, Copy, Debug)]
 pub struct Palette {
@@ -131,7 +111,7 @@ impl Palette {
         let least = |line: Rgb| {
             let beside = beside.iter().filter(|other| self.distances.contains(other));
             let others = beside.chain([&ground, &self.wall]);
-            others.map(|other| contrast_of_16(line, *other)).fold(f32::INFINITY, f32::min)
+            others.map(|other| contrast(line, *other)).fold(f32::INFINITY, f32::min)
         };
         if !self.is_coarse || least(own) >= LEAST_CONTRAST {
             return own;
@@ -171,16 +151,6 @@ fn nearest_of_256(rgb: Rgb, fits: impl Fn(Rgb) -> bool) -> Rgb {
     };
     let colours = (16..=255).map(rgb_of_indexed).filter(|own| fits(*own));
     colours.min_by_key(off).unwrap_or(rgb)
-}
-
-/// Returns the contrast of two of the first 16 colours where it is least: on the Linux console or in
-/// xterm.
-fn contrast_of_16(a: Rgb, b: Rgb) -> f32 {
-    let in_xterm = |rgb: Rgb| {
-        let index = (0..16).find(|index| rgb_of_indexed(*index) == rgb);
-        index.map_or(rgb, |index| XTERM[usize::from(index)])
-    };
-    contrast(a, b).min(contrast(in_xterm(a), in_xterm(b)))
 }
 
 /// Returns the RGB value of one of a terminal's 256 colours.
