@@ -1,6 +1,5 @@
 //! The command line.
 
-#[cfg(feature = "tui")]
 mod compare;
 mod completions;
 mod experiments;
@@ -9,9 +8,7 @@ mod gym;
 mod maps;
 mod method;
 mod runs;
-#[cfg(feature = "tui")]
 mod screen;
-#[cfg(feature = "tui")]
 mod tour;
 mod train;
 mod values;
@@ -23,7 +20,6 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::experiment::plot;
 
-#[cfg(feature = "tui")]
 pub use compare::CompareArgs;
 pub use completions::completions;
 pub use experiments::{ReproduceArgs, SuiteArgs};
@@ -31,9 +27,7 @@ pub use export::{ExportArgs, ExportPolicyArgs, FilmArgs};
 pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand};
 pub use method::RunArgs;
 pub use runs::RunsArgs;
-#[cfg(feature = "tui")]
 pub use screen::ScreenArgs;
-#[cfg(feature = "tui")]
 pub use tour::TourArgs;
 pub use train::TrainArgs;
 
@@ -106,10 +100,8 @@ pub enum Command {
     /// Print the reference of all settings in Markdown
     Settings,
     /// Take a guided tour of the four rooms: a minute and a half
-    #[cfg(feature = "tui")]
     Tour(TourArgs),
     /// Watch two methods train side by side on the same map
-    #[cfg(feature = "tui")]
     Compare(CompareArgs),
     /// Train on many maps, with several methods, settings and seeds: a table, and a report with
     /// pictures

@@ -1,16 +1,13 @@
 //! The commands.
 
 mod check;
-#[cfg(feature = "tui")]
 mod compare;
 mod experiments;
 mod export;
 mod maps;
 mod output;
 mod runs;
-#[cfg(feature = "tui")]
 mod screen;
-#[cfg(feature = "tui")]
 mod tour;
 mod train;
 
@@ -35,9 +32,7 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Maps(args)) => maps::run(&args, registry),
         Some(Command::Runs(args)) => runs::run(&args, registry),
         Some(Command::Settings) => print(&reference_page()),
-        #[cfg(feature = "tui")]
         Some(Command::Tour(args)) => tour::run(&args, registry),
-        #[cfg(feature = "tui")]
         Some(Command::Compare(args)) => compare::run(&args, registry),
         Some(Command::Suite(args)) => experiments::suite(args, registry),
         Some(Command::Plot(options)) => experiments::plot(&options),

@@ -6,10 +6,9 @@
 //!
 //! * [`host`]: what the program needs of the machine: terminal, signals, files, saved runs.
 //! * [`figure`]: curves and maps at the size of print, as SVG, PNG and PDF.
-//! * [`headless`] (one run), `tui` (one run, or two side by side) and [`experiment`] (many runs in
+//! * [`headless`] (one run), [`tui`] (one run, or two side by side) and [`experiment`] (many runs in
 //!   parallel, whose results are kept: benchmark suites, the paper's figures) are the front ends.
 //! * [`cli`] parses the command line into what they need; [`commands`] has a file for each command.
-//!   `tui` needs the feature of that name, which is on by default.
 //!
 //! # Add a pane
 //!
@@ -33,5 +32,4 @@ pub(crate) mod experiment;
 pub(crate) mod figure;
 pub mod headless;
 pub mod host;
-#[cfg(feature = "tui")]
 pub mod tui;

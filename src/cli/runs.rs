@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-#[cfg(feature = "tui")]
 use super::ScreenArgs;
 use crate::host::runs::SAVES;
 
@@ -34,7 +33,6 @@ pub struct RunsArgs {
     pub json: bool,
 
     /// Options of what is shown and recorded.
-    #[cfg(feature = "tui")]
     #[command(flatten)]
     pub screen: ScreenArgs,
 }

@@ -6,7 +6,6 @@ use clap::Args;
 
 use super::gym::GymArgs;
 use super::maps::GOAL_RADIUS;
-#[cfg(feature = "tui")]
 use super::screen::InterfaceArgs;
 use super::values::{
     counts, edits, output, parse_minutes, parse_seconds, parse_share, parse_threads,
@@ -30,8 +29,7 @@ pub struct TrainArgs {
     pub map: Option<PathBuf>,
 
     /// Train without the interface: JSON lines on standard output
-    #[cfg_attr(feature = "tui", arg(long, conflicts_with_all = ["record", "ui_config", "marker"]))]
-    #[cfg_attr(not(feature = "tui"), arg(long))]
+    #[arg(long, conflicts_with_all = ["record", "ui_config", "marker"])]
     pub no_ui: bool,
 
     /// Method and settings.
@@ -116,13 +114,11 @@ pub struct TrainArgs {
     pub resume: Option<Option<PathBuf>>,
 
     /// Options of the interface.
-    #[cfg(feature = "tui")]
     #[command(flatten)]
     pub interface: InterfaceArgs,
 
     /// Print a template of the configuration file for theme, keys etc. with its default path, and
     /// exit
-    #[cfg(feature = "tui")]
     #[arg(long)]
     pub print_config_template: bool,
 
@@ -172,10 +168,7 @@ impl TrainArgs {
             threads: self.threads,
             save: self.save.clone(),
             table: self.csv.clone(),
-            #[cfg(feature = "tui")]
             recording: self.interface.record.clone(),
-            #[cfg(not(feature = "tui"))]
-            recording: None,
             overwrite: self.overwrite,
             limits: Limits {
                 updates: self.max_updates,

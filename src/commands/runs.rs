@@ -6,24 +6,17 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
 
-#[cfg(feature = "tui")]
 use super::output::Failure;
 use super::output::{OrFail, Outcome, print, print_safely};
-#[cfg(feature = "tui")]
 use super::screen::obstacle;
-#[cfg(feature = "tui")]
 use crate::cli::Cli;
 use crate::cli::RunsArgs;
 use crate::experiment::runs::{Dated, Reader, table};
 use crate::host::runs::SAVES;
-#[cfg(feature = "tui")]
 use crate::host::setup;
 use crate::host::waiting::Waiting;
-#[cfg(feature = "tui")]
 use crate::tui::{self, ComparisonOptions, Contender, Opened, Opener, RunsScreen};
-#[cfg(feature = "tui")]
 use gdg::learn::Threads;
-#[cfg(feature = "tui")]
 use gdg::map::Reading;
 use gdg::printing::eprint_line;
 use gdg::text::escape_json_line;
@@ -45,12 +38,9 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
         let lines = read(&args.folders).iter().map(json).collect::<Result<String, Report>>();
         return print(&lines.or_bad_input()?);
     }
-    #[cfg(feature = "tui")]
     if obstacle().is_none() {
         return show(args, registry);
     }
-    #[cfg(not(feature = "tui"))]
-    let _ = registry;
     let runs = read(&args.folders);
     if !runs.is_empty() {
         return print_safely(&table(runs));
@@ -88,7 +78,6 @@ fn json((run, written): &Dated) -> Result<String, Report> {
 }
 
 /// Shows the list, and what is opened in it, in turns.
-#[cfg(feature = "tui")]
 fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
     crate::host::logging::start(args.screen.log_level);
     let opener = opener(args, registry)?;
@@ -114,7 +103,6 @@ fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
 }
 
 /// Returns what opens runs, as the commands that show one or two of them do.
-#[cfg(feature = "tui")]
 fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> {
     use clap::Parser;
     let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().or_failure()?.train;

@@ -4,22 +4,17 @@ use std::path::Path;
 use std::sync::Arc;
 
 use clap::CommandFactory;
-#[cfg(feature = "tui")]
 use gdg::printing::eprint_line;
 use gdg::train::{Registry, print_settings};
-#[cfg(feature = "tui")]
 use miette::miette;
 
 use super::output::{OrFail, Outcome, print};
-#[cfg(feature = "tui")]
 use super::screen::obstacle;
 use crate::cli::{Cli, TrainArgs};
 use crate::headless;
-#[cfg(feature = "tui")]
 use crate::host::setup::Setup;
 use crate::host::waiting::Waiting;
 use crate::host::{logging, maps, setup};
-#[cfg(feature = "tui")]
 use crate::tui;
 
 /// Trains, or prints what it would train with.
@@ -36,12 +31,10 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
         let settings = settings.or_bad_input()?;
         return print(&print_settings(&settings));
     }
-    #[cfg(feature = "tui")]
     if args.print_config_template {
         return print(&tui::config_template());
     }
     logging::start(args.log_level);
-    #[cfg(feature = "tui")]
     let with_ui = is_shown(args)?;
     if args.resume.is_none() {
         check_for_command(args.map(), registry)?;
@@ -50,7 +43,6 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
     let setup = setup::prepare(&request, registry, &opening);
     drop(opening);
     let setup = setup.or_bad_input()?;
-    #[cfg(feature = "tui")]
     if with_ui {
         return show(setup, args);
     }
@@ -64,7 +56,6 @@ pub fn registry_for(args: &TrainArgs, registry: &Arc<Registry>) -> Arc<Registry>
 }
 
 /// Decides whether the run is shown; prints a notice if it is not, unless `--no-ui` asked for that.
-#[cfg(feature = "tui")]
 fn is_shown(args: &TrainArgs) -> Result<bool, super::Failure> {
     if args.no_ui {
         return Ok(false);
@@ -81,7 +72,6 @@ fn is_shown(args: &TrainArgs) -> Result<bool, super::Failure> {
     Ok(false)
 }
 
-#[cfg(feature = "tui")]
 fn show(setup: Setup, args: &TrainArgs) -> Outcome {
     let mut interface = tui::prepare(&args.interface.options(args.overwrite)).or_bad_input()?;
     Ok(tui::run(setup, &mut interface, args.map.as_deref()).or_failure()?.0)

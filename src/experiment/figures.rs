@@ -9,7 +9,6 @@ mod ogbench;
 mod output;
 mod panel;
 mod report;
-#[cfg(feature = "tui")]
 mod terminal;
 
 use std::collections::BTreeSet;

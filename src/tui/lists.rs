@@ -172,8 +172,7 @@ pub fn random_maps() -> Picker {
 
 /// Lists these kinds of exports of a scene called `noun`.
 pub fn exports(kinds: &[ExportKind], noun: &str) -> Picker {
-    let item =
-        |kind: &ExportKind| Item::new(kind.name(noun), kind.file_type(), Choice::Export(*kind));
+    let item = |kind: &ExportKind| Item::new(kind.name(noun), "", Choice::Export(*kind));
     Picker::new("export", kinds.iter().map(item).collect())
 }
 

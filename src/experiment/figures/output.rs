@@ -41,10 +41,7 @@ impl Drawn {
 
     pub fn for_terminal(&self, figure: &Figure) -> String {
         let heading = format!("\n{}: {}\n", figure.name, figure.title);
-        #[cfg(feature = "tui")]
         let charts = super::terminal::charts(&self.panels);
-        #[cfg(not(feature = "tui"))]
-        let charts = String::new();
         let map = |panel: &MapPanel| {
             let MapPanel { title, caption, text, .. } = panel;
             if text.is_empty() { String::new() } else { format!("\n{title} ({caption})\n{text}") }
