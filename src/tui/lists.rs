@@ -188,6 +188,15 @@ pub fn quit_choices(snapshot: &Snapshot, is_map_edited: bool, file: &Path) -> Pi
     Picker::new("save before quitting?", items).of(ListKind::Quit)
 }
 
+/// Asks whether to quit a comparison whose map has been drawn.
+pub fn quit_comparison() -> Picker {
+    let items = vec![
+        Item::new("quit", "map edits are lost", Choice::Quit { save: false }).on('n'),
+        Item::new("cancel", "ctrl-w saves the map", Choice::Nothing).on('c'),
+    ];
+    Picker::new("quit without saving the map?", items)
+}
+
 /// Asks whether to load a checkpoint while training is unsaved.
 pub fn load_choices(snapshot: &Snapshot, file: PathBuf) -> Picker {
     let items = leave_items("load it", lost(snapshot, ""), Choice::LoadUnsaved(file), true);

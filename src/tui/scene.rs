@@ -8,6 +8,8 @@ pub mod maze;
 mod overlays;
 mod space;
 
+use std::sync::Arc;
+
 use crossterm::event::MouseEventKind;
 use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
@@ -20,6 +22,7 @@ use super::link::Link;
 use super::screen::Screen;
 use gdg::engine::Snapshot;
 use gdg::env::Scene as World;
+use gdg::map::Grid;
 use gdg::viewer::{Field, Graph, View};
 pub use legend::MEANINGS as WALK_MEANINGS;
 pub use maze::{Cache, MazeState};
@@ -173,10 +176,10 @@ impl Scene {
         self.maze().is_some_and(|maze| maze.map != maze.kept_map)
     }
 
-    /// Marks the map as saved.
-    pub fn keep_map(&mut self) {
+    /// Notes that `map` is in a file now.
+    pub fn keep_map(&mut self, map: Arc<Grid>) {
         if let Self::Maze(maze) = self {
-            maze.kept_map = maze.map.clone();
+            maze.kept_map = map;
         }
     }
 

@@ -136,8 +136,13 @@ impl Comparison {
         }
     }
 
+    /// Quits; asks first if the map has been drawn and is in no file.
     pub fn quit(&mut self, _: Action) {
-        self.sessions[0].saver.is_done = true;
+        if self.sessions.iter().all(|session| session.scene.has_unsaved_map()) {
+            self.sessions[0].open(lists::quit_comparison());
+        } else {
+            self.sessions[0].saver.is_done = true;
+        }
     }
 
     /// Sets the goal of both to that of one side, and starts a race to it if it has changed.

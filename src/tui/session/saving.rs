@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use miette::Report;
 
@@ -33,6 +33,10 @@ pub struct Files {
     pub save: Option<SaveTo>,
 }
 
+/// How long quitting waits for its checkpoint before it closes as after a signal: an environment may
+/// hang.
+const LONGEST_WAIT_TO_QUIT: Duration = Duration::from_secs(5);
+
 /// Saves the run, and knows whether the program quits.
 pub struct Saver {
     /// The run's own file, or the one it will be saved to.
@@ -44,8 +48,8 @@ pub struct Saver {
     pub folder: PathBuf,
     pub autosave: Autosave,
     quit_state: QuitState,
-    /// Whether a checkpoint is asked for and not written yet.
-    is_awaited: bool,
+    /// The checkpoint that is asked for and not written yet: since when, and the map in it.
+    awaited: Option<(Instant, Option<Arc<Grid>>)>,
     /// Whether the program is to quit.
     pub is_done: bool,
     /// What to do once the checkpoint is written.
@@ -80,7 +84,7 @@ impl Saver {
             folder: SAVES.into(),
             autosave: Autosave::every(autosave_minutes),
             quit_state: QuitState::No,
-            is_awaited: false,
+            awaited: None,
             is_done: false,
             then: None,
             was_training: false,
@@ -131,8 +135,10 @@ impl Saver {
     }
 
     fn request_save(&mut self, cx: &mut Cx) -> bool {
-        self.is_awaited = cx.command(Command::Save(self.to.clone(), notes(cx)));
-        self.is_awaited
+        let is_asked = cx.command(Command::Save(self.to.clone(), notes(cx)));
+        let map = cx.scene.maze().map(|maze| maze.map.clone());
+        self.awaited = is_asked.then(|| (Instant::now(), map));
+        is_asked
     }
 
     /// Saves the run, and then does something else unless that fails.
@@ -176,7 +182,7 @@ impl Saver {
     /// Handles a request to quit. A checkpoint that is asked for and not written yet, as the
     /// environment may hang, is written on closing.
     pub fn quit(&mut self, cx: &mut Cx) {
-        if self.is_awaited {
+        if self.awaited.is_some() {
             self.named.get_or_insert_with(|| self.to.path().to_owned());
             self.is_done = true;
         } else if self.named.is_some() {
@@ -223,13 +229,15 @@ impl Saver {
             && before.saved.as_ref().is_none_or(|(_, earlier)| !Arc::ptr_eq(earlier, path))
         {
             self.to = SaveTo::Replace(path.to_path_buf());
-            self.is_awaited = false;
-            cx.scene.keep_map();
+            // Edits that came later are not in it.
+            if let Some((_, Some(map))) = self.awaited.take() {
+                cx.scene.keep_map(map);
+            }
             self.is_done |= self.quit_state == QuitState::Saving;
             then = self.then.take();
         }
         if now.save_failed.0 > before.save_failed.0 {
-            self.is_awaited = false;
+            self.awaited = None;
             self.then = None;
             if self.quit_state == QuitState::Saving {
                 self.quit_state = QuitState::Asking;
@@ -248,6 +256,10 @@ impl Saver {
     /// Handles the passing of time: reports internal errors, saves the run after the first one, and
     /// saves it automatically.
     pub fn on_tick(&mut self, cx: &mut Cx) {
+        let waits = |(since, _): &(Instant, _)| since.elapsed() > LONGEST_WAIT_TO_QUIT;
+        if self.quit_state == QuitState::Saving && self.awaited.as_ref().is_some_and(waits) {
+            self.quit(cx);
+        }
         for failure in gdg::faults::take_failures() {
             let text = format!("internal error in thread {}: {}", failure.thread, failure.message);
             cx.screen.report(&text);

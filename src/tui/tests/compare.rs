@@ -329,8 +329,13 @@ fn the_editor_draws_by_keyboard_on_both() {
     let [a, b] = comparison.apps().map(|app| app.maze().goal);
     assert!(a == b && a != goal, "the goal has left the wall on both sides");
     press(&mut comparison, KeyCode::Esc);
+    press(&mut comparison, KeyCode::Char('q'));
+    assert!(!comparison.is_done(), "what has been drawn is in no file");
+    press(&mut comparison, KeyCode::Esc);
     press(&mut comparison, KeyCode::Char('u'));
     assert!(maps(&mut comparison).iter().all(|map| map.is_free(goal)), "also with a closed editor");
+    press(&mut comparison, KeyCode::Char('q'));
+    assert!(comparison.is_done());
 }
 
 fn stage_films(comparison: &mut App, updates: [&[u64]; 2]) {

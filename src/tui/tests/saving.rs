@@ -5,6 +5,7 @@ use super::*;
 use crate::tui::dialog::Choice;
 use crate::tui::graphics::{Graphics, Protocol, Redraw};
 use crate::tui::lists;
+use crate::tui::session::runs;
 use gdg::map::MapScale;
 
 /// Returns an app that trains the rooms and saves them to a file, after its first update.
@@ -281,6 +282,16 @@ fn an_edited_map_is_not_discarded_without_a_question() {
     save_as(&mut app, Action::SaveAs, "run");
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
     assert!(!app.scene.has_unsaved_map(), "a checkpoint has the map too");
+    // What is drawn while a save is being written is not in it.
+    let saved = |app: &App| app.screen.snapshot.saved.as_ref().map(|(_, path)| Arc::as_ptr(path));
+    let before = saved(&app);
+    app.act(Action::Save);
+    app.change_cell(cell, false);
+    wait_until(&mut app, |app| saved(app) != before);
+    assert!(app.scene.has_unsaved_map());
+    runs::restart(7, &mut app.cx);
+    wait_until(&mut app, |app| app.screen.run().seed == 7);
+    assert!(!app.maze().map.is_free(cell) && asks(&mut app), "a new run on the drawn map");
 }
 
 #[test]

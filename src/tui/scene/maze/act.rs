@@ -40,8 +40,11 @@ impl MazeState {
     pub fn start(&mut self, screen: &mut Screen, link: &mut Link) {
         let Some(scene) = screen.snapshot.scene.maze() else { return };
         let map = scene.map.clone();
+        // A new run on a drawn map leaves it in no file.
+        if screen.snapshot.saved.is_some() || map.name() != self.map.name() {
+            self.kept_map = map.clone();
+        }
         self.map = map.clone();
-        self.kept_map = map.clone();
         self.editor.clear_history();
         self.viewport = Viewport::default();
         self.inspect(None, link);
