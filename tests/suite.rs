@@ -218,7 +218,9 @@ fn sweeps_ablations_and_other_worlds_are_lists_of_jobs() {
         listed.out.lines().map(str::to_owned).collect::<Vec<_>>()
     };
     let sweep = ["trap", "--sweep", "hidden=16,32,16", "--sweep", "tau=0.01,0.02"];
-    assert_eq!(list(&sweep).len(), 4, "no job twice, none without");
+    let listed = list(&sweep);
+    assert_eq!(listed.len(), 4, "no job twice, none without");
+    assert!(listed[1].starts_with("trap-gdg-bridge-hidden_16-tau_0.02-1-"), "{listed:?}");
     assert_eq!(list(&["trap", "--ablation", "ladder"]).len(), 16);
     let components = list(&["trap", "--ablation", "components"]);
     for variant in ["gdg-bridge default", "gdg-bridge no distillation", "sorb method sorb"] {

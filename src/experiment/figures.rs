@@ -16,9 +16,9 @@ use std::sync::Arc;
 
 use miette::{Report, miette};
 
-use super::job::{Job, JobResult, JobWorld};
 use super::jobs::{Jobs, Running, print_raw, warn_if_short};
 use super::plan::{Length, Plan};
+use super::spec::{JobResult, JobSpec, JobWorld};
 use crate::host::report::from_config_error;
 use crate::host::setup::{settings_of, split_prefix};
 use catalogue::Entry;
@@ -62,7 +62,7 @@ pub struct Reproduction<'a> {
 /// A method, its jobs, one per seed, and the available results.
 struct MethodRuns {
     entry: &'static Entry,
-    jobs: Vec<Job>,
+    jobs: Vec<JobSpec>,
     results: Vec<JobResult>,
 }
 
@@ -120,7 +120,7 @@ fn jobs(
     preset: Preset,
     options: &Options,
     registry: &Registry,
-) -> Result<Vec<Job>, Report> {
+) -> Result<Vec<JobSpec>, Report> {
     let own = entry.set.iter().map(|text| (*text).to_owned());
     let set: Vec<String> = own.chain(settings_of(entry.name, &options.set)).collect();
     let world = entry.world(figure.world);
@@ -145,7 +145,7 @@ fn jobs(
     let seeds = options.seeds.unwrap_or(figure.seeds(options.budget));
     let job = |seed| {
         let run = Run { method: entry.method(), preset, seed, settings: settings.clone() };
-        Job::new(JobWorld::find(&world, seed, registry)?, entry.name, run, plan.clone())
+        JobSpec::new(JobWorld::find(&world, seed, registry)?, entry.name, run, plan.clone())
     };
     (1..=if figure.several_seeds { seeds } else { 1 }).map(job).collect()
 }

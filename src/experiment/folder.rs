@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 
-use super::job::{Job, JobResult};
+use super::spec::{JobResult, JobSpec};
 use crate::host::outputs::elsewhere;
 use gdg::files::{self, Format, LockFile, Mismatch, Wanted, has_extension, is_hidden};
 use gdg::text::{escape_json_line, sanitized};
@@ -129,16 +129,16 @@ impl Folder {
         written.wrap_err_with(|| path.display().to_string())
     }
 
-    pub fn checkpoint(&self, job: &Job) -> PathBuf {
+    pub fn checkpoint(&self, job: &JobSpec) -> PathBuf {
         self.0.join(format!("jobs/{}.safetensors", job.name))
     }
 
-    fn result_path(&self, job: &Job) -> PathBuf {
+    fn result_path(&self, job: &JobSpec) -> PathBuf {
         self.0.join(format!("jobs/{}.json", job.name))
     }
 
     /// Says how far the job is.
-    pub fn state(&self, job: &Job) -> String {
+    pub fn state(&self, job: &JobSpec) -> String {
         if self.result_of(job).is_some() {
             return "done".to_owned();
         }
@@ -149,13 +149,13 @@ impl Folder {
     }
 
     /// Returns the job's result, if it is done and the result can be used.
-    pub fn result_of(&self, job: &Job) -> Option<JobResult> {
+    pub fn result_of(&self, job: &JobSpec) -> Option<JobResult> {
         self.read(job).ok().flatten()
     }
 
     /// Returns why the job's result cannot be used, if there is one that cannot but may be
     /// replaced.
-    pub fn problem(&self, job: &Job) -> Result<Option<String>, Report> {
+    pub fn problem(&self, job: &JobSpec) -> Result<Option<String>, Report> {
         let said = |problem: &dyn std::fmt::Display| {
             sanitized(&format!("{}: {problem}", self.result_path(job).display()))
         };
@@ -168,7 +168,7 @@ impl Folder {
         }
     }
 
-    fn read(&self, job: &Job) -> Result<Option<JobResult>, ResultError> {
+    fn read(&self, job: &JobSpec) -> Result<Option<JobResult>, ResultError> {
         match read_result(&self.result_path(job)) {
             Err(ResultError::Unreadable(error)) if error.kind() == ErrorKind::NotFound => Ok(None),
             Ok(result) if result.key != job.key => Err(ResultError::Other),
@@ -194,7 +194,7 @@ impl Folder {
     }
 
     /// Checks that the job's result, checkpoint and picture can be written.
-    pub fn check_result_writable(&self, job: &Job) -> Result<(), Report> {
+    pub fn check_result_writable(&self, job: &JobSpec) -> Result<(), Report> {
         let check = |path: PathBuf, what: &str| {
             files::check_replaceable(&path).map_err(|error| {
                 let path = path.display();
@@ -214,7 +214,7 @@ impl Folder {
     /// Locks the job for this process until the lock is dropped; returns `None` if another process
     /// runs it. Where the file system has no locks, two processes may do the same work, with the
     /// same result.
-    pub fn lock(&self, job: &Job) -> Result<Option<LockFile>, Report> {
+    pub fn lock(&self, job: &JobSpec) -> Result<Option<LockFile>, Report> {
         let path = self.0.join(format!("jobs/{}.lock", job.name));
         let locked =
             std::fs::create_dir_all(self.0.join("jobs")).and_then(|()| LockFile::try_at(&path));
@@ -227,7 +227,7 @@ impl Folder {
     /// `keep`. The result is kept if only the picture cannot be written.
     pub fn finish(
         &self,
-        job: &Job,
+        job: &JobSpec,
         result: &JobResult,
         picture: Option<&[u8]>,
         keep: bool,

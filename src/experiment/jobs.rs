@@ -7,8 +7,8 @@ use std::sync::Arc;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::folder::Folder;
-use super::job::{Job, JobResult};
 use super::runner::run_open;
+use super::spec::{JobResult, JobSpec};
 use crate::host::status::{EXIT_FAILURE, EXIT_NOT_REACHED};
 use gdg::printing::{eprint_line, print_text};
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
@@ -38,7 +38,7 @@ pub struct Running {
 
 /// The jobs of an experiment, each once, in order.
 pub struct Jobs<'a> {
-    pub all: Vec<Job>,
+    pub all: Vec<JobSpec>,
     pub folder: Folder,
     registry: &'a Arc<Registry>,
     running: &'a Running,
@@ -48,7 +48,7 @@ impl<'a> Jobs<'a> {
     /// Takes `jobs`, the same of which may be given several times. Checks that those named exist,
     /// and that their results and `files` can be written.
     pub fn new(
-        jobs: impl IntoIterator<Item = Job>,
+        jobs: impl IntoIterator<Item = JobSpec>,
         running: &'a Running,
         registry: &'a Arc<Registry>,
         files: &[&str],
@@ -67,7 +67,7 @@ impl<'a> Jobs<'a> {
     }
 
     /// Returns the jobs to run: those given with `--job`, or all.
-    fn chosen(&self) -> Result<Vec<&Job>, Report> {
+    fn chosen(&self) -> Result<Vec<&JobSpec>, Report> {
         if self.running.job.is_empty() {
             return Ok(self.all.iter().collect());
         }
@@ -121,7 +121,7 @@ impl<'a> Jobs<'a> {
     }
 
     fn list(&self) -> String {
-        let row = |job: &Job| {
+        let row = |job: &JobSpec| {
             let variant = job.variant.as_ref().map_or(String::new(), |name| format!(" {name}"));
             let length = job.plan.length;
             vec![
@@ -137,7 +137,7 @@ impl<'a> Jobs<'a> {
     }
 
     /// Names the results below a success rate; returns whether there are any.
-    fn any_below(&self, jobs: &[&Job], required: f64) -> bool {
+    fn any_below(&self, jobs: &[&JobSpec], required: f64) -> bool {
         let rate = |result: &JobResult| result.last().and_then(Evaluation::success_rate);
         let results = jobs.iter().filter_map(|job| self.folder.result_of(job));
         let below: Vec<JobResult> =
@@ -152,9 +152,9 @@ impl<'a> Jobs<'a> {
 }
 
 /// Warns if jobs train for far less than is `usual` for them, given in the same unit.
-pub fn warn_if_short<'a>(jobs: impl IntoIterator<Item = (&'a Job, u64)>) {
+pub fn warn_if_short<'a>(jobs: impl IntoIterator<Item = (&'a JobSpec, u64)>) {
     let is_short =
-        |(job, usual): &(&Job, u64)| (job.plan.length.amount() as f64) < SHORT * *usual as f64;
+        |(job, usual): &(&JobSpec, u64)| (job.plan.length.amount() as f64) < SHORT * *usual as f64;
     if let Some((job, usual)) = jobs.into_iter().find(is_short) {
         let (name, length) = (job.world.name(), job.plan.length);
         eprint_line(&sanitized(&format!(

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Report, miette};
 use serde::Serialize;
 
-use super::job::EvaluationAt;
 use super::runs::{self, SavedRun, join_resumed};
+use super::spec::EvaluationAt;
 use crate::figure::{Format, MILLIMETRE, Page, Sheet};
 use crate::host::outputs::refuse_existing;
 use crate::host::waiting::Waiting;

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use super::folder::{Folder, picture_name};
-use super::job::{Job, JobResult, told_apart};
+use super::spec::{JobResult, JobSpec, told_apart};
 use gdg::env::Restart;
 use gdg::text::{aligned, counted, markdown};
 
@@ -59,7 +59,7 @@ pub struct Row {
 
 /// Returns the rows of `jobs`, with the results there are, and those of other runs in the folder,
 /// so that no method's results replace those of another; and what cannot be used there.
-pub fn rows(jobs: &[Job], folder: &Folder) -> (Vec<Row>, Vec<String>) {
+pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<Row>, Vec<String>) {
     let row = |about| Row { map: String::new(), about, jobs: Vec::new(), results: Vec::new() };
     let mut rows: Vec<Row> = Vec::new();
     for job in jobs {

@@ -9,10 +9,10 @@ use miette::{IntoDiagnostic, Report, miette};
 use parking_lot::Mutex;
 
 use super::folder::Folder;
-use super::job::Job;
 use super::measure::{self, measure};
 use super::plan::Length;
 use super::progress::Progress;
+use super::spec::JobSpec;
 use crate::headless::{Saver, evaluate, save_interval};
 use crate::host::outputs::{elsewhere, save_elsewhere};
 use crate::host::report::print_error;
@@ -52,7 +52,7 @@ struct Runner<'a> {
     termination: TerminationSignal,
     /// Whether the checkpoints of finished jobs are kept.
     keep: bool,
-    jobs: Vec<&'a Job>,
+    jobs: Vec<&'a JobSpec>,
     progress: Progress,
 }
 
@@ -61,11 +61,11 @@ struct Runner<'a> {
 pub fn run_open(
     folder: &Folder,
     registry: &Arc<Registry>,
-    jobs: &[&Job],
+    jobs: &[&JobSpec],
     parallel: usize,
     keep: bool,
 ) -> Result<Outcome, Report> {
-    let (done, open): (Vec<&Job>, Vec<&Job>) =
+    let (done, open): (Vec<&JobSpec>, Vec<&JobSpec>) =
         jobs.iter().partition(|job| folder.result_of(job).is_some());
     for job in &open {
         folder.check_result_writable(job)?;

@@ -18,7 +18,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::folder::read_result;
-use super::job::{EvaluationAt, JobResult, evaluations, setting_text};
+use super::spec::{EvaluationAt, JobResult, evaluations, setting_text};
 use crate::host::report::from_checkpoint_error;
 use crate::host::runs::files_in;
 pub use columns::{COLUMNS, WRITTEN, name, table};

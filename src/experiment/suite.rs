@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
-use super::job::{Job, JobWorld};
 use super::jobs::{Jobs, Running, print, warn_if_short};
 use super::plan::Plan;
 use super::plot::{self, By, Drawn};
 use super::report::{CURVES, Row, report, rows, table};
 use super::runs::SavedRun;
+use super::spec::{JobSpec, JobWorld};
 use super::variants::{Variation, variants};
 use crate::figure::Format;
 use crate::host::maps::{find_map, warn, warnings};
@@ -73,8 +73,8 @@ pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<
                 for seed in 1..=options.seeds {
                     let run = setup::run(&variant.run, world.opened_by(), registry, seed)?;
                     let plan = Plan::suite(updates, options.eval_tasks);
-                    let job = Job::new(world.with_start(seed), &variant.label(), run, plan)?;
-                    jobs.push(Job { variant: variant.name.clone(), ..job });
+                    let job = JobSpec::new(world.with_start(seed), &variant.label, run, plan)?;
+                    jobs.push(JobSpec { variant: variant.name.clone(), ..job });
                     usual.push(world.budget());
                 }
             }

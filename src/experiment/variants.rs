@@ -4,7 +4,7 @@
 use miette::{Report, miette};
 use serde_json::Value;
 
-use super::job::setting_text;
+use super::spec::setting_text;
 use crate::host::setup::{RunChoice, split_prefix};
 use gdg::settings::Ablation as Without;
 use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
@@ -12,6 +12,8 @@ use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
 /// A method with settings of its own.
 pub struct Variant {
     pub name: Option<String>,
+    /// What names of jobs say of it.
+    pub label: String,
     pub run: RunChoice,
 }
 
@@ -78,15 +80,11 @@ const LADDER: [(&str, &str); 16] = [
     ("+ one start, excursions: the default", "restart frontier_epsilon"),
 ];
 
-impl Variant {
-    /// Returns method and name, as in names of jobs.
-    pub fn label(&self) -> String {
-        let method = self.run.method.name();
-        let Some(name) = &self.name else { return method };
-        let words = name.split(|c: char| !c.is_alphanumeric() && !"-_.".contains(c));
-        let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
-        format!("{method}-{}", words.join("-"))
-    }
+/// Returns what names of jobs say of a method with this name of a variant and these settings.
+fn label(method: &str, name: Option<&str>, swept: &[String]) -> String {
+    let text = [&[method.to_owned()], swept].concat().join(" ") + " " + name.unwrap_or_default();
+    let words = text.split(|c: char| !c.is_alphanumeric() && !"-_.=".contains(c));
+    words.filter(|word| !word.is_empty()).collect::<Vec<_>>().join("-")
 }
 
 /// Returns every method as it is and with the settings of each variant that `set`,
@@ -119,6 +117,7 @@ pub fn variants(
             let set: Vec<String> = own.collect();
             all.extend(sweeps.iter().map(|swept| Variant {
                 name: name.map(str::to_owned),
+                label: label(&method.name(), *name, swept),
                 run: RunChoice {
                     method: method.clone(),
                     set: [&set[..], swept].concat(),
@@ -168,10 +167,11 @@ impl Ablation {
     /// Returns its variants in the order of the table, each on top of the settings of `base`.
     fn variants(self, base: &RunChoice) -> Vec<Variant> {
         let variant = |name: &str, method: &str, preset, set: &[String]| {
+            let label = label(method, Some(name), &[]);
             let method = method.parse().unwrap_or_default();
             let set = [&base.set, set].concat();
             let run = RunChoice { method, preset: Some(preset), config: None, set };
-            Variant { name: Some(name.to_owned()), run }
+            Variant { name: Some(name.to_owned()), label, run }
         };
         if self == Self::Ladder {
             let (default, mut set) = (list_settings(&Settings::default()), Vec::new());
@@ -223,7 +223,7 @@ mod tests {
         assert_eq!(settings(&ladder[0]), first);
         assert_eq!(settings(&ladder[ladder.len() - 1]), Settings::default());
         assert!(ladder.windows(2).all(|rungs| settings(&rungs[0]) != settings(&rungs[1])));
-        assert_eq!(ladder[4].label(), "gdg-bridge-grid-encoding");
+        assert_eq!(ladder[4].label, "gdg-bridge-grid-encoding");
         let components = Ablation::Components.variants(&base(&["hidden=16"]));
         assert!(components.iter().all(|variant| settings(variant).learn.hidden == 16));
     }
@@ -235,6 +235,7 @@ mod tests {
             let all =
                 variants(&[Method::default()], &base(&["tau=0.1"]), &Variation::Sweep(sweeps));
             let all = all.map_err(|error| error.to_string())?;
+            assert!(all.iter().all(|variant| variant.label.starts_with("gdg-bridge")));
             Ok::<_, String>(all.iter().map(|variant| variant.run.set.join(" ")).collect::<Vec<_>>())
         };
         assert_eq!(of(&[]), Ok(vec!["tau=0.1".to_owned()]));

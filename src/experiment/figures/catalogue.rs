@@ -115,37 +115,6 @@ const ONE_GOAL: &[&str] = &[
     "loss=sqrt",
 ];
 
-const TRAP_DEFAULT: Entry = Entry { set: &[NOISE, "goals=map"], ..DEFAULT };
-
-const TRAP_DEFAULT_GDG: Entry = Entry { set: TRAP_DEFAULT.set, ..DEFAULT_GDG };
-
-const TRAP_GDG_BRIDGE: Entry = Entry { set: ONE_GOAL, ..GDG_BRIDGE };
-
-const TRAP_GDG: Entry = Entry { set: ONE_GOAL, ..GDG };
-
-/// Rivals that act, explore and see as the paper's method does.
-const TRAP_DDPG: Entry = Entry { preset: "paper", set: ONE_GOAL, ..DDPG };
-
-const TRAP_DDPG_DISTANCE: Entry = Entry { preset: "paper", set: ONE_GOAL, ..DDPG_DISTANCE };
-
-/// The arm: D is given as the straight line.
-const ARM_GDG_DISTANCE: Entry = Entry {
-    name: "gdg-distance",
-    title: "GDG, distance",
-    learner: "gdg-distance",
-    colour: (213, 94, 0),
-    ..ARM_GDG
-};
-
-/// The arm: V = -|s - g| is given, so Q is regressed on -|s' - g| at the next state s'.
-const ARM_DDPG_DISTANCE: Entry = Entry { set: &["discount=0"], ..DDPG_DISTANCE };
-
-const ARM_HER: Entry = Entry { set: &[], ..HER };
-
-const ARM_GDG: Entry = Entry { preset: "default", ..GDG };
-
-const ARM_GDG_BRIDGE: Entry = Entry { preset: "default", ..GDG_BRIDGE };
-
 const OGBENCH: [Entry; 8] = [
     on_dataset("medium-navigate", (86, 180, 233)),
     on_dataset("large-navigate", (0, 114, 178)),
@@ -253,13 +222,26 @@ const COMPARED: &[Entry] = &[DEFAULT, GDG_BRIDGE, GDG, HER, DDPG, SORB, RANDOM];
 
 pub const FIGURES: [Figure; 8] = [
     Figure {
-        methods: &[ARM_GDG_DISTANCE, ARM_DDPG_DISTANCE, ARM_GDG, ARM_HER],
+        methods: &[
+            Entry {
+                name: "gdg-distance",
+                title: "GDG, distance",
+                learner: "gdg-distance",
+                preset: "default",
+                colour: (213, 94, 0),
+                ..GDG
+            },
+            // V = -|s - g| is given, so Q is regressed on -|s' - g| at the next state s'.
+            Entry { set: &["discount=0"], ..DDPG_DISTANCE },
+            Entry { preset: "default", ..GDG },
+            Entry { set: &[], ..HER },
+        ],
         paper: &[("gdg-distance", "converges like DDPG"), ("ddpg-distance", "converges like GDG")],
         ..of("fig1", "Arm: success over training", "fetch-reach", Shows::CompleteSuccess)
     },
     Figure {
         title: "Arm with a wall: success over training, and paths of the grip",
-        methods: &[ARM_GDG, ARM_GDG_BRIDGE],
+        methods: &[Entry { preset: "default", ..GDG }, Entry { preset: "default", ..GDG_BRIDGE }],
         ..of("fig1-wall", "", "fetch-reach-wall", Shows::CompleteSuccessAndGripPath)
     },
     Figure {
@@ -289,12 +271,13 @@ pub const FIGURES: [Figure; 8] = [
     },
     Figure {
         methods: &[
-            TRAP_DEFAULT,
-            TRAP_DEFAULT_GDG,
-            TRAP_GDG_BRIDGE,
-            TRAP_GDG,
-            TRAP_DDPG,
-            TRAP_DDPG_DISTANCE,
+            Entry { set: &[NOISE, "goals=map"], ..DEFAULT },
+            Entry { set: &[NOISE, "goals=map"], ..DEFAULT_GDG },
+            Entry { set: ONE_GOAL, ..GDG_BRIDGE },
+            Entry { set: ONE_GOAL, ..GDG },
+            // They act, explore and see as the paper's method does.
+            Entry { preset: "paper", set: ONE_GOAL, ..DDPG },
+            Entry { preset: "paper", set: ONE_GOAL, ..DDPG_DISTANCE },
         ],
         paper: &[
             ("gdg-bridge", "reaches the goal"),

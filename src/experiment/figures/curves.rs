@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use super::MethodRuns;
 use super::catalogue::{Entry, Figure, Shows};
-use crate::experiment::job::JobResult;
 use crate::experiment::plan::{Length, Plan};
 use crate::experiment::plot::{Points, mean};
+use crate::experiment::spec::JobResult;
 use crate::figure::Point;
 use gdg::train::{DistanceScore, Evaluation, TaskOutcome};
 

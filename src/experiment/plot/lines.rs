@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use miette::{Report, miette};
 
 use super::{By, Measure, Options, csv_of};
-use crate::experiment::job::told_apart;
 use crate::experiment::runs::SavedRun;
+use crate::experiment::spec::told_apart;
 use crate::figure::{Chart, Curve, Point, Range, colour};
 use gdg::text::sanitized;
 

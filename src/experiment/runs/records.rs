@@ -10,7 +10,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use super::{EDITED, HELP, Kind, SavedRun, unreadable, with_preset};
-use crate::experiment::job::{EvaluationAt, setting_text};
+use crate::experiment::spec::{EvaluationAt, setting_text};
 use gdg::files::{Format, Mismatch, Wanted, open};
 use gdg::text::sanitized;
 

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use super::*;
-use crate::experiment::job::EvaluationAt;
 use crate::experiment::runs::{Ending, Kind, SavedRun, Skipped};
+use crate::experiment::spec::EvaluationAt;
 use crate::tui::tests::{click, draw, place_of, press, shown_by, type_text};
 use crate::tui::theme::ThemeName;
 use gdg::train::{Evaluation, Score};

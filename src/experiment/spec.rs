@@ -99,7 +99,7 @@ fn content(map: &Grid) -> String {
 
 /// A run in a world, its length, and what is measured.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct JobSpec {
     /// The world's name, the label if any (method and variant), the seed and the beginning of the
     /// key.
     pub name: String,
@@ -112,7 +112,7 @@ pub struct Job {
     pub plan: Plan,
 }
 
-impl Job {
+impl JobSpec {
     /// Creates the job of `run` in `world`; `label` becomes part of its name.
     pub fn new(world: JobWorld, label: &str, run: Run, plan: Plan) -> Result<Self, Report> {
         let version = (env!("CARGO_PKG_VERSION"), RESULTS_VERSION);
@@ -305,9 +305,9 @@ mod tests {
         Run { method, preset: Preset::Default, seed, settings }
     }
 
-    fn job(map: &str, run: Run, plan: Plan) -> Job {
+    fn job(map: &str, run: Run, plan: Plan) -> JobSpec {
         let map = parse_map("a map|(1).map", map.as_bytes()).expect("a map");
-        Job::new(JobWorld::maze(&map, run.seed), "gdg", run, plan).expect("a job")
+        JobSpec::new(JobWorld::maze(&map, run.seed), "gdg", run, plan).expect("a job")
     }
 
     #[test]
