@@ -42,22 +42,14 @@ const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
 pub struct Options {
     /// Updates between evaluations; otherwise only at the end.
     pub eval_every_updates: Option<u64>,
-    /// Evaluation tasks at each distance.
     pub eval_tasks: usize,
     /// Minutes between checkpoints, 0 for none; otherwise the default.
     pub save_every_minutes: Option<f64>,
-    /// The table to write.
     pub table: Option<PathBuf>,
-    /// Whether an existing table is replaced.
     pub overwrite: bool,
-    /// The success rate to reach.
     pub require_success: Option<f64>,
 }
 
-/// Runs training to its end and returns the exit status.
-///
-/// # Errors
-/// Training, writing records or saving fails.
 pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     let termination = TerminationSignal::listen()?;
     setup.trainer.set_job(termination.job().clone());
@@ -71,7 +63,7 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     let table = match table {
         Ok(table) => table,
         Err(error) => {
-            crate::host::report::print_error(error);
+            crate::host::report::print_error(&error);
             return Ok(EXIT_BAD_INPUT);
         }
     };
@@ -109,13 +101,11 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     }
 }
 
-/// Writes one line to standard output.
 fn print(record: &Record) -> Result<(), Report> {
     let line = escape_json_line(&serde_json::to_string(record).into_diagnostic()?);
     printing::stdout().print(format!("{line}\n").as_bytes()).map_err(unwritten)
 }
 
-/// Reports a rollback to earlier networks.
 fn report_recovery(recovery: Recovery) -> Result<(), Report> {
     eprint_line(&recovery.to_string());
     print(&Record::Recovery(recovery))
@@ -179,7 +169,6 @@ impl HeadlessRun<'_> {
         })
     }
 
-    /// Trains until a limit is reached or a signal arrives.
     fn train(&mut self) -> Result<EndReason, Report> {
         let mut session = Session::resume(self.schedule(), &self.setup.trainer);
         self.report_reached_limit();
@@ -206,7 +195,6 @@ impl HeadlessRun<'_> {
         }
     }
 
-    /// Returns the schedule that the options ask for.
     fn schedule(&self) -> Schedule {
         let save_every = save_interval(self.options.save_every_minutes);
         Schedule {
@@ -249,7 +237,7 @@ impl HeadlessRun<'_> {
         if let Err(error) = self.save() {
             log::warn!("{error}");
             crate::host::report::print_error(
-                error.wrap_err("training continues; saving will be tried again"),
+                &error.wrap_err("training continues; saving will be tried again"),
             );
         }
     }
@@ -296,7 +284,6 @@ impl HeadlessRun<'_> {
         }
     }
 
-    /// Applies the edit of the world with index `i`.
     fn apply_edit(&mut self, i: usize) -> Result<(), Report> {
         let Setup { trainer, edits, .. } = &mut self.setup;
         let change = trainer.change_world(&*edits[i].world).into_diagnostic()?;
@@ -312,7 +299,7 @@ impl HeadlessRun<'_> {
         let Some(error) = error else { return };
         log::warn!("{error}");
         let at = grouped(self.setup.trainer.counters().updates);
-        crate::host::report::print_error(Report::msg(error).wrap_err(format!(
+        crate::host::report::print_error(&Report::msg(error).wrap_err(format!(
             "training continues without the evaluation at update {at}, which failed twice"
         )));
     }
@@ -352,9 +339,6 @@ impl HeadlessRun<'_> {
 /// Evaluates `trainer` on `per_group` tasks at each distance, each within its own budget or
 /// `max_steps`, and adds a finite result to its history. Runs on another thread so that signals are
 /// handled at once; returns `None` if one arrives, and the error if the world fails.
-///
-/// # Errors
-/// The learner or the evaluation fails.
 pub fn evaluate(
     trainer: &mut Trainer,
     per_group: usize,
@@ -374,9 +358,6 @@ pub fn evaluate(
 
 /// Runs `work` on a thread called `name`. Returns `None` if a signal arrives first; the thread then
 /// ends with the program.
-///
-/// # Errors
-/// The thread panics.
 fn run_interruptibly<T: Send + 'static>(
     name: &'static str,
     termination: &TerminationSignal,
@@ -394,7 +375,6 @@ fn run_interruptibly<T: Send + 'static>(
     })
 }
 
-/// Returns the mean rate of updates over the whole training.
 fn updates_per_second(trainer: &Trainer) -> f64 {
     if trainer.seconds() > 0.0 {
         trainer.counters().updates as f64 / trainer.seconds()

@@ -25,6 +25,7 @@
 //! trained networks is measured in `src/experiment/measure.rs`.
 
 #![forbid(unsafe_code)]
+#![allow(clippy::missing_errors_doc, reason = "errors are reports, which say what is wrong")]
 
 pub mod cli;
 pub mod commands;

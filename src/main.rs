@@ -21,7 +21,7 @@ fn main() -> ExitCode {
     }
     let status = match Cli::from_arguments() {
         Ok(cli) => commands::run(cli, &Registry::builtin())
-            .unwrap_or_else(|failure| fail(failure.error, failure.status)),
+            .unwrap_or_else(|failure| fail(&failure.error, failure.status)),
         Err(error) => usage(&error),
     };
     printing::finish();
@@ -44,13 +44,13 @@ fn usage(error: &clap::Error) -> u8 {
     };
     match printed {
         Err(problem) if !error.use_stderr() && problem.kind() != std::io::ErrorKind::BrokenPipe => {
-            fail(Report::msg(problem).wrap_err("standard output"), EXIT_FAILURE)
+            fail(&Report::msg(problem).wrap_err("standard output"), EXIT_FAILURE)
         }
         _ => status,
     }
 }
 
-fn fail(error: Report, status: u8) -> u8 {
+fn fail(error: &Report, status: u8) -> u8 {
     log::error!("{error}");
     report::print_error(error);
     status

@@ -169,7 +169,7 @@ impl Runner<'_> {
         };
         catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(panicked).unwrap_or_else(|error| {
             log::error!("{}: {error}", job.name);
-            print_error(error.wrap_err(format!("job {} failed", job.name)));
+            print_error(&error.wrap_err(format!("job {} failed", job.name)));
             End::Failed
         })
     }
@@ -270,7 +270,7 @@ impl Runner<'_> {
                     Due::Save => {
                         if let Err(error) = saver.save(trainer) {
                             let then = "training continues; saving will be tried again";
-                            print_error(error.wrap_err(then));
+                            print_error(&error.wrap_err(then));
                         }
                     }
                     Due::Recovery(recovery) => self.say(i, &recovery.to_string()),

@@ -65,7 +65,6 @@ impl Progress {
         Some(left + due as f64 * took.as_secs_f64() / f64::from(made.max(1)))
     }
 
-    /// Counts an evaluation.
     pub fn evaluated(&mut self, took: Duration) {
         self.evaluations = (self.evaluations.0 + 1, self.evaluations.1 + took);
     }
@@ -106,7 +105,6 @@ impl Progress {
         shares.into_iter().flatten().fold(0.0, f64::max).min(1.0)
     }
 
-    /// Removes the bar.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }

@@ -13,7 +13,6 @@ use gdg::train::{
     Trainer, WorldChange,
 };
 
-/// One record.
 #[derive(Debug, Serialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
 pub enum Record {

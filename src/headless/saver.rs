@@ -20,7 +20,6 @@ pub fn save_interval(minutes: Option<f64>) -> Option<Duration> {
     (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes))
 }
 
-/// Saves checkpoints.
 pub struct Saver {
     to: SaveTo,
     /// The state saved last: updates, steps and evaluations.
@@ -28,21 +27,16 @@ pub struct Saver {
 }
 
 impl Saver {
-    /// Creates a saver to `to`.
     pub fn new(to: SaveTo) -> Self {
         Self { to, last_saved_state: None }
     }
 
-    /// Returns the path of the checkpoints.
     pub fn path(&self) -> &Path {
         self.to.path()
     }
 
     /// Saves unless this state is already saved; returns the path it took. Rolls a diverged run
     /// back first.
-    ///
-    /// # Errors
-    /// The checkpoint cannot be saved.
     pub fn save(&mut self, trainer: &mut Trainer) -> Result<Option<PathBuf>, Report> {
         if self.has_saved(trainer) {
             return Ok(None);
@@ -67,7 +61,6 @@ impl Saver {
         Ok(Some(path))
     }
 
-    /// Whether the present state of `trainer` is saved.
     pub fn has_saved(&self, trainer: &Trainer) -> bool {
         self.last_saved_state == Some(state(trainer))
     }

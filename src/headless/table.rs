@@ -51,7 +51,6 @@ const DISTANCES: usize = 6;
 /// Size limit of a table that a resumed run continues.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// Returns the names of the columns.
 fn column_names() -> impl Iterator<Item = String> {
     let at = |actor: &'static str| (1..=DISTANCES).map(move |i| format!("{actor}_success_{i}"));
     PROGRESS
@@ -72,9 +71,6 @@ pub struct Table {
 impl Table {
     /// Opens the table of the run in `setup`: a new file, or that of a resumed run, as it was when
     /// the run was saved.
-    ///
-    /// # Errors
-    /// The file is not the run's table and must not be replaced, or cannot be written.
     pub fn open(path: &Path, overwrite: bool, setup: &Setup) -> Result<Self, Report> {
         let in_use = || {
             let help = "give --csv another name";

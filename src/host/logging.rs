@@ -37,21 +37,11 @@ pub enum LogLevel {
     Debug,
 }
 
-/// Writes into a file for each day, in UTC. Programs that share a folder add to the same file.
-struct DailyFile {
-    folder: PathBuf,
-    open: Mutex<(String, File)>,
-}
+/// The file of the day, in UTC, on which the program was started. Programs that share a folder add
+/// to the same file.
+struct LogFile(Mutex<File>);
 
-impl DailyFile {
-    fn new(folder: PathBuf) -> Option<Self> {
-        let today = date(Timestamp::now());
-        let file = open(&folder, &today)?;
-        Some(Self { folder, open: Mutex::new((today, file)) })
-    }
-}
-
-impl Log for DailyFile {
+impl Log for LogFile {
     fn enabled(&self, metadata: &Metadata) -> bool {
         // Nothing of other libraries.
         metadata.target().starts_with("gdg")
@@ -66,22 +56,11 @@ impl Log for DailyFile {
         // It may quote names and files.
         let text = sanitized_lines(&record.args().to_string());
         let line = format!("{now:.6} {level:>5} {target}: {text}\n");
-        let mut open_file = self.open.lock();
-        let today = date(now);
-        if open_file.0 != today
-            && let Some(file) = open(&self.folder, &today)
-        {
-            *open_file = (today, file);
-        }
         // Without space for a log, the program goes on.
-        let _ = open_file.1.write_all(line.as_bytes());
+        let _ = self.0.lock().write_all(line.as_bytes());
     }
 
     fn flush(&self) {}
-}
-
-fn date(time: Timestamp) -> String {
-    time.strftime("%F").to_string()
 }
 
 /// Opens the file of a day and removes the oldest ones. Returns nothing if that fails, or if there
@@ -123,8 +102,9 @@ pub fn start(level: LogLevel) {
     if std::fs::create_dir_all(&folder).is_err() {
         return;
     }
-    let Some(log) = DailyFile::new(folder.clone()) else { return };
-    if log::set_boxed_logger(Box::new(log)).is_ok() {
+    let today = Timestamp::now().strftime("%F").to_string();
+    let Some(file) = open(&folder, &today) else { return };
+    if log::set_boxed_logger(Box::new(LogFile(Mutex::new(file)))).is_ok() {
         log::set_max_level(level);
         let _ = FOLDER.set(folder);
         log::info!("gdg-tui {} started, process {}", env!("CARGO_PKG_VERSION"), std::process::id());
@@ -166,24 +146,20 @@ mod tests {
     }
 
     #[test]
-    fn a_new_day_begins_a_new_file_and_other_libraries_are_left_out() {
+    fn lines_are_safe_and_other_libraries_are_left_out() {
         let folder = tempfile::tempdir().expect("a folder");
-        let log = DailyFile::new(folder.path().to_owned()).expect("a file");
-        let old = open(folder.path(), "2026-03-01").expect("a file");
-        *log.open.lock() = ("2026-03-01".to_owned(), old);
+        let log = LogFile(Mutex::new(open(folder.path(), "2026-03-01").expect("a file")));
         for (target, text) in
             [("gdg_tui::host", "ours\u{9b}31m\x7f\u{202e}"), ("mio::poll", "theirs")]
         {
             log.log(&Record::builder().target(target).args(format_args!("{text}")).build());
         }
-        let read =
-            |name: String| std::fs::read_to_string(folder.path().join(name)).expect("a file");
-        assert_eq!(read("gdg-tui.2026-03-01.log".to_owned()), "");
-        let today = log.open.lock().0.clone();
-        let today = read(format!("{PREFIX}{today}{SUFFIX}"));
+        let path = folder.path().join("gdg-tui.2026-03-01.log");
+        let written = std::fs::read_to_string(path).expect("a file");
         assert!(
-            today.contains(" INFO gdg_tui::host: ours¿31m?\u{fffd}\n") && !today.contains("theirs"),
-            "{today}"
+            written.contains(" INFO gdg_tui::host: ours¿31m?\u{fffd}\n")
+                && !written.contains("theirs"),
+            "{written}"
         );
     }
 }

@@ -14,7 +14,6 @@ use gdg::train::Registry;
 /// Maps with fewer free cells are taken for mistakes.
 const FEWEST_CELLS: usize = 4;
 
-/// Prints the warnings about a map.
 pub fn warn(grid: &Grid) {
     warnings(grid).iter().for_each(|warning| eprint_line(warning));
 }
@@ -88,9 +87,6 @@ pub fn known_name(path: &Path) -> &str {
 
 /// Loads the built-in map or the file at `path` at a scale; errors also list the worlds of `registry` that
 /// need no file.
-///
-/// # Errors
-/// The file is invalid, or `path` is neither a built-in map nor a file.
 pub fn find_map(path: &Path, reading: &Reading, registry: &Registry) -> Result<Grid, Report> {
     let name = known_name(path);
     if let Some(grid) = map::builtin(name) {

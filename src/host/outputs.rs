@@ -13,9 +13,6 @@ use gdg::train::{self, SaveTo, Trainer};
 
 /// Returns how to save to the path of `--save`: neither another run's file nor one that is not a
 /// checkpoint is replaced.
-///
-/// # Errors
-/// It is one of those, or its folder cannot be written.
 pub fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveTo, Report> {
     files::check_writable(path).map_err(|error| {
         let help = "give --save a file in a writable folder";
@@ -48,9 +45,6 @@ pub fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<S
 }
 
 /// Checks that the output file of an `option` is not one of the command's inputs.
-///
-/// # Errors
-/// It is one of them.
 pub fn refuse_input<'a>(
     option: &str,
     path: &Path,
@@ -67,7 +61,6 @@ pub fn refuse_input<'a>(
     Ok(())
 }
 
-/// Returns whether two paths lead to the same existing file.
 pub fn is_same_file(a: &Path, b: &Path) -> bool {
     // Comparing opens them, which would block on a pipe.
     a.is_file() && b.is_file() && same_file::is_same_file(a, b).unwrap_or(false)
@@ -75,9 +68,6 @@ pub fn is_same_file(a: &Path, b: &Path) -> bool {
 
 /// Rejects the path of an existing file unless it may be replaced: only regular files are, and
 /// checkpoints only by checkpoints.
-///
-/// # Errors
-/// The file exists.
 pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
     if path.symlink_metadata().is_err() {
         return Ok(());
@@ -104,9 +94,6 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
 
 /// Creates a file and the folders that it is in, or truncates an existing one if it may be
 /// replaced.
-///
-/// # Errors
-/// The file exists, or cannot be created.
 pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
     refuse_existing(path, overwrite)?;
     let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);

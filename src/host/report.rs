@@ -1,6 +1,5 @@
 //! Prints errors for the user.
 
-use std::error::Error;
 use std::fmt;
 
 use miette::{
@@ -27,9 +26,8 @@ pub fn set_up_colours() {
     }
 }
 
-/// Prints an error to standard error; ignores write errors.
-pub fn print_error(error: Report) {
-    eprint_raw(format!("{:?}", Report::new(SanitizedError::from(error))).trim_end());
+pub fn print_error(error: &Report) {
+    eprint_raw(format!("{:?}", Report::new(ExplainedError::sanitized(error))).trim_end());
 }
 
 /// An error with a hint and, for a file, an excerpt of the offending part.
@@ -37,46 +35,60 @@ pub fn print_error(error: Report) {
 #[error("{message}")]
 pub struct ExplainedError {
     message: String,
-    help: String,
+    help: Option<String>,
     excerpt: Option<QuotedExcerpt>,
+    #[source]
+    cause: Option<Box<Self>>,
 }
 
 /// An excerpt as miette renders it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct QuotedExcerpt(Excerpt);
 
 impl ExplainedError {
-    /// Creates a report of an error that quotes `excerpt`.
     pub fn report(message: String, help: String, excerpt: Option<Excerpt>) -> Report {
-        Report::new(Self { message, help, excerpt: excerpt.map(QuotedExcerpt) })
+        let excerpt = excerpt.map(QuotedExcerpt);
+        Report::new(Self { message, help: Some(help), excerpt, cause: None })
+    }
+
+    /// Returns an error whose texts, which may quote external input, are safe to display.
+    fn sanitized(error: &Report) -> Self {
+        let plain = |message, cause| Self { message, help: None, excerpt: None, cause };
+        let causes: Vec<String> =
+            error.chain().skip(1).map(|cause| sanitized_message(&cause.to_string())).collect();
+        let chained = |cause: Option<Box<Self>>, message| Some(Box::new(plain(message, cause)));
+        Self {
+            help: error.help().map(|help| sanitized_message(&help.to_string())),
+            excerpt: error.downcast_ref::<Self>().and_then(|own| own.excerpt.clone()),
+            ..plain(
+                sanitized_message(&error.to_string()),
+                causes.into_iter().rev().fold(None, chained),
+            )
+        }
     }
 }
 
-/// Turns a map error into a report.
 pub fn from_map_error(error: Box<MapError>) -> Report {
     ExplainedError::report(error.to_string(), error.help, error.excerpt)
 }
 
-/// Turns an error in data to learn from into a report.
 pub fn from_data_error(error: impl Into<TrainError>) -> Report {
     let help = "--data takes .npz files with observations, actions and terminals: \
                 gdg-tui export-data writes them, and OGBench has some";
     miette!(help = help, "{}", sanitized(&error.into().to_string()))
 }
 
-/// Turns an error in settings into a report.
 pub fn from_config_error(error: Box<ConfigError>) -> Report {
     ExplainedError::report(error.to_string(), error.help, error.excerpt)
 }
 
-/// Turns an error about a checkpoint into a report.
 pub fn from_checkpoint_error(error: CheckpointError) -> Report {
     ExplainedError::report(error.to_string(), error.help, None)
 }
 
 impl Diagnostic for ExplainedError {
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        Some(Box::new(&self.help))
+        self.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
@@ -116,80 +128,11 @@ impl SourceCode for QuotedExcerpt {
     }
 }
 
-/// An error whose texts, which may quote external input, are safe to display.
-#[derive(Debug)]
-struct SanitizedError {
-    message: String,
-    help: Option<String>,
-    cause: Option<Cause>,
-    error: Report,
-}
-
-/// A cause of an error.
-#[derive(Debug)]
-struct Cause {
-    message: String,
-    cause: Option<Box<Cause>>,
-}
-
 fn sanitized_message(text: &str) -> String {
     if text.chars().count() > MAX_MESSAGE_CHARS {
         truncated(text, MAX_MESSAGE_CHARS)
     } else {
         sanitized_lines(text)
-    }
-}
-
-impl From<Report> for SanitizedError {
-    fn from(error: Report) -> Self {
-        let causes: Vec<String> =
-            error.chain().skip(1).map(|cause| sanitized_message(&cause.to_string())).collect();
-        let chained =
-            |cause: Option<Cause>, message| Some(Cause { message, cause: cause.map(Box::new) });
-        Self {
-            message: sanitized_message(&error.to_string()),
-            help: error.help().map(|help| sanitized_message(&help.to_string())),
-            cause: causes.into_iter().rev().fold(None, chained),
-            error,
-        }
-    }
-}
-
-impl fmt::Display for SanitizedError {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(&self.message)
-    }
-}
-
-impl fmt::Display for Cause {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(&self.message)
-    }
-}
-
-impl Error for SanitizedError {
-    fn source(&self) -> Option<&(dyn Error + 'static)> {
-        self.cause.as_ref().map(|cause| cause as &dyn Error)
-    }
-}
-
-impl Error for Cause {
-    fn source(&self) -> Option<&(dyn Error + 'static)> {
-        self.cause.as_deref().map(|cause| cause as &dyn Error)
-    }
-}
-
-impl Diagnostic for SanitizedError {
-    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
-    }
-
-    fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.error.source_code()
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        self.error.labels()
     }
 }
 
@@ -203,16 +146,16 @@ mod tests {
     fn errors_show_causes_and_help_without_control_characters() {
         let cause: Result<(), _> = Err(std::io::Error::other("cause\x1b]0;x\x07"));
         let error = cause.into_diagnostic().wrap_err("outer\u{9b}31m").expect_err("an error");
-        let shown = SanitizedError::from(error.wrap_err("file\x1b[2J\nname"));
+        let shown = ExplainedError::sanitized(&error.wrap_err("file\x1b[2J\nname"));
         let text = format!("{:?}", Report::new(shown));
         assert!(
             ["file?[2J", "outer¿31m", "cause?]0;x?"].iter().all(|part| text.contains(part)),
             "{text}"
         );
-        let help = SanitizedError::from(miette::miette!(help = "do\x07 that", "what"));
+        let help = ExplainedError::sanitized(&miette::miette!(help = "do\x07 that", "what"));
         assert_eq!(help.help.as_deref(), Some("do? that"));
         assert!(
-            SanitizedError::from(Report::msg("x".repeat(50_000_000))).message.len()
+            ExplainedError::sanitized(&Report::msg("x".repeat(50_000_000))).message.len()
                 <= MAX_MESSAGE_CHARS
         );
     }

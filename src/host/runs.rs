@@ -25,9 +25,6 @@ pub fn is_named_like_one(file: &Path) -> bool {
 
 /// Returns the files in `folder` that are named like checkpoints, in capitals or not, sorted by
 /// name.
-///
-/// # Errors
-/// The folder cannot be read.
 pub fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder)? {
@@ -77,7 +74,6 @@ pub fn ago(at: SystemTime) -> Option<String> {
     Some(age(&at, &Zoned::now()))
 }
 
-/// Describes how long before `now` something happened.
 fn age(at: &Zoned, now: &Zoned) -> String {
     let minutes = (now.timestamp().as_second() - at.timestamp().as_second()) / 60;
     let days = (now.date() - at.date()).get_days();

@@ -32,9 +32,7 @@ pub const THRESHOLD: &str = "--threshold";
 /// A run to begin or to resume.
 #[derive(Clone, Debug)]
 pub struct Request {
-    /// The map or world.
     pub map: PathBuf,
-    /// How the map is read.
     pub reading: Reading,
     /// The options given for that, and those given for environments in Python.
     pub map_options: Vec<&'static str>,
@@ -42,25 +40,19 @@ pub struct Request {
     pub python_options: Vec<&'static str>,
     /// Whether the user has named it.
     pub named_map: bool,
-    /// Method and settings.
     pub run: RunChoice,
-    /// Random seed.
     pub seed: u64,
     /// Whether to resume: from the newest checkpoint, or from this one.
     pub resume: Option<Option<PathBuf>>,
     /// Changes of the map.
     pub edits: Vec<EditAt>,
-    /// The scenario to evaluate on.
     pub scenario: Option<PathBuf>,
     /// Recorded transitions to learn from.
     pub data: Option<PathBuf>,
     /// Threads that share the work of each update.
     pub threads: Threads,
-    /// The checkpoint to write.
     pub save: Option<PathBuf>,
-    /// The table to write.
     pub table: Option<PathBuf>,
-    /// The recording to write.
     pub recording: Option<PathBuf>,
     /// Whether existing files are replaced.
     pub overwrite: bool,
@@ -68,11 +60,8 @@ pub struct Request {
     pub limits: Limits,
 }
 
-/// A trainer and everything that goes with it.
 pub struct Setup {
-    /// The run, new or resumed.
     pub trainer: Trainer,
-    /// Scheduled edits of the world.
     pub edits: Vec<Edit>,
     /// Threads that share the work of each update.
     pub threads: Threads,
@@ -82,15 +71,11 @@ pub struct Setup {
     pub save: Option<SaveTo>,
     /// The checkpoint that the run was resumed from.
     pub resumed: Option<PathBuf>,
-    /// Warnings about that checkpoint, and about the map.
     pub warnings: Vec<String>,
 }
 
 /// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or
 /// those of `request`. Says how far it is to `progress`.
-///
-/// # Errors
-/// See [`settings`] and [`train::load`].
 pub fn settings_to_print(
     request: &Request,
     registry: &Arc<Registry>,
@@ -120,9 +105,6 @@ pub fn opening(request: &Request) -> &'static str {
 
 /// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from
 /// `registry`; says how far it is to `progress`.
-///
-/// # Errors
-/// A file or setting is invalid; the report is meant for the user.
 pub fn prepare(
     request: &Request,
     registry: &Arc<Registry>,
@@ -225,7 +207,6 @@ fn check_options(
     }
 }
 
-/// Begins the run of `request` in its world, with its data.
 fn begin_run(
     request: &Request,
     registry: &Arc<Registry>,
@@ -312,10 +293,6 @@ fn title_of(name: &Path, registry: &Registry) -> Result<String, Report> {
 }
 
 /// Begins `run` in `world`, if it fits into memory.
-///
-/// # Errors
-/// The run needs more memory than is available, or its learner is not registered or cannot be
-/// created.
 pub fn begin(
     run: Run,
     world: &dyn Environment,
@@ -345,9 +322,6 @@ fn open_world(
 }
 
 /// Opens the maze on the built-in map or the map file called `name`.
-///
-/// # Errors
-/// There is no such map, it is invalid, or it lacks what the settings of `run` require.
 pub fn open_maze(
     name: &Path,
     reading: &Reading,
@@ -358,9 +332,6 @@ pub fn open_maze(
 }
 
 /// Returns the maze on a map; `called` is its file, or its name, in errors.
-///
-/// # Errors
-/// It lacks a start that the run's settings require.
 pub fn maze_on(map: Arc<Grid>, called: &str, run: &Run) -> Result<PointMaze, Report> {
     if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
         let problem = "has no start S, which restart=start-cell requires";
@@ -382,12 +353,10 @@ pub fn maze_on(map: Arc<Grid>, called: &str, run: &Run) -> Result<PointMaze, Rep
     Ok(PointMaze::new(map, 0))
 }
 
-/// Reports an option that applies only to mazes.
 fn not_a_maze(option: &str) -> Report {
     miette!(help = "give a map", "{option} applies only to maps")
 }
 
-/// Returns the files that a run reads.
 fn inputs<'a>(request: &'a Request, resumed: Option<&'a Path>) -> impl Iterator<Item = &'a Path> {
     let map = request.named_map.then_some(request.map.as_path());
     let edits = request.edits.iter().map(|edit| edit.file.as_path());

@@ -20,9 +20,6 @@ use gdg::printing;
 
 /// Turns writing beyond the file size limit (`ulimit -f`), which would end the program, into an
 /// error like a full disk.
-///
-/// # Errors
-/// Returns the system's error.
 pub fn survive_file_size_limit() -> std::io::Result<()> {
     signal_hook::flag::register(SIGXFSZ, Arc::default()).map(drop)
 }
@@ -55,18 +52,12 @@ impl TerminationSignal {
     /// Registers the signals that end the program, except those that were ignored at startup (as
     /// under nohup). While the program takes long to end, prints what it waits for to standard
     /// error.
-    ///
-    /// # Errors
-    /// Returns the system's error.
     pub fn listen() -> Result<Self, Report> {
         Self::listen_with(None)
     }
 
     /// Like [`Self::listen`], for the interface, which shows itself what it waits for. An immediate
     /// exit first calls `restore_terminal`. Must be called before the interface's threads start.
-    ///
-    /// # Errors
-    /// Returns the system's error.
     pub fn listen_in_interface(restore_terminal: fn()) -> Result<Self, Report> {
         survive_in_background();
         Self::listen_with(Some(restore_terminal))
@@ -175,7 +166,6 @@ fn warning_before(limit: u64, cores: u64) -> u64 {
     limit - (limit / 2).min(5 + 3 * cores)
 }
 
-/// Ends the program without saving.
 fn end_at_once(restore_terminal: Option<fn()>, number: i32) -> ! {
     if let Some(restore) = restore_terminal {
         let (done, is_done) = channel();

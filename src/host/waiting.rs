@@ -85,7 +85,6 @@ impl Drop for Waiting {
     }
 }
 
-/// Prints lines until the end.
 fn print_lines(job: &Job, how_to_end: &str, before: fn(), end: &Receiver<()>) {
     let (began, mut said) = (Instant::now(), None::<(Job, Instant, f64)>);
     let is_seen = std::io::stderr().is_terminal();

@@ -7,9 +7,6 @@ use gdg::train::Trainer;
 
 /// Returns the length in bytes of the rows in `table` that the run of `trainer` had written when it
 /// was saved. Later rows, and a last one that was cut off, are to be written again.
-///
-/// # Errors
-/// Why it is not the run's table.
 pub fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<u64, String> {
     let complete = table.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
     let rows =

@@ -11,11 +11,9 @@ use gdg::train::{self, Method, Overrides, Preset, Registry, Run, Settings};
 /// Which method to train, and with which settings.
 #[derive(Clone, Debug)]
 pub struct RunChoice {
-    /// Learner and planner.
     pub method: Method,
     /// The preset to start from; otherwise that of the method.
     pub preset: Option<Preset>,
-    /// A settings file.
     pub config: Option<PathBuf>,
     /// Changes of single settings, `NAME=VALUE`.
     pub set: Vec<String>,
@@ -30,9 +28,6 @@ impl RunChoice {
 
 /// Returns the settings of `choice` for a run in the world that `world` opens: a map or a world
 /// of `registry`.
-///
-/// # Errors
-/// See [`train::settings_from`].
 pub fn settings(choice: &RunChoice, world: &Path, registry: &Registry) -> Result<Settings, Report> {
     let defaults =
         registry.world_opened_by(known_name(world)).map_or(&[][..], |kind| kind.defaults);
@@ -59,9 +54,6 @@ pub fn settings_of(name: &str, set: &[String]) -> Vec<String> {
 }
 
 /// Returns the run of `choice` and `seed` in the world that `world` opens.
-///
-/// # Errors
-/// See [`settings`].
 pub fn run(
     choice: &RunChoice,
     world: &Path,

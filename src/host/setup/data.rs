@@ -19,9 +19,6 @@ const OF_ANOTHER_MAP: f64 = 0.05;
 
 /// Checks the file with the recorded transitions, before the world is opened, which may take a
 /// minute.
-///
-/// # Errors
-/// The file cannot be read, or is of another kind.
 pub fn check(file: &Path, progress: &Job) -> Result<(), Report> {
     progress.begin(0, BEGIN_STAGES);
     Dataset::check_file(file, progress).map_err(from_data_error)?;
@@ -31,9 +28,6 @@ pub fn check(file: &Path, progress: &Job) -> Result<(), Report> {
 
 /// Has `trainer` learn from the recorded transitions in `file`; returns a warning if some of them
 /// are left out, and says how far it is to `progress`.
-///
-/// # Errors
-/// The file cannot be read, does not fit, or most of it is impossible.
 pub fn learn_from(
     trainer: &mut Trainer,
     file: &Path,

@@ -17,7 +17,6 @@ use gdg::train::Trainer;
 pub struct EditAt {
     /// Number of updates after which to switch.
     pub updates: u64,
-    /// The map file.
     pub file: PathBuf,
 }
 
@@ -25,7 +24,6 @@ pub struct EditAt {
 pub struct Edit {
     /// Number of updates after which to apply it.
     pub updates: u64,
-    /// The edited world.
     pub world: Box<dyn Environment>,
 }
 

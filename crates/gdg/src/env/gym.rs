@@ -185,18 +185,15 @@ impl Gym {
         episode.add(&begun.row);
         self.episodes[agent] = episode;
         (self.ended[agent], self.retired[agent]) = (false, false);
-        self.see(agent, &begun.row)?;
+        self.set_state(agent, &self.state_in(&begun.row)?);
         let goal = self.pool.found.goal_columns.iter().map(|column| begun.goal[*column]);
         Ok(goal.collect())
     }
 
-    /// Takes the state of `agent` from what its environment has returned.
-    ///
-    /// # Errors
-    /// It achieves something else than the components of its observation that were the same before.
-    fn see(&mut self, agent: usize, row: &[f32]) -> Result<(), EnvError> {
+    /// Returns the state in what an environment has returned, unless that achieves something else
+    /// than the components of its observation that were the same before.
+    fn state_in(&self, row: &[f32]) -> Result<Vec<f32>, EnvError> {
         let state: Vec<f32> = self.state(row).collect();
-        let s = state.len();
         let beside = &row[self.pool.about.observed..];
         let mut achieved = self.pool.found.spec.achieved.iter().zip(beside);
         if let Some((column, _)) = achieved.find(|(column, own)| state[**column] != **own) {
@@ -205,8 +202,12 @@ impl Gym {
             );
             return Err(failed(&self.pool.address.id, problem, Vec::new()));
         }
-        self.states[agent * s..(agent + 1) * s].copy_from_slice(&state);
-        Ok(())
+        Ok(state)
+    }
+
+    fn set_state(&mut self, agent: usize, state: &[f32]) {
+        let s = state.len();
+        self.states[agent * s..(agent + 1) * s].copy_from_slice(state);
     }
 
     /// Begins an episode again and repeats its actions; returns whether the same came out.
@@ -223,7 +224,7 @@ impl Gym {
             let Some((row, ended)) = stepped.pop() else { continue };
             self.episodes[agent].step(action, &row, ended);
             self.ended[agent] = ended;
-            self.see(agent, &row)?;
+            self.set_state(agent, &self.state_in(&row)?);
         }
         Ok(self.episodes[agent].checksum == episode.checksum)
     }
@@ -324,11 +325,15 @@ impl Environment for Gym {
         for (worker, agents) in self.workers.get_mut() {
             all.extend(worker.end_step(&self.pool.about, agents.len())?);
         }
-        for (agent, (action, (row, ended))) in actions.chunks_exact(a).zip(all).enumerate() {
+        // All or none have stepped.
+        let states = all.iter().map(|(row, _)| self.state_in(row));
+        let states = states.collect::<Result<Vec<_>, _>>()?;
+        let steps = actions.chunks_exact(a).zip(all).zip(states).enumerate();
+        for (agent, ((action, (row, ended)), state)) in steps {
             if !self.retired[agent] && !self.ended[agent] {
                 self.episodes[agent].step(action, &row, ended);
                 self.ended[agent] = ended;
-                self.see(agent, &row)?;
+                self.set_state(agent, &state);
             }
         }
         Ok(())
@@ -381,7 +386,7 @@ impl Environment for Gym {
     fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool, EnvError> {
         let (state, rest) = full_state.split_at(self.spec().state_dim().min(full_state.len()));
         if !self.is_open {
-            self.states.splice(agent * state.len()..(agent + 1) * state.len(), as_f32(state));
+            self.set_state(agent, &as_f32(state).collect::<Vec<_>>());
             return Ok(true);
         }
         let [seed, task, checksum, length, actions @ ..] = rest else {

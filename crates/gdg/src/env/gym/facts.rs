@@ -74,9 +74,6 @@ impl Found {
     }
 
     /// Checks what a checkpoint has kept.
-    ///
-    /// # Errors
-    /// It is inconsistent, or does not fit the environment.
     pub fn check(&self, about: &Description) -> Result<(), StoreError> {
         let (spec, within) = (&self.spec, |v: &f32| v.abs() <= MAX_MAGNITUDE);
         let (s, g) = (spec.state_dim(), spec.goal_dim());
@@ -123,9 +120,6 @@ pub struct Seen {
 }
 
 /// Finds out what the learner needs.
-///
-/// # Errors
-/// The environment fails, or does not say when a goal is reached.
 pub fn find(
     worker: &mut Worker,
     about: &Description,

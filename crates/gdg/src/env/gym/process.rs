@@ -145,9 +145,6 @@ struct Exception {
 impl Worker {
     /// Starts a worker for the environment called `title`; every answer has to come within
     /// `timeout`, or soon once `job` says that training is to stop.
-    ///
-    /// # Errors
-    /// The interpreter cannot be started.
     pub fn start(
         python: &Path,
         title: &str,
@@ -195,9 +192,6 @@ impl Worker {
     }
 
     /// Sends a request and returns the answer.
-    ///
-    /// # Errors
-    /// The worker fails; it must not be used again.
     pub fn ask(
         &mut self,
         request: Request,
@@ -209,9 +203,6 @@ impl Worker {
     }
 
     /// Sends a request.
-    ///
-    /// # Errors
-    /// The worker fails; it must not be used again.
     pub fn send(&mut self, request: Request, body: &[u8]) -> Result<(), EnvError> {
         let message = messages::request(request, body);
         self.transfer(&mut Waited::default(), message.len(), |mut channel, done| {
@@ -221,9 +212,6 @@ impl Worker {
     }
 
     /// Returns the answer to the request sent before.
-    ///
-    /// # Errors
-    /// The worker fails; it must not be used again.
     pub fn answer(&mut self, request: Request, expected: Expected) -> Result<Vec<u8>, EnvError> {
         let (mut waited, mut header) = (Waited::default(), [0; HEADER_BYTES]);
         self.read(&mut header, &mut waited).map_err(|error| self.broken_off(request, &error))?;
