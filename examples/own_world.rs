@@ -224,12 +224,12 @@ impl Learner for Table {
     }
 
     fn save(&self, store: &mut Store) -> Result<(), LearnError> {
-        store.put("table.steps", self.steps.clone());
+        store.put_numbers("table.steps", self.steps.clone());
         Ok(())
     }
 
     fn load(&mut self, store: &Store) -> Result<(), LearnError> {
-        let steps = store.f32("table.steps")?;
+        let steps = store.numbers("table.steps")?;
         if steps.len() != self.steps.len() {
             return Err(StoreError::inconsistent("the stored table has another size").into());
         }

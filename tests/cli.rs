@@ -566,7 +566,7 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
             &["--no-ui", "--method", "my-own+none"],
             &["unknown learner \"my-own\"", "gdg, gdg-distance, ddpg, her"],
         ),
-        (&["--no-ui", "--set", "batch=many"], &["batch cannot be \"many\"", "integer from 1"]),
+        (&["--no-ui", "--set", "hidden=many"], &["hidden cannot be \"many\"", "integer from 1"]),
         (
             &["--no-ui", "--set", "loss=cubic"],
             &["loss cannot be \"cubic\"", "squared, sqrt or log"],
@@ -649,11 +649,6 @@ fn errors_in_a_settings_file_are_reported_with_their_location() {
     assert!(error("[]").contains("settings.json:1:"));
     let twice = error("{\n  \"tau\": 0.1,\n  \"tau\": 0.2\n}");
     assert!(twice.contains("settings.json:3:4: tau is given twice"), "{twice}");
-    let both = error("{\n  \"batch_size\": 64,\n  \"batch\": 32\n}");
-    assert!(
-        both.contains("settings.json:3:4: batch_size and batch are names of the same setting"),
-        "{both}"
-    );
     let tab = error("{\n\t\"hiden\": 3\n}");
     assert!(tab.contains("settings.json:2:3") && !tab.contains("?\"hiden"), "{tab}");
 }

@@ -8,12 +8,12 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 
-use gdg::bridge::Guide;
+use gdg::bridge::{Candidates, Guide};
 use gdg::env::{Environment, FetchReach, PointMaze};
 use gdg::job::Job;
 use gdg::learn::Scratch;
 use gdg::map::RandomMapKind;
-use gdg::train::{Preset, Registry, Run, SaveTo, Settings, Trainer, policy_file, save};
+use gdg::train::{Preset, Registry, Run, SaveTo, Saved, Settings, Trainer, policy_file, save};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
@@ -159,8 +159,7 @@ fn planner(world: &dyn Environment, method: &str, updates: u64) -> Trainer {
 
 /// Returns the run with another setting.
 fn with_settings(run: &Trainer, change: impl Fn(&mut Settings)) -> Trainer {
-    let registry = Registry::builtin();
-    let mut changed = Trainer::load(&run.save().unwrap(), &registry, 2).unwrap();
+    let mut changed = again(run.save().unwrap());
     let mut run = run.run().clone();
     change(&mut run.settings);
     changed.change_run(run).unwrap();
@@ -169,11 +168,20 @@ fn with_settings(run: &Trainer, change: impl Fn(&mut Settings)) -> Trainer {
 
 /// Returns the run after hops of three steps and more have failed, so that plans expect delays.
 fn with_failed_hops(run: &Trainer) -> Trainer {
-    let mut store = run.save().unwrap();
-    let failed = |steps| if steps < 3 { 0.0 } else { 4.0 };
-    let hops: Vec<f32> = (0..32).flat_map(|steps| [2.0, failed(steps)]).collect();
-    store.put("bridge.hops", hops);
-    Trainer::load(&store, &Registry::builtin(), 2).unwrap()
+    let mut saved = run.save().unwrap();
+    let mut candidates: Candidates = saved.state.get("candidates").unwrap();
+    for (steps, walk) in (0..32).flat_map(|steps| (0..6).map(move |walk| (steps, walk))) {
+        if walk < 2 || steps >= 3 {
+            // Between candidates that are not there.
+            candidates.record_walk(u32::MAX, u32::MAX, steps as f32, walk < 2);
+        }
+    }
+    saved.state.put("candidates", &candidates).unwrap();
+    again(saved)
+}
+
+fn again(saved: Saved) -> Trainer {
+    Trainer::load(saved, &Registry::builtin(), 2, &Job::default()).unwrap()
 }
 
 #[test]

@@ -9,10 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use std::collections::BTreeMap;
-
 use portable_pty::{Child, CommandBuilder, MasterPty, PtySize, native_pty_system};
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 /// Settings that keep a run small.
 const SMALL: [&str; 6] =
@@ -292,40 +289,4 @@ pub fn checkpoints(folder: &Path) -> Vec<PathBuf> {
     }
     found.sort();
     found
-}
-
-/// Changes the texts and tensors of a checkpoint and corrects its checksum.
-pub fn with_updated_checksum(
-    bytes: &[u8],
-    change: impl FnOnce(&mut BTreeMap<String, String>, &mut BTreeMap<String, (Dtype, Vec<u8>)>),
-) -> Vec<u8> {
-    let (_, header) = SafeTensors::read_metadata(bytes).unwrap();
-    let mut texts: BTreeMap<String, String> =
-        header.metadata().clone().unwrap().into_iter().collect();
-    let tensors = SafeTensors::deserialize(bytes).unwrap();
-    let mut tensors: BTreeMap<String, (Dtype, Vec<u8>)> = tensors
-        .iter()
-        .map(|(name, view)| (name.to_owned(), (view.dtype(), view.data().to_vec())))
-        .collect();
-    texts.remove("checksum");
-    change(&mut texts, &mut tensors);
-    let mut sum = crc32fast::Hasher::new();
-    let mut add = |bytes: &[u8]| {
-        sum.update(&(bytes.len() as u64).to_le_bytes());
-        sum.update(bytes);
-    };
-    texts.iter().flat_map(|(name, text)| [name, text]).for_each(|text| add(text.as_bytes()));
-    for (name, (dtype, bytes)) in &tensors {
-        add(name.as_bytes());
-        add(format!("{dtype:?}").as_bytes());
-        add(bytes);
-    }
-    texts.insert("checksum".to_owned(), format!("{:08x}", sum.finalize()));
-    let views = tensors.iter().map(|(name, (dtype, bytes))| {
-        (
-            name.as_str(),
-            TensorView::new(*dtype, vec![bytes.len() * 8 / dtype.bitsize()], bytes).unwrap(),
-        )
-    });
-    safetensors::serialize(views, Some(texts.into_iter().collect())).unwrap()
 }

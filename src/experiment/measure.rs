@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
-use gdg::bridge::{self, BridgePoint, Candidates, SearchSpace};
+use gdg::bridge::{self, BridgePoint, Candidates, SEARCH_BUDGET, SearchSpace};
 use gdg::draw::{Picture, Raster, Rgb, WALL, contour_interval, distance_colour};
 use gdg::env::{EnvError, EnvSettings, PointMaze, Restart, Task, TaskSet};
 use gdg::learn::{Policy, Scratch};
@@ -256,7 +256,6 @@ fn search_tasks(trainer: &Trainer, policy: &dyn Policy, map: &Arc<Grid>) -> Sear
     let far = (FAR_SHARE * f64::from(world.diameter().steps)).round() as u32;
     let mut tasks = vec![world.longest_task()];
     tasks.extend(world.tasks_at(&[far], MORE_TASKS, &mut rng).tasks);
-    let budget = trainer.run().settings.bridge.search_budget;
     let start_of = |task: &Task| task.start.iter().map(|v| *v as f32).collect::<Vec<f32>>();
     let (mut scratch, mut tried, mut searches) = (Scratch::default(), 0, 0);
     for task in &tasks {
@@ -268,7 +267,7 @@ fn search_tasks(trainer: &Trainer, policy: &dyn Policy, map: &Arc<Grid>) -> Sear
             &start,
             &task.goal,
             SearchSpace { states: &states, goals: &goals },
-            budget,
+            SEARCH_BUDGET,
             policy,
             &mut rng,
             &mut scratch,

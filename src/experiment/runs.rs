@@ -341,9 +341,9 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     Ok(SavedRun {
         source: path.to_owned(),
         kind: Kind::Checkpoint,
-        map: if found.title.is_empty() { found.world } else { found.title },
+        map: if found.title.is_empty() { found.world.clone() } else { found.title.clone() },
         fingerprint: match history.edits() {
-            [] => found.fingerprint,
+            [] => found.fingerprint.clone(),
             _ => Some(EDITED.to_owned()),
         },
         method: found.run.method.name(),

@@ -147,16 +147,15 @@ pub fn setting_items(screen: &Screen) -> Vec<Item> {
 
 /// Describes a setting: its value, what it does, what it can be and what changing it costs.
 fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> Item {
-    let Setting { name, group, about, unit, values, effect, former, .. } = setting;
+    let Setting { name, group, about, unit, values, effect, .. } = setting;
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-    let former: String = former.iter().map(|former| format!(" Formerly {former}.")).collect();
     let of = if preset == Preset::Default {
         String::new()
     } else {
         format!(" in the preset {}", preset.name())
     };
     let below = vec![
-        format!("{about}.{former}"),
+        format!("{about}."),
         format!("Now {now}{unit}; {default} by default{of}. Possible: {values}."),
         format!("A change {}.", effect.about()),
     ];

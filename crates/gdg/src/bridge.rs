@@ -16,10 +16,10 @@ mod rules;
 mod search;
 mod settings;
 
-pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
+pub use candidates::{Candidates, UNOBSERVED, WalkRecord};
 pub use excursion::Excursions;
-pub use graph::{BridgeGraph, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route};
+pub use graph::{BridgeGraph, Edge, EdgeStatus, LINK_CANDIDATES, Route, StoredGraph};
 pub use guide::Guide;
-pub use planner::{Hop, Target, Walker, WalkerState};
+pub use planner::{Hop, Target, Walker};
 pub use search::{BridgePoint, SearchOutcome, SearchSpace, search};
-pub use settings::{BridgeSettings, Planner};
+pub use settings::{BridgeSettings, Planner, SEARCH_BUDGET};

@@ -124,7 +124,7 @@ pub const MOST_HALF_RANGES: f32 = 10.0;
 
 /// Sizes and scales of states, goals and actions. Lengths are in the environment's own unit (maze
 /// cells, or metres for an arm).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Spec {
     /// Midpoint of each state component's range; the vector's length is the state size.
     pub state_centre: Vec<f32>,

@@ -23,7 +23,7 @@ pub use data::batch::{Batch, BatchSampler};
 pub use data::goal_index::GoalIndex;
 pub use data::known::{ChangedDistances, DistancesByGoal, KnownDistances, KnownPair, Relearning};
 pub(crate) use data::known::{NEAR_STEPS, WAYPOINT_STEPS};
-pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
+pub use data::replay::{Moment, Replay, ReplaySizes, StoredReplay};
 pub use error::LearnError;
 pub use gdg::Gdg;
 pub use kernels::{kernel, product};

@@ -4,12 +4,65 @@
 //! with a field each, its values in every [`Preset`], and a list of [`Setting`]s. Checks, errors,
 //! `--print-config`, the settings dialog, the page of settings and the ablation come from these.
 
-mod preset;
 pub(crate) mod values;
 
-pub use preset::Preset;
+use serde::{Deserialize, Serialize};
+
 pub(crate) use values::Excluded;
 pub use values::{Auto, AutoWord, Values};
+
+/// A named set of settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Preset {
+    /// Every addition that measurably helps.
+    Default,
+    /// Algorithms 1 and 2 exactly as published.
+    Paper,
+    /// Rivals with rewards as published, in the setting in which they do best here.
+    Tuned,
+    /// Rivals with rewards by Stable-Baselines3's defaults.
+    Sb3,
+}
+
+impl Preset {
+    /// All presets.
+    pub const ALL: [Self; 4] = [Self::Default, Self::Paper, Self::Tuned, Self::Sb3];
+
+    /// Returns the name used on the command line and in records.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Default => "default",
+            Self::Paper => "paper",
+            Self::Tuned => "tuned",
+            Self::Sb3 => "sb3",
+        }
+    }
+
+    /// Returns the preset called `name`.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|preset| preset.name() == name)
+    }
+
+    /// Returns a short description.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Default => "All additions that measurably help",
+            Self::Paper => "The algorithms exactly as published",
+            Self::Tuned => "Baselines (ddpg, her, ddpg-distance) as they do best here",
+            Self::Sb3 => "Baselines by the defaults of Stable-Baselines3",
+        }
+    }
+
+    /// Whether a world's default settings ([`WorldKind::defaults`](crate::env::WorldKind)) apply to
+    /// it: published presets stay as they are.
+    pub fn adapts_to_world(self) -> bool {
+        match self {
+            Self::Default | Self::Tuned => true,
+            Self::Paper | Self::Sb3 => false,
+        }
+    }
+}
 
 /// A group of related settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -87,8 +140,6 @@ impl Effect {
 pub struct Setting {
     /// Its name on the command line and in files.
     pub name: &'static str,
-    /// Its former names, which are still accepted.
-    pub former: &'static [&'static str],
     /// The group it belongs to.
     pub group: Group,
     /// Description.
@@ -122,7 +173,6 @@ impl Setting {
     /// Defaults for what an entry leaves out.
     pub(crate) const PLAIN: Self = Self {
         name: "",
-        former: &[],
         group: Group::Networks,
         about: "",
         unit: "",
@@ -137,15 +187,14 @@ impl Setting {
 /// ```text
 /// pub struct NAME {
 ///     GROUP {
-///         field was "former name": type = default, Preset | Preset => value;
+///         field: type = default, Preset | Preset => value;
 ///             "description", values: .., unit: "..", effect: .., ablation: without("..", "..");
 ///     }
 /// }
 /// ```
 ///
 /// All but name, type, default and description can be left out: a plain setting is a switch that
-/// takes effect immediately. Doc comments before an entry add to its description. A setting that
-/// older checkpoints lack says what it is there by `#[serde(default ..)]`.
+/// takes effect immediately. Doc comments before an entry add to its description.
 macro_rules! settings {
     (
         $(#[$about_all:meta])*
@@ -153,7 +202,7 @@ macro_rules! settings {
             $($group:ident {
                 $(
                     $(#[$attribute:meta])*
-                    $field:ident $(was $former:literal)*: $type:ty =
+                    $field:ident: $type:ty =
                         $default:expr $(, $preset:pat => $value:expr)*;
                         $about:literal $(, $property:ident: $content:expr)*;
                 )*
@@ -167,7 +216,6 @@ macro_rules! settings {
                 #[doc = $about]
                 #[doc = ""]
                 $(#[$attribute])*
-                $(#[serde(alias = $former)])*
                 pub $field: $type,
             )*)*
         }
@@ -178,7 +226,6 @@ macro_rules! settings {
             pub(crate) const ENTRIES: &'static [$crate::settings::Setting] = &[
                 $($($crate::settings::Setting {
                     name: stringify!($field),
-                    former: &[$($former),*],
                     group: $crate::settings::Group::$group,
                     about: $about,
                     $($property: $content,)*

@@ -1,68 +1,33 @@
-//! Named arrays and texts: the form in which all persistent state is saved.
+//! Named numbers and values: the form in which all persistent state is saved.
 //!
-//! Worlds, learners, the replay and the bridge candidates save themselves to a [`Store`] and load
-//! themselves from one; only the checkpoint module knows how a store is written to a file.
+//! Worlds, learners and the trainer save themselves to a [`Store`] and load themselves from one;
+//! only the checkpoint module knows how a store becomes a file.
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// An array of numbers of one type.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Array {
-    /// Single precision.
-    F32(Vec<f32>),
-    /// 16-bit counts.
-    U16(Vec<u16>),
-    /// 32-bit counts.
-    U32(Vec<u32>),
-    /// 64-bit counts.
-    U64(Vec<u64>),
-}
+/// Ending of the name of a running average, which is close to the numbers without it.
+const AVERAGE: &str = "_average";
 
-impl Array {
-    /// Returns the number of numbers.
-    pub fn len(&self) -> usize {
-        match self {
-            Self::F32(numbers) => numbers.len(),
-            Self::U16(numbers) => numbers.len(),
-            Self::U32(numbers) => numbers.len(),
-            Self::U64(numbers) => numbers.len(),
-        }
-    }
-
-    /// Returns whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-}
-
-/// Arrays and texts by name.
+/// Arrays of numbers, and values of any type in postcard's form, by name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Store {
-    arrays: BTreeMap<String, Array>,
-    texts: BTreeMap<String, String>,
+    numbers: BTreeMap<String, Vec<f32>>,
+    values: BTreeMap<String, Vec<u8>>,
 }
 
 /// An error in a store's contents.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StoreError {
-    /// An array or text is missing.
+    /// Numbers or a value are missing.
     #[error("has no {0}: it is not a checkpoint")]
     Missing(String),
-    /// An array has the wrong type.
-    #[error("its {name} is not of type {expected}")]
-    Type {
-        /// Name of the array.
-        name: String,
-        /// The expected type.
-        expected: &'static str,
-    },
-    /// A text cannot be parsed as the expected value.
+    /// A value cannot be read as the expected type.
     #[error("its {name} cannot be read: {why}")]
     Unreadable {
-        /// Name of the text.
+        /// Its name.
         name: String,
         /// The parser's message.
         why: String,
@@ -77,119 +42,285 @@ impl StoreError {
     pub fn inconsistent(message: impl Into<String>) -> Self {
         Self::Inconsistent(message.into())
     }
+
+    /// Creates an error about a value that cannot be read.
+    pub(crate) fn unreadable(name: &str, why: impl std::fmt::Display) -> Self {
+        Self::Unreadable { name: name.to_owned(), why: why.to_string() }
+    }
 }
-
-/// Maps each number type to its variant.
-macro_rules! array_types {
-    ($($variant:ident $number:ident),*) => {
-        $(impl From<Vec<$number>> for Array {
-            fn from(numbers: Vec<$number>) -> Self {
-                Self::$variant(numbers)
-            }
-        }
-
-        impl Store {
-            #[doc = concat!("Returns the array `name` of `", stringify!($number), "` numbers.")]
-            ///
-            /// # Errors
-            /// Fails if it is missing or has another type.
-            pub fn $number(&self, name: &str) -> Result<&[$number], StoreError> {
-                match self.array(name)? {
-                    Array::$variant(numbers) => Ok(numbers),
-                    _ => Err(StoreError::Type { name: name.to_owned(), expected: stringify!($variant) }),
-                }
-            }
-        })*
-    };
-}
-
-array_types!(F32 f32, U16 u16, U32 u32, U64 u64);
 
 impl Store {
-    /// Adds an array, replacing one of the same name.
-    pub fn put(&mut self, name: impl Into<String>, numbers: impl Into<Array>) {
-        self.arrays.insert(name.into(), numbers.into());
+    /// Adds numbers, replacing those of the same name.
+    pub fn put_numbers(&mut self, name: impl Into<String>, numbers: Vec<f32>) {
+        self.numbers.insert(name.into(), numbers);
     }
 
-    /// Adds a text, replacing one of the same name.
-    pub fn put_text(&mut self, name: impl Into<String>, text: impl Into<String>) {
-        self.texts.insert(name.into(), text.into());
-    }
-
-    /// Adds a value as JSON.
+    /// Returns the numbers called `name`.
     ///
     /// # Errors
-    /// Returns [`StoreError::Unreadable`] for a value that JSON cannot express.
-    pub fn put_json(&mut self, name: &str, value: &impl Serialize) -> Result<(), StoreError> {
-        let text = serde_json::to_string(value);
-        self.put_text(
-            name,
-            text.map_err(|e| StoreError::Unreadable { name: name.to_owned(), why: e.to_string() })?,
-        );
+    /// They are missing.
+    pub fn numbers(&self, name: &str) -> Result<&[f32], StoreError> {
+        self.numbers
+            .get(name)
+            .map(Vec::as_slice)
+            .ok_or_else(|| StoreError::Missing(name.to_owned()))
+    }
+
+    /// Adds a value, replacing one of the same name.
+    ///
+    /// # Errors
+    /// Postcard cannot express it.
+    pub fn put(&mut self, name: &str, value: &impl Serialize) -> Result<(), StoreError> {
+        let bytes = to_bytes(value).map_err(|e| StoreError::unreadable(name, e))?;
+        self.values.insert(name.to_owned(), bytes);
         Ok(())
     }
 
-    /// Returns all arrays and texts, by name.
-    pub fn into_parts(self) -> (BTreeMap<String, Array>, BTreeMap<String, String>) {
-        (self.arrays, self.texts)
+    /// Returns the value called `name`.
+    ///
+    /// # Errors
+    /// It is missing or not a `T`.
+    pub fn get<T: DeserializeOwned>(&self, name: &str) -> Result<T, StoreError> {
+        let (value, rest) = postcard::take_from_bytes(self.bytes(name)?)
+            .map_err(|e| StoreError::unreadable(name, e))?;
+        if rest.is_empty() {
+            Ok(value)
+        } else {
+            Err(StoreError::unreadable(name, "something follows it"))
+        }
     }
 
-    /// Returns all arrays, by name.
-    pub fn arrays(&self) -> &BTreeMap<String, Array> {
-        &self.arrays
-    }
-
-    /// Returns all texts, by name.
-    pub fn texts(&self) -> &BTreeMap<String, String> {
-        &self.texts
-    }
-
-    /// Returns whether every floating-point number is finite.
-    pub fn is_finite(&self) -> bool {
-        let finite = |array: &Array| match array {
-            Array::F32(numbers) => numbers.iter().all(|v| v.is_finite()),
-            _ => true,
-        };
-        self.arrays.values().all(finite)
-    }
-
-    /// Returns whether there is an array of this name.
-    pub fn has(&self, name: &str) -> bool {
-        self.arrays.contains_key(name)
-    }
-
-    fn array(&self, name: &str) -> Result<&Array, StoreError> {
-        self.arrays.get(name).ok_or_else(|| StoreError::Missing(name.to_owned()))
+    /// Adds a text, replacing one of the same name.
+    pub fn put_text(&mut self, name: &str, text: impl Into<String>) {
+        self.values.insert(name.to_owned(), text.into().into_bytes());
     }
 
     /// Returns the text called `name`.
     ///
     /// # Errors
-    /// Fails if it is missing.
+    /// It is missing or not a text.
     pub fn text(&self, name: &str) -> Result<&str, StoreError> {
-        self.texts.get(name).map(String::as_str).ok_or_else(|| StoreError::Missing(name.to_owned()))
+        str::from_utf8(self.bytes(name)?).map_err(|e| StoreError::unreadable(name, e))
     }
 
-    /// Parses the text called `name` as JSON.
+    /// Adds a value as JSON, for types that postcard does not know.
     ///
     /// # Errors
-    /// Fails if it is missing or does not represent a `T`.
+    /// JSON cannot express it.
+    pub fn put_json(&mut self, name: &str, value: &impl Serialize) -> Result<(), StoreError> {
+        let text = serde_json::to_string(value).map_err(|e| StoreError::unreadable(name, e))?;
+        self.put_text(name, text);
+        Ok(())
+    }
+
+    /// Returns the value added by [`Self::put_json`].
+    ///
+    /// # Errors
+    /// It is missing or not a `T`.
     pub fn json<T: DeserializeOwned>(&self, name: &str) -> Result<T, StoreError> {
-        let unreadable = |e: serde_json::Error| StoreError::Unreadable {
-            name: name.to_owned(),
-            why: e.to_string(),
+        serde_json::from_str(self.text(name)?).map_err(|e| StoreError::unreadable(name, e))
+    }
+
+    fn bytes(&self, name: &str) -> Result<&[u8], StoreError> {
+        self.values.get(name).map(Vec::as_slice).ok_or_else(|| StoreError::Missing(name.to_owned()))
+    }
+
+    /// Returns whether all numbers are finite.
+    pub fn is_finite(&self) -> bool {
+        self.numbers.values().flatten().all(|number| number.is_finite())
+    }
+
+    /// Returns everything as bytes by name, for comparing states bit by bit.
+    pub fn parts(&self) -> BTreeMap<String, Vec<u8>> {
+        let bits =
+            |numbers: &Vec<f32>| numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+        let numbers = self.numbers.iter().map(|(name, numbers)| (name.clone(), bits(numbers)));
+        numbers.chain(self.values.clone()).collect()
+    }
+}
+
+/// The planes of numbers, averages as what remains without the numbers that they are close to.
+impl Serialize for Store {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let numbers: BTreeMap<_, _> = self
+            .numbers
+            .iter()
+            .map(|(name, own)| (name, Bytes(planes::of(own, averaged(name, own, &self.numbers)))))
+            .collect();
+        let values: BTreeMap<_, _> =
+            self.values.iter().map(|(name, value)| (name, Bytes(value))).collect();
+        (numbers, values).serialize(to)
+    }
+}
+
+impl<'de> Deserialize<'de> for Store {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        type Parts<'a> = BTreeMap<String, Bytes<&'a [u8]>>;
+        let (numbers, values) = <(Parts<'de>, Parts<'de>)>::deserialize(from)?;
+        let mut store = Self::default();
+        for (name, Bytes(bytes)) in numbers {
+            // A name without this ending comes earlier.
+            let empty = vec![0.0; bytes.len() / 4];
+            let own = planes::numbers(bytes, averaged(&name, &empty, &store.numbers));
+            store.numbers.insert(name, own);
+        }
+        store.values =
+            values.into_iter().map(|(name, Bytes(value))| (name, value.to_vec())).collect();
+        Ok(store)
+    }
+}
+
+/// Returns the numbers that those called `name` are the running average of.
+fn averaged<'a>(name: &str, own: &[f32], all: &'a BTreeMap<String, Vec<f32>>) -> Option<&'a [f32]> {
+    let of = all.get(name.strip_suffix(AVERAGE)?)?;
+    (of.len() == own.len()).then_some(of)
+}
+
+/// Bytes that are written at once, not one by one.
+struct Bytes<T>(T);
+
+impl<T: AsRef<[u8]>> Serialize for Bytes<T> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_bytes(self.0.as_ref())
+    }
+}
+
+impl<'de> Deserialize<'de> for Bytes<&'de [u8]> {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        <&[u8]>::deserialize(from).map(Bytes)
+    }
+}
+
+/// Floats by planes: the lowest bytes of all of them, then the next higher ones, and so on. Most
+/// bits of a float are random, but its exponent is not: its plane can be packed.
+pub mod planes {
+    use serde::{Deserializer, Serializer};
+
+    use super::*;
+
+    /// # Errors
+    /// The serializer's.
+    pub fn serialize<S: Serializer>(numbers: &[f32], to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_bytes(&of(numbers, None))
+    }
+
+    /// # Errors
+    /// The deserializer's.
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<f32>, D::Error> {
+        Bytes::deserialize(from).map(|Bytes(bytes)| numbers(bytes, None))
+    }
+
+    /// Returns the planes of `numbers`, or of their differences to `near`, of the same length.
+    pub(super) fn of(numbers: &[f32], near: Option<&[f32]>) -> Vec<u8> {
+        let mut planes = vec![0; 4 * numbers.len()];
+        for (i, number) in numbers.iter().enumerate() {
+            let bits = match near {
+                Some(near) => zigzag(number.to_bits().wrapping_sub(near[i].to_bits())),
+                // The exponent becomes one byte, the sign the lowest bit.
+                None => number.to_bits().rotate_left(1),
+            };
+            for (plane, byte) in bits.to_le_bytes().into_iter().enumerate() {
+                planes[plane * numbers.len() + i] = byte;
+            }
+        }
+        planes
+    }
+
+    /// Returns the numbers with these `planes`.
+    pub(super) fn numbers(planes: &[u8], near: Option<&[f32]>) -> Vec<f32> {
+        let count = planes.len() / 4;
+        let number = |i: usize| {
+            let bits = u32::from_le_bytes([0, 1, 2, 3].map(|plane| planes[plane * count + i]));
+            f32::from_bits(match near {
+                Some(near) => near[i].to_bits().wrapping_add(from_zigzag(bits)),
+                None => bits.rotate_right(1),
+            })
         };
-        serde_json::from_str(self.text(name)?).map_err(unreadable)
+        (0..count).map(number).collect()
+    }
+}
+
+/// Returns a value in postcard's form.
+pub(crate) fn to_bytes(value: &impl Serialize) -> postcard::Result<Vec<u8>> {
+    postcard::to_extend(value, Vec::new())
+}
+
+/// What is shared, as if it were not.
+pub mod shared {
+    use std::sync::Arc;
+
+    use super::*;
+
+    /// # Errors
+    /// The serializer's.
+    pub fn serialize<T: Serialize, S: Serializer>(
+        shared: &Arc<T>,
+        to: S,
+    ) -> Result<S::Ok, S::Error> {
+        (**shared).serialize(to)
+    }
+
+    /// # Errors
+    /// The deserializer's.
+    pub fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+        from: D,
+    ) -> Result<Arc<T>, D::Error> {
+        T::deserialize(from).map(Arc::new)
     }
 }
 
 /// Maps differences that are small, of either sign, to small numbers: 0, -1, 1, -2 ... to
 /// 0, 1, 2, 3 ...
-pub fn zigzag(difference: i64) -> u64 {
-    (difference << 1 ^ difference >> 63).cast_unsigned()
+pub(crate) fn zigzag(difference: u32) -> u32 {
+    difference << 1 ^ (difference.cast_signed() >> 31).cast_unsigned()
 }
 
 /// Reverses [`zigzag`].
-pub fn from_zigzag(number: u64) -> i64 {
-    (number >> 1).cast_signed() ^ -(number & 1).cast_signed()
+pub(crate) fn from_zigzag(number: u32) -> u32 {
+    number >> 1 ^ (number & 1).wrapping_neg()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn numbers_and_their_averages_are_restored_bit_by_bit(
+            pairs in prop::collection::vec((any::<u32>(), any::<u32>()), 0..40),
+        ) {
+            let (own, average): (Vec<f32>, Vec<f32>) = pairs
+                .iter()
+                .map(|(own, average)| (f32::from_bits(*own), f32::from_bits(*average)))
+                .unzip();
+            let mut store = Store::default();
+            store.put_numbers("a", own);
+            store.put_numbers("a_average", average.clone());
+            // Of other lengths, or of nothing.
+            store.put_numbers("b", vec![1.0; 41]);
+            store.put_numbers("b_average", average.clone());
+            store.put_numbers("c_average", average);
+            store.put("some", &(7_u8, "text")).expect("postcard knows these");
+            let bytes = to_bytes(&store).expect("so is a store");
+            let again: Store = postcard::from_bytes(&bytes).expect("its own bytes");
+            prop_assert_eq!(again.parts(), store.parts());
+        }
+    }
+
+    #[test]
+    fn values_of_another_type_are_refused_with_their_name() {
+        let mut store = Store::default();
+        store.put("some", &(7_u8, "text")).expect("postcard knows these");
+        assert_eq!(store.get("some"), Ok((7_u8, "text".to_owned())));
+        for error in [
+            store.get::<u8>("some").expect_err("something follows it"),
+            store.get::<(String, String)>("some").expect_err("too short"),
+            store.json::<u8>("some").expect_err("not JSON"),
+        ] {
+            assert!(error.to_string().starts_with("its some cannot be read: "), "{error}");
+        }
+        assert_eq!(store.get::<u8>("other"), Err(StoreError::Missing("other".to_owned())));
+    }
 }

@@ -25,7 +25,8 @@ mod visits;
 pub use crate::settings::{Effect, Preset, Setting};
 pub use checkpoint::{
     CheckpointError, Description, LoadError, SaveTo, describe, examine, from_bytes, is_checkpoint,
-    is_own, load, load_with, read_history, remove_own, save, unpacked, with_updated_checksum,
+    is_own, load, load_with, read_history, read_saved, remove_own, save, to_bytes,
+    with_changed_state,
 };
 pub use config::{
     ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from,
@@ -52,4 +53,6 @@ pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score, Success};
 pub use session::{Due, EvaluateAt, Schedule, Session};
 pub use settings::{OutOfRange, SETTINGS, Settings, TrainSettings, UpdateWhen};
-pub use trainer::{KeptState, LeftOut, Pace, Recovery, Trainer, WorldChange, resets_networks};
+pub use trainer::{
+    About, KeptState, LeftOut, Pace, Recovery, Saved, Trainer, WorldChange, resets_networks,
+};

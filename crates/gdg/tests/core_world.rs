@@ -1,6 +1,7 @@
 //! A world of nothing but the seven methods without a default goes through the whole trainer.
 
 use gdg::env::{EnvError, Environment, Spec, WorldKind};
+use gdg::job::Job;
 use gdg::train::{Preset, Registry, Run, Tick, Trainer};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -117,7 +118,8 @@ fn it_is_trained_and_after_a_resume_its_agents_begin_new_episodes() {
     assert!(found.greedy.success.is_some() && found.planned.is_some());
     assert!(found.coverage.is_none() && found.distance_error.is_none() && found.marked.is_none());
     assert!(run.world().states().iter().any(|at| *at != START));
-    let mut resumed = Trainer::load(&run.save().unwrap(), run.registry(), 1).unwrap();
+    let mut resumed =
+        Trainer::load(run.save().unwrap(), run.registry(), 1, &Job::default()).unwrap();
     assert!(resumed.world().states().iter().all(|at| *at == START));
     assert!(resumed.rollout().agents().iter().all(|agent| agent.steps == 0));
     assert_eq!(resumed.counters().env_steps, run.counters().env_steps);

@@ -1,6 +1,7 @@
 //! Runs in the library.
 
-use gdg::store::{Array, Store};
+use std::collections::BTreeMap;
+
 use gdg::train::Trainer;
 
 /// Trains until `updates` are done.
@@ -10,16 +11,9 @@ pub fn train_to(trainer: &mut Trainer, updates: u64) {
     }
 }
 
-/// Returns the saved state as bits, without the elapsed time.
-pub fn state(trainer: &Trainer) -> Store {
-    let mut store = trainer.save().unwrap();
-    let mut state: serde_json::Value = store.json("trainer").unwrap();
-    state.as_object_mut().unwrap().remove("seconds").unwrap();
-    store.put_text("trainer", state.to_string());
-    for (name, array) in store.arrays().clone() {
-        if let Array::F32(numbers) = array {
-            store.put(name, numbers.iter().map(|number| number.to_bits()).collect::<Vec<u32>>());
-        }
-    }
-    store
+/// Returns the saved state as bytes by name, without the elapsed time.
+pub fn state(trainer: &Trainer) -> BTreeMap<String, Vec<u8>> {
+    let mut parts = trainer.save().unwrap().state.parts();
+    parts.remove("seconds").unwrap();
+    parts
 }

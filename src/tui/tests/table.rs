@@ -112,7 +112,6 @@ const ROWS: &[Row] = &[
         &["random_actions"],
         &["*random_actions"],
     ),
-    (New, SMALL, "owarmup_env_steps", &["learning_starts"], &[]),
     (New, SMALL, "E", &["map as PNG", "curves as CSV"], &[]),
     (New, SMALL, "T{down}", &["dark text on a light page"], &[]),
     // Panes.

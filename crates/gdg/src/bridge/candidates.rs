@@ -3,21 +3,25 @@
 mod edit;
 mod paths;
 mod spacing;
-mod state;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::hops::HopOutcomes;
-use super::settings::BridgeSettings;
+use super::settings::{BridgeSettings, MAX_FACTOR};
 use crate::env::Spec;
 use crate::learn::GoalIndex;
-use paths::{AT_SHARE, KnownPaths, Path};
+use crate::store::{StoreError, planes};
+use paths::{AT_SHARE, KnownPaths, Path, rows};
 pub(crate) use spacing::MAX_SPACING_SHARE;
-pub use state::CandidatesState;
 
 /// Step count between two candidates that no trajectory connected within the time window.
 pub const UNOBSERVED: u16 = u16::MAX;
+
+/// Upper bound on the ids that a run may assign.
+const MAX_ID: u32 = 1 << 31;
 
 /// Distance that candidates keep from each other even where walls separate them, in goal radii.
 pub(crate) const MIN_SPACING_RADII: f32 = 1.0;
@@ -51,29 +55,40 @@ pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
 /// touching corners.
 ///
 /// A candidate has an index, which changes when others retire, and an id, which never changes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Candidates {
+    #[serde(skip)]
     spec: Spec,
     /// Target number of candidates, and the hard limit.
+    #[serde(skip)]
     target_count: usize,
+    #[serde(skip)]
     max_count: usize,
     /// Spacing beyond which only the hard limit counts.
+    #[serde(skip)]
     max_spacing: f32,
     /// Whether trajectories verify edges.
+    #[serde(skip)]
     verified: bool,
     /// Whether space has turned out to be open.
     is_open: bool,
     /// D below which there are edges, in steps.
+    #[serde(skip)]
     edge_cutoff_steps: f32,
+    #[serde(skip)]
     window: usize,
     spacing: f32,
     /// Initial spacing.
+    #[serde(skip)]
     least_spacing: f32,
     /// Distance that candidates keep from each other even where walls separate them.
+    #[serde(skip)]
     min_spacing: f32,
     /// `(candidates, state_dim)`.
+    #[serde(with = "planes")]
     states: Vec<f32>,
     /// The candidates as goals. Shared with frozen copies until the next change.
+    #[serde(skip)]
     goal_index: Arc<GoalIndex>,
     /// The ids, in ascending order.
     ids: Vec<u32>,
@@ -81,6 +96,7 @@ pub struct Candidates {
     next_id: u32,
     /// Observed paths from each candidate. Frozen copies share the rows that have not changed
     /// since.
+    #[serde(with = "rows")]
     paths: Vec<Arc<KnownPaths>>,
     /// Each agent's recent visits.
     visits: Vec<VecDeque<Visit>>,
@@ -91,7 +107,7 @@ pub struct Candidates {
 }
 
 /// Outcomes of walks from one candidate to another.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WalkRecord {
     /// Number of walks that arrived in time.
     pub arrived: u16,
@@ -100,7 +116,7 @@ pub struct WalkRecord {
 }
 
 /// A visit of an agent to a candidate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Visit {
     /// Step within the episode.
     step: u32,
@@ -378,6 +394,52 @@ impl Candidates {
         self.next_id += 1;
         Some(self.len() - 1)
     }
+
+    /// Continues with the candidates of a checkpoint, of as many agents.
+    ///
+    /// # Errors
+    /// They were saved with other sizes, or hold numbers out of range.
+    pub fn restore(&mut self, stored: Self) -> Result<(), StoreError> {
+        let Self { spacing, is_open, states, ids, next_id, paths, visits, clocks, hops, .. } =
+            stored;
+        let n = ids.len();
+        let visits_fit = visits.iter().zip(&clocks).all(|(visits, clock)| {
+            visits.iter().is_sorted_by_key(|visit| visit.step)
+                && visits.iter().all(|v| (v.candidate as usize) < n && v.step < *clock)
+        });
+        // Where edges are unverified, newcomers thin out those of before.
+        let fits = n <= MAX_FACTOR * self.target_count
+            && states.len() == n * self.spec.state_dim()
+            && ids.is_sorted_by(|a, b| a < b)
+            && ids.last().is_none_or(|last| *last < next_id)
+            && next_id <= MAX_ID
+            && paths.len() == n
+            && paths.iter().enumerate().all(|(from, paths)| paths.fit(from, n))
+            && [visits.len(), clocks.len()] == [self.clocks.len(); 2]
+            && visits_fit;
+        if !fits {
+            return Err(StoreError::inconsistent(
+                "the stored bridge candidates do not fit these settings",
+            ));
+        }
+        // The spacing never falls below its initial value; from far below, it would take hours to
+        // grow.
+        let plausible = spacing >= 0.5 * self.least_spacing && spacing.is_finite();
+        if !(plausible && states.iter().all(|v| v.is_finite()) && hops.is_plausible()) {
+            return Err(StoreError::inconsistent(
+                "the stored bridge candidates contain values out of range",
+            ));
+        }
+        let mut goal_index = GoalIndex::new(&self.spec);
+        for state in states.chunks_exact(self.spec.state_dim()) {
+            goal_index.push(&self.achieved(state));
+        }
+        self.goal_index = Arc::new(goal_index);
+        (self.spacing, self.is_open, self.states) = (spacing, is_open, states);
+        (self.ids, self.next_id, self.paths) = (ids, next_id, paths);
+        (self.visits, self.clocks, self.hops) = (visits, clocks, hops);
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -503,7 +565,10 @@ pub(super) mod tests {
         assert_eq!(candidates.walk_record(0, 1), record(1, 0));
         candidates.record_walk(from, 12_345, 2.0, true);
         candidates.record_walk(from, from, 2.0, true);
-        assert_eq!(candidates.state().practice.len(), 4, "neither loops nor unknown candidates");
+        let records = |candidates: &Candidates| -> usize {
+            candidates.paths.iter().map(|paths| paths.practice.len()).sum()
+        };
+        assert_eq!(records(&candidates), 1, "neither loops nor unknown candidates");
 
         let place = |id: u32, e: &Candidates| (0..e.len()).find(|i| e.id(*i) == id);
         let before: Vec<(u32, f32)> =
@@ -521,9 +586,45 @@ pub(super) mod tests {
             let others = kept.iter().filter(|(j, _)| j != i);
             others.for_each(|(j, _)| assert!(candidates.walk_record(*i, *j).arrived > 0));
         }
-        assert_eq!(candidates.state().practice.len(), 4 * kept.len() * (kept.len() - 1));
-        let mut restored = Candidates::new(&spec, 1, &settings);
-        restored.restore(&candidates.state()).expect("its own state");
-        assert_eq!(restored.state(), candidates.state());
+        assert_eq!(records(&candidates), kept.len() * (kept.len() - 1));
+        let again = restored(&candidates, Candidates::new(&spec, 1, &settings));
+        assert_eq!(bytes(&again), bytes(&candidates));
+    }
+
+    fn bytes(candidates: &Candidates) -> Vec<u8> {
+        crate::store::to_bytes(candidates).expect("numbers")
+    }
+
+    /// Returns the `fresh` ones with what a checkpoint keeps of `candidates`.
+    pub fn restored(candidates: &Candidates, mut fresh: Candidates) -> Candidates {
+        let stored = postcard::from_bytes(&bytes(candidates)).expect("their own bytes");
+        fresh.restore(stored).expect("their own state");
+        fresh
+    }
+
+    #[test]
+    fn candidates_of_other_sizes_or_out_of_range_are_refused() {
+        let (spec, settings, candidates) = walked(20, 29.5);
+        let refused = |change: &dyn Fn(&mut Candidates)| {
+            let mut changed = candidates.clone();
+            change(&mut changed);
+            Candidates::new(&spec, 1, &settings).restore(changed).is_err()
+        };
+        let path = |c: &mut Candidates, to| Arc::make_mut(&mut c.paths[0]).observed[0].to = to;
+        let visit = |step, candidate| Visit { step, candidate, exact: false };
+        assert!(!refused(&|_| {}));
+        assert!(refused(&|c| c.ids.swap(0, 1)) && refused(&|c| c.next_id = c.ids[1]));
+        assert!(refused(&|c| c.next_id = u32::MAX) && refused(&|c| c.states.clear()));
+        assert!(refused(&|c| drop(c.paths.pop())) && refused(&|c| c.clocks.clear()));
+        assert!(refused(&|c| path(c, 0)) && refused(&|c| path(c, 999)));
+        for visits in [[visit(0, 999); 2], [visit(2, 0), visit(1, 0)], [visit(4, 0); 2]] {
+            assert!(refused(&|c| {
+                (c.clocks[0], c.visits[0]) = (4, visits.into());
+            }));
+        }
+        for number in [f32::NAN, f32::INFINITY, 0.0, -1.0] {
+            assert!(refused(&|c| c.spacing = number));
+        }
+        assert!(refused(&|c| c.states[0] = f32::NAN) && refused(&|c| c.hops.spoil()));
     }
 }

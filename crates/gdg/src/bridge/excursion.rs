@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::env::Spec;
-use crate::store::{Store, StoreError};
+use crate::store::StoreError;
 use places::{NO_FRONTIER, Places};
 
 /// An excursion ends after this many actions without a new place, each held as long as it takes.
@@ -27,10 +27,6 @@ pub(crate) const MIN_STRIDE: f32 = 0.5;
 /// Averaging window for the share of steps on excursions, in rounds of steps: longer than any
 /// excursion, short enough to set out at once when a door opens.
 pub(crate) const SHARE_ROUNDS: u32 = 1_000;
-
-/// Names in the store.
-const STATE: &str = "excursions";
-const PLACES: &str = "places";
 
 /// One agent's excursion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,10 +52,11 @@ struct Held {
 /// frontier, where some action may lead to an unvisited place, and tries it: return first, then
 /// explore (Ecoffet et al. 2021), with optimism about untried actions (R-max, Brafman and
 /// Tennenholtz 2002). This needs neither D nor the actor, which are not trained there yet.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Excursions {
     places: Places,
     /// Steps for which an action is held.
+    #[serde(skip)]
     held_steps: u32,
     /// Each agent's place, once known.
     at: Vec<Option<usize>>,
@@ -75,15 +72,6 @@ struct Spent {
     share: f64,
     /// Number of rounds averaged, at most [`SHARE_ROUNDS`]; older ones fade.
     rounds: u32,
-}
-
-/// Checkpointed state besides the places.
-#[derive(Serialize, Deserialize)]
-struct ExcursionsState {
-    at: Vec<Option<usize>>,
-    under_way: Vec<Option<Excursion>>,
-    #[serde(default)]
-    spent: Spent,
 }
 
 impl Excursions {
@@ -207,27 +195,13 @@ impl Excursions {
         self.end_all();
     }
 
-    /// Writes the state to `store`.
+    /// Continues with the excursions of a checkpoint, of as many agents in the same world.
     ///
     /// # Errors
-    /// It cannot be expressed as JSON.
-    pub fn write(&self, store: &mut Store) -> Result<(), StoreError> {
-        self.places.write(store, PLACES);
-        let (at, under_way) = (self.at.clone(), self.under_way.clone());
-        store.put_json(STATE, &ExcursionsState { at, under_way, spent: self.spent })
-    }
-
-    /// Restores the state that [`Self::write`] wrote, for the same number of agents in the same
-    /// world. Older checkpoints have none; they start again.
-    ///
-    /// # Errors
-    /// A part is missing or does not fit.
-    pub fn restore(&mut self, spec: &Spec, store: &Store) -> Result<(), StoreError> {
-        if !store.texts().contains_key(STATE) {
-            return Ok(());
-        }
-        let places = Places::read(spec, store, PLACES)?;
-        let ExcursionsState { at, under_way, spent } = store.json(STATE)?;
+    /// They do not fit.
+    pub fn restore(&mut self, spec: &Spec, stored: Self) -> Result<(), StoreError> {
+        let Self { places, at, under_way, spent, .. } = stored;
+        let places = places.restored(spec)?;
         let known = |place: &usize| *place < places.len();
         let fits = |excursion: &Excursion| {
             let held = excursion.held.is_none_or(|held| {
@@ -324,21 +298,21 @@ mod tests {
     }
 
     #[test]
-    fn excursions_continue_exactly_from_a_store() {
+    fn excursions_continue_exactly_from_a_checkpoint() {
         let mut excursions = Excursions::new(&plane(), 4);
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         let mut at = [[0.5, 0.5]; 4];
         explore(1.0, &mut excursions, &mut at, 50, &mut rng);
-        let mut store = Store::default();
-        excursions.write(&mut store).expect("numbers");
+        let bytes = crate::store::to_bytes(&excursions).expect("numbers");
+        let stored = || postcard::from_bytes(&bytes).expect("its own bytes");
         let mut resumed = Excursions::new(&plane(), 4);
-        resumed.restore(&plane(), &store).expect("its own state");
+        resumed.restore(&plane(), stored()).expect("its own state");
         assert_eq!(resumed, excursions);
         let (mut again, mut same) = (at, rng.clone());
         explore(1.0, &mut excursions, &mut at, 50, &mut rng);
         explore(1.0, &mut resumed, &mut again, 50, &mut same);
         assert_eq!((resumed, again), (excursions, at));
-        assert!(Excursions::new(&plane(), 3).restore(&plane(), &store).is_err(), "other agents");
+        assert!(Excursions::new(&plane(), 3).restore(&plane(), stored()).is_err(), "other agents");
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! The bridge graph: candidates connected by short paths that the agent can walk.
 
-mod radix_heap;
 mod routes;
 
 pub(crate) use routes::UNVERIFIED_FACTOR;
@@ -9,12 +8,14 @@ pub use routes::{LINK_CANDIDATES, Route};
 
 use std::sync::Arc;
 
-use super::candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
-use super::settings::BridgeSettings;
+use serde::{Deserialize, Serialize};
+
+use super::candidates::{Candidates, UNOBSERVED, WalkRecord};
+use super::settings::{BridgeSettings, EDGES_PER_CANDIDATE, late_after};
 use crate::env::Spec;
 use crate::job::Job;
 use crate::learn::{Policy, Scratch};
-use crate::store::{Store, StoreError};
+use crate::store::{StoreError, planes, shared};
 
 /// A directed edge between two candidates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,59 +62,17 @@ impl From<WalkRecord> for EdgeStatus {
     }
 }
 
-/// A [`BridgeGraph`] as plain numbers, for checkpoints.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct GraphState {
-    /// The candidates and the paths observed between them.
-    pub candidates: CandidatesState,
+/// A [`BridgeGraph`] in a checkpoint.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct StoredGraph {
+    #[serde(with = "shared")]
+    candidates: Arc<Candidates>,
     /// Source and target of each edge.
-    pub ends: Vec<u32>,
-    /// D and cost of each edge.
-    pub lengths: Vec<f32>,
-}
-
-impl GraphState {
-    /// Writes the state to `store` under names that start with `prefix`: each kind of number on its
-    /// own, which packs better.
-    pub fn write(self, store: &mut Store, prefix: &str) {
-        self.candidates.write(store, prefix);
-        let column = |part: &str| format!("{prefix}.edges.{part}");
-        let of_ends = |i| self.ends.iter().skip(i).step_by(2).copied().collect::<Vec<_>>();
-        let of_lengths = |i| self.lengths.iter().skip(i).step_by(2).copied().collect::<Vec<_>>();
-        store.put(column("from"), of_ends(0));
-        store.put(column("to"), of_ends(1));
-        store.put(column("distance"), of_lengths(0));
-        store.put(column("cost"), of_lengths(1));
-    }
-
-    /// Reads the state that [`Self::write`] wrote.
-    ///
-    /// # Errors
-    /// Returns an error if a part is missing or has the wrong type or length.
-    pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
-        let candidates = CandidatesState::read(store, prefix)?;
-        let pairs = format!("{prefix}.ends");
-        if store.has(&pairs) {
-            // Older formats hold pairs.
-            let (ends, lengths) = (store.u32(&pairs)?, store.f32(&format!("{prefix}.lengths"))?);
-            return Ok(Self { candidates, ends: ends.to_vec(), lengths: lengths.to_vec() });
-        }
-        let column = |part: &str| format!("{prefix}.edges.{part}");
-        let ends = joined(store.u32(&column("from"))?, store.u32(&column("to"))?);
-        let lengths = joined(store.f32(&column("distance"))?, store.f32(&column("cost"))?);
-        let (Some(ends), Some(lengths)) = (ends, lengths) else {
-            return Err(StoreError::inconsistent(format!(
-                "the parts of its {prefix}.edges have different lengths"
-            )));
-        };
-        Ok(Self { candidates, ends, lengths })
-    }
-}
-
-/// Returns the pairs of two columns, one after the other, if these have the same length.
-fn joined<T: Copy>(first: &[T], second: &[T]) -> Option<Vec<T>> {
-    let pairs = || first.iter().zip(second).flat_map(|(a, b)| [*a, *b]).collect();
-    (first.len() == second.len()).then(pairs)
+    from: Vec<u32>,
+    to: Vec<u32>,
+    /// D of each edge. All else follows from the candidates.
+    #[serde(with = "planes")]
+    distances: Vec<f32>,
 }
 
 /// Cost multiplier of a demoted edge.
@@ -217,50 +176,48 @@ impl BridgeGraph {
         Self { spec, settings, candidates, edges, incoming, first, lengths }
     }
 
-    /// Returns the graph as plain numbers, for a checkpoint.
-    pub fn state(&self) -> GraphState {
-        GraphState {
-            candidates: self.candidates.state(),
-            ends: self.edges.iter().flat_map(|e| [e.from as u32, e.to as u32]).collect(),
-            lengths: self.edges.iter().flat_map(|e| [e.distance, e.cost]).collect(),
+    /// Returns the graph as a checkpoint keeps it.
+    pub fn stored(&self) -> StoredGraph {
+        StoredGraph {
+            candidates: self.candidates.clone(),
+            from: self.edges.iter().map(|edge| edge.from as u32).collect(),
+            to: self.edges.iter().map(|edge| edge.to as u32).collect(),
+            distances: self.edges.iter().map(|edge| edge.distance).collect(),
         }
     }
 
-    /// Restores the graph from the `state` that [`Self::state`] returned.
+    /// Restores the graph that [`Self::stored`] returned.
     ///
     /// # Errors
-    /// Returns an error if `state` is not that of a graph with these settings.
-    pub fn from_state(
+    /// It is not one with these settings.
+    pub fn restored(
         spec: &Spec,
         settings: &BridgeSettings,
-        state: &GraphState,
+        stored: StoredGraph,
     ) -> Result<Self, StoreError> {
+        let StoredGraph { candidates: own, from, to, distances } = stored;
         let mut candidates = Candidates::new(spec, 0, settings);
-        candidates.restore(&state.candidates)?;
-        let (ends, lengths) = (state.ends.as_chunks::<2>().0, state.lengths.as_chunks::<2>().0);
+        candidates.restore(Arc::unwrap_or_clone(own))?;
+        let misfit =
+            || StoreError::inconsistent("the stored bridge graph does not fit its candidates");
         let known = |i: &u32| (*i as usize) < candidates.len();
-        if ends.len() != lengths.len()
-            || !ends.iter().flatten().all(known)
-            || !ends.is_sorted_by_key(|ends| ends[0])
+        if from.len() != to.len()
+            || from.len() != distances.len()
+            || !from.iter().chain(&to).all(known)
+            || !from.is_sorted()
         {
-            return Err(StoreError::inconsistent(
-                "the stored bridge graph does not fit its candidates",
-            ));
+            return Err(misfit());
         }
-        if !lengths.iter().flatten().all(|length| (0.0..f32::INFINITY).contains(length)) {
+        if !distances.iter().all(|distance| (0.0..f32::INFINITY).contains(distance)) {
             return Err(StoreError::inconsistent(
                 "the stored bridge graph has edges of impossible length",
             ));
         }
-        let hop = settings.hop_steps_in(spec);
-        let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
-            let (from, to) = (*from as usize, *to as usize);
-            let status = EdgeStatus::from(candidates.walk_record(from, to));
-            let link = Link::new(settings, &candidates, from, to, *distance);
-            let length = link.map_or(*distance, |link| link.length) + hop;
-            Edge { from, to, distance: *distance, length, cost: *cost, status }
+        let rows = Rows::new(spec, settings, &candidates);
+        let edges = from.iter().zip(&to).zip(&distances).map(|((from, to), distance)| {
+            rows.edge(*from as usize, *to as usize, *distance).ok_or_else(misfit)
         });
-        let edges = edges.collect();
+        let edges = edges.collect::<Result<_, _>>()?;
         Ok(Self::from_edges(spec, settings, Arc::new(candidates), edges))
     }
 
@@ -369,9 +326,9 @@ impl<'a> Rows<'a> {
         let back = back.filter(|(_, to)| candidates.observed(from, *to) == UNOBSERVED);
         let ahead = candidates.observed_from(from).map(|(to, steps)| (steps, to));
         let mut near: Vec<(u16, usize)> = ahead.chain(back).collect();
-        if near.len() > settings.edges_per_candidate {
-            near.select_nth_unstable(settings.edges_per_candidate);
-            near.truncate(settings.edges_per_candidate);
+        if near.len() > EDGES_PER_CANDIDATE {
+            near.select_nth_unstable(EDGES_PER_CANDIDATE);
+            near.truncate(EDGES_PER_CANDIDATE);
         }
         let mut near: Vec<usize> = near.into_iter().map(|(_, to)| to).collect();
         near.sort_unstable();
@@ -427,7 +384,7 @@ impl Link {
         distance: f32,
     ) -> Option<Self> {
         let observed = candidates.observed(from, to);
-        let delay = candidates.hops().failures(distance) * settings.late_after(distance);
+        let delay = candidates.hops().failures(distance) * late_after(distance);
         let verified = observed != UNOBSERVED
             && f32::from(observed) <= OBSERVED_FACTOR * distance + OBSERVED_SLACK_STEPS;
         if distance < settings.edge_cutoff_steps && (verified || !settings.verify_edges) {
@@ -506,25 +463,39 @@ mod tests {
         let link = |distance| Link::new(&settings, &candidates, 0, 1, distance).expect("a link");
         let failures = candidates.hops().failures(4.5);
         assert!(failures > 1.0, "{failures}");
-        assert_eq!(link(4.5).cost, 4.5 + failures * settings.late_after(4.5));
+        assert_eq!(link(4.5).cost, 4.5 + failures * late_after(4.5));
         assert_eq!((link(4.5).length, link(3.5).cost), (4.5, 3.5), "nor for other lengths");
     }
 
     #[test]
-    fn a_graph_round_trips_through_its_state_and_invalid_states_are_rejected() {
-        // late_slack_steps may be a million, and failures multiply it.
-        let graph = row(4e6);
-        let (state, of) = (graph.state(), |state: &GraphState| {
-            BridgeGraph::from_state(&graph.spec, &graph.settings, state)
-        });
-        let again = of(&state).expect("its own state");
-        assert_eq!((again.state(), again.edges()), (state.clone(), graph.edges()));
-        for wrong in [
-            GraphState { ends: vec![0, 999], lengths: vec![1.0, 1.0], ..state.clone() },
-            GraphState { ends: vec![1, 0, 0, 1], lengths: vec![1.0; 4], ..state.clone() },
-            GraphState { lengths: Vec::new(), ..state },
-        ] {
-            assert!(of(&wrong).is_err());
+    fn a_graph_is_restored_and_what_does_not_fit_is_refused() {
+        let (spec, settings, mut candidates) = walked(20, 29.5);
+        for arrived in [true, false, false, false] {
+            candidates.record_walk(candidates.id(0), candidates.id(1), 2.5, arrived);
+        }
+        let frozen = candidates.frozen();
+        let rows = Rows::new(&spec, &settings, &frozen);
+        let edges: Vec<Edge> = (1..frozen.len())
+            .flat_map(|i| [rows.edge(i - 1, i, 2.5), rows.edge(i - 1, i, 40.0)])
+            .flatten()
+            .collect();
+        assert!(edges.len() > 20 && edges[0].status == EdgeStatus::Demoted, "{edges:?}");
+        let graph = BridgeGraph::from_edges(&spec, &settings, frozen, edges);
+        let of = |stored: StoredGraph| BridgeGraph::restored(&spec, &settings, stored);
+        assert_eq!(of(graph.stored()).expect("its own").edges(), graph.edges());
+        let changes: [fn(&mut StoredGraph); 6] = [
+            |stored| stored.to[0] = 999,
+            |stored| stored.from.swap(0, 5),
+            |stored| stored.distances.clear(),
+            |stored| stored.distances[0] = f32::NAN,
+            |stored| stored.distances[0] = -1.0,
+            // Nothing has been observed.
+            |stored| (stored.from[0], stored.to[0]) = (0, 12),
+        ];
+        for (i, change) in changes.into_iter().enumerate() {
+            let mut stored = graph.stored();
+            change(&mut stored);
+            assert!(of(stored).is_err(), "{i}");
         }
     }
 

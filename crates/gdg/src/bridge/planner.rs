@@ -3,13 +3,14 @@
 use serde::{Deserialize, Serialize};
 
 use super::graph::{BridgeGraph, FirstHop, HopOptions, LINK_CANDIDATES, Route, UNVERIFIED_FACTOR};
+use super::settings::{BAN_STEPS, late_after};
 use crate::learn::{Policy, Scratch};
 use crate::store::StoreError;
 
 /// Number of consecutive late targets after which an agent counts as stuck.
 pub(crate) const MAX_STRIKES: u32 = 2;
 
-/// Consecutive late targets after which bans grow by another `ban_steps`.
+/// Consecutive late targets after which bans grow by another [`BAN_STEPS`].
 pub(crate) const BAN_STRIKES: u32 = 4;
 
 /// Candidates around an agent for which D is asked when it chooses a waypoint: the nearest ones ...
@@ -29,7 +30,7 @@ pub enum Target {
 
 /// One agent's walk to its goal: it commits to a waypoint until that is reached or late, then
 /// chooses the next one.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Walker {
     route: Route,
     target: Option<Target>,
@@ -50,6 +51,7 @@ pub struct Walker {
     /// The last candidate reached; `None` at the start and after a late target.
     at: Option<usize>,
     /// The hop between two candidates that ended with the latest step.
+    #[serde(skip)]
     hop: Option<Hop>,
 }
 
@@ -73,28 +75,6 @@ struct PlannedHop {
     distance: f32,
     /// Planning cost of the hop and the path from there to the goal.
     total: f32,
-}
-
-/// A [`Walker`] as plain numbers, for checkpoints.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct WalkerState {
-    goal: Vec<f32>,
-    nearest: Option<usize>,
-    links: Vec<(u32, u32)>,
-    /// `false` in older checkpoints.
-    #[serde(default)]
-    has_unverified_links: bool,
-    target: Option<Target>,
-    clock: u32,
-    /// 0 in older checkpoints.
-    #[serde(default)]
-    distance: f32,
-    deadline: u32,
-    /// `None` for infinite.
-    remaining: Option<f32>,
-    strikes: u32,
-    banned: Vec<(Target, u32)>,
-    at: Option<usize>,
 }
 
 impl Target {
@@ -129,60 +109,25 @@ impl Walker {
         }
     }
 
-    /// Returns everything that its next steps depend on besides the graph, for a checkpoint.
-    pub fn state(&self) -> WalkerState {
-        WalkerState {
-            goal: self.route.goal.clone(),
-            nearest: self.route.nearest,
-            links: self.route.links.clone(),
-            has_unverified_links: self.route.has_unverified_links,
-            target: self.target,
-            clock: self.clock,
-            distance: self.distance,
-            deadline: self.deadline,
-            remaining: self.remaining.is_finite().then_some(self.remaining),
-            strikes: self.strikes,
-            banned: self.banned.clone(),
-            at: self.at,
-        }
-    }
-
-    /// Restores the walker whose [`Self::state`] on the same graph was `state`.
+    /// Continues a walk of a checkpoint on `graph`: finds the paths to its goal again.
     ///
     /// # Errors
-    /// Returns an error if `state` was saved on another graph.
-    pub fn from_state(graph: &BridgeGraph, state: WalkerState) -> Result<Self, StoreError> {
-        let mut named =
-            state.links.iter().map(|(i, _)| *i as usize).chain(state.nearest).chain(state.at);
-        let mut targets = state.target.iter().chain(state.banned.iter().map(|(target, _)| target));
+    /// The walk was on another graph.
+    pub fn restore(&mut self, graph: &BridgeGraph) -> Result<(), StoreError> {
+        let Route { goal, nearest, links, has_unverified_links, .. } = &mut self.route;
+        let mut candidates = links.iter().map(|(i, _)| *i as usize).chain(*nearest).chain(self.at);
+        let mut targets = self.target.iter().chain(self.banned.iter().map(|(target, _)| target));
         let known = |i: usize| i < graph.candidates().len();
-        if !named.all(known) || !targets.all(|target| target.candidate().is_none_or(known)) {
+        if !candidates.all(known) || !targets.all(|target| target.candidate().is_none_or(known)) {
             return Err(StoreError::inconsistent("a stored walk does not fit its bridge graph"));
         }
-        let finite = state
-            .goal
-            .iter()
-            .chain(&state.remaining)
-            .chain([&state.distance])
-            .all(|v| v.is_finite());
-        if state.goal.len() != graph.spec().goal_dim() || !finite {
+        let finite = goal.iter().chain([&self.distance]).all(|v| v.is_finite());
+        if goal.len() != graph.spec().goal_dim() || !finite || self.remaining.is_nan() {
             return Err(StoreError::inconsistent("a stored walk contains values out of range"));
         }
-        Ok(Self {
-            route: Route {
-                has_unverified_links: state.has_unverified_links,
-                ..graph.route_from_links(&state.goal, state.nearest, state.links)
-            },
-            target: state.target,
-            clock: state.clock,
-            distance: state.distance,
-            deadline: state.deadline,
-            remaining: state.remaining.unwrap_or(f32::INFINITY),
-            strikes: state.strikes,
-            banned: state.banned,
-            at: state.at,
-            hop: None,
-        })
+        let route = graph.route_from_links(goal, *nearest, std::mem::take(links));
+        self.route = Route { has_unverified_links: *has_unverified_links, ..route };
+        Ok(())
     }
 
     /// Returns the hop between two candidates that ended with the latest step, if any.
@@ -240,7 +185,7 @@ impl Walker {
                 None => self.choose_target(state, graph, policy, scratch),
             };
             self.distance = distance;
-            self.deadline = clock + settings.late_after(distance) as u32;
+            self.deadline = clock + late_after(distance) as u32;
             target
         });
         self.target = Some(target);
@@ -271,7 +216,7 @@ impl Walker {
                 self.remaining = f32::INFINITY;
                 self.strikes += 1;
                 // The longer an agent is stuck, the more targets it tries before it retries one.
-                let ban = settings.ban_steps.saturating_mul((self.strikes / BAN_STRIKES).max(1));
+                let ban = BAN_STEPS.saturating_mul((self.strikes / BAN_STRIKES).max(1));
                 self.banned.push((current, self.clock.saturating_add(ban)));
             }
             _ => {}
@@ -435,7 +380,9 @@ mod tests {
         walker.step(&[at, 0.5], &graph, &Straight, &mut scratch);
         assert!(matches!(walker.target(), Some(Target::Candidate(_))));
         assert!(walker.route().costs[0].is_finite());
-        let mut walker = Walker::from_state(&graph, walker.state()).expect("its own state");
+        let bytes = crate::store::to_bytes(&walker).expect("numbers");
+        walker = postcard::from_bytes(&bytes).expect("its own bytes");
+        walker.restore(&graph).expect("its own graph");
         for _ in 0..100 {
             let aim = walker.step(&[at, 0.5], &graph, &Straight, &mut scratch)[0];
             at += (aim - at).clamp(-1.0, 1.0);
@@ -451,7 +398,7 @@ mod tests {
         let graph = graph(&spec, &settings, &Candidates::new(&spec, 1, &settings));
         let mut scratch = Scratch::default();
         let mut walker = Walker::new(graph.route(&[99.0, 0.5], &Straight, &mut scratch));
-        let longest = settings.late_after(settings.window_steps() as f32) as u32;
+        let longest = late_after(settings.window_steps() as f32) as u32;
         for _ in 0..=longest {
             assert_eq!(walker.strikes, 0);
             assert_eq!(walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch)[0], 99.0);
@@ -489,7 +436,7 @@ mod tests {
             let latest = walker.banned.last().map_or(0, |(_, until)| until + 1 - walker.clock);
             bans[walker.strikes as usize] = latest.max(bans[walker.strikes as usize]);
         }
-        let expected = |strikes: u32| settings.ban_steps * (strikes / BAN_STRIKES).max(1);
+        let expected = |strikes: u32| BAN_STEPS * (strikes / BAN_STRIKES).max(1);
         assert_eq!(bans[1..], (1..=2 * BAN_STRIKES).map(expected).collect::<Vec<_>>());
         assert!(walker.banned.len() > 1, "{:?}", walker.banned);
     }

@@ -8,7 +8,7 @@ use super::graph::{
     OBSERVED_SLACK_STEPS, REVERSED_PENALTY_STEPS, UNVERIFIED_FACTOR,
 };
 use super::planner::{BAN_STRIKES, MAX_STRIKES, NEAREST_CANDIDATES, PROMISING_CANDIDATES};
-use super::settings::BridgeSettings;
+use super::settings::{BAN_STEPS, BridgeSettings, LATE_FACTOR, LATE_SLACK_STEPS};
 
 impl BridgeGraph {
     /// Returns the settings and constants that a walk along this graph depends on, by name.
@@ -19,9 +19,6 @@ impl BridgeGraph {
             edge_cutoff_steps,
             open_loop,
             progress_check,
-            late_factor,
-            late_slack_steps,
-            ban_steps,
             lookahead,
             ..
         } = self.settings();
@@ -32,9 +29,9 @@ impl BridgeGraph {
             "hop_steps": self.hop_steps(),
             "open_loop": open_loop,
             "progress_check": progress_check,
-            "late_factor": late_factor,
-            "late_slack_steps": late_slack_steps,
-            "ban_steps": ban_steps,
+            "late_factor": LATE_FACTOR,
+            "late_slack_steps": LATE_SLACK_STEPS,
+            "ban_steps": BAN_STEPS,
             "lookahead": lookahead,
             "window_steps": self.settings().window_steps(),
             "unobserved": UNOBSERVED,

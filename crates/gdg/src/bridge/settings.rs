@@ -16,8 +16,19 @@ pub(crate) const MAX_FACTOR: usize = 8;
 /// ... and where any two close ones are joined by an edge.
 pub(crate) const MAX_UNVERIFIED_FACTOR: usize = 3;
 
-/// Maximum number of edges from a candidate: no limit in practice.
-const MAX_EDGES: u64 = 100_000;
+/// Maximum number of edges from a candidate where trajectories verify them, the nearest ones.
+/// Shorter paths make up longer ones: more edges cost time and bring little.
+pub(crate) const EDGES_PER_CANDIDATE: usize = 24;
+
+/// Maximum number of candidates that one bridge search tries (Algorithm 2).
+pub const SEARCH_BUDGET: usize = 64;
+
+/// A waypoint is late after this many times D, plus this many steps.
+pub(super) const LATE_FACTOR: f32 = 1.5;
+pub(super) const LATE_SLACK_STEPS: f32 = 6.0;
+
+/// Steps for which a late waypoint is banned; more if the agent is stuck.
+pub(super) const BAN_STEPS: u32 = 60;
 
 /// The automatic overhead of a waypoint is the steps that a goal radius takes, as D to it ends there,
 /// less this, as paths between candidates begin and end near them, ...
@@ -28,11 +39,6 @@ const LEAST_HOP_STEPS: f32 = 0.4;
 
 /// ... and at most this share of the longest edge.
 const MOST_HOP_SHARE: f32 = 0.5;
-
-/// Returns the number of edges from a candidate in checkpoints that do not say.
-fn all_edges() -> usize {
-    MAX_EDGES as usize
-}
 
 /// How agents plan on the learned distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,9 +84,6 @@ settings! {
                  as its first goal (Algorithm 1's epsilon)",
                 values: Values::PROBABILITY,
                 ablation: without("no bridge goals in exploration", "0");
-            search_budget: usize = 64;
-                "maximum number of candidates that one bridge search tries (Algorithm 2)",
-                values: Values::count(1, 100_000), unit: "candidates";
             /// It trains the actor on the waypoints it will be given, and confirms or demotes edges.
             planned_episodes: f32 = 0.7, Paper => 0.0;
                 "probability that an agent walks to a new goal through the bridge graph",
@@ -109,12 +112,6 @@ settings! {
             verify_edges: bool = true, Paper => false;
                 "require a stored trajectory along an edge in about D steps",
                 ablation: without("unverified edges", "false");
-            /// Shorter paths make up longer ones: more edges cost time and bring little.
-            #[serde(default = "all_edges")]
-            edges_per_candidate: usize = 24;
-                "maximum number of edges from a candidate where trajectories verify them, the \
-                 nearest ones",
-                values: Values::count(1, MAX_EDGES), unit: "edges";
             keep_observed_edges: bool = true, Paper => false;
                 "keep pairs connected by trajectories as costly edges if D is above the cut-off",
                 ablation: without("no edges from trajectories alone", "false");
@@ -136,21 +133,9 @@ settings! {
             progress_check: bool = true, Paper => false;
                 "temporarily ban a waypoint that was not reached in time",
                 ablation: without("no progress check", "false");
-            late_factor: f32 = 1.5;
-                "a waypoint is late after this many times D, plus late_slack_steps",
-                values: Values::number(0.0, 100.0);
-            late_slack_steps: f32 = 6.0;
-                "see late_factor",
-                values: Values::steps(1.0, 1e6), unit: "steps";
-            /// Multiplied by the number of completed series of `BAN_STRIKES` late waypoints in a
-            /// row, at least 1.
-            ban_steps: u32 = 60;
-                "steps for which a late waypoint is banned; more if the agent is stuck",
-                values: Values::count(0, u32::MAX as u64), unit: "steps";
             averaged_weights: bool = true, Paper | Sb3 => false;
                 "plan and evaluate with the averaged critics and actor",
                 ablation: without("current weights, no averages", "false");
-            #[serde(default)]
             lookahead: bool = true, Paper => false;
                 "agents that follow a plan take the action a with the smallest D(f(s, a), \
                  waypoint), of the actor's and a fixed set",
@@ -219,14 +204,14 @@ impl BridgeSettings {
         factor * self.candidates
     }
 
-    /// Returns the steps after which a waypoint `distance` steps away by D is late.
-    pub fn late_after(&self, distance: f32) -> f32 {
-        self.late_factor * distance + self.late_slack_steps
-    }
-
     /// Returns the number of steps within which a trajectory from one candidate to another is
     /// recorded.
     pub fn window_steps(&self) -> usize {
         (2.0 * self.edge_cutoff_steps).ceil() as usize
     }
+}
+
+/// Returns the steps after which a waypoint `distance` steps away by D is late.
+pub(super) fn late_after(distance: f32) -> f32 {
+    LATE_FACTOR * distance + LATE_SLACK_STEPS
 }

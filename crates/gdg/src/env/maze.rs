@@ -190,11 +190,7 @@ impl PointMaze {
         let name = safe_file_name(store.text("map_name")?);
         let map = parse_map(&name, store.text("map")?.as_bytes());
         let map = map.map_err(|e| StoreError::inconsistent(e.to_string()))?.named(&name);
-        let scale = if store.texts().contains_key(SCALE) {
-            store.json(SCALE)?
-        } else {
-            MapScale::default()
-        };
+        let scale: MapScale = store.json(SCALE)?;
         if !scale.is_valid() {
             return Err(StoreError::inconsistent("the map has an impossible scale"));
         }
@@ -403,10 +399,7 @@ impl Recorded for PointMaze {
     fn save(&self, store: &mut Store) {
         store.put_text("map_name", self.map.name());
         store.put_text("map", print_ascii(&self.map));
-        let scale = self.map.scale();
-        if scale != MapScale::default() {
-            store.put_text(SCALE, json!(scale).to_string());
-        }
+        store.put_text(SCALE, json!(self.map.scale()).to_string());
     }
 
     fn memory_bytes(&self) -> u64 {

@@ -57,9 +57,8 @@ impl<L: PhasedLearner> Learner for L {
 
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> Result<Losses, LearnError> {
         let (began, job) = (Instant::now(), data.job);
-        let mut batch = std::mem::take(&mut *self.training().batch().write());
-        self.sample(data, &mut batch)?;
-        *self.training().batch().write() = batch;
+        let batch = self.training().batch().clone();
+        self.sample(data, &mut batch.write())?;
         profile.lap(Stage::Sample, began);
         Ok(self.training().update(Some(job), profile)?)
     }

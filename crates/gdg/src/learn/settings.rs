@@ -18,6 +18,12 @@ pub enum LossScale {
     Log,
 }
 
+/// Trainable features at each corner of each grid.
+pub(crate) const GRID_CHANNELS: usize = 4;
+
+/// Mean of the steps that geometric hindsight goals lie ahead.
+pub(crate) const GEOMETRIC_MEAN_STEPS: f32 = 25.0;
+
 settings! {
     /// Settings of networks, losses and batches.
     pub struct LearnSettings {
@@ -49,16 +55,12 @@ settings! {
                  the maze, or in goal radii without one; [] for none",
                 values: Values::SCALES, unit: "maze cells", effect: NewNetworks,
                 ablation: without("no grid encoding", "[]");
-            grid_channels: usize = 4;
-                "trainable features at each corner of each grid",
-                values: Values::count(1, 32), effect: NewNetworks;
             actor_bound: f32 = 2.5, Paper | Sb3 => 0.0;
                 "actions are tanh(z); |z| above this is penalised, as a saturated actor has no \
                  gradient; 0 for no bound",
                 values: Values::number(0.0, 100.0),
                 ablation: without("unbounded actor", "0");
             /// See Andrychowicz et al. 2017, appendix A.
-            #[serde(default)]
             actor_l2: f32 = 0.0;
                 "weight of the mean of z squared in the actor's loss of ddpg, her and \
                  ddpg-distance",
@@ -72,7 +74,6 @@ settings! {
             /// The larger distance (Fujimoto et al. 2018, clipped double Q) guards against
             /// shortcuts that are not there, but its errors add up to far distances that are too
             /// long; those of the mean are too short.
-            #[serde(default = "default_pessimism")]
             pessimism: f32 = 1.0;
                 "weight of the larger distance of two critics in D; the rest is their mean",
                 values: Values::FRACTION;
@@ -88,30 +89,25 @@ settings! {
                 "cap targets at the actor's one-step lookahead, 1 + D'(f(s, mu'(s, g)), g)",
                 ablation: without("targets from behaviour alone", "false");
             /// Where the model takes a wall for open ground, the lookahead makes D too short.
-            #[serde(default)]
             model_check: bool = true, Paper | Tuned | Sb3 => false;
                 "leave pairs out of greedy_targets whose own step the dynamics model mispredicts",
                 ablation: without("no check of the model before targets", "false");
             hindsight_bound: bool = true, Paper => false;
                 "cap targets at the steps in which a trajectory reached the goal",
                 ablation: without("no hindsight bound", "false");
-            #[serde(default)]
             graph_bounds: bool = true, Paper | Tuned | Sb3 => false;
                 "cap targets of far pairs at the length of a path through the bridge graph",
                 ablation: without("no bounds by the graph on other pairs", "false");
-            #[serde(default)]
             actor_waypoints: bool = true, Paper | Tuned | Sb3 => false;
                 "lead the actor to far goals by the next waypoint on the path through the bridge \
                  graph",
                 ablation: without("no waypoints for the actor", "false");
             /// Where its own action changes nothing, the gradient of Algorithm 1 vanishes.
-            #[serde(default)]
             unblock_actor: bool = true, Paper | Tuned | Sb3 => false;
                 "pull the actor towards what lookahead finds where its own action changes nothing",
                 ablation: without("no ways out for a blocked actor", "false");
             /// Without discount, D of goals that are never reached grows without end (Eq. 5);
             /// SoRB's distributional critic is bounded in the same way by its largest bin.
-            #[serde(default)]
             max_distance_steps: f32 = 0.0, Paper => 20.0;
                 "upper bound of targets; 0 for none",
                 values: Values::number(0.0, 1e6), unit: "steps";
@@ -124,12 +120,10 @@ settings! {
                 values: Values::count_from(0), unit: "updates";
             /// With 0, `ddpg-distance` has the paper's V(s, g) = -|s - g| (section 4.1); sparse
             /// rewards need more than 0.
-            #[serde(default = "default_discount")]
             discount: f32 = 0.99;
                 "discount gamma of the learners with rewards: ddpg, her and ddpg-distance",
                 values: Values::unit(Excluded::Upper), effect: NewNetworks;
             /// See Fujimoto et al. 2018, section 5.3.
-            #[serde(default)]
             target_noise: f32 = 0.0;
                 "standard deviation of the noise on the actions of targets of ddpg, her and \
                  ddpg-distance",
@@ -143,7 +137,7 @@ settings! {
                 values: Values::unit(Excluded::Lower);
         }
         Batches {
-            batch_size was "batch": usize = 64, Tuned | Sb3 => 256;
+            batch_size: usize = 64, Tuned | Sb3 => 256;
                 "pairs, and transitions, per batch",
                 values: Values::count(1, 65_536), unit: "pairs";
             goal_hindsight: f32 = 0.5, Paper => 0.0, Tuned | Sb3 => 0.8;
@@ -153,9 +147,6 @@ settings! {
                 "fraction of hindsight goals a geometric number of steps ahead; the rest are \
                  uniform over the future",
                 values: Values::FRACTION;
-            goal_geometric_mean_steps: f32 = 25.0;
-                "mean of that geometric distribution",
-                values: Values::steps(1.0, 1e6), unit: "steps";
             goal_random: f32 = 0.1, Paper | Tuned | Sb3 => 0.0;
                 "fraction of goals that are random states of the replay buffer; the rest are the \
                  goals pursued",
@@ -167,20 +158,18 @@ settings! {
                 values: Values::FRACTION,
                 ablation: without("no distillation", "0");
             /// Across thin walls D is too short, and the actor gets stuck in front of them.
-            #[serde(default)]
             short_pairs: f32 = 0.5, Paper | Tuned | Sb3 => 0.0;
                 "fraction of the pairs of distillation that are chosen of near ones, where D falls \
                  furthest short of the graph",
                 values: Values::FRACTION,
                 ablation: without("no pairs where D falls short", "0");
             /// The actor's walks end where it gets stuck; agents that explore are rarely there.
-            #[serde(default)]
             imagined_walks: f32 = 0.125, Paper | Tuned | Sb3 => 0.0;
                 "fraction of pairs from which, once there is a bridge graph, the dynamics model \
                  imagines the actor's walk; where that comes to rest, the pair begins",
                 values: Values::FRACTION,
                 ablation: without("no pairs where the actor gets stuck", "0");
-            buffer_size was "replay_capacity": usize = 1_000_000;
+            buffer_size: usize = 1_000_000;
                 "capacity of the replay buffer",
                 values: Values::count(1_000, 100_000_000)
                     .with("with room for an episode of every agent"),
@@ -195,14 +184,4 @@ settings! {
                 values: Values::POSITIVE;
         }
     }
-}
-
-/// What it was before it was a setting.
-fn default_pessimism() -> f32 {
-    1.0
-}
-
-/// What it was before it was a setting.
-fn default_discount() -> f32 {
-    0.99
 }

@@ -1,14 +1,9 @@
-//! Checkpoints: one safetensors file with everything needed to resume a run exactly where it
-//! stopped.
+//! Checkpoints: one file with everything needed to resume a run exactly where it stopped.
 //!
-//! Tensors hold the networks (with optimiser moments and averaged weights), the replay buffer and
-//! the bridge candidates. The metadata holds the run, its world (a map as plain ASCII), counters,
-//! RNG states and history as JSON, and a checksum over everything. Arrays are packed without loss;
-//! [`unpacked`] gives a file with plain tensors. This module moves the store of
-//! [`Trainer::save`] and [`Trainer::load`] to and from a file.
+//! It is a safetensors file. Its metadata say what lists of checkpoints show, and hold the history,
+//! as JSON; the rest of what [`Trainer::save`] returns is one tensor of bytes, packed without loss.
 
 mod content;
-mod packed;
 
 use std::collections::BTreeMap;
 use std::fs::Metadata;
@@ -18,22 +13,25 @@ use std::sync::Arc;
 use std::time::SystemTime;
 
 use parking_lot::Mutex;
+use serde::de::DeserializeOwned;
 
 use super::error::TrainError;
 use super::history::History;
 use super::memory;
 use super::registry::Registry;
-use super::run::Run;
-use super::score::Success;
-use super::trainer::{FINGERPRINT, HISTORY, LEARNED, Trainer, TrainerState};
+use super::trainer::{About, Saved, Trainer};
 use crate::env::EnvError;
 use crate::files::{self, FileFacts, Format, Mismatch, Wanted};
 use crate::job::Job;
 use crate::learn::Threads;
-use crate::store::{Store, StoreError};
+use crate::store::StoreError;
 use crate::text::{safe_file_name, sanitized, truncated};
-pub use content::{ContentError, unpacked, with_updated_checksum};
-use content::{MAX_HEADER_BYTES, texts_from_start};
+pub use content::ContentError;
+use content::{MAX_HEADER_BYTES, Texts};
+
+/// Names of what the metadata hold.
+const ABOUT: &str = "about";
+const HISTORY: &str = "history";
 
 /// Maximum length of a displayed reason, in characters: it may quote the file.
 const MAX_REASON_CHARS: usize = 400;
@@ -50,27 +48,25 @@ pub struct CheckpointError {
     pub help: String,
 }
 
-/// Summary of a checkpoint, without its tensors.
+/// Summary of a checkpoint, without its state.
 #[derive(Clone, Debug)]
 pub struct Description {
     /// The file.
     pub file: PathBuf,
-    /// Kind of its world.
-    pub world: String,
-    /// Title of its world: the map's name.
-    pub title: String,
-    /// What tells its world apart from others of its title; older checkpoints do not have it.
-    pub fingerprint: Option<String>,
-    /// Method, preset, seed and settings.
-    pub run: Run,
-    /// Updates done by a learner.
-    pub updates: u64,
-    /// Latest evaluation result, if the run was evaluated before saving.
-    pub success: Option<Success>,
+    /// The run.
+    pub about: About,
     /// Size of the file in bytes.
     pub bytes: u64,
     /// Modification time of the file.
     pub written: Option<SystemTime>,
+}
+
+impl std::ops::Deref for Description {
+    type Target = About;
+
+    fn deref(&self) -> &About {
+        &self.about
+    }
 }
 
 /// What is read as a checkpoint.
@@ -80,57 +76,41 @@ const CHECKPOINT: Wanted = Wanted {
     own: &[Format::Safetensors],
 };
 
-/// Reads a checkpoint's summary without its tensors.
+/// Reads a checkpoint's summary without its state.
 ///
 /// # Errors
-/// The file cannot be read or is not a checkpoint of this program.
+/// The file cannot be read or is not a checkpoint of this version.
 pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
-    parse_start(path, |_| Ok(())).map(|(description, ())| description)
+    described(path).map(|(found, _)| found)
 }
 
-/// Reads a checkpoint's summary and history without its tensors or its world.
+/// Reads a checkpoint's summary and history without its state or its world.
 ///
 /// # Errors
-/// The file cannot be read or is not a checkpoint of this program.
+/// The file cannot be read or is not a checkpoint of this version.
 pub fn read_history(path: &Path) -> Result<(Description, History), CheckpointError> {
-    // The first format has no history.
-    parse_start(path, |store| {
-        if store.texts().contains_key(HISTORY) {
-            store.json(HISTORY)
-        } else {
-            Ok(History::default())
-        }
-    })
+    let (found, texts) = described(path)?;
+    let history = parsed(&texts, HISTORY).map_err(|e| unreadable(path, &e.to_string()))?;
+    Ok((found, history))
 }
 
-/// Reads a checkpoint's summary, and what `more` reads besides.
-fn parse_start<T>(
-    path: &Path,
-    more: impl FnOnce(&Store) -> Result<T, StoreError>,
-) -> Result<(Description, T), CheckpointError> {
+fn described(path: &Path) -> Result<(Description, Texts), CheckpointError> {
     let (start, facts) =
         read_start(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
-    let parsed = || {
-        let store = texts_from_start(&start, facts.len())?;
-        let description = Description {
-            file: path.to_owned(),
-            // Older formats only had maps.
-            world: safe_file_name(store.text("world").unwrap_or("maze")),
-            title: safe_file_name(store.text("title").or_else(|_| store.text("map_name"))?),
-            fingerprint: store.texts().get(FINGERPRINT).cloned(),
-            run: store.json("run")?,
-            updates: if store.texts().contains_key(LEARNED) {
-                store.json(LEARNED)?
-            } else {
-                store.json::<TrainerState>("trainer")?.counters.updates
-            },
-            success: store.json("success")?,
-            bytes: facts.len(),
-            written: facts.modified().ok(),
-        };
-        Ok::<_, ContentError>((description, more(&store)?))
+    let read = || {
+        let texts = content::texts(&start, facts.len())?;
+        Ok::<_, ContentError>((parsed::<About>(&texts, ABOUT)?, texts))
     };
-    parsed().map_err(|e| unreadable(path, &e.to_string()))
+    let (mut about, texts) = read().map_err(|e| unreadable(path, &e.to_string()))?;
+    (about.world, about.title) = (safe_file_name(&about.world), safe_file_name(&about.title));
+    let (file, written) = (path.to_owned(), facts.modified().ok());
+    Ok((Description { file, about, bytes: facts.len(), written }, texts))
+}
+
+/// Parses what a checkpoint says about itself.
+fn parsed<T: DeserializeOwned>(texts: &Texts, name: &str) -> Result<T, StoreError> {
+    let text = texts.get(name).ok_or_else(|| StoreError::Missing(name.to_owned()))?;
+    serde_json::from_str(text).map_err(|e| StoreError::unreadable(name, e))
 }
 
 /// Returns whether the file at `path` is a checkpoint of any version of this program, perhaps a
@@ -309,13 +289,31 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
     if crate::faults::point("save") {
         return Err(failed("injected fault".to_owned()));
     }
-    let store = trainer.save().map_err(|e| failed(e.to_string()))?;
+    let saved = trainer.save().map_err(|e| failed(e.to_string()))?;
     progress.begin(0, 2);
-    let bytes = content::to_bytes(store, &progress).map_err(|e| failed(e.to_string()))?;
+    let bytes = to_bytes(&saved, &progress).map_err(|e| failed(e.to_string()))?;
     progress.begin(1, 2);
     let path = write(to, &bytes).map_err(|e| failed(e.to_string()))?;
     log::info!("saved {} at update {}", path.display(), trainer.counters().updates);
     Ok(path)
+}
+
+/// Returns the bytes of a checkpoint file, and says how far it is.
+///
+/// # Errors
+/// The run cannot be expressed.
+pub fn to_bytes(saved: &Saved, progress: &Job) -> Result<Vec<u8>, StoreError> {
+    let Saved { about, history, state } = saved;
+    let text = |name: &str, value: serde_json::Result<String>| {
+        let value = value.map_err(|e| StoreError::unreadable(name, e))?;
+        Ok::<_, StoreError>((name.to_owned(), value))
+    };
+    let texts = [
+        text(ABOUT, serde_json::to_string(about))?,
+        text(HISTORY, serde_json::to_string(history))?,
+    ];
+    let state = crate::store::to_bytes(state).map_err(|e| StoreError::unreadable("state", e))?;
+    Ok(content::to_bytes(&texts.into(), &state, progress))
 }
 
 /// Writes a checkpoint's bytes and returns its path.
@@ -411,7 +409,26 @@ fn parse(
     progress: &Job,
 ) -> Result<Trainer, LoadError> {
     progress.begin(1, LOAD_STAGES);
-    let store = content::from_bytes(bytes, most_bytes())?;
+    let saved = read_saved(bytes)?;
     progress.begin(2, LOAD_STAGES);
-    Ok(Trainer::load_with(&store, registry, threads, progress)?)
+    Ok(Trainer::load(saved, registry, threads, progress)?)
+}
+
+/// Reads the bytes of a checkpoint file.
+///
+/// # Errors
+/// They are not a valid checkpoint, or it needs more memory than there is.
+pub fn read_saved(bytes: &[u8]) -> Result<Saved, ContentError> {
+    let (texts, state) = content::from_bytes(bytes, most_bytes())?;
+    let state = postcard::from_bytes(&state).map_err(|e| StoreError::unreadable("state", e))?;
+    Ok(Saved { about: parsed(&texts, ABOUT)?, history: parsed(&texts, HISTORY)?, state })
+}
+
+/// Returns the checkpoint with its unpacked state changed, as an attacker would, for tests of what
+/// reads it; `None` if it is not a checkpoint.
+pub fn with_changed_state(bytes: &[u8], change: impl FnOnce(&mut Vec<u8>)) -> Option<Vec<u8>> {
+    let (mut texts, mut state) = content::from_bytes(bytes, most_bytes()).ok()?;
+    change(&mut state);
+    texts.retain(|name, _| name == ABOUT || name == HISTORY);
+    Some(content::to_bytes(&texts, &state, &Job::default()))
 }

@@ -2,7 +2,7 @@
 //! the valid values.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::ops::Range;
 use std::path::Path;
@@ -357,22 +357,15 @@ fn apply_text(
         };
         ConfigError::new(without_place(&e), help.to_owned()).in_file(file, text, offset..offset)
     })?;
-    let mut given: BTreeMap<&str, &str> = BTreeMap::new();
+    let mut given = BTreeSet::new();
     for (Key(name), raw) in &entries.0 {
         let location = |part: &str| {
             let offset = (part.as_ptr() as usize).wrapping_sub(text.as_ptr() as usize);
             if offset <= text.len() { offset..offset + part.len() } else { 0..0 }
         };
         let known = Setting::named(name);
-        if let Some(setting) = known
-            && let Some(earlier) = given.insert(setting.name, name)
-        {
-            let (problem, help) = if earlier == name {
-                (format!("{name} is given twice"), format!("remove one {name}"))
-            } else {
-                let problem = format!("{earlier} and {name} are names of the same setting");
-                (problem, format!("give only {}", setting.name))
-            };
+        if !given.insert(name) {
+            let (problem, help) = (format!("{name} is given twice"), format!("remove one {name}"));
             return Err(ConfigError::new(problem, help).in_file(file, text, location(name)));
         }
         let value = serde_json::from_str(raw.get())

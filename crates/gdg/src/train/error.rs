@@ -84,7 +84,7 @@ pub enum TrainError {
     /// The settings need more memory than is available.
     #[error(
         "these settings need about {:.1} GB of memory, but {:.1} GB are available: reduce hidden, \
-         layers, batch_size, candidates, buffer_size or grid_channels",
+         layers, batch_size, candidates or buffer_size",
         *needed as f64 / 1e9,
         *available as f64 / 1e9
     )]
@@ -98,7 +98,7 @@ pub enum TrainError {
     #[error(
         "these settings need about {:.1} GB of memory and {:.1} GB of address space, but a limit \
          allows {:.1} GB of the latter: raise it (ulimit -v shows it, in KiB), or reduce hidden, \
-         layers, batch_size, candidates, buffer_size or grid_channels",
+         layers, batch_size, candidates or buffer_size",
         *needed as f64 / 1e9,
         *space as f64 / 1e9,
         *limit as f64 / 1e9

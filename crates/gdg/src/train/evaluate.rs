@@ -3,7 +3,6 @@
 mod results;
 mod tasks;
 mod truth;
-mod walk;
 
 use std::sync::Arc;
 
@@ -11,14 +10,14 @@ use rand_chacha::ChaCha8Rng;
 
 use super::run::Run;
 use super::score::Score;
+use super::settings::RANDOM_HOLD_STEPS;
 use crate::bridge::{BridgeGraph, Candidates, Guide};
-use crate::env::{EnvError, Environment, Episodes, Evaluated, GroundTruth, Spec, TaskSet};
+use crate::env::{EnvError, Environment, Episodes, Evaluated, GroundTruth, Spec, Task, TaskSet};
 use crate::job::Job;
 use crate::learn::{Acting, Policy, Scratch};
 pub use results::{BridgeFacts, ComposedError, DistanceError, Evaluation, MarkedTask, TaskOutcome};
 use tasks::{Actor, run_tasks, run_tasks_watched};
 use truth::{bridge_facts, distance_error};
-pub use walk::TaskWalk;
 
 /// A self-contained evaluation that can run at any time on any thread.
 pub struct EvaluationJob {
@@ -160,13 +159,58 @@ impl EvaluationJob {
         empty.renewed(job, candidates, now, policy, &mut Scratch::default())
     }
 
+    /// Returns the frozen networks.
+    pub fn policy(&self) -> &dyn Policy {
+        &*self.policy
+    }
+
+    /// Walks `task` as in an evaluation, with planning if the method plans.
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn walk(&self, task: &Task) -> Result<TaskWalk, EnvError> {
+        let (graph, mut states) = (self.graph(&Job::default()), Vec::new());
+        let tasks = std::slice::from_ref(task);
+        let mut watch = |state: &[f32], _| {
+            states.push(state.to_vec());
+            true
+        };
+        let actor = self.actor(graph.as_ref());
+        let runs =
+            run_tasks_watched(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch)?;
+        let plan = states.first().map_or(Vec::new(), |start| plan(actor.guide, start, &task.goal));
+        Ok(TaskWalk { plan, states, reached: runs.taken[0].is_some() })
+    }
+
     /// Returns how agents act, with planning over `graph` if there is one.
     fn actor<'a>(&'a self, graph: Option<&'a BridgeGraph>) -> Actor<'a> {
-        let hold_steps =
-            (self.acting == Acting::AtRandom).then_some(self.run.settings.train.random_hold_steps);
+        let hold_steps = (self.acting == Acting::AtRandom).then_some(RANDOM_HOLD_STEPS);
         let guide = Guide { policy: &*self.policy, graph };
         Actor { guide, hold_steps, max_steps: self.max_steps }
     }
+}
+
+/// The plan for a task, and the walk that followed it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TaskWalk {
+    /// Waypoints of the plan made at the start, ending with the goal, each `(goal_dim)`; none if
+    /// the method does not plan.
+    pub plan: Vec<Vec<f32>>,
+    /// State at the start and after every step, each `(state_dim)`.
+    pub states: Vec<Vec<f32>>,
+    /// Whether the goal was reached in time.
+    pub reached: bool,
+}
+
+/// Returns the waypoints from `start` to `goal`, the goal last; none without a graph.
+fn plan(guide: Guide, start: &[f32], goal: &[f32]) -> Vec<Vec<f32>> {
+    let mut scratch = Scratch::default();
+    let (Some(graph), Some(mut walker)) = (guide.graph, guide.plan(goal, &mut scratch)) else {
+        return Vec::new();
+    };
+    guide.aim(Some(&mut walker), start, goal, &mut scratch);
+    let waypoints = walker.waypoints_ahead().into_iter().map(|i| graph.point(i).to_vec());
+    waypoints.chain([goal.to_vec()]).collect()
 }
 
 /// Walks straight at the goal.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::env::{Environment, MAX_PROBES, Probes, Spec};
-use crate::store::{Store, StoreError};
+use crate::store::StoreError;
 
 /// Initial number of updates between two frames.
 const FRAME_EVERY_UPDATES: u64 = 250;
@@ -23,13 +23,8 @@ const MAX_RANGES: f32 = 100.0;
 /// Value of an unknown distance.
 const UNKNOWN: u16 = u16::MAX;
 
-/// Names in the store: what frames consist of, their values and their agents, both concatenated.
-const FILM: &str = "film";
-const VALUES: &str = "film_values";
-const AGENTS: &str = "film_agents";
-
 /// What was learned by one update.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilmFrame {
     /// Updates done.
     pub updates: u64,
@@ -94,15 +89,6 @@ impl Film {
         world.abilities().drawn?.probes(goal)
     }
 
-    /// Returns the film if it appears to be of `world`, otherwise an empty one: another version of
-    /// this program may film other places.
-    #[must_use]
-    pub fn fitting(self, world: &dyn Environment) -> Self {
-        let Some(last) = self.frames.last() else { return self };
-        let fits = self.points(world).is_some_and(|points| points.places == last.places());
-        if fits { self } else { Self::default() }
-    }
-
     /// Whether a frame is due after this update: the first one, which shows what has not been
     /// learned yet, and then at multiples, so that it does not depend on when training was paused
     /// or resumed.
@@ -145,66 +131,40 @@ impl Film {
         }
     }
 
-    /// Writes the film into a checkpoint.
-    ///
-    /// # Errors
-    /// A number cannot be written.
-    pub fn write(&self, store: &mut Store) -> Result<(), StoreError> {
-        let frames = || self.frames.iter();
-        let parts = frames().map(|frame| StoredFrame {
-            updates: frame.updates,
-            env_steps: frame.env_steps,
-            scale: frame.scale,
-            goal: frame.goal.clone(),
-            agents: frame.agents.len() / frame.goal.len().max(1),
-        });
-        let places = self.frames.first().map_or(0, |frame| frame.places());
-        store.put_json(FILM, &StoredFilm { every: self.every, places, frames: parts.collect() })?;
-        store.put(
-            VALUES,
-            frames().flat_map(|frame| frame.values.iter().copied()).collect::<Vec<u16>>(),
-        );
-        store.put(
-            AGENTS,
-            frames().flat_map(|frame| frame.agents.iter().copied()).collect::<Vec<f32>>(),
-        );
-        Ok(())
+    /// Returns what a checkpoint keeps of the film.
+    pub fn stored(&self) -> impl Serialize {
+        (self.every, self.frames.iter().map(|frame| &**frame).collect::<Vec<_>>())
     }
 
-    /// Reads the film from a checkpoint; older ones have none.
+    /// Restores the film that [`Self::stored`] returned, of a world with `spec`.
     ///
     /// # Errors
-    /// It is incomplete or out of range.
-    pub fn read(store: &Store, spec: &Spec) -> Result<Self, StoreError> {
-        if !store.texts().contains_key(FILM) {
-            return Ok(Self::default());
-        }
-        let StoredFilm { every, places, frames: stored } = store.json(FILM)?;
-        let (mut values, mut agents) = (store.u16(VALUES)?, store.f32(AGENTS)?);
-        let mut frames = Vec::with_capacity(stored.len().min(MAX_FRAMES));
-        for StoredFrame { updates, env_steps, scale, goal, agents: count } in stored {
-            let own_values = take(&mut values, places)?;
-            let own_agents = take(&mut agents, count.saturating_mul(goal.len()))?;
-            let sound = (0.0..f32::INFINITY).contains(&scale)
-                && goal.len() == spec.goal_dim()
-                && count <= MAX_FILM_AGENTS
-                && std::iter::once(&*goal)
-                    .chain(own_agents.chunks_exact(goal.len()))
-                    .all(|at| is_near(spec, at));
-            if !sound {
-                return Err(out_of_range());
-            }
-            let (values, agents) = (own_values.to_vec(), own_agents.to_vec());
-            frames.push(Arc::new(FilmFrame { updates, env_steps, goal, agents, scale, values }));
-        }
+    /// It is out of range.
+    pub fn restored(
+        (every, frames): (u64, Vec<FilmFrame>),
+        spec: &Spec,
+    ) -> Result<Self, StoreError> {
+        let places = frames.first().map_or(0, FilmFrame::places);
+        let sound = |frame: &FilmFrame| {
+            let g = spec.goal_dim();
+            (1..1 << 53).contains(&frame.updates)
+                && (0.0..f32::INFINITY).contains(&frame.scale)
+                && frame.places() == places
+                && frame.goal.len() == g
+                && frame.agents.len().is_multiple_of(g)
+                && frame.agents.len() <= g * MAX_FILM_AGENTS
+                && frame.goal.chunks(g).chain(frame.agents.chunks(g)).all(|at| is_near(spec, at))
+        };
         let sound = (1..1 << 50).contains(&every)
             && places <= MAX_PROBES
             && frames.len() <= MAX_FRAMES
-            && frames.iter().all(|frame| (1..1 << 53).contains(&frame.updates))
-            && frames.windows(2).all(|pair| pair[0].updates < pair[1].updates)
-            && values.is_empty()
-            && agents.is_empty();
-        if sound { Ok(Self { every, frames: Arc::new(frames) }) } else { Err(out_of_range()) }
+            && frames.iter().all(sound)
+            && frames.is_sorted_by(|a, b| a.updates < b.updates);
+        if sound {
+            Ok(Self { every, frames: Arc::new(frames.into_iter().map(Arc::new).collect()) })
+        } else {
+            Err(StoreError::inconsistent("its film is out of range"))
+        }
     }
 }
 
@@ -236,36 +196,6 @@ fn is_near(spec: &Spec, at: &[f32]) -> bool {
     at.iter()
         .zip(&spec.achieved)
         .all(|pair| off(pair) <= MAX_RANGES * spec.state_half_range[*pair.1].max(1.0))
-}
-
-/// Takes the first `count` numbers.
-fn take<'a, T>(numbers: &mut &'a [T], count: usize) -> Result<&'a [T], StoreError> {
-    let (first, rest) = numbers.split_at_checked(count).ok_or_else(out_of_range)?;
-    *numbers = rest;
-    Ok(first)
-}
-
-fn out_of_range() -> StoreError {
-    StoreError::inconsistent("its film is out of range")
-}
-
-/// The film in a checkpoint, without its values and agents.
-#[derive(Serialize, Deserialize)]
-struct StoredFilm {
-    every: u64,
-    places: usize,
-    frames: Vec<StoredFrame>,
-}
-
-/// A frame in a checkpoint.
-#[derive(Serialize, Deserialize)]
-struct StoredFrame {
-    updates: u64,
-    env_steps: u64,
-    scale: f32,
-    goal: Vec<f32>,
-    /// Number of agents.
-    agents: usize,
 }
 
 #[cfg(test)]
@@ -305,12 +235,6 @@ mod tests {
         positions(&[(0.0, 1.0); 2])
     }
 
-    fn stored(film: &Film) -> Store {
-        let mut store = Store::default();
-        film.write(&mut store).expect("a film that can be written");
-        store
-    }
-
     #[test]
     fn few_frames_are_evenly_spaced_and_many_thinned_towards_the_past() {
         assert_eq!(updates(&film_after(3 * SPACING + 5)), [1, SPACING, 2 * SPACING, 3 * SPACING]);
@@ -332,7 +256,9 @@ mod tests {
     #[test]
     fn a_film_is_the_same_after_a_break_and_begins_anew_in_another_world() {
         let mut film = film_after(90 * SPACING);
-        film = Film::read(&stored(&film), &spec()).expect("a film");
+        let bytes = crate::store::to_bytes(&film.stored()).expect("numbers");
+        let stored = postcard::from_bytes(&bytes).expect("its own bytes");
+        film = Film::restored(stored, &spec()).expect("a film");
         go_on(&mut film, 90 * SPACING + 1, 200 * SPACING);
         assert_eq!(film, film_after(200 * SPACING));
         let elsewhere = Probes { places: 9, ..points() };
@@ -357,40 +283,27 @@ mod tests {
 
     #[test]
     fn damaged_films_are_refused() {
-        let film = film_after(5 * SPACING);
-        let good = stored(&film);
-        assert_eq!(Film::read(&good, &spec()).expect("a film"), film);
-        let text = good.text(FILM).expect("its frames").to_owned();
-        let changed = |from: &str, to: &str| {
-            assert!(text.contains(from), "{text}");
-            let mut store = good.clone();
-            store.put_text(FILM, text.replacen(from, to, 1));
-            store
+        let checked = |change: &dyn Fn(&mut FilmFrame)| {
+            let film = film_after(5 * SPACING);
+            let mut frames: Vec<_> = film.frames.iter().map(|f| FilmFrame::clone(f)).collect();
+            change(&mut frames[2]);
+            Film::restored((film.every, frames), &spec()).is_ok()
         };
-        let damaged = [
-            changed("\"every\":250", "\"every\":0"),
-            changed("\"places\":4", "\"places\":5"),
-            changed("\"places\":4", "\"places\":18446744073709551615"),
-            changed("\"updates\":500", "\"updates\":250"),
-            changed("\"updates\":1,", "\"updates\":0,"),
-            changed("\"agents\":1", "\"agents\":0"),
-            changed("\"agents\":1", "\"agents\":9223372036854775808"),
-            changed("[1.5,2.5]", "[1.5]"),
-            changed("\"scale\":", "\"scale\":-"),
-        ];
-        for store in damaged {
-            assert!(Film::read(&store, &spec()).is_err(), "{:?}", store.text(FILM));
+        assert!(checked(&|_| {}) && checked(&|frame| frame.agents.clear()));
+        for change in [
+            |frame: &mut FilmFrame| frame.updates = SPACING,
+            |frame| frame.values.push(7),
+            |frame| frame.scale = -1.0,
+            |frame| frame.scale = f32::NAN,
+            |frame| frame.goal = vec![1.5],
+            |frame| frame.goal[0] = f32::NAN,
+            |frame| frame.agents.push(0.5),
+            |frame| frame.agents[1] = 1e30,
+            |frame| frame.agents = vec![0.5; 2 * MAX_FILM_AGENTS + 2],
+        ] as [fn(&mut FilmFrame); 9]
+        {
+            assert!(!checked(&change));
         }
-        let with_agents = |at: f32| {
-            let mut store = good.clone();
-            store.put(AGENTS, vec![at; 12]);
-            store
-        };
-        let mut missing = Store::default();
-        missing.put_text(FILM, text.as_str());
-        assert!(Film::read(&with_agents(1.0), &spec()).is_ok());
-        for store in [with_agents(1e30), with_agents(f32::NAN), missing] {
-            assert!(Film::read(&store, &spec()).is_err());
-        }
+        assert!(Film::restored((0, Vec::new()), &spec()).is_err(), "no frame would ever be due");
     }
 }

@@ -9,12 +9,13 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
-use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, GraphState};
+use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, StoredGraph};
 use crate::env::Spec;
 use crate::job::{Job, Running};
 use crate::learn::{ChangedDistances, DistancesByGoal, Policy, Scratch};
-use crate::store::{Store, StoreError};
+use crate::store::StoreError;
 
 /// Candidates per build to which graph distances are found: the more, the more far pairs of a batch
 /// have a waypoint for the actor. (With 32, 4 to 33 % of them had one on a map of 48,000 cells.)
@@ -124,62 +125,17 @@ impl Building {
     }
 }
 
-/// A graph in a checkpoint, with the updates at which its build began and it takes effect.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct StoredGraph {
-    /// Update at which the build began.
-    pub at: u64,
-    /// Update at which it takes effect.
-    pub due: u64,
-    /// The graph.
-    pub state: GraphState,
+/// A graph in a checkpoint.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct StoredBuild {
+    /// Updates at which the build began and it takes effect.
+    at: u64,
+    due: u64,
+    graph: StoredGraph,
     /// The distances that have changed, if requested.
-    pub changed: Option<ChangedDistances>,
+    changed: Option<ChangedDistances>,
     /// The longest distance along the graph before the edit that has changed it since, if any.
-    pub edited: Option<f32>,
-}
-
-impl StoredGraph {
-    /// Writes the graph to `store` under names starting with `prefix`.
-    pub fn write(self, store: &mut Store, prefix: &str) {
-        store.put(format!("{prefix}.when"), vec![self.at, self.due]);
-        self.state.write(store, prefix);
-        if let Some(longest_steps) = self.edited {
-            store.put(format!("{prefix}.edited"), vec![longest_steps]);
-        }
-        if let Some(ChangedDistances { goals, lower, upper }) = self.changed {
-            store.put(format!("{prefix}.changed.goals"), goals);
-            store.put(format!("{prefix}.changed.lower"), lower);
-            store.put(format!("{prefix}.changed.upper"), upper);
-        }
-    }
-
-    /// Reads the graph written by [`Self::write`], if there is one.
-    ///
-    /// # Errors
-    /// A part is missing or has the wrong type or length.
-    pub fn read(store: &Store, prefix: &str) -> Result<Option<Self>, StoreError> {
-        let when = format!("{prefix}.when");
-        if !store.has(&when) {
-            return Ok(None);
-        }
-        let [at, due] = store.u64(&when)? else {
-            return Err(StoreError::inconsistent(format!("its {when} does not have length 2")));
-        };
-        let names = ["goals", "lower", "upper"].map(|part| format!("{prefix}.changed.{part}"));
-        let changed = store.has(&names[0]).then(|| {
-            Ok::<_, StoreError>(ChangedDistances {
-                goals: store.u32(&names[0])?.to_vec(),
-                lower: store.f32(&names[1])?.to_vec(),
-                upper: store.f32(&names[2])?.to_vec(),
-            })
-        });
-        let changed = changed.transpose()?;
-        let name = format!("{prefix}.edited");
-        let edited = if store.has(&name) { store.f32(&name)?.first().copied() } else { None };
-        let state = GraphState::read(store, prefix)?;
-        Ok(Some(Self { at: *at, due: *due, state, changed, edited }))
-    }
+    edited: Option<f32>,
 }
 
 impl GraphJob {
@@ -199,8 +155,7 @@ impl GraphJob {
                 Arc::new(before.renewed(job, candidates, is_due, policy, s)?)
             }
         };
-        let checked = goals_to_check(&graph);
-        let mut built = BuiltGraph::new(at, graph, checked, &mut self.rng.clone());
+        let mut built = BuiltGraph::new(at, graph, &mut self.rng.clone());
         if self.finds_changed {
             job.begin(1, stages);
             if let Some(by_goal) = &built.distilled {
@@ -218,13 +173,9 @@ impl GraphJob {
     }
 }
 
-/// Returns the number of goals to which changed distances are to be found.
-fn goals_to_check(graph: &BridgeGraph) -> usize {
-    (CHECKED_PAIRS / graph.candidates().len().max(1)).max(MIN_CHECKED_GOALS)
-}
-
 impl BuiltGraph {
-    fn new(at: u64, graph: Arc<BridgeGraph>, checked: usize, rng: &mut ChaCha8Rng) -> Self {
+    fn new(at: u64, graph: Arc<BridgeGraph>, rng: &mut ChaCha8Rng) -> Self {
+        let checked = (CHECKED_PAIRS / graph.candidates().len().max(1)).max(MIN_CHECKED_GOALS);
         let distilled = graph.distil(DISTILLED_GOALS, checked, rng);
         let longest_steps = distilled.as_ref().map_or(0.0, DistancesByGoal::longest_steps);
         Self {
@@ -243,11 +194,11 @@ impl BuiltGraph {
         Self { at, graph, distilled: None, longest_steps, edited: true, changed: None }
     }
 
-    fn stored(&self, due: u64) -> StoredGraph {
-        StoredGraph {
+    fn stored(&self, due: u64) -> StoredBuild {
+        StoredBuild {
             at: self.at,
             due,
-            state: self.graph.state(),
+            graph: self.graph.stored(),
             changed: self.changed.as_deref().cloned(),
             edited: self.edited.then_some(self.longest_steps),
         }
@@ -258,10 +209,10 @@ impl BuiltGraph {
     fn restore(
         spec: &Spec,
         settings: &BridgeSettings,
-        stored: &StoredGraph,
+        stored: StoredBuild,
         mut rng: ChaCha8Rng,
     ) -> Result<Self, StoreError> {
-        let graph = Arc::new(BridgeGraph::from_state(spec, settings, &stored.state)?);
+        let graph = Arc::new(BridgeGraph::restored(spec, settings, stored.graph)?);
         if let Some(longest_steps) = stored.edited {
             if !(0.0..f32::INFINITY).contains(&longest_steps) {
                 return Err(StoreError::inconsistent(
@@ -282,18 +233,14 @@ impl BuiltGraph {
                 "the stored changes of distances do not fit their bridge graph",
             ));
         }
-        // Another version of the program may have checked a different number. It stored an empty
-        // list where it found no paths.
-        let changed = stored.changed.as_ref().filter(|changed| !changed.goals.is_empty());
-        let checked = changed.map_or_else(|| goals_to_check(&graph), |changed| changed.goals.len());
-        let built = Self::new(stored.at, graph, checked, &mut rng);
+        let built = Self::new(stored.at, graph, &mut rng);
         let places = built.distilled.as_ref().map_or(&[][..], |by_goal| by_goal.checked_places());
-        if changed.is_some_and(|changed| changed.goals != places) {
+        if stored.changed.as_ref().is_some_and(|changed| changed.goals != places) {
             return Err(StoreError::inconsistent(
                 "the stored changes of distances are to other places than the bridge graph's",
             ));
         }
-        Ok(Self { changed: changed.cloned().map(Arc::new), ..built })
+        Ok(Self { changed: stored.changed.map(Arc::new), ..built })
     }
 }
 
@@ -321,6 +268,11 @@ impl Graphs {
         self.next.is_some()
     }
 
+    /// Returns the update at which the next graph takes effect, if one is being built or waits.
+    pub fn next_at(&self) -> Option<u64> {
+        self.next.as_ref().map(|(due, _)| *due)
+    }
+
     /// Returns whether the next graph is due at update `now`.
     pub fn is_due(&self, now: u64) -> bool {
         self.next.as_ref().is_some_and(|(due, _)| *due <= now)
@@ -345,7 +297,7 @@ impl Graphs {
     }
 
     /// Returns the current and the next graph, for a checkpoint.
-    pub fn state(&self) -> [Option<StoredGraph>; 2] {
+    pub fn stored(&self) -> [Option<StoredBuild>; 2] {
         let next = self.next.as_ref().map(|(due, next)| match next {
             PendingGraph::Ready(built) => built.stored(*due),
             PendingGraph::Building(building) => building.wait().stored(*due),
@@ -353,26 +305,25 @@ impl Graphs {
         [self.current.as_ref().map(|built| built.stored(built.at)), next]
     }
 
-    /// Restores the graphs that [`Self::state`] returned; `rng` gives the RNG for the distilled
+    /// Restores the graphs that [`Self::stored`] returned; `rng` gives the RNG for the distilled
     /// distances of a build at an update.
     ///
     /// # Errors
-    /// The graphs were not saved from a matching run.
-    pub fn restore(
-        &mut self,
+    /// They were not saved from a matching run.
+    pub fn restored(
         spec: &Spec,
         settings: &BridgeSettings,
-        state: &[Option<StoredGraph>; 2],
+        [current, next]: [Option<StoredBuild>; 2],
         rng: impl Fn(u64) -> ChaCha8Rng,
-    ) -> Result<(), StoreError> {
-        let built =
-            |stored: &StoredGraph| BuiltGraph::restore(spec, settings, stored, rng(stored.at));
-        let [current, next] = state;
-        self.current = current.as_ref().map(built).transpose()?;
-        self.next = match next {
-            Some(stored) => Some((stored.due, PendingGraph::Ready(built(stored)?))),
-            None => None,
+    ) -> Result<Self, StoreError> {
+        let built = |stored: StoredBuild| {
+            let rng = rng(stored.at);
+            BuiltGraph::restore(spec, settings, stored, rng)
         };
-        Ok(())
+        let ready = |stored: StoredBuild| {
+            let due = stored.due;
+            Ok::<_, StoreError>((due, PendingGraph::Ready(built(stored)?)))
+        };
+        Ok(Self { current: current.map(built).transpose()?, next: next.map(ready).transpose()? })
     }
 }

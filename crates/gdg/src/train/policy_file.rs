@@ -116,7 +116,7 @@ fn plans(trainer: &Trainer, progress: &Job) -> Result<(Value, Vec<Array>), Train
 /// Returns the candidates of a graph, the paths observed between them, how often hops arrived, and
 /// the edges.
 fn graph_arrays(graph: &BridgeGraph, state_dim: usize) -> [Array; 9] {
-    let (state, edges) = (graph.state().candidates, graph.edges());
+    let (hops, edges) = (graph.candidates().hops().counts(), graph.edges());
     let (mut paths, mut ends) = (Vec::new(), Vec::new());
     for from in 0..graph.candidates().len() {
         let observed = graph.candidates().observed_from(from);
@@ -127,11 +127,11 @@ fn graph_arrays(graph: &BridgeGraph, state_dim: usize) -> [Array; 9] {
     let lengths = |length: fn(&Edge) -> f32| edges.iter().map(length).collect();
     let (distances, costs): (Vec<f32>, Vec<f32>) = (lengths(|e| e.distance), lengths(|e| e.cost));
     [
-        Array::f32("candidates", &shape, &state.states),
+        Array::f32("candidates", &shape, graph.candidates().states()),
         Array::u32("observed.ends", ends.into_iter()),
         Array::u32("observed.to", paths.iter().map(|(to, _)| *to)),
         Array::u32("observed.steps", paths.iter().map(|(_, steps)| *steps)),
-        Array::f32("hops", &[state.hops.len() / 2, 2], &state.hops),
+        Array::f32("hops", &[hops.len(), 2], hops.as_flattened()),
         Array::u32("edges.from", edges.iter().map(|edge| edge.from as u32)),
         Array::u32("edges.to", edges.iter().map(|edge| edge.to as u32)),
         Array::f32("edges.distance", &[edges.len()], &distances),

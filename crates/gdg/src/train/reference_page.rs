@@ -38,15 +38,12 @@ pub fn reference_page() -> String {
         for (i, setting) in
             SETTINGS.iter().enumerate().filter(|(_, setting)| setting.group == group)
         {
-            let Setting { name, about, unit, values: range, effect, former, .. } = setting;
-            let former: String = former.iter().map(|former| format!(" (was `{former}`)")).collect();
+            let Setting { name, about, unit, values: range, effect, .. } = setting;
             let effect = effect.about();
             let values = presets.each_ref().map(|values| values[i].1.as_str()).join(" | ");
             // A bar would end the cell.
             let about = about.replace('|', "\\|");
-            page += &format!(
-                "| `{name}`{former} | {values} | {unit} | {range} | {about} | {effect} |\n"
-            );
+            page += &format!("| `{name}` | {values} | {unit} | {range} | {about} | {effect} |\n");
         }
     }
     page

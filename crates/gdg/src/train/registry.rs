@@ -143,13 +143,15 @@ impl Registry {
         }
     }
 
-    /// Loads the world saved in `store`, without agents.
+    /// Loads the world of the kind `name` saved in `store`, without agents.
     ///
     /// # Errors
     /// The kind of world is not registered, the stored world is invalid, or the world fails.
-    pub fn load_world(&self, store: &Store) -> Result<Box<dyn Environment>, TrainError> {
-        // Old checkpoints do not name their world: mazes were the only kind.
-        let name = store.text("world").unwrap_or(MAPS);
+    pub fn load_world(
+        &self,
+        name: &str,
+        store: &Store,
+    ) -> Result<Box<dyn Environment>, TrainError> {
         match self.world(name) {
             Some(kind) => (kind.load)(store, &self.options).map_err(|error| match error {
                 EnvError::Store(error) => error.into(),

@@ -1,20 +1,21 @@
 //! The exploring agents: their goals, exploration and stored experience.
 
-mod actions;
 mod goals;
-mod state;
 
 use std::sync::Arc;
 
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
+use super::error::TrainError;
 use super::leaps::Leaps;
-use super::settings::Settings;
-use crate::bridge::{Candidates, Excursions, Guide, Hop, SearchOutcome, Walker};
-use crate::env::{EnvError, Environment, Goals};
+use super::settings::{RANDOM_HOLD_STEPS, Settings};
+use crate::bridge::{BridgeGraph, Candidates, Excursions, Guide, Hop, SearchOutcome, Walker};
+use crate::env::{EnvError, Environment, Goals, MAX_MAGNITUDE};
 use crate::learn::{Acting, Replay, Scratch};
-pub use state::RolloutState;
+use crate::store::{Store, StoreError};
 
 /// One agent's episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,11 +29,11 @@ pub struct Agent {
     /// Held random action and its remaining steps.
     held: Option<(Vec<f32>, u32)>,
     /// Step of the episode at which it gives up on its goal.
-    #[serde(default)]
     give_up_at: u32,
 }
 
 /// An agent's plan to a goal through the bridge graph; the agent pursues its waypoints.
+#[derive(Serialize, Deserialize)]
 struct Plan {
     walker: Walker,
     goal: Vec<f32>,
@@ -42,14 +43,16 @@ struct Plan {
 }
 
 /// A round of steps whose outcome is not stored yet.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-enum Pending {
-    /// The world computes it when it is asked for the outcome.
-    Here,
-    /// The world computes it elsewhere.
-    Elsewhere,
-    /// The agents are where it leads; `true` for those whose episode the world has ended.
-    Done(Vec<bool>),
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Round {
+    /// States before it, `(agents, state_dim)`.
+    before: Vec<f32>,
+    /// `(agents, action_dim)`.
+    actions: Vec<f32>,
+    /// Whether the world computes it elsewhere, or when it is asked for the outcome.
+    elsewhere: bool,
+    /// Set once the agents are where it leads: whose episodes the world has ended.
+    ended: Option<Vec<bool>>,
 }
 
 /// Inputs and outputs of a round of steps.
@@ -78,9 +81,7 @@ pub struct Rollout {
     rng: ChaCha8Rng,
     actions: Vec<f32>,
     goals: Vec<f32>,
-    /// States before the step, `(agents, state_dim)`.
-    before: Vec<f32>,
-    pending: Option<Pending>,
+    round: Option<Round>,
     /// A world with one agent, for the walks to near goals.
     aside: Option<Box<dyn Environment>>,
     scratch: Scratch,
@@ -121,8 +122,7 @@ impl Rollout {
             rng,
             actions: Vec::new(),
             goals: Vec::new(),
-            before: Vec::new(),
-            pending: None,
+            round: None,
             aside: None,
             scratch: Scratch::default(),
             leaps: Leaps::default(),
@@ -199,16 +199,70 @@ impl Rollout {
         if !self.actions.iter().all(|a| a.is_finite()) {
             return Ok(None);
         }
-        self.before.clear();
-        self.before.extend_from_slice(self.env.states());
         let elsewhere = self.env.begin_step(&self.actions, &mut self.rng)?;
-        self.pending = Some(if elsewhere { Pending::Elsewhere } else { Pending::Here });
+        let (before, actions) = (self.env.states().to_vec(), std::mem::take(&mut self.actions));
+        self.round = Some(Round { before, actions, elsewhere, ended: None });
         Ok(Some(elsewhere))
+    }
+
+    /// Chooses actions: the actor's with noise, or a random direction held for several steps.
+    fn choose_actions(&mut self, context: &StepContext) {
+        self.actions.resize(self.agents.len() * self.env.spec().action_dim, 0.0);
+        if context.acting == Acting::Policy {
+            let Self { env, agents, plans, goals, actions, scratch, .. } = self;
+            goals.clear();
+            goals.extend(agents.iter().flat_map(|agent| agent.goal.iter().copied()));
+            let walkers = plans.iter().zip(&*agents).map(|(plan, agent)| {
+                plan.as_ref().filter(|_| agent.held.is_none()).map(|plan| &plan.walker)
+            });
+            context.guide.act(walkers, env.states(), goals, actions, scratch);
+        }
+        self.explore(context);
+    }
+
+    /// Replaces the actions of agents on an excursion or holding a random direction; adds noise to
+    /// the others.
+    fn explore(&mut self, context: &StepContext) {
+        let settings = &context.settings.train;
+        // With a mean hold of h steps, a fraction r of all steps is random if each free step begins
+        // a hold with probability r / (r + (1 - r) h).
+        let share = match context.acting {
+            Acting::AtRandom => 1.0,
+            Acting::Policy => settings.random_actions,
+        };
+        let hold = RANDOM_HOLD_STEPS;
+        let begin = if share > 0.0 { share / (share + (1.0 - share) * hold) } else { 0.0 };
+        let (a, rng) = (self.env.spec().action_dim, &mut self.rng);
+        for (i, (agent, action)) in
+            self.agents.iter_mut().zip(self.actions.chunks_exact_mut(a)).enumerate()
+        {
+            if self.excursions.act(i, action, rng) {
+                agent.held = None;
+                continue;
+            }
+            if agent.held.is_none() && rng.random::<f32>() < begin {
+                let direction = (0..a).map(|_| rng.random_range(-1.0..=1.0)).collect();
+                let steps = (1.0 - hold * (1.0 - rng.random::<f32>()).ln()).min(1e6) as u32;
+                agent.held = Some((direction, steps.max(1)));
+            }
+            if let Some((direction, left)) = &mut agent.held {
+                action.copy_from_slice(direction);
+                *left -= 1;
+                if *left == 0 {
+                    agent.held = None;
+                }
+            } else {
+                for v in action {
+                    let noise: f32 = StandardNormal.sample(rng);
+                    *v = (*v + settings.exploration_noise * noise).clamp(-1.0, 1.0);
+                }
+            }
+        }
     }
 
     /// Whether a round of steps has begun whose outcome is not stored yet.
     pub fn has_begun(&self) -> bool {
-        self.pending.is_some()
+        self.round.is_some()
     }
 
     /// Waits for the round of steps begun, if there is one.
@@ -216,18 +270,15 @@ impl Rollout {
     /// # Errors
     /// The world fails; the round is then as if it had not begun.
     pub fn wait(&mut self) -> Result<(), EnvError> {
-        let ended = match self.pending.take() {
-            None => return Ok(()),
-            Some(Pending::Done(ended)) => ended,
-            Some(begun) => {
-                match begun {
-                    Pending::Elsewhere => self.env.end_step()?,
-                    _ => self.env.step(&self.actions, &mut self.rng)?,
-                }
-                (0..self.agents.len()).map(|i| self.env.has_ended(i)).collect()
-            }
-        };
-        self.pending = Some(Pending::Done(ended));
+        let begun = self.round.take_if(|round| round.ended.is_none());
+        let Some(mut round) = begun else { return Ok(()) };
+        if round.elsewhere {
+            self.env.end_step()?;
+        } else {
+            self.env.step(&round.actions, &mut self.rng)?;
+        }
+        round.ended = Some((0..self.agents.len()).map(|i| self.env.has_ended(i)).collect());
+        self.round = Some(round);
         Ok(())
     }
 
@@ -238,14 +289,16 @@ impl Rollout {
     /// can be saved; agents that could not restart are at the ends of their episodes.
     pub fn finish(&mut self, context: &mut StepContext) -> Result<RoundResult, EnvError> {
         self.wait()?;
-        let mut round = RoundResult::default();
-        let Some(Pending::Done(ended)) = self.pending.take() else { return Ok(round) };
+        let mut result = RoundResult::default();
+        let Some(Round { before, actions, ended: Some(ended), .. }) = self.round.take() else {
+            return Ok(result);
+        };
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         self.excursions.count_steps();
         let (spec, steps) =
-            (self.env.spec(), self.before.chunks_exact(s).zip(self.env.states().chunks_exact(s)));
+            (self.env.spec(), before.chunks_exact(s).zip(self.env.states().chunks_exact(s)));
         for (i, (agent, (state, next))) in self.agents.iter().zip(steps).enumerate() {
-            let action = &self.actions[i * a..(i + 1) * a];
+            let action = &actions[i * a..(i + 1) * a];
             context.candidates.visit(i, state, next);
             self.leaps.note(spec, state, next);
             if self.leaps.is_sure(spec, state, next) {
@@ -259,10 +312,10 @@ impl Rollout {
         let went_on: Vec<Result<(), EnvError>> = ended
             .iter()
             .enumerate()
-            .map(|(i, has_ended)| self.go_on(i, *has_ended, context, &mut round))
+            .map(|(i, has_ended)| self.go_on(i, *has_ended, context, &mut result))
             .collect();
         went_on.into_iter().collect::<Result<(), EnvError>>()?;
-        Ok(round)
+        Ok(result)
     }
 
     /// Ends the episode of agent `i` after a step if it is over, or its pursuit of a goal.
@@ -366,7 +419,7 @@ impl Rollout {
     /// Ends the episodes under way in the replay buffer, for agents that do not continue them.
     pub fn end_episodes(&self, replay: &mut Replay) {
         // A round whose outcome is not stored does not count.
-        let states = if self.has_begun() { &self.before } else { self.env.states() };
+        let states = self.round.as_ref().map_or(self.env.states(), |round| &round.before);
         let states = states.chunks_exact(self.env.spec().state_dim());
         for (i, (state, agent)) in states.zip(&self.agents).enumerate() {
             if agent.steps > 0 {
@@ -419,6 +472,93 @@ impl Rollout {
             self.excursions.arrive(i, &self.env.states()[i * s..(i + 1) * s]);
             if was_on && !self.excursions.is_on(i) {
                 self.choose_goal(i, context)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Saves everything that the next steps depend on.
+    ///
+    /// # Errors
+    /// It cannot be expressed.
+    pub fn save(&self, store: &mut Store) -> Result<(), StoreError> {
+        let states: Vec<f64> =
+            (0..self.agents.len()).flat_map(|i| self.env.full_state(i)).collect();
+        store.put("agents", &self.agents)?;
+        store.put("agents.plans", &self.plans)?;
+        store.put("agents.states", &states)?;
+        store.put("agents.rng", &self.rng)?;
+        store.put("agents.leaps", &self.leaps)?;
+        store.put("agents.round", &self.round.as_ref().filter(|round| round.ended.is_some()))?;
+        store.put("agents.excursions", &self.excursions)
+    }
+
+    /// Restores what [`Self::save`] saved. In a world that cannot set full states, or failed before
+    /// they were saved, the agents begin new episodes, and those in `replay` and `candidates` end
+    /// where they were.
+    ///
+    /// # Errors
+    /// It does not match the number of agents or the environment, or the world fails.
+    pub fn load(
+        &mut self,
+        store: &Store,
+        graph: Option<&BridgeGraph>,
+        replay: &mut Replay,
+        candidates: &mut Candidates,
+    ) -> Result<(), TrainError> {
+        let (spec, count) = (self.env.spec(), self.agents.len());
+        let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
+        self.excursions.restore(spec, store.get("agents.excursions")?)?;
+        self.agents = store.get("agents")?;
+        self.plans = store.get("agents.plans")?;
+        self.leaps = store.get("agents.leaps")?;
+        self.round = store.get("agents.round")?;
+        let states: Vec<f64> = store.get("agents.states")?;
+        let size = states.len() / count.max(1);
+        // Only the states of a world that failed.
+        let takes_size = size == s || self.env.takes_full_state(size);
+        let within = |numbers: &[f32]| numbers.iter().all(|v| v.abs() <= MAX_MAGNITUDE);
+        let sound = |numbers: &[f32], length: usize| numbers.len() == length && within(numbers);
+        let agents = self.agents.iter().all(|agent| {
+            sound(&agent.goal, g)
+                && agent.after_bridge.as_ref().is_none_or(|goal| sound(goal, g))
+                && agent.held.as_ref().is_none_or(|(action, steps)| sound(action, a) && *steps > 0)
+        });
+        let round = self.round.as_ref().is_none_or(|round| {
+            sound(&round.before, count * s)
+                && sound(&round.actions, count * a)
+                && round.ended.as_ref().is_some_and(|ended| ended.len() == count)
+        });
+        let fits = [self.agents.len(), self.plans.len()] == [count; 2]
+            && takes_size
+            && states.len() == count * size
+            && states.iter().all(|v| v.is_finite())
+            && agents
+            && self.plans.iter().flatten().all(|plan| sound(&plan.goal, g))
+            && round
+            && self.leaps.fit(spec);
+        if !fits {
+            let problem = "the stored agents do not fit these settings";
+            return Err(StoreError::inconsistent(problem).into());
+        }
+        for plan in self.plans.iter_mut().flatten() {
+            let graph = graph
+                .ok_or_else(|| StoreError::inconsistent("a stored plan has no bridge graph"))?;
+            plan.walker.restore(graph)?;
+        }
+        self.rng = store.get("agents.rng")?;
+        for (i, full_state) in states.chunks_exact(size).enumerate() {
+            if !self.env.set_full_state(i, full_state)? {
+                // Then the full state begins with the state.
+                let state: Vec<f32> = full_state[..s].iter().map(|v| *v as f32).collect();
+                if self.agents[i].steps > 0 {
+                    replay.end_episode(i, &state);
+                }
+                candidates.visit(i, &state, &state);
+                candidates.end_episode(i);
+                self.env.restart(i, &mut self.rng)?;
+                self.begin_episode(i);
+                self.round = None;
             }
         }
         Ok(())

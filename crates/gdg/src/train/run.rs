@@ -70,20 +70,16 @@ pub struct Counters {
     /// Goals reached while exploring.
     pub goals_reached: u64,
     /// Environment steps whose updates are due but not done.
-    #[serde(rename = "owed")]
     pub(super) owed_steps: u64,
     /// Environment steps whose updates become due when an episode ends.
-    #[serde(rename = "waiting")]
     pub(super) deferred_steps: u64,
     /// The last update at which changed distances are relearned.
     pub(super) relearns_until: u64,
     /// Environment steps at the latest change of the world.
-    #[serde(default)]
     pub(super) changed_at_step: u64,
     /// Running means of the losses.
     pub(super) losses: [f64; 3],
     /// Number of rollbacks to earlier networks.
-    #[serde(default)]
     pub recoveries: u32,
 }
 

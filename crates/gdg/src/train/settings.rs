@@ -21,9 +21,9 @@ pub static SETTINGS: LazyLock<Vec<Setting>> = LazyLock::new(|| {
 });
 
 impl Setting {
-    /// Returns the setting whose current or former name is `name`.
+    /// Returns the setting called `name`.
     pub fn named(name: &str) -> Option<&'static Self> {
-        SETTINGS.iter().find(|setting| setting.name == name || setting.former.contains(&name))
+        SETTINGS.iter().find(|setting| setting.name == name)
     }
 }
 
@@ -85,6 +85,9 @@ pub(crate) const MIN_EPISODE_STEPS: u32 = 150;
 /// ... and this many times the longest distance in the bridge graph.
 pub(crate) const EPISODE_FACTOR: f32 = 3.0;
 
+/// Mean number of steps for which a random direction is held.
+pub(crate) const RANDOM_HOLD_STEPS: f32 = 10.0;
+
 settings! {
     /// Settings of agents, episodes and exploration.
     pub struct TrainSettings {
@@ -95,7 +98,7 @@ settings! {
             update_when: UpdateWhen = UpdateWhen::Step, Paper => UpdateWhen::EpisodeEnd;
                 "run updates as soon as they are due or, as in Algorithm 1, after each episode",
                 values: Values::word(&["step", "episode-end"]);
-            learning_starts was "warmup_env_steps": u64 = 4_000, Paper => 1_000, Sb3 => 100;
+            learning_starts: u64 = 4_000, Paper => 1_000, Sb3 => 100;
                 "environment steps before the first update",
                 values: Values::count(0, MAX_LEARNING_STARTS), unit: "steps";
         }
@@ -119,7 +122,6 @@ settings! {
                 ablation: without("episodes from anywhere", "anywhere");
             /// The paper's local optimum has one goal. Batches are still relabelled as they say, and
             /// bridge points are still first goals on the way.
-            #[serde(default)]
             goals: Goals = Goals::Anywhere;
                 "what agents are asked to reach: places anywhere, or always the map's goal G, from \
                  its start S; reaching it begins a new episode if new_goal_when_reached",
@@ -128,12 +130,10 @@ settings! {
                 effect: NewAgents;
             /// It takes no knowledge of the world. SoRB (Eysenbach et al. 2019) trains on near
             /// goals with probability 0.8.
-            #[serde(default)]
             near_goals: f32 = 0.0, Paper => 0.8;
                 "probability that an agent's goal is where a short straight walk from its place \
                  ends",
                 values: Values::PROBABILITY;
-            #[serde(default = "default_near_goal_steps")]
             near_goal_steps: u32 = 4;
                 "longest of these walks",
                 values: Values::count(1, 10_000), unit: "steps";
@@ -148,19 +148,11 @@ settings! {
             random_actions: f32 = 0.3, Paper | Sb3 => 0.0;
                 "fraction of steps in a random direction instead of the actor's",
                 values: Values::FRACTION;
-            random_hold_steps: f32 = 10.0;
-                "mean number of steps for which a random direction is held",
-                values: Values::steps(1.0, 1e6), unit: "steps";
-            exploration_noise was "action_noise": f32 = 0.2;
+            exploration_noise: f32 = 0.2;
                 "standard deviation of the Gaussian noise on the actor's actions",
                 values: Values::number(0.0, 100.0);
         }
     }
-}
-
-/// What it is in checkpoints from before there were near goals, which have none.
-fn default_near_goal_steps() -> u32 {
-    4
 }
 
 impl TrainSettings {

@@ -28,14 +28,15 @@ use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
 use crate::env::{EnvError, Environment, Episodes, Goals, Scene, Spec, TaskSet};
 use crate::job::Job;
 use crate::learn::{
-    Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, ReplaySizes,
-    Scratch, Stage, Threads, TrainingData,
+    Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
+    ReplaySizes, Scratch, Stage, Threads, TrainingData,
 };
 pub use change::{KeptState, WorldChange, resets_networks};
 use data::Data;
 pub use data::LeftOut;
 pub use pace::Pace;
-pub(super) use persistence::{FINGERPRINT, HISTORY, LEARNED, TrainerState};
+use pace::PacedFrom;
+pub use persistence::{About, Saved};
 use recovery::LastGood;
 pub use recovery::Recovery;
 
@@ -76,9 +77,7 @@ pub struct Trainer {
     recovery: Option<Recovery>,
     /// Whether an update is in progress: a panic during it leaves the networks partially updated.
     in_update: bool,
-    /// Counters and seconds at the first update in this process, or with these settings, that was
-    /// as slow as those to come.
-    paced_from: Option<(Counters, f64)>,
+    paced_from: Option<PacedFrom>,
     job: Job,
 }
 
@@ -308,9 +307,8 @@ impl Trainer {
             self.profile.lap(Stage::Explore, began);
         }
         self.seconds += began.elapsed().as_secs_f64();
-        // Before there is a bridge graph, updates are up to twice as fast.
-        if tick == Tick::Update && (self.graph().is_some() || !self.needs_graph()) {
-            self.paced_from.get_or_insert((self.counters, self.seconds));
+        if tick == Tick::Update {
+            self.note_pace();
         }
         Ok(tick)
     }
@@ -408,13 +406,13 @@ impl Trainer {
     /// Calls `act` with the agents and their step context.
     fn with_step_context<R>(
         &mut self,
-        act: impl FnOnce(&mut Rollout, &mut StepContext) -> R,
+        mut act: impl FnMut(&mut Rollout, &mut StepContext) -> R,
     ) -> Result<R> {
         let episode_steps = self.episode_steps();
         let Self { rollout, learner, replay, candidates, run, graphs, .. } = self;
         let graph = graphs.current().map(|built| &*built.graph);
         let (acting, settings) = (learner.acting(), &run.settings);
-        let (mut act, mut done) = (Some(act), None);
+        let mut done = None;
         learner.with_policy(false, &mut |policy| {
             let mut context = StepContext {
                 bridges: run.method.bridges(),
@@ -425,9 +423,9 @@ impl Trainer {
                 replay,
                 candidates,
             };
-            done = act.take().map(|act| act(rollout, &mut context));
+            done = Some(act(rollout, &mut context));
         })?;
-        Ok(done.unwrap_or_else(|| unreachable!("the callback runs exactly once")))
+        done.ok_or_else(|| LearnError::Other("the learner has shown no policy".into()).into())
     }
 
     /// Learns from a batch.

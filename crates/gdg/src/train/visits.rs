@@ -2,15 +2,14 @@
 
 use std::sync::Arc;
 
-use crate::env::{Environment, Explored, GoalSpace, Scene};
-use crate::store::{Store, StoreError};
+use serde::{Deserialize, Serialize};
 
-/// Name in the store.
-const VISITED: &str = "visited";
+use crate::env::{Environment, Explored, GoalSpace, Scene};
+use crate::store::{StoreError, shared};
 
 /// Visits to each place; empty if the world has no places.
-#[derive(Clone, Debug)]
-pub struct Visits(Arc<Vec<u32>>);
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Visits(#[serde(with = "shared")] Arc<Vec<u32>>);
 
 impl Visits {
     /// Returns no visits to any place of `world`.
@@ -54,26 +53,15 @@ impl Visits {
         }
     }
 
-    /// Writes the visits, if the world has places.
-    pub fn write(&self, store: &mut Store) {
-        if !self.0.is_empty() {
-            store.put(VISITED, self.0.to_vec());
-        }
-    }
-
-    /// Reads the visits to the places of `world`.
+    /// Returns the visits in a checkpoint if they can be those to the places of `world`.
     ///
     /// # Errors
-    /// They are missing or do not fit `world`.
-    pub fn read(store: &Store, world: &dyn Environment) -> Result<Self, StoreError> {
-        let none = Self::none(world);
-        if none.0.is_empty() {
-            return Ok(none);
+    /// There are more or fewer.
+    pub fn fitting(self, world: &dyn Environment) -> Result<Self, StoreError> {
+        if self.0.len() == Self::none(world).0.len() {
+            Ok(self)
+        } else {
+            Err(StoreError::inconsistent("the stored visits do not fit the map"))
         }
-        let visits = store.u32(VISITED)?;
-        if visits.len() != none.0.len() {
-            return Err(StoreError::inconsistent("the stored visits do not fit the map"));
-        }
-        Ok(Self(Arc::new(visits.to_vec())))
     }
 }

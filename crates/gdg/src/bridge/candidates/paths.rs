@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::{UNOBSERVED, WalkRecord};
 
 /// A path that this many trajectories have shown is in doubt unless some began at its start itself,
@@ -19,7 +21,7 @@ pub(super) const AT_SHARE: f32 = 0.3;
 const CONFIRMED_SLACK_STEPS: u16 = 3;
 
 /// The path from one candidate to another, as trajectories have shown it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Path {
     /// Index of the other candidate.
     pub to: u32,
@@ -59,7 +61,7 @@ impl Path {
 }
 
 /// What is known of the paths from one candidate to others. Sparse, as recorded paths are short.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct KnownPaths {
     /// The paths, sorted by the other candidate.
     pub observed: Vec<Path>,
@@ -82,6 +84,13 @@ impl KnownPaths {
         }
     }
 
+    /// Whether these can be the paths from candidate `from` of `count`.
+    pub fn fit(&self, from: usize, count: usize) -> bool {
+        self.observed.is_sorted_by(|a, b| a.to < b.to)
+            && self.observed.iter().all(|path| path.to as usize != from)
+            && self.observed.last().is_none_or(|last| (last.to as usize) < count)
+    }
+
     /// Returns the path to candidate `to`, if any trajectory has shown one.
     pub fn to(&self, to: u32) -> Option<&Path> {
         let at = self.observed.binary_search_by_key(&to, |path| path.to).ok()?;
@@ -93,6 +102,23 @@ impl KnownPaths {
     pub fn certain(&self) -> impl Iterator<Item = (u32, u16)> {
         let all = self.observed.iter().map(|path| (path.to, path.steps()));
         all.filter(|(_, steps)| *steps != UNOBSERVED)
+    }
+}
+
+/// Rows that frozen copies share, as if they did not.
+pub(super) mod rows {
+    use serde::{Deserializer, Serializer};
+
+    use super::*;
+
+    pub fn serialize<S: Serializer>(rows: &[Arc<KnownPaths>], to: S) -> Result<S::Ok, S::Error> {
+        to.collect_seq(rows.iter().map(|row| &**row))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(
+        from: D,
+    ) -> Result<Vec<Arc<KnownPaths>>, D::Error> {
+        Vec::deserialize(from).map(|rows: Vec<_>| rows.into_iter().map(Arc::new).collect())
     }
 }
 

@@ -154,7 +154,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    use super::super::tests::{line, walk_corridor};
+    use super::super::tests::{line, restored, walk_corridor};
     use super::*;
     use crate::bridge::BridgeSettings;
     use crate::env::Spec;
@@ -215,8 +215,7 @@ mod tests {
             assert!(candidates.len() > 40 && candidates.has_many_paths(), "{}", candidates.len());
         }
         let before = [&open, &closed].map(|candidates| (candidates.len(), candidates.spacing()));
-        let mut restored = Candidates::new(&spec, 1, &settings);
-        restored.restore(&open.state()).expect("its own state");
+        let mut restored = restored(&open, Candidates::new(&spec, 1, &settings));
         for candidates in [&mut open, &mut restored] {
             candidates.adapt_spacing();
             assert!(candidates.spacing() > before[0].1 && candidates.len() < before[0].0);
@@ -245,8 +244,7 @@ mod tests {
             candidates.adapt_spacing();
         }
         assert_eq!(candidates.spacing(), settings.candidate_spacing * spec.goal_radius);
-        let mut restored = Candidates::new(&spec, 1, &settings);
-        restored.restore(&candidates.state()).expect("its own state");
+        let restored = restored(&candidates, Candidates::new(&spec, 1, &settings));
         for mut candidates in [candidates, restored] {
             line(&mut candidates);
             assert!((2 * open..=8 * 10).contains(&candidates.len()), "{}", candidates.len());

@@ -4,10 +4,11 @@ use std::collections::{HashMap, VecDeque};
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
 use crate::env::Spec;
 use crate::learn::axis_actions;
-use crate::store::{Store, StoreError};
+use crate::store::StoreError;
 
 /// Failed attempts in a row after which an action counts as blocked ...
 pub(crate) const MIN_ATTEMPTS: u16 = 2;
@@ -33,20 +34,20 @@ pub const NO_FRONTIER: u32 = u32::MAX;
 /// An action that has led to no other place yet.
 const NOWHERE: u32 = u32::MAX;
 
-/// Names in the store.
-const NAMES: [&str; 6] = ["keys", "to", "attempts", "ahead", "moved", "counters"];
-
 /// A grid over the achieved goals, one goal radius wide: the cells that agents have visited, and
 /// what each of a fixed set of actions has led to there.
 ///
 /// An action that has not been tried at a place is expected to lead to the neighbour in the
 /// direction in which it has led elsewhere. If that neighbour is unvisited, the place is at the
 /// frontier.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Places {
+    #[serde(skip)]
     spec: Spec,
     /// `(actions, action_dim)`: a full step forwards and backwards along each axis, in turns.
+    #[serde(skip)]
     actions: Vec<f32>,
+    #[serde(skip)]
     index: HashMap<Box<[i32]>, u32>,
     /// Coordinates of each place in the grid, `(places, goal_dim)`.
     keys: Vec<i32>,
@@ -344,69 +345,32 @@ impl Places {
         (self.enough_attempts, self.measure_in) = (MIN_ATTEMPTS, 0);
     }
 
-    /// Writes the state to `store` under names that start with `prefix`.
-    pub fn write(&self, store: &mut Store, prefix: &str) {
-        let name = |i: usize| format!("{prefix}.{}", NAMES[i]);
-        store.put(name(0), self.keys.iter().map(|k| k.cast_unsigned()).collect::<Vec<u32>>());
-        store.put(name(1), self.to.clone());
-        store.put(name(2), self.attempts.clone());
-        store.put(name(3), self.ahead.clone());
-        store.put(name(4), self.moved.iter().map(|sum| sum.cast_unsigned()).collect::<Vec<u64>>());
-        store.put(name(5), vec![u64::from(self.enough_attempts), self.measure_in as u64]);
-    }
-
-    /// Reads the state that [`Self::write`] wrote; no places if there is none, as in older
-    /// checkpoints.
+    /// Completes the places that a checkpoint keeps of a world with `spec`.
     ///
     /// # Errors
-    /// A part is missing, has the wrong type or length, or is out of range.
-    pub fn read(spec: &Spec, store: &Store, prefix: &str) -> Result<Self, StoreError> {
-        let name = |i: usize| format!("{prefix}.{}", NAMES[i]);
-        let mut places = Self::new(spec);
-        if !store.has(&name(0)) {
-            return Ok(places);
-        }
-        let inconsistent = || StoreError::inconsistent("the stored places do not fit this world");
-        let g = spec.goal_dim();
-        places.keys = store.u32(&name(0))?.iter().map(|k| k.cast_signed()).collect();
-        places.to = store.u32(&name(1))?.to_vec();
-        places.attempts = store.u16(&name(2))?.to_vec();
-        places.ahead = store.u32(&name(3))?.to_vec();
-        let moved: Vec<i64> = store.u64(&name(4))?.iter().map(|sum| sum.cast_signed()).collect();
-        let count = places.ahead.len();
-        let exits = count * places.action_count();
+    /// They have another length, or are out of range.
+    pub fn restored(mut self, spec: &Spec) -> Result<Self, StoreError> {
+        let fresh = Self::new(spec);
+        let (count, actions, g) = (self.len(), fresh.action_count(), spec.goal_dim());
+        let exits = count * actions;
         // Far from overflow, as one action changes a coordinate by few units.
-        let sound = moved.len() == places.moved.len()
-            && moved.iter().all(|sum| sum.unsigned_abs() < 1 << 60);
-        if count > MAX_PLACES || places.keys.len() != count * g || !sound {
-            return Err(inconsistent());
+        let fits = count <= MAX_PLACES
+            && self.moved.len() == fresh.moved.len()
+            && self.moved.iter().all(|sum| sum.unsigned_abs() < 1 << 60)
+            && self.keys.len() == count * g
+            && [self.to.len(), self.attempts.len()] == [exits; 2]
+            && self.to.iter().all(|to| *to == NOWHERE || (*to as usize) < count)
+            && (MIN_ATTEMPTS..=MAX_ATTEMPTS).contains(&self.enough_attempts)
+            && self.measure_in <= MEASURE_EVERY.max(count);
+        if fits {
+            let keys = self.keys.chunks_exact(g).enumerate();
+            self.index = keys.map(|(i, key)| (Box::from(key), i as u32)).collect();
         }
-        if places.to.len() != exits
-            || places.attempts.len() != exits
-            || places.to.iter().any(|to| *to != NOWHERE && *to as usize >= count)
-        {
-            return Err(inconsistent());
+        if self.index.len() == count && fits {
+            Ok(Self { spec: fresh.spec, actions: fresh.actions, ..self })
+        } else {
+            Err(StoreError::inconsistent("the stored places do not fit this world"))
         }
-        let [enough_attempts, measure_in] = store.u64(&name(5))? else {
-            return Err(inconsistent());
-        };
-        if !(u64::from(MIN_ATTEMPTS)..=u64::from(MAX_ATTEMPTS)).contains(enough_attempts)
-            || *measure_in > MEASURE_EVERY.max(count) as u64
-        {
-            return Err(inconsistent());
-        }
-        let keys =
-            places.keys.chunks_exact(g).enumerate().map(|(i, key)| (Box::from(key), i as u32));
-        places.index = keys.collect();
-        if places.index.len() != count {
-            return Err(inconsistent());
-        }
-        Ok(Self {
-            moved,
-            enough_attempts: *enough_attempts as u16,
-            measure_in: *measure_in as usize,
-            ..places
-        })
     }
 }
 
@@ -497,24 +461,29 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn places_round_trip_through_a_store_and_invalid_ones_are_rejected() {
+    fn places_are_restored_and_those_that_do_not_fit_refused() {
         let mut places = Places::new(&plane());
         let row = row(&mut places, -3..3);
         places.record(row[0], 0, row[1]);
         places.record(row[1], 2, row[1]);
-        let mut store = Store::default();
-        places.write(&mut store, "p");
-        assert_eq!(Places::read(&plane(), &store, "p").expect("its own state"), places);
-        let wrong = [
-            ("to", vec![99u32; 24]),
-            ("to", vec![0; 3]),
-            ("keys", vec![0; 12]),
-            ("ahead", vec![0; 7]),
+        let restored = |change: fn(&mut Places)| {
+            let bytes = crate::store::to_bytes(&places).expect("numbers");
+            let mut stored: Places = postcard::from_bytes(&bytes).expect("its own bytes");
+            change(&mut stored);
+            stored.restored(&plane())
+        };
+        assert_eq!(restored(|_| {}), Ok(places.clone()));
+        let changes: [fn(&mut Places); 7] = [
+            |places| places.to[3] = 99,
+            |places| places.to.clear(),
+            |places| places.keys.fill(0),
+            |places| places.ahead.push(0),
+            |places| places.moved[0] = i64::MAX,
+            |places| places.enough_attempts = 0,
+            |places| places.measure_in = usize::MAX,
         ];
-        for (name, numbers) in wrong {
-            let mut store = store.clone();
-            store.put(format!("p.{name}"), numbers);
-            assert!(Places::read(&plane(), &store, "p").is_err(), "{name}");
+        for (i, change) in changes.into_iter().enumerate() {
+            assert!(restored(change).is_err(), "{i}");
         }
     }
 }

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
-use super::radix_heap::RadixHeap;
 use super::{BridgeGraph, Incoming, Link};
 use crate::job::Job;
 use crate::learn::{
@@ -38,17 +38,58 @@ pub(crate) const GROWN_SLACK_STEPS: f32 = 2.0;
 /// A distance has shrunk only if D exceeds the graph's, by that factor and by this many steps.
 pub(crate) const SHRUNK_SLACK_STEPS: f32 = 1.0;
 
+/// Buckets by the highest bit in which a cost differs from the latest one popped.
+const BUCKETS: usize = u64::BITS as usize + 1;
+
+/// The candidates that a search has reached and not left yet, cheapest first, for costs that never fall below the latest one popped: a
+/// radix heap (Ahuja et al. 1990). With it, searches take 0.7 of the time they take with a binary
+/// heap.
+struct RadixHeap {
+    latest: u64,
+    /// Costs and candidates.
+    buckets: [Vec<(u64, u32)>; BUCKETS],
+}
+
+impl RadixHeap {
+    fn new() -> Self {
+        Self { latest: 0, buckets: [const { Vec::new() }; BUCKETS] }
+    }
+
+    /// Adds a candidate that has been reached at `cost`, at least the latest one popped.
+    fn push(&mut self, cost: u64, candidate: u32) {
+        let bucket = u64::BITS - (cost ^ self.latest).leading_zeros();
+        self.buckets[bucket as usize].push((cost, candidate));
+    }
+
+    /// Removes the cheapest entry for which `is_wanted` holds; others may be dropped or returned.
+    fn pop(&mut self, is_wanted: impl Fn(u64, u32) -> bool) -> Option<(u64, u32)> {
+        while self.buckets[0].is_empty() {
+            let bucket = self.buckets.iter().position(|bucket| !bucket.is_empty())?;
+            let mut entries = std::mem::take(&mut self.buckets[bucket]);
+            entries.retain(|(cost, candidate)| is_wanted(*cost, *candidate));
+            self.latest = entries.iter().map(|(cost, _)| *cost).min().unwrap_or(self.latest);
+            // All of them go to lower buckets.
+            entries.drain(..).for_each(|(cost, candidate)| self.push(cost, candidate));
+            self.buckets[bucket] = entries;
+        }
+        self.buckets[0].pop()
+    }
+}
+
 /// Shortest paths to one goal through the graph.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Route {
     /// The goal, `(goal_dim)`.
     pub goal: Vec<f32>,
     /// Cost of the cheapest path from each candidate to the goal through the graph, in steps;
     /// infinite if there is none.
+    #[serde(skip)]
     pub costs: Vec<f32>,
     /// Each candidate's successor on that path; the candidate itself if the goal comes next.
+    #[serde(skip)]
     pub next: Vec<u32>,
     /// The edge to that successor, as its place in the list of incoming edges.
+    #[serde(skip)]
     pub(in crate::bridge) edges: Vec<u32>,
     /// The candidate nearest to the goal by D.
     pub nearest: Option<usize>,

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::env::Spec;
 use crate::learn::data::known::{KnownDistances, KnownPair, Relearning};
 use crate::learn::data::replay::{Moment, Replay};
-use crate::learn::settings::LearnSettings;
+use crate::learn::settings::{GEOMETRIC_MEAN_STEPS, LearnSettings};
 
 /// Minimum n-step horizon of targets while all distances are in doubt: each update raises them by
 /// at most this much.
@@ -295,12 +295,12 @@ impl BatchSampler {
     /// Draws how many steps ahead a hindsight goal lies, from 1 to `left`.
     fn hindsight_steps(&self, left: usize, rng: &mut ChaCha8Rng) -> usize {
         let geometric = rng.random::<f32>() < self.settings.goal_geometric;
-        let mean = self.settings.goal_geometric_mean_steps;
-        if geometric && mean > 1.0 {
-            let u: f32 = 1.0 - rng.random::<f32>();
-            return (1 + (u.ln() / (1.0 - 1.0 / mean).ln()) as usize).min(left);
+        if geometric {
+            let (u, mean) = (1.0 - rng.random::<f32>(), GEOMETRIC_MEAN_STEPS);
+            (1 + (u.ln() / (1.0 - 1.0 / mean).ln()) as usize).min(left)
+        } else {
+            rng.random_range(1..=left)
         }
-        if geometric { 1 } else { rng.random_range(1..=left) }
     }
 
     /// Returns the number of steps from `moment` to the state ahead, at most `last`, and whether

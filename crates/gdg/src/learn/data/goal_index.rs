@@ -23,7 +23,7 @@ const ROUNDING_SLACK: f32 = 0.01;
 const NONE: u32 = u32::MAX;
 
 /// Goals, called places here, each with an index from 0 in the order in which they were added.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct GoalIndex {
     goal_dim: usize,
     /// `(places, goal_dim)`.

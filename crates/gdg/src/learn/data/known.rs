@@ -2,8 +2,10 @@
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
 use crate::learn::data::goal_index::GoalIndex;
+use crate::store::planes;
 
 /// How to relearn distances that may have changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,14 +113,16 @@ impl DistancesByGoal {
 }
 
 /// Bounds on distances of which D is far too short or too long.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChangedDistances {
     /// The places that are goals, the first of [`DistancesByGoal::places`].
     pub goals: Vec<u32>,
     /// Fewest steps from each place to each goal, `(goals, places)`; 0 where D is long enough.
+    #[serde(with = "planes")]
     pub lower: Vec<f32>,
     /// Most steps from each place to each goal, `(goals, places)`; `f32::MAX` where D is short
     /// enough.
+    #[serde(with = "planes")]
     pub upper: Vec<f32>,
 }
 

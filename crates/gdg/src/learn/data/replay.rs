@@ -1,13 +1,11 @@
 //! The replay buffer: every agent's transitions, in order.
 
-mod state;
-
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
 use crate::env::{MAX_MAGNITUDE, Spec};
-use crate::store::StoreError;
-pub use state::ReplayState;
+use crate::store::{StoreError, from_zigzag, planes, zigzag};
 
 /// Draws of a recent moment before giving up.
 const RECENT_DRAWS: usize = 8;
@@ -34,7 +32,7 @@ pub struct Replay {
 }
 
 /// Sizes of a state, a goal and an action.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReplaySizes {
     /// Size of a state.
     pub state: usize,
@@ -319,82 +317,166 @@ impl Replay {
         &self.goals[at..at + self.sizes.goal]
     }
 
-    /// Returns the full contents, for a checkpoint.
-    pub fn snapshot(&self) -> ReplayState {
-        let mut out = ReplayState {
+    /// Returns the number of slots of `agent` that have been filled: the first ones.
+    fn filled(&self, agent: usize) -> usize {
+        self.written[agent].min(self.capacity as u64) as usize
+    }
+
+    /// Returns the contents for a checkpoint, without slots that have not been filled.
+    pub fn stored(&self) -> StoredReplay {
+        let ReplaySizes { state: s, goal: g, action: a } = self.sizes;
+        let filled = |numbers: &[f32], size: usize| {
+            let own = (0..self.agents).flat_map(|agent| {
+                let first = agent * self.capacity * size;
+                &numbers[first..first + self.filled(agent) * size]
+            });
+            own.copied().collect::<Vec<f32>>()
+        };
+        let left = (0..self.agents).flat_map(|agent| {
+            let first = agent * self.capacity;
+            &self.left[first..first + self.filled(agent)]
+        });
+        let (states, actions) = (filled(&self.states, s), filled(&self.actions, a));
+        let [with, without] =
+            [true, false].map(|adds| steps(&states, s, adds.then_some((&actions[..], a))));
+        let bits =
+            |steps: &[f32]| steps.iter().map(|n| 32 - n.to_bits().leading_zeros()).sum::<u32>();
+        let adds_actions = bits(&with) < bits(&without);
+        StoredReplay {
+            sizes: self.sizes,
             written: self.written.clone(),
             episode: self.episode.clone(),
-            ..ReplayState::default()
-        };
-        for agent in 0..self.agents {
-            for slot in self.oldest(agent)..self.written[agent] {
-                let moment = Moment { agent, slot };
-                out.states.extend(self.state(moment));
-                out.actions.extend(self.action(moment));
-                out.goals.extend(self.goal(moment));
-                out.left.push(self.left[self.slot_index(moment)]);
-            }
+            adds_actions,
+            steps: if adds_actions { with } else { without },
+            actions,
+            goals: steps(&filled(&self.goals, g), g, None),
+            left: left.copied().collect(),
         }
-        out
     }
 
     /// Returns whether all episodes end within the slots written.
-    fn has_valid_ends(&self, state: &ReplayState) -> bool {
-        let mut left = state.left.iter();
-        state.written.iter().zip(&state.episode).all(|(written, episode)| {
-            let oldest = written.saturating_sub(self.capacity as u64);
+    fn has_valid_ends(&self) -> bool {
+        (0..self.agents).all(|agent| {
+            let (written, episode) = (self.written[agent], self.episode[agent]);
             // Slots of an ongoing episode have no end yet.
-            episode <= written
-                && *written < 1 << 53
-                && (oldest..*written)
-                    .zip(&mut left)
-                    .all(|(slot, left)| slot >= *episode || slot + u64::from(*left) < *episode)
+            let is_valid = |slot: u64| {
+                let left = self.left[self.slot_index(Moment { agent, slot })];
+                slot >= episode || slot + u64::from(left) < episode
+            };
+            episode <= written && (self.oldest(agent)..written).all(is_valid)
         })
     }
 
-    /// Restores the contents that [`Self::snapshot`] returned.
+    /// Restores the contents that [`Self::stored`] returned.
     ///
     /// # Errors
-    /// Returns an error if `state` was saved from a replay of other sizes, or holds numbers out of
-    /// range.
-    pub fn restore(&mut self, state: &ReplayState) -> Result<(), StoreError> {
-        let kept = |written: &u64| (*written).min(self.capacity as u64) as usize;
-        let slots: usize = state.written.iter().map(kept).sum();
+    /// They are of a replay of other sizes, or hold numbers out of range.
+    pub fn restore(&mut self, stored: StoredReplay) -> Result<(), StoreError> {
         let ReplaySizes { state: s, goal: g, action: a } = self.sizes;
-        let fits = state.written.len() == self.agents
-            && state.episode.len() == self.agents
-            && state.states.len() == slots * s
-            && state.actions.len() == slots * a
-            && state.goals.len() == slots * g
-            && state.left.len() == slots;
-        if !fits {
-            return Err(StoreError::inconsistent("the stored replay does not fit these settings"));
+        let misfit = || StoreError::inconsistent("the stored replay does not fit these settings");
+        let StoredReplay { sizes, written, episode, adds_actions, steps, actions, goals, left } =
+            stored;
+        let agents = self.agents;
+        if sizes != self.sizes || written.len() != agents || episode.len() != agents {
+            return Err(misfit());
         }
+        (self.written, self.episode) = (written, episode);
+        let slots: usize = (0..agents).map(|agent| self.filled(agent)).sum();
+        let lengths = [steps.len(), actions.len(), goals.len(), left.len()];
+        if lengths != [slots * s, slots * a, slots * g, slots] {
+            return Err(misfit());
+        }
+        let states = numbers(&steps, s, adds_actions.then_some((&actions[..], a)));
+        let goals = numbers(&goals, g, None);
         let within = |numbers: &[f32], most: f32| numbers.iter().all(|v| v.abs() <= most);
-        let are_possible = within(&state.states, MAX_MAGNITUDE)
-            && within(&state.goals, MAX_MAGNITUDE)
-            && within(&state.actions, 1.0);
-        if !are_possible || !self.has_valid_ends(state) {
-            return Err(StoreError::inconsistent("the stored replay contains values out of range"));
-        }
-        self.written.clone_from(&state.written);
-        self.episode.clone_from(&state.episode);
+        let are_possible = within(&states, MAX_MAGNITUDE)
+            && within(&goals, MAX_MAGNITUDE)
+            && within(&actions, 1.0)
+            && self.written.iter().all(|written| *written < 1 << 53);
         let mut from = 0;
-        for agent in 0..self.agents {
-            for slot in self.oldest(agent)..self.written[agent] {
-                let at = self.slot_index(Moment { agent, slot });
-                self.states[at * s..(at + 1) * s]
-                    .copy_from_slice(&state.states[from * s..(from + 1) * s]);
-                self.actions[at * a..(at + 1) * a]
-                    .copy_from_slice(&state.actions[from * a..(from + 1) * a]);
-                self.goals[at * g..(at + 1) * g]
-                    .copy_from_slice(&state.goals[from * g..(from + 1) * g]);
-                self.left[at] = state.left[from];
-                from += 1;
+        for agent in 0..agents {
+            let (count, to) = (self.filled(agent), agent * self.capacity);
+            for (own, stored, size) in [
+                (&mut self.states, &states, s),
+                (&mut self.actions, &actions, a),
+                (&mut self.goals, &goals, g),
+            ] {
+                own[to * size..(to + count) * size]
+                    .copy_from_slice(&stored[from * size..(from + count) * size]);
             }
+            self.left[to..to + count].copy_from_slice(&left[from..from + count]);
+            from += count;
         }
-        Ok(())
+        if are_possible && self.has_valid_ends() {
+            Ok(())
+        } else {
+            Err(StoreError::inconsistent("the stored replay contains values out of range"))
+        }
     }
+}
+
+/// A replay in a checkpoint: the filled slots of one agent after the other.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct StoredReplay {
+    sizes: ReplaySizes,
+    written: Vec<u64>,
+    episode: Vec<u64>,
+    /// Whether `steps` are the states without the actions that led there, as in worlds where
+    /// actions are displacements.
+    adds_actions: bool,
+    /// What the state before does not predict of each state, `(slots, state_dim)`.
+    #[serde(with = "planes")]
+    steps: Vec<f32>,
+    /// `(slots, action_dim)`.
+    #[serde(with = "planes")]
+    actions: Vec<f32>,
+    /// What the goal before does not predict of each goal, `(slots, goal_dim)`.
+    #[serde(with = "planes")]
+    goals: Vec<f32>,
+    left: Vec<u16>,
+}
+
+/// Returns the prediction of number `i`: the same component of the row before, `size` numbers back,
+/// plus that of its action.
+fn predicted(numbers: &[f32], i: usize, size: usize, actions: Option<(&[f32], usize)>) -> u32 {
+    let Some(before) = i.checked_sub(size) else { return 0 };
+    let (row, component) = (before / size, before % size);
+    let action = match actions {
+        Some((actions, own)) if component < own => actions[row * own + component],
+        _ => 0.0,
+    };
+    ordered(numbers[before] + action)
+}
+
+/// Returns what is left of rows of numbers after predicting them: exact, and mostly short.
+fn steps(numbers: &[f32], size: usize, actions: Option<(&[f32], usize)>) -> Vec<f32> {
+    let step = |(i, number): (usize, &f32)| {
+        let difference = ordered(*number).wrapping_sub(predicted(numbers, i, size, actions));
+        f32::from_bits(zigzag(difference))
+    };
+    numbers.iter().enumerate().map(step).collect()
+}
+
+/// Reverses [`steps`].
+fn numbers(steps: &[f32], size: usize, actions: Option<(&[f32], usize)>) -> Vec<f32> {
+    let mut numbers = Vec::with_capacity(steps.len());
+    for (i, step) in steps.iter().enumerate() {
+        let before = predicted(&numbers, i, size, actions);
+        let bits = before.wrapping_add(from_zigzag(step.to_bits()));
+        numbers.push(f32::from_bits(from_ordered(bits)));
+    }
+    numbers
+}
+
+/// Returns a float's bits in the order of floats: near floats have near numbers, across 0 too.
+fn ordered(number: f32) -> u32 {
+    let bits = number.to_bits();
+    if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
+}
+
+/// Returns the bits of the float with this number.
+fn from_ordered(number: u32) -> u32 {
+    if number >> 31 == 0 { !number } else { number ^ 1 << 31 }
 }
 
 #[cfg(test)]
@@ -422,22 +504,65 @@ mod tests {
         assert_eq!(other.steps_left(Moment { agent: 1, slot: 6 }), 3);
     }
 
+    /// Returns a replay that has filled one agent's slots and some of the other's, with states
+    /// that move by `speed` times the action.
+    fn walked(speed: f32) -> Replay {
+        let mut replay = Replay::new(ReplaySizes { state: 3, goal: 2, action: 2 }, 2, 400);
+        let mut rng = <ChaCha8Rng as rand::SeedableRng>::seed_from_u64(1);
+        for (agent, steps) in [(0, 500), (1, 90)] {
+            let mut at = [3.0_f32, -0.5];
+            for step in 0..steps {
+                let action: [f32; 2] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
+                replay.push(agent, &[at[0], at[1], 1.0], &action, &[9.0, -0.0]);
+                at = std::array::from_fn(|i| at[i] + speed * action[i]);
+                if step % 60 == 59 {
+                    replay.end_episode(agent, &[at[0], at[1], 1.0]);
+                }
+            }
+        }
+        replay
+    }
+
+    #[test]
+    fn contents_are_restored_and_states_follow_from_actions_where_these_are_displacements() {
+        for (speed, adds_actions) in [(1.0, true), (-0.01, false)] {
+            let (replay, stored) = (walked(speed), walked(speed).stored());
+            assert_eq!(stored.adds_actions, adds_actions);
+            let mut again = Replay::new(replay.sizes, 2, 400);
+            again.restore(stored).expect("its own contents");
+            assert_eq!((&again.written, &again.episode), (&replay.written, &replay.episode));
+            assert!(again.states == replay.states && again.actions == replay.actions);
+            assert!(again.goals == replay.goals && again.left == replay.left);
+            let mut other = Replay::new(replay.sizes, 2, 300);
+            other.restore(replay.stored()).expect_err("another capacity");
+        }
+    }
+
+    #[test]
+    fn any_numbers_are_restored_bit_by_bit() {
+        let any =
+            [0.0, -0.0, f32::MIN_POSITIVE, -1e-45, f32::MAX, f32::MIN, f32::INFINITY, f32::NAN];
+        for actions in [None, Some((&[f32::NAN; 16][..], 2))] {
+            let again = numbers(&steps(&any, 1, actions), 1, actions);
+            assert!(again.iter().zip(&any).all(|(a, b)| a.to_bits() == b.to_bits()), "{again:?}");
+        }
+    }
+
     #[test]
     fn impossible_numbers_are_not_restored() {
-        let mut replay = Replay::new(ReplaySizes::all(1), 1, 100);
-        (0..5).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[9.0]));
-        replay.end_episode(0, &[5.0]);
-        let state = replay.snapshot();
-        let restored = |change: &dyn Fn(&mut ReplayState)| {
-            let mut state = state.clone();
-            change(&mut state);
-            Replay::new(ReplaySizes::all(1), 1, 100).restore(&state).is_ok()
+        let restored = |change: &dyn Fn(&mut Replay)| {
+            let mut replay = walked(1.0);
+            change(&mut replay);
+            Replay::new(replay.sizes, 2, 400).restore(replay.stored()).is_ok()
         };
         assert!(restored(&|_| {}));
         for wrong in [f32::NAN, f32::INFINITY, -3.4e38] {
-            assert!(!restored(&|s| s.states[3] = wrong) && !restored(&|s| s.goals[3] = wrong));
+            assert!(!restored(&|r| r.states[3] = wrong) && !restored(&|r| r.goals[3] = wrong));
         }
-        assert!(!restored(&|s| s.actions[2] = -1.01), "actions lie in [-1, 1]");
+        assert!(!restored(&|r| r.actions[2] = -1.01), "actions lie in [-1, 1]");
+        assert!(!restored(&|r| r.left[210] = 60), "it leads into the episode that goes on");
+        assert!(!restored(&|r| r.written[1] = 1 << 60));
+        assert!(!restored(&|r| r.episode[1] = 91 + r.written[1]));
     }
 
     #[test]

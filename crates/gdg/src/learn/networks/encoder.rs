@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use crate::env::{MOST_HALF_RANGES, Spec};
 use crate::learn::networks::grid::{GridReads, GridShape, TableView};
 use crate::learn::networks::mlp::Mlp;
-use crate::learn::settings::LearnSettings;
+use crate::learn::settings::{GRID_CHANNELS, LearnSettings};
 
 /// Input features of states and of (state, goal) pairs.
 ///
@@ -29,7 +29,7 @@ impl Encoder {
         let is_encoded = (1..=3).contains(&dims) && !settings.grid_cells.is_empty();
         let grid = spec.position_scale.filter(|_| is_encoded).map(|scale| {
             let half = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
-            GridShape::new(dims, settings.grid_channels, &settings.grid_cells, 2.0 * half / scale)
+            GridShape::new(dims, GRID_CHANNELS, &settings.grid_cells, 2.0 * half / scale)
         });
         Self {
             octaves: settings.fourier_octaves,

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::learn::networks::dense::{Dense, DenseGuard, NetworkState};
 use crate::learn::networks::grid::{GridShape, TableView};
 use crate::learn::networks::mlp::{Mlp, Packed};
-use crate::learn::networks::table::{MOMENT, Table, TableGuard};
+use crate::learn::networks::table::{Table, TableGuard};
 use crate::store::{Store, StoreError};
 
 /// A network's weights as slices, for the kernels.
@@ -153,7 +153,6 @@ impl Network {
         steps: u64,
         mut find: impl FnMut(&str) -> Option<Vec<f32>>,
     ) -> Result<()> {
-        let whole_lines = find(MOMENT).is_none();
         let mut fill = |name: &str, into: &mut [f32]| match find(name) {
             Some(values) if values.len() == into.len() => {
                 into.copy_from_slice(&values);
@@ -163,7 +162,7 @@ impl Network {
             None => bail!("{name} is missing"),
         };
         self.dense.restore(steps, &mut fill)?;
-        self.table.as_ref().map_or(Ok(()), |table| table.restore(steps, whole_lines, &mut fill))
+        self.table.as_ref().map_or(Ok(()), |table| table.restore(steps, &mut fill))
     }
 
     /// Returns the number of updates done.
@@ -171,9 +170,6 @@ impl Network {
         self.dense.steps()
     }
 }
-
-/// State part that holds update counts, stored as the bits of floats.
-const COUNTS: &str = "table_last";
 
 /// Writes the state of `networks`, with their names, after `updates` updates.
 ///
@@ -187,12 +183,7 @@ pub fn save_networks<'a>(
     store.put_text("learner_updates", updates.to_string());
     for (network, of) in networks {
         for (part, values) in of.state()? {
-            let name = format!("{network}.{part}");
-            if part == COUNTS {
-                store.put(name, values.into_iter().map(f32::to_bits).collect::<Vec<u32>>());
-            } else {
-                store.put(name, values);
-            }
+            store.put_numbers(format!("{network}.{part}"), values);
         }
     }
     Ok(())
@@ -210,14 +201,11 @@ pub fn load_networks<'a>(
     let updates = updates
         .map_err(|_| StoreError::inconsistent("its number of updates is out of range"))?
         .into();
-    let find = |network: &str, part: &str| {
-        let name = format!("{network}.{part}");
-        let counts =
-            || store.u32(&name).map(|counts| counts.iter().copied().map(f32::from_bits).collect());
-        store.f32(&name).map(<[f32]>::to_vec).or_else(|_| counts()).ok()
+    let mut restore = |(name, network): (&str, &Network)| {
+        network.restore(updates, |part| {
+            store.numbers(&format!("{name}.{part}")).ok().map(<[f32]>::to_vec)
+        })
     };
-    let mut restore =
-        |(name, network): (&str, &Network)| network.restore(updates, |part| find(name, part));
     networks
         .try_for_each(&mut restore)
         .map_err(|e| StoreError::inconsistent(format!("its networks do not fit: {e}")))

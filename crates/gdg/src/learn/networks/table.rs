@@ -14,10 +14,8 @@ use crate::learn::networks::grid::{GridReads, GridShape, LazyAverageView, TableV
 const ROWS: usize = 4;
 
 /// Names of the state's parts: the rows, and the updates as of which averages are stored.
-const VALUE: &str = "table";
 const AVERAGE: &str = "table_average";
-pub(super) const MOMENT: &str = "table_m";
-const ROW_NAMES: [&str; ROWS] = [VALUE, AVERAGE, MOMENT, "table_v"];
+const ROW_NAMES: [&str; ROWS] = ["table", AVERAGE, "table_m", "table_v"];
 const LAST: &str = "table_last";
 
 /// A table with its training state.
@@ -199,15 +197,14 @@ impl Table {
     }
 
     /// Restores the state that [`Self::state`] returned after `done` updates, read through `fill`.
-    /// Older versions stored whole lines as `table`; `whole_lines` says so.
     ///
     /// # Errors
     /// Returns the error of `fill`, or candle's error if a tensor operation fails.
-    pub fn restore(&self, done: u64, whole_lines: bool, fill: FillFn) -> Result<()> {
+    pub fn restore(&self, done: u64, fill: FillFn) -> Result<()> {
         let TrainingState { steps, stored, .. } = &mut *self.training.write();
         let mut result = Ok(());
         modify(&self.lines, |lines| {
-            result = if whole_lines { fill(VALUE, lines) } else { self.restore_rows(lines, fill) };
+            result = self.restore_rows(lines, fill);
         })?;
         result?;
         if !self.decay.is_empty() {

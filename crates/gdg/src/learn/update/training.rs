@@ -40,7 +40,7 @@ struct Shared<O: Objective> {
     networks: Vec<(NetworkPlan, Network)>,
     parts: Vec<Mutex<Part<O::Buffers>>>,
     /// The latest batch.
-    batch: RwLock<O::Batch>,
+    batch: Arc<RwLock<O::Batch>>,
     /// Grid table corners around each set of the batch's positions.
     touched: Vec<RwLock<TouchedCorners>>,
 }
@@ -75,7 +75,7 @@ impl<O: Objective> Training<O> {
             rates: LearningRates::from_settings(settings),
             parts: (0..parts_of(settings.batch_size)).map(part).collect(),
             networks,
-            batch: RwLock::default(),
+            batch: Arc::default(),
             touched: (0..O::POSITION_SETS).map(|_| RwLock::default()).collect(),
             objective: Arc::new(objective),
         };
@@ -121,7 +121,7 @@ impl<O: Objective> Training<O> {
     }
 
     /// Returns the latest batch, to be read or replaced.
-    pub fn batch(&self) -> &RwLock<O::Batch> {
+    pub fn batch(&self) -> &Arc<RwLock<O::Batch>> {
         &self.shared.batch
     }
 

@@ -1,40 +1,41 @@
-//! The bytes of a checkpoint: a store in safetensors format with a checksum. Arrays that get
-//! shorter by it are packed (see [`super::packed`]) and stored as tensors of bytes.
+//! The bytes of a checkpoint: a safetensors file whose metadata describe the run, and whose tensors
+//! are the state, packed, and the CRC-32 of all bytes before.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
 
-use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
+use flate2::Compression;
+use flate2::read::DeflateDecoder;
+use flate2::write::DeflateEncoder;
 use serde::Deserialize;
+use serde_json::json;
 
-use super::packed::{PackedError, Packer, Packing};
 use crate::job::Job;
-use crate::store::{Array, Store, StoreError};
+use crate::store::StoreError;
 use crate::train::policy_file::POLICY_KEY;
 
-/// Beginning of the name of every format.
+/// The format, and the beginning of the name of every format. Formats 1 to 4 were those of versions
+/// before 0.3.
+const FORMAT: &str = "gdg-tui checkpoint 5";
 const FORMAT_PREFIX: &str = "gdg-tui checkpoint ";
 
-/// Format name in the metadata. Format 1 had neither checksum nor history; formats 1 and 2 did not
-/// name the world; formats 1 to 3 packed nothing.
-const FORMAT: &str = "gdg-tui checkpoint 4";
-const FORMAT_WITHOUT_PACKING: &str = "gdg-tui checkpoint 3";
-const FORMAT_WITHOUT_WORLD: &str = "gdg-tui checkpoint 2";
-const FORMAT_WITHOUT_CHECKSUM: &str = "gdg-tui checkpoint 1";
-
-/// Metadata keys of the format, the checksum, and how each packed array is packed.
 const FORMAT_KEY: &str = "format";
-const CHECKSUM_KEY: &str = "checksum";
-const PACKED_KEY: &str = "packed";
+const VERSION_KEY: &str = "version";
 
 /// Maximum header size read, far above that of any checkpoint of this program.
 pub const MAX_HEADER_BYTES: u64 = 64 << 20;
 
+/// The state is packed in parts of this size, each of them unless that does not shorten it: most bits
+/// of weights are random.
+const PART: usize = 1 << 14;
+
+/// Bytes of the checksum, and of the state's length before its parts.
+const SUM_BYTES: usize = 4;
+const LENGTH_BYTES: usize = 8;
+
 /// Error in a checkpoint's bytes.
 #[derive(Debug, thiserror::Error)]
 pub enum ContentError {
-    /// Not a safetensors file.
-    #[error("is not a safetensors file: {0}")]
-    Foreign(#[from] SafeTensorError),
     /// A file without any bytes.
     #[error("is empty")]
     Empty,
@@ -44,24 +45,23 @@ pub enum ContentError {
     /// A safetensors file of something else.
     #[error("is {0}, not a checkpoint")]
     Other(&'static str),
-    /// A format unknown to this version.
-    #[error("has format {format:?}, written by version {version}; this version reads {FORMAT:?}")]
-    Format {
-        /// The format.
-        format: String,
-        /// The version of this program that wrote it.
-        version: String,
-    },
+    /// The version that wrote it, of another format.
+    #[error(
+        "was saved by version {0} of gdg-tui: open it with that version; this is version {this}, which \
+         reads checkpoints of its own format only",
+        this = env!("CARGO_PKG_VERSION")
+    )]
+    Version(String),
     /// The file is shorter or longer than its header says.
     #[error("is damaged: its size differs from what its header says")]
     Size,
     /// The contents do not match the checksum.
     #[error("is damaged: its checksum does not match its contents")]
     Damaged,
-    /// A packed array cannot be unpacked.
-    #[error(transparent)]
-    Packed(#[from] PackedError),
-    /// The packed arrays do not fit into memory: their size, and the largest possible one.
+    /// What follows is not as packed as the state says.
+    #[error("is damaged: its state cannot be unpacked")]
+    Packed,
+    /// The state does not fit into memory: its size, and the largest possible one.
     #[error("has {} MB when unpacked, more than the {} MB for which there is room", .0 >> 20, .1 >> 20)]
     TooLarge(u64, u64),
     /// Contents are missing or invalid.
@@ -69,339 +69,277 @@ pub enum ContentError {
     Store(#[from] StoreError),
 }
 
-/// A tensor as stored in the file.
-struct Tensor {
-    dtype: Dtype,
-    bytes: Vec<u8>,
-}
+/// What a checkpoint says about itself, by name.
+pub type Texts = BTreeMap<String, String>;
 
-impl From<&Array> for Tensor {
-    fn from(array: &Array) -> Self {
-        let (dtype, bytes) = match array {
-            Array::F32(v) => (Dtype::F32, v.iter().flat_map(|v| v.to_le_bytes()).collect()),
-            Array::U16(v) => (Dtype::U16, v.iter().flat_map(|v| v.to_le_bytes()).collect()),
-            Array::U32(v) => (Dtype::U32, v.iter().flat_map(|v| v.to_le_bytes()).collect()),
-            Array::U64(v) => (Dtype::U64, v.iter().flat_map(|v| v.to_le_bytes()).collect()),
-        };
-        Self { dtype, bytes }
+/// Returns the bytes of a checkpoint file, and says how much of the `state` is packed.
+pub fn to_bytes(texts: &Texts, state: &[u8], progress: &Job) -> Vec<u8> {
+    let mut packed = (state.len() as u64).to_le_bytes().to_vec();
+    for (i, part) in state.chunks(PART).enumerate() {
+        progress.set(i * PART, state.len());
+        let short = deflated(part);
+        let part = short.as_deref().unwrap_or(part);
+        packed.extend((part.len() as u32).to_le_bytes());
+        packed.extend(part);
     }
-}
-
-/// Returns the numbers of a tensor, or `None` for a type that a store does not support.
-fn array(view: &TensorView) -> Option<Array> {
-    fn numbers<T, const N: usize>(bytes: &[u8], parse: fn([u8; N]) -> T) -> Vec<T> {
-        bytes.as_chunks::<N>().0.iter().map(|bytes| parse(*bytes)).collect()
-    }
-    let bytes = view.data();
-    Some(match view.dtype() {
-        Dtype::F32 => numbers(bytes, f32::from_le_bytes).into(),
-        Dtype::U16 => numbers(bytes, u16::from_le_bytes).into(),
-        Dtype::U32 => numbers(bytes, u32::from_le_bytes).into(),
-        Dtype::U64 => numbers(bytes, u64::from_le_bytes).into(),
-        _ => return None,
-    })
-}
-
-/// Serialises `store` to the bytes of a checkpoint file, and says how many of its numbers are
-/// packed.
-///
-/// # Errors
-/// The format cannot represent the store.
-pub fn to_bytes(store: Store, progress: &Job) -> Result<Vec<u8>, ContentError> {
-    let (arrays, mut texts) = store.into_parts();
-    let (mut packer, mut packings) = (Packer::default(), BTreeMap::new());
-    let mut tensors = BTreeMap::new();
-    let (mut done, all) = (0, arrays.values().map(Array::len).sum());
-    for (name, array) in &arrays {
-        progress.set(done, all);
-        done += array.len();
-        let tensor = match packer.pack(name, &arrays) {
-            Some((packing, bytes)) => {
-                packings.insert(name, packing);
-                Tensor { dtype: Dtype::U8, bytes }
-            }
-            None => array.into(),
-        };
-        tensors.insert(name.clone(), tensor);
-    }
-    let packings = serde_json::to_string(&packings).map_err(|_| ContentError::Header)?;
-    texts.insert(PACKED_KEY.to_owned(), packings);
-    texts.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
-    texts.insert(FORMAT_KEY.to_owned(), FORMAT.to_owned());
-    serialized_with_checksum(&tensors, texts)
-}
-
-/// Serialises tensors and texts with a checksum over both.
-fn serialized_with_checksum(
-    tensors: &BTreeMap<String, Tensor>,
-    mut texts: BTreeMap<String, String>,
-) -> Result<Vec<u8>, ContentError> {
-    let parts =
-        tensors.iter().map(|(name, tensor)| (name.as_str(), tensor.dtype, tensor.bytes.as_slice()));
-    let sum = checksum(texts.iter().map(|(name, text)| (name.as_str(), text.as_str())), parts);
-    texts.insert(CHECKSUM_KEY.to_owned(), sum);
-    let views = tensors.iter().map(|(name, Tensor { dtype, bytes })| {
-        // Checkpoints never contain types smaller than a byte.
-        let size = (dtype.bitsize() / 8).max(1);
-        TensorView::new(*dtype, vec![bytes.len() / size], bytes).map(|view| (name.as_str(), view))
-    });
-    let views = views.collect::<Result<Vec<_>, _>>()?;
-    Ok(safetensors::serialize(views, Some(texts.into_iter().collect()))?)
-}
-
-/// Returns the CRC-32 of texts and tensors, each in order of name so that it does not depend on the
-/// order in the file.
-fn checksum<'a>(
-    texts: impl Iterator<Item = (&'a str, &'a str)>,
-    tensors: impl Iterator<Item = (&'a str, Dtype, &'a [u8])>,
-) -> String {
-    let mut hasher = crc32fast::Hasher::new();
-    // Length prefixes delimit names and contents.
-    let mut add = |bytes: &[u8]| {
-        hasher.update(&(bytes.len() as u64).to_le_bytes());
-        hasher.update(bytes);
+    let mut metadata = json!({FORMAT_KEY: FORMAT, VERSION_KEY: env!("CARGO_PKG_VERSION")});
+    texts.iter().for_each(|(name, text)| metadata[name] = text.as_str().into());
+    let tensor = |from: usize, to: usize| {
+        let size = to - from;
+        json!({ "dtype": "U8", "shape": [size], "data_offsets": [from, to] })
     };
-    for (name, text) in texts {
-        add(name.as_bytes());
-        add(text.as_bytes());
-    }
-    for (name, dtype, bytes) in tensors {
-        add(name.as_bytes());
-        add(format!("{dtype:?}").as_bytes());
-        add(bytes);
-    }
-    format!("{:08x}", hasher.finalize())
+    let header = json!({
+        "__metadata__": metadata,
+        "state": tensor(0, packed.len()),
+        "checksum": tensor(packed.len(), packed.len() + SUM_BYTES),
+    })
+    .to_string();
+    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
+    bytes.extend(header.into_bytes());
+    bytes.extend(packed);
+    bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+    bytes
 }
 
-/// Parses the bytes of a checkpoint file into a store whose packed arrays take at most `most` bytes
-/// of memory.
+/// Returns a part of the state deflated, if that is shorter.
+fn deflated(part: &[u8]) -> Option<Vec<u8>> {
+    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::fast());
+    let short = encoder.write_all(part).and_then(|()| encoder.finish()).ok();
+    short.filter(|short| short.len() < part.len())
+}
+
+/// Returns the texts and the state in a checkpoint's bytes; the state takes at most `most` bytes of
+/// memory.
 ///
 /// # Errors
 /// The bytes are not a valid checkpoint, or it needs more memory.
-pub fn from_bytes(bytes: &[u8], most: u64) -> Result<Store, ContentError> {
-    let (texts, tensors) = checked(bytes)?;
-    let mut store = Store::default();
-    unpacked_arrays(&tensors, &packings(&texts, most)?)?
-        .into_iter()
-        .for_each(|(name, array)| store.put(name, array));
-    let kept = texts.into_iter().filter(|(name, _)| name != PACKED_KEY);
-    kept.for_each(|(name, text)| store.put_text(name, text));
-    Ok(store)
+pub fn from_bytes(bytes: &[u8], most: u64) -> Result<(Texts, Vec<u8>), ContentError> {
+    let (texts, length, mut packed) = checked(bytes, most)?;
+    let mut state = Vec::new();
+    while (state.len() as u64) < length {
+        let part = (length - state.len() as u64).min(PART as u64);
+        let (stored, rest) = packed.split_first_chunk().ok_or(ContentError::Packed)?;
+        let stored = u32::from_le_bytes(*stored) as usize;
+        let (own, rest) = rest.split_at_checked(stored).ok_or(ContentError::Packed)?;
+        let before = state.len() as u64;
+        if stored as u64 == part {
+            state.extend(own);
+        } else {
+            // Never more than expected, whatever the file says.
+            let mut decoder = DeflateDecoder::new(own).take(part + 1);
+            decoder.read_to_end(&mut state).map_err(|_| ContentError::Packed)?;
+        }
+        if state.len() as u64 != before + part {
+            return Err(ContentError::Packed);
+        }
+        packed = rest;
+    }
+    if packed.is_empty() { Ok((texts, state)) } else { Err(ContentError::Packed) }
 }
 
-/// Checks the bytes of a checkpoint file as [`from_bytes`] does, but unpacks nothing: an array that
-/// was damaged has another checksum, which is found out much faster.
+/// Checks the bytes of a checkpoint file as [`from_bytes`] does, but unpacks nothing: what was
+/// damaged has another checksum, which is found out much faster.
 ///
 /// # Errors
 /// The bytes are not a valid checkpoint, or it needs more memory.
 pub fn check(bytes: &[u8], most: u64) -> Result<(), ContentError> {
-    checked(bytes).and_then(|(texts, _)| packings(&texts, most)).map(drop)
+    checked(bytes, most).map(drop)
 }
 
-/// Returns the texts and tensors in a checkpoint's bytes, whose checksum is right.
-fn checked(bytes: &[u8]) -> Result<(BTreeMap<String, String>, SafeTensors<'_>), ContentError> {
-    let texts = checked_texts(bytes, bytes.len() as u64)?;
-    let tensors = SafeTensors::deserialize(bytes)?;
-    if texts.get(FORMAT_KEY).is_some_and(|format| format != FORMAT_WITHOUT_CHECKSUM) {
-        let kept = texts.iter().filter(|(name, _)| *name != CHECKSUM_KEY);
-        let views: BTreeMap<_, _> = tensors.iter().collect();
-        let sum = checksum(
-            kept.map(|(name, text)| (name.as_str(), text.as_str())),
-            views.iter().map(|(name, view)| (*name, view.dtype(), view.data())),
-        );
-        let stated =
-            texts.get(CHECKSUM_KEY).ok_or_else(|| StoreError::Missing(CHECKSUM_KEY.to_owned()))?;
-        if *stated != sum {
-            return Err(ContentError::Damaged);
-        }
+/// Returns the texts in a checkpoint's bytes, whose checksum is right, the length of its state, and
+/// that packed.
+fn checked(bytes: &[u8], most: u64) -> Result<(Texts, u64, &[u8]), ContentError> {
+    let texts = texts(bytes, bytes.len() as u64)?;
+    let (all, sum) = bytes.split_last_chunk().ok_or(ContentError::Size)?;
+    if crc32fast::hash(all) != u32::from_le_bytes(*sum) {
+        return Err(ContentError::Damaged);
     }
-    Ok((texts, tensors))
+    let state = &all[8 + header(bytes)?.len()..];
+    let (length, packed) = state.split_first_chunk().ok_or(ContentError::Packed)?;
+    let length = u64::from_le_bytes(*length);
+    if length > most {
+        return Err(ContentError::TooLarge(length, most));
+    }
+    Ok((texts, length, packed))
 }
 
-/// Returns how each array is packed, by its name. Unpacked, all take at most `most` bytes.
-fn packings(
-    texts: &BTreeMap<String, String>,
-    most: u64,
-) -> Result<BTreeMap<String, Packing>, ContentError> {
-    let unreadable = |e: serde_json::Error| StoreError::Unreadable {
-        name: PACKED_KEY.to_owned(),
-        why: e.to_string(),
-    };
-    let packings: BTreeMap<String, Packing> = texts
-        .get(PACKED_KEY)
-        .map_or(Ok(BTreeMap::new()), |text| serde_json::from_str(text))
-        .map_err(unreadable)?;
-    let bytes = packings.values().map(Packing::unpacked_bytes).fold(0, u64::saturating_add);
-    if bytes > most {
-        return Err(ContentError::TooLarge(bytes, most));
-    }
-    Ok(packings)
+/// The header of a safetensors file.
+#[derive(Deserialize)]
+struct Header {
+    #[serde(rename = "__metadata__", default)]
+    metadata: Texts,
+    state: Option<Tensor>,
 }
 
-/// Returns the arrays in `tensors`, unpacked.
-fn unpacked_arrays(
-    tensors: &SafeTensors,
-    packings: &BTreeMap<String, Packing>,
-) -> Result<BTreeMap<String, Array>, ContentError> {
-    let views: BTreeMap<_, _> = tensors.iter().collect();
-    let mut arrays = BTreeMap::new();
-    for (name, view) in views {
-        let found = match packings.get(name) {
-            Some(packing) => Some(packing.unpack(name, view.data(), &arrays)?),
-            None => array(&view),
-        };
-        found.map(|array| arrays.insert(name.to_owned(), array));
+impl Header {
+    /// Returns the name of the format if it is one of this program.
+    fn format(&self) -> Option<&str> {
+        let format = self.metadata.get(FORMAT_KEY)?;
+        format.starts_with(FORMAT_PREFIX).then_some(format)
     }
-    Ok(arrays)
 }
 
-/// Parses the texts of a checkpoint of `size` bytes from its start, which contains the header; the
-/// tensors need not be present.
-///
-/// # Errors
-/// The header is not from a checkpoint of this program, the format is unknown, or the file has
-/// another size.
-pub fn texts_from_start(start: &[u8], size: u64) -> Result<Store, ContentError> {
-    let mut store = Store::default();
-    checked_texts(start, size)?.into_iter().for_each(|(name, text)| store.put_text(name, text));
-    Ok(store)
-}
-
-/// Returns the texts in a file's header. Tells a file of `size` bytes that was cut off from a whole
-/// one.
-fn checked_texts(start: &[u8], size: u64) -> Result<BTreeMap<String, String>, ContentError> {
-    if size == 0 {
-        return Err(ContentError::Empty);
-    }
-    let header = header(start)?;
-    let texts = texts_of(metadata(header)?)?;
-    match file_size(header) {
-        Some(whole) if whole != size => Err(ContentError::Size),
-        _ => Ok(texts),
-    }
+#[derive(Deserialize)]
+struct Tensor {
+    data_offsets: (u64, u64),
 }
 
 /// Returns the header at the start of a file, which begins with its length.
 fn header(start: &[u8]) -> Result<&[u8], ContentError> {
-    let (length, rest) = start.split_first_chunk::<8>().ok_or(ContentError::Header)?;
+    let (length, rest) = start.split_first_chunk().ok_or(ContentError::Header)?;
     let length = u64::from_le_bytes(*length);
     let whole = usize::try_from(length).ok().and_then(|length| rest.get(..length));
     let is_cut_off = rest.starts_with(b"{") && length <= MAX_HEADER_BYTES;
     whole.ok_or(if is_cut_off { ContentError::Size } else { ContentError::Header })
 }
 
-/// Returns whether a file that starts like this is a checkpoint of any version of this program.
-pub fn is_start_of_checkpoint(start: &[u8]) -> bool {
-    let texts = header(start).and_then(metadata).ok().flatten().unwrap_or_default();
-    texts.get(FORMAT_KEY).is_some_and(|format| format.starts_with(FORMAT_PREFIX))
-}
-
-/// Parses the metadata in a header.
-fn metadata(header: &[u8]) -> Result<Option<HashMap<String, String>>, ContentError> {
-    #[derive(Deserialize)]
-    struct Header {
-        #[serde(rename = "__metadata__")]
-        metadata: Option<HashMap<String, String>>,
-    }
-    // The safetensors library needs the whole file to read the header.
-    serde_json::from_slice::<Header>(header)
-        .map(|header| header.metadata)
-        .map_err(|_| ContentError::Header)
-}
-
-/// Returns the size in bytes of the whole file with this header: the header's length, the header,
-/// the tensors.
-fn file_size(header: &[u8]) -> Option<u64> {
-    #[derive(Deserialize)]
-    struct Tensor {
-        data_offsets: (u64, u64),
-    }
-    let entries: HashMap<String, serde_json::Value> = serde_json::from_slice(header).ok()?;
-    let tensors = entries.into_iter().filter(|(name, _)| name != "__metadata__");
-    let ends =
-        tensors.map(|(_, entry)| Tensor::deserialize(entry).map(|tensor| tensor.data_offsets.1));
-    let end = ends.collect::<Result<Vec<_>, _>>().ok()?.into_iter().max().unwrap_or(0);
-    (8 + header.len() as u64).checked_add(end)
-}
-
-fn texts_of(
-    metadata: Option<HashMap<String, String>>,
-) -> Result<BTreeMap<String, String>, ContentError> {
-    let texts: BTreeMap<String, String> = metadata.unwrap_or_default().into_iter().collect();
-    let format = texts
-        .get(FORMAT_KEY)
-        .filter(|format| format.starts_with(FORMAT_PREFIX))
-        .ok_or_else(|| {
-            let is_policy = texts.contains_key(POLICY_KEY);
-            ContentError::Other(if is_policy {
-                "an exported policy"
-            } else {
-                "a safetensors file of another program"
-            })
-        })?;
-    let known = [FORMAT, FORMAT_WITHOUT_PACKING, FORMAT_WITHOUT_WORLD, FORMAT_WITHOUT_CHECKSUM];
-    if known.contains(&format.as_str()) {
-        return Ok(texts);
-    }
-    let version = texts.get("version").map_or("unknown", String::as_str).to_owned();
-    Err(ContentError::Format { format: format.clone(), version })
-}
-
-/// Returns the checkpoint with its checksum recomputed, for tests of the checks after it; `None` if
-/// it is not a checkpoint.
-pub fn with_updated_checksum(bytes: &[u8]) -> Option<Vec<u8>> {
-    let (_, header) = SafeTensors::read_metadata(bytes).ok()?;
-    let read = SafeTensors::deserialize(bytes).ok()?;
-    let mut texts: BTreeMap<String, String> = header.metadata().clone()?.into_iter().collect();
-    texts.remove(CHECKSUM_KEY);
-    texts.insert(FORMAT_KEY.to_owned(), FORMAT.to_owned());
-    let tensor = |view: &TensorView| Tensor { dtype: view.dtype(), bytes: view.data().to_vec() };
-    serialized_with_checksum(
-        &read.iter().map(|(name, view)| (name.to_owned(), tensor(&view))).collect(),
-        texts,
-    )
-    .ok()
-}
-
-/// Returns the checkpoint with all arrays as plain tensors, for other programs and for tests; it
-/// can be loaded too.
+/// Returns the texts of a checkpoint of `size` bytes from its start, which contains the header.
+/// Tells a file that was cut off from a whole one.
 ///
 /// # Errors
-/// The bytes are not a valid checkpoint.
-pub fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, ContentError> {
-    let (arrays, mut texts) = from_bytes(bytes, u64::MAX)?.into_parts();
-    texts.remove(CHECKSUM_KEY);
-    let tensors = arrays.iter().map(|(name, array)| (name.clone(), array.into())).collect();
-    serialized_with_checksum(&tensors, texts)
+/// It is not a checkpoint, of another version, or of another size.
+pub fn texts(start: &[u8], size: u64) -> Result<Texts, ContentError> {
+    if size == 0 {
+        return Err(ContentError::Empty);
+    }
+    let header = header(start)?;
+    let parsed: Header = serde_json::from_slice(header).map_err(|_| ContentError::Header)?;
+    let Some(format) = parsed.format() else {
+        let is_policy = parsed.metadata.contains_key(POLICY_KEY);
+        return Err(ContentError::Other(if is_policy {
+            "an exported policy"
+        } else {
+            "a safetensors file of another program"
+        }));
+    };
+    if format != FORMAT {
+        let version = parsed.metadata.get(VERSION_KEY).map_or("0.2.0", String::as_str);
+        return Err(ContentError::Version(version.to_owned()));
+    }
+    let (from, to) = parsed.state.ok_or(ContentError::Header)?.data_offsets;
+    let whole = to.checked_add((8 + header.len() + SUM_BYTES) as u64);
+    if from == 0 && to >= LENGTH_BYTES as u64 && whole == Some(size) {
+        Ok(parsed.metadata)
+    } else {
+        Err(ContentError::Size)
+    }
+}
+
+/// Returns whether a file that starts like this is a checkpoint of any version of this program.
+pub fn is_start_of_checkpoint(start: &[u8]) -> bool {
+    let header = header(start).ok().and_then(|header| serde_json::from_slice(header).ok());
+    header.is_some_and(|header: Header| header.format().is_some())
 }
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
-    #[test]
-    fn a_check_compares_the_checksum_and_unpacks_nothing() {
-        let mut store = Store::default();
-        store.put("a", vec![0.5_f32; 3_000]);
-        let mut bytes = to_bytes(store, &Job::default()).expect("it can be stored");
-        assert!(check(&bytes, u64::MAX).is_ok());
-        assert!(matches!(check(&bytes, 100), Err(ContentError::TooLarge(12_000, 100))));
-        bytes.iter_mut().rev().take(8).for_each(|byte| *byte = u8::MAX);
-        assert!(matches!(check(&bytes, u64::MAX), Err(ContentError::Damaged)));
-        // As nothing damages a file.
-        let forged = with_updated_checksum(&bytes).expect("a checkpoint");
-        assert!(check(&forged, u64::MAX).is_ok() && from_bytes(&forged, u64::MAX).is_err());
+    fn texts_of(about: &str) -> Texts {
+        Texts::from([("about".to_owned(), about.to_owned())])
+    }
+
+    /// Some of it random, some not, of more than one part.
+    fn state(length: usize) -> Vec<u8> {
+        let random = |i: usize| (i as u32).wrapping_mul(2_654_435_761).to_be_bytes()[0];
+        (0..length).map(|i| if i / 40_000 % 2 == 0 { random(i * i) } else { 7 }).collect()
+    }
+
+    fn checkpoint(length: usize) -> Vec<u8> {
+        to_bytes(&texts_of("a \"run\""), &state(length), &Job::default())
+    }
+
+    /// Corrects the checksum, as an attacker would.
+    fn forged(mut bytes: Vec<u8>) -> Vec<u8> {
+        bytes.truncate(bytes.len() - SUM_BYTES);
+        bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+        bytes
     }
 
     #[test]
-    fn packing_says_how_far_it_is() {
-        let (mut store, progress) = (Store::default(), Job::default());
-        store.put("a", vec![0.5_f32; 3_000]);
-        store.put("b", vec![0.5_f32; 1_000]);
-        assert_eq!(progress.share(), None);
+    fn states_of_any_length_are_packed_and_restored() {
+        for length in [0, 1, PART - 1, PART, PART + 1, 300_000] {
+            let bytes = checkpoint(length);
+            let (texts, found) = from_bytes(&bytes, u64::MAX).expect("its own bytes");
+            assert!(found == state(length) && texts["about"] == "a \"run\"", "{length}");
+            assert!(check(&bytes, u64::MAX).is_ok() && is_start_of_checkpoint(&bytes));
+        }
+        assert!(checkpoint(300_000).len() < 250_000, "parts that are not random are packed");
+        let progress = Job::default();
         progress.begin(0, 2);
-        to_bytes(store, &progress).expect("it can be stored");
-        // Before the second array, in the first of two stages.
-        assert_eq!(progress.share(), Some(0.375));
+        to_bytes(&Texts::new(), &state(4 * PART), &progress);
+        assert_eq!(progress.share(), Some(0.375), "before the last part");
+    }
+
+    #[test]
+    fn what_takes_too_much_memory_is_refused_before_it_is_unpacked() {
+        let bytes = checkpoint(300_000);
+        for result in [check(&bytes, 100), from_bytes(&bytes, 100).map(drop)] {
+            assert!(matches!(result, Err(ContentError::TooLarge(300_000, 100))));
+        }
+        // 50 MB of zeros in one part, which should have 64 KB.
+        let mut encoder = DeflateEncoder::new(Vec::new(), Compression::best());
+        encoder.write_all(&vec![0; 50_000_000]).expect("in memory");
+        let bomb = encoder.finish().expect("in memory");
+        let mut bytes = checkpoint(0);
+        let end = bytes.len() - SUM_BYTES - LENGTH_BYTES;
+        let text = String::from_utf8_lossy(&bytes[8..end])
+            .replace("[0,8]", &format!("[0,{}]", LENGTH_BYTES + 4 + bomb.len()));
+        bytes = (text.len() as u64).to_le_bytes().to_vec();
+        bytes.extend(text.into_bytes());
+        bytes.extend((PART as u64).to_le_bytes());
+        bytes.extend((bomb.len() as u32).to_le_bytes());
+        bytes.extend(bomb);
+        bytes.extend([0; SUM_BYTES]);
+        assert!(matches!(from_bytes(&forged(bytes), u64::MAX), Err(ContentError::Packed)));
+    }
+
+    #[test]
+    fn checkpoints_of_other_versions_are_refused_with_the_version_that_opens_them() {
+        let bytes = checkpoint(10);
+        for (format, version) in [("2", "0.1.0"), ("4", "0.2.0"), ("9", "7.1.0")] {
+            let header = header(&bytes).expect("its header");
+            let text = String::from_utf8_lossy(header)
+                .replace(FORMAT, &format!("{FORMAT_PREFIX}{format}"))
+                .replace(env!("CARGO_PKG_VERSION"), version);
+            let other = [&bytes[..8], text.as_bytes(), &[0; 100]].concat();
+            let error = texts(&other, 1_000).expect_err("another format").to_string();
+            assert!(error.contains("open it with that version; this is"), "{error}");
+            assert!(error.contains(version) && is_start_of_checkpoint(&other), "{error}");
+        }
+    }
+
+    #[test]
+    fn damage_of_any_byte_is_found() {
+        let good = checkpoint(3_000);
+        for at in 0..good.len() {
+            for bits in [1, 0x80, 0xff] {
+                let mut bytes = good.clone();
+                bytes[at] ^= bits;
+                assert!(check(&bytes, u64::MAX).is_err(), "byte {at}");
+            }
+            assert!(check(&good[..at], u64::MAX).is_err(), "cut off at {at}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn forged_checkpoints_do_no_harm(
+            changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+            cut in any::<prop::sample::Index>(),
+        ) {
+            let mut bytes = checkpoint(100_000);
+            for (at, byte) in &changes {
+                let at = at.index(bytes.len());
+                bytes[at] = *byte;
+            }
+            for bytes in [bytes.clone(), bytes[..cut.index(bytes.len()).max(SUM_BYTES)].to_vec()] {
+                if let Ok((_, state)) = from_bytes(&forged(bytes), 1 << 20) {
+                    prop_assert!(state.len() <= 1 << 20);
+                }
+            }
+        }
     }
 }

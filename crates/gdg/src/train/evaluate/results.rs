@@ -1,6 +1,6 @@
 //! Results of an evaluation.
 
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use crate::train::score::{DistanceScore, Score, Success};
 
@@ -78,17 +78,11 @@ pub struct TaskOutcome {
     /// Steps taken.
     pub steps: u32,
     /// True steps from the final state to the goal, if known.
-    #[serde(deserialize_with = "known_steps")]
     pub left_steps: Option<u32>,
     /// Straight-line distance from the final state to the goal, in the world's unit of length;
     /// older files do not have it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_straight: Option<f32>,
-}
-
-/// Reads steps that older files have as `u32::MAX` if they are unknown.
-fn known_steps<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u32>, D::Error> {
-    Ok(Option::deserialize(from)?.filter(|steps| *steps != u32::MAX))
 }
 
 /// Error of the learned distance over pairs with a known true distance.

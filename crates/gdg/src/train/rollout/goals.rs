@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rand::RngExt;
 
 use super::{Plan, Rollout, StepContext};
-use crate::bridge::{SearchSpace, search};
+use crate::bridge::{SEARCH_BUDGET, SearchSpace, search};
 use crate::env::{EnvError, EnvSettings, Goals, Restart};
 
 /// An agent gives up on a goal after this multiple of D to it ...
@@ -123,7 +123,7 @@ impl Rollout {
             &self.env.states()[i * s..(i + 1) * s],
             goal,
             SearchSpace { states: candidates.states(), goals: candidates.points() },
-            context.settings.bridge.search_budget,
+            SEARCH_BUDGET,
             context.guide.policy,
             &mut self.rng,
             &mut self.scratch,

@@ -8,14 +8,15 @@ use serde::{Deserialize, Serialize};
 use super::{Result, Stream, Trainer, stream};
 use crate::files::FileFacts;
 use crate::job::Job;
-use crate::learn::{Replay, ReplaySizes, ReplayState};
+use crate::learn::{Replay, ReplaySizes};
 use crate::store::{Store, StoreError};
 use crate::train::dataset::{DataSource, Dataset};
 use crate::train::error::{DataError, TrainError};
 use crate::train::memory;
 
-/// Name in the store.
+/// Names in the store.
 const DATA: &str = "data";
+const REPLAY: &str = "replay";
 
 /// The data of a run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -181,12 +182,11 @@ impl Trainer {
     /// Writes the replay buffer, or which file fills it.
     pub(super) fn save_replay(&self, store: &mut Store) -> Result<()> {
         let has_file = self.reads_data() && self.lost_data().is_none();
-        if let Some(data) = &self.data {
-            let room = (!has_file).then(|| self.replay.capacity());
-            store.put_json(DATA, &Data { own_replay: data.own_replay.or(room), ..data.clone() })?;
-        }
+        let room = (!has_file).then(|| self.replay.capacity());
+        let data = self.data.clone();
+        store.put(DATA, &data.map(|data| Data { own_replay: data.own_replay.or(room), ..data }))?;
         if !has_file {
-            self.replay.snapshot().write(store);
+            store.put(REPLAY, &self.replay.stored())?;
         }
         Ok(())
     }
@@ -194,8 +194,7 @@ impl Trainer {
     /// Restores what [`Self::save_replay`] wrote. Without its file, a run can be loaded, but not go
     /// on.
     pub(super) fn load_replay(&mut self, store: &Store, progress: &Job) -> Result<()> {
-        let mut data: Option<Data> =
-            store.texts().contains_key(DATA).then(|| store.json(DATA)).transpose()?;
+        let mut data: Option<Data> = store.get(DATA)?;
         match &mut data {
             Some(data @ Data { own_replay: None, .. }) => {
                 let (moved, world) = (self.registry.data(), self.world());
@@ -217,7 +216,7 @@ impl Trainer {
                     }
                     self.replay = Replay::new(sizes, self.run.settings.train.agents, room);
                 }
-                self.replay.restore(&ReplayState::read(store)?)?;
+                self.replay.restore(store.get(REPLAY)?)?;
             }
         }
         self.data = data;
