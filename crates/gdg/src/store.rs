@@ -194,9 +194,9 @@ impl<'de> Deserialize<'de> for Bytes<&'de [u8]> {
 /// Floats by planes: the lowest bytes of all of them, then the next higher ones, and so on. Most
 /// bits of a float are random, but its exponent is not: its plane can be packed.
 pub mod planes {
-    use serde::{Deserializer, Serializer};
+    use serde::{Deserialize, Deserializer, Serializer};
 
-    use super::*;
+    use super::{Bytes, from_zigzag, zigzag};
 
     /// # Errors
     /// The serializer's.
@@ -249,7 +249,7 @@ pub(crate) fn to_bytes(value: &impl Serialize) -> postcard::Result<Vec<u8>> {
 pub mod shared {
     use std::sync::Arc;
 
-    use super::*;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     /// # Errors
     /// The serializer's.

@@ -107,9 +107,9 @@ impl KnownPaths {
 
 /// Rows that frozen copies share, as if they did not.
 pub(super) mod rows {
-    use serde::{Deserializer, Serializer};
+    use serde::{Deserialize, Deserializer, Serializer};
 
-    use super::*;
+    use super::{Arc, KnownPaths};
 
     pub fn serialize<S: Serializer>(rows: &[Arc<KnownPaths>], to: S) -> Result<S::Ok, S::Error> {
         to.collect_seq(rows.iter().map(|row| &**row))
