@@ -90,7 +90,7 @@ pub use marker::Marker;
 pub use measure::{MeasuredInterface, MeasuredScreen};
 use record::Recorder;
 pub use runs::{Opened, Opener, RunsScreen};
-use session::{Files, Session, files};
+use session::{Session, files};
 use terminal::Stage;
 
 /// How the interface is shown and recorded.
@@ -180,7 +180,7 @@ pub fn run(
     let engine = Engine::resume(trainer, limits, resumed.filter(|_| save.is_none()), [])
         .into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), Files { save });
+    let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), save);
     session.search = search;
     session.screen.first_run = is_first_run();
     let file =
@@ -225,7 +225,7 @@ pub fn take_tour(
     let PreparedInterface { config, keymap, stage, .. } = interface;
     let engine = Engine::start(trainer, Limits::default()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), Files::default());
+    let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), None);
     session.screen.first_run = is_first_run();
     session.begin_tour();
     stage.show(App::new(session), |app| app.close(vec![engine]))

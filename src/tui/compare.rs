@@ -27,7 +27,7 @@ use super::layout::ScreenLayout;
 use super::log::{Log, Notice};
 use super::scene::MazeState;
 use super::scene::maze::place_walker;
-use super::session::{Files, Session, view};
+use super::session::{Session, view};
 use crate::experiment::plot::Axis;
 use curves::Pace;
 use gdg::engine::{Command, Engine, Snapshot};
@@ -87,7 +87,7 @@ fn start_side(
     let at_first = is_paused.then_some(Command::Pause).into_iter().chain([evaluations]);
     let engine = Engine::resume(trainer, limits, None, at_first).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), Files::default());
+    let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), None);
     // The race decides where both go next.
     view::set_on_arrival(&mut session, OnArrival::Wait);
     // A failed run needs no dialog: its title says what happened.

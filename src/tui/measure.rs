@@ -16,7 +16,7 @@ use super::graphics::patches::Patches;
 use super::graphics::{Graphics, Protocol, Redraw};
 use super::interface::Interface;
 use super::keymap::Keymap;
-use super::session::{Files, Session};
+use super::session::Session;
 use super::terminal::{FrameTimer, INPUT_FRAME_INTERVAL};
 use super::theme::{ColourDepth, Theme, ThemeName};
 use gdg::engine::{Command, Engine, Phase, Snapshot};
@@ -71,7 +71,7 @@ impl MeasuredInterface {
         let viewer = Viewer::start(&engine)?;
         let keymap = Keymap::new(&BTreeMap::new()).map_err(std::io::Error::other)?;
         let config = UiConfig::default();
-        let session = Session::new(engine.link(), viewer, &config, keymap, Files::default());
+        let session = Session::new(engine.link(), viewer, &config, keymap, None);
         let mut app = App::new(session);
         app.first_mut().screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
         let patches = screen

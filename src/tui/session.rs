@@ -39,8 +39,8 @@ use files::{Exports, Search, Show};
 use gdg::engine::{Command, EngineLink, NextEvaluation, Phase, Snapshot};
 use gdg::job::Running;
 use gdg::text::grouped;
+use gdg::train::SaveTo;
 use gdg::viewer::{Field, Request, View, Viewer};
-pub use saving::Files;
 use saving::{Saver, is_worth_saving};
 #[cfg(test)]
 pub use tour::ALL_STEPS;
@@ -136,7 +136,7 @@ impl Session {
         viewer: Viewer,
         config: &UiConfig,
         keymap: Keymap,
-        files: Files,
+        save: Option<SaveTo>,
     ) -> Self {
         let (snapshots, views) = (engine.snapshots(), viewer.views());
         let snapshot = snapshots.borrow().clone();
@@ -151,7 +151,7 @@ impl Session {
             cx,
             snapshots,
             views,
-            saver: Saver::new(files, config.autosave_minutes),
+            saver: Saver::new(save, config.autosave_minutes),
             exports: Exports::default(),
             search: None,
             guide: Guide::default(),
@@ -406,7 +406,9 @@ impl Session {
             Phase::Done if before.phase.is_training() => {
                 let key = cx.screen.keymap.key_of(Action::TogglePause);
                 cx.screen.notify(&format!("done: limit reached; {key} continues without it"));
-                saver.save_at_limit(cx);
+                if saver.named.is_some() {
+                    saver.request_save(cx);
+                }
             }
             _ => {}
         }

@@ -45,7 +45,7 @@ use super::keymap::Keymap;
 use super::output::ExportKind;
 use super::scene::{MazeState, Scene, SpaceState};
 use super::session::files::offer;
-use super::session::{Cx, Files, Session};
+use super::session::{Cx, Session};
 use super::theme::{ColourDepth, Theme, ThemeName};
 use super::tool::Tool;
 use gdg::engine::{Command, Engine, EngineLink, Phase, Snapshot};
@@ -93,10 +93,9 @@ fn seeded_trainer(
 }
 
 fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {
-    let files = Files { save: save.map(SaveTo::CreateNew) };
     let engine = Engine::start(trainer, limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
-    let mut app = app_with(engine.link(), viewer, files);
+    let mut app = app_with(engine.link(), viewer, save.map(SaveTo::CreateNew));
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     app.reading_patience = Duration::from_secs(20);
     // Tests that fail while a run is saved leave nothing in the repository.
@@ -106,8 +105,8 @@ fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {
     app
 }
 
-fn app_with(engine: EngineLink, viewer: Viewer, files: Files) -> App {
-    App::new(Session::new(engine, viewer, &UiConfig::default(), keymap(), files))
+fn app_with(engine: EngineLink, viewer: Viewer, save: Option<SaveTo>) -> App {
+    App::new(Session::new(engine, viewer, &UiConfig::default(), keymap(), save))
 }
 
 /// Tests of a single run look into it.
@@ -249,7 +248,7 @@ fn still_of(trainer: &Trainer) -> Still {
     let job = Job::default();
     let engine = EngineLink::new(sender, snapshots, job.clone());
     let viewer = Viewer::new(request, views);
-    let mut app = app_with(engine, viewer, Files::default());
+    let mut app = app_with(engine, viewer, None);
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     app.reading_patience = Duration::from_secs(20);
     Still { app, commands, requests, snapshots: publish, _views: show, job }

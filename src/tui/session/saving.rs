@@ -27,12 +27,6 @@ use gdg::train::{self, Notes, Run, SaveTo, Trainer};
 /// Unsaved training that quitting may discard without asking.
 const MAX_DISCARDED_SECS: f64 = 10.0;
 
-/// Files named on the command line.
-#[derive(Default)]
-pub struct Files {
-    pub save: Option<SaveTo>,
-}
-
 /// How long quitting waits for its checkpoint before it closes as after a signal: an environment may
 /// hang.
 const LONGEST_WAIT_TO_QUIT: Duration = Duration::from_secs(5);
@@ -43,7 +37,8 @@ pub struct Saver {
     pub to: SaveTo,
     /// The path given on the command line; closing saves to it.
     pub named: Option<PathBuf>,
-    files: Files,
+    /// The file named on the command line, for the first run.
+    first: Option<SaveTo>,
     /// The folder of runs without a file of their own.
     pub folder: PathBuf,
     pub autosave: Autosave,
@@ -74,13 +69,13 @@ enum QuitState {
 
 /// Where it saves.
 impl Saver {
-    /// Creates a saver to `files`; 0 minutes switch autosaves off.
-    pub fn new(files: Files, autosave_minutes: f64) -> Self {
-        let named = files.save.as_ref().map(|to| to.path().to_owned());
+    /// Creates a saver to the file named on the command line; 0 minutes switch autosaves off.
+    pub fn new(first: Option<SaveTo>, autosave_minutes: f64) -> Self {
+        let named = first.as_ref().map(|to| to.path().to_owned());
         Self {
             to: SaveTo::CreateNew(PathBuf::new()),
             named,
-            files,
+            first,
             folder: SAVES.into(),
             autosave: Autosave::every(autosave_minutes),
             quit_state: QuitState::No,
@@ -99,7 +94,7 @@ impl Saver {
         let Snapshot { title, run, saved, .. } = snapshot;
         self.then = None;
         let end = format!("-{}-seed{}.safetensors", run.method.name(), run.seed);
-        self.to = match (self.files.save.take(), saved, &self.named) {
+        self.to = match (self.first.take(), saved, &self.named) {
             (Some(to), ..) => to,
             (None, Some((_, path)), _) => SaveTo::Replace(path.to_path_buf()),
             (None, None, Some(path)) => SaveTo::CreateNew(path.clone()),
@@ -134,7 +129,7 @@ impl Saver {
         self.request_save(cx)
     }
 
-    fn request_save(&mut self, cx: &mut Cx) -> bool {
+    pub fn request_save(&mut self, cx: &mut Cx) -> bool {
         let is_asked = cx.command(Command::Save(self.to.clone(), notes(cx)));
         let map = cx.scene.maze().map(|maze| maze.map.clone());
         self.awaited = is_asked.then(|| (Instant::now(), map));
@@ -151,13 +146,6 @@ impl Saver {
         self.to = SaveTo::Replace(path);
         if self.save(cx) && self.quit_state == QuitState::Asking {
             self.quit_state = QuitState::Saving;
-        }
-    }
-
-    /// Saves a run that has reached its limit, if the command line names a file.
-    pub fn save_at_limit(&mut self, cx: &mut Cx) {
-        if self.named.is_some() {
-            self.request_save(cx);
         }
     }
 
@@ -451,7 +439,14 @@ impl Ending {
                 let _ = trainer.ensure_finite();
                 trainer.set_notes(notes);
                 if !up_to_date {
-                    let (path, saved) = save_somewhere(&trainer, to);
+                    // If that fails, another file is tried.
+                    let (path, saved) = match train::save(&trainer, to) {
+                        Ok(path) => (Some(path), Ok(())),
+                        Err(error) => {
+                            let error = from_checkpoint_error(error);
+                            (save_elsewhere(&trainer, to.path()), Err(error))
+                        }
+                    };
                     let saved_to = path.clone().map(|path| (updates, Arc::new(path)));
                     snapshot.saved = saved_to.or(snapshot.saved.take());
                     return (path, saved);
@@ -493,15 +488,6 @@ impl Ending {
             let last = if lost < snapshot.updates() { "the last " } else { "" };
             self.files += &format!("\nnot saved: {last}{} updates", grouped(lost));
         }
-    }
-}
-
-/// Saves to the requested file; if that fails, tries another one and returns the error. Returns the
-/// file written.
-fn save_somewhere(trainer: &Trainer, to: &SaveTo) -> (Option<PathBuf>, Result<(), Report>) {
-    match train::save(trainer, to) {
-        Ok(path) => (Some(path), Ok(())),
-        Err(error) => (save_elsewhere(trainer, to.path()), Err(from_checkpoint_error(error))),
     }
 }
 

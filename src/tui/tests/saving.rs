@@ -420,7 +420,7 @@ fn closing_says_of_one_moment_what_is_saved_and_what_is_not() {
     let trainer = trainer_in(&PointMaze::new(Arc::new(rooms()), 0), gdg(), &Registry::builtin());
     let engine = Engine::start(trainer, Limits::default()).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
-    let mut app = app_with(engine.link(), viewer, Files::default());
+    let mut app = app_with(engine.link(), viewer, None);
     app.saver.to = SaveTo::CreateNew(path.clone());
     let further = |app: &mut App| {
         let now = app.screen.snapshot.updates();
