@@ -168,7 +168,6 @@ impl Canvas {
         [(x - left) / width * columns as f32, (y - top) / height * rows as f32]
     }
 
-    /// Returns the index of the pixel that contains a point in pixels.
     fn index(&self, [x, y]: [f32; 2]) -> Option<usize> {
         let (columns, rows) = self.raster.pixels;
         let inside = x >= 0.0 && y >= 0.0 && (x as usize) < columns && (y as usize) < rows;
@@ -236,7 +235,6 @@ impl Canvas {
         }
     }
 
-    /// Paints what has been covered.
     fn apply(&mut self, ink: Ink) {
         for i in std::mem::take(&mut self.touched) {
             let share = ink.share * f32::from(std::mem::take(&mut self.cover[i])) / 255.0;

@@ -168,7 +168,6 @@ pub fn draw(
     labels
 }
 
-/// Returns whether two labels are far enough from each other.
 fn are_apart(label: &Label, other: &Label, canvas: &Canvas) -> bool {
     let least = if label.text == other.text { SAME_LEVEL_SPACING } else { LABEL_SPACING };
     let [across, down] = [0, 1].map(|axis| (label.middle[axis] - other.middle[axis]).abs());

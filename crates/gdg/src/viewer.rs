@@ -13,8 +13,10 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
+use crate::bridge::BridgeGraph;
 use crate::engine::{Engine, Networks, Snapshot};
 use crate::env::Scene;
+use crate::learn::{Policy, Scratch};
 use crate::train::FilmFrame;
 pub use animation::{FilmError, animate, still};
 pub use maze::MazeView;
@@ -93,7 +95,6 @@ trait SceneWorker: Send {
     /// Handles a request about this kind of scene; ignores those about others.
     fn handle_own(&mut self, request: Request);
 
-    /// Handles a request.
     fn handle(&mut self, request: Request) {
         let shown = self.shown();
         shown.changed = true;
@@ -231,7 +232,6 @@ impl RefreshTimer {
         self.0.is_none_or(|(at, took)| at.elapsed() >= REFRESH_INTERVAL.max(took * pause_factor))
     }
 
-    /// Whether it has to be computed at once.
     fn is_urgent(self) -> bool {
         self.0.is_none()
     }
@@ -241,7 +241,6 @@ impl RefreshTimer {
         self.0 = Some((Instant::now(), began.elapsed()));
     }
 
-    /// Makes it due at once.
     fn make_due(&mut self) {
         self.0 = None;
     }
@@ -249,7 +248,6 @@ impl RefreshTimer {
 
 /// What is shown of any scene: the choices of the user, and the networks behind a field.
 struct Shown {
-    /// The quantity that the field shows.
     kind: Field,
     /// The networks that the field is computed from.
     networks: Arc<Networks>,
@@ -394,6 +392,43 @@ impl Field {
     /// Whether its values mean nothing where no agent has been.
     pub fn fades(self) -> bool {
         self.depends_on_start() || matches!(self, Self::Learned | Self::Composed | Self::Plain)
+    }
+}
+
+/// Returns the distances that `kind` shows at `states`, which are at `places`, with a start state
+/// and a goal: those of D, unless they lead from the start or along the graph.
+fn distances(
+    kind: Field,
+    policy: &dyn Policy,
+    graph: Option<&BridgeGraph>,
+    [states, places]: [&[f32]; 2],
+    [start, goal]: [&[f32]; 2],
+    scratch: &mut Scratch,
+) -> Vec<f32> {
+    if let (Field::Composed, Some(graph)) = (kind, graph) {
+        let route = graph.route(goal, policy, scratch);
+        return graph.composed_distances(
+            states,
+            &route,
+            LINK_CANDIDATES_PER_PIXEL,
+            policy,
+            scratch,
+        );
+    }
+    let count = places.len() / goal.len();
+    let mut of = |from: &[f32], to: &[f32]| {
+        let mut distances = vec![0.0; count];
+        policy.distances(from, to, &mut distances, scratch);
+        distances
+    };
+    match kind {
+        Field::FromStart => of(&start.repeat(count), places),
+        Field::OverEach => {
+            let before = of(&start.repeat(count), places);
+            let after = of(states, &goal.repeat(count));
+            before.into_iter().zip(after).map(|(before, after)| before + after).collect()
+        }
+        _ => of(states, &goal.repeat(count)),
     }
 }
 

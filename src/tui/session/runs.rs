@@ -78,7 +78,7 @@ pub fn start_on(map: Arc<Grid>, cx: &mut Cx) {
 pub fn continue_on(map: &Grid, cx: &mut Cx) {
     cx.in_maze(|maze, screen, link| {
         let new = maze.editor.offer(&maze.map.clone(), map.clone());
-        maze.change_map_or_say(new, Some("the map stays as it is"), screen, link);
+        maze.change_map_or_say(new, ["", "the map stays as it is"], screen, link);
     });
 }
 

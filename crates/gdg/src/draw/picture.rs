@@ -10,7 +10,6 @@ use super::{Rgb, blend, contour, contour_paths, positions_along};
 #[derive(Clone, Debug)]
 pub struct Picture {
     columns: usize,
-    /// Row by row.
     pixels: Vec<Rgb>,
 }
 
@@ -202,10 +201,8 @@ fn changes(before: Option<&Picture>, now: &Picture) -> ([u32; 4], Vec<u8>) {
     ([left, top, right - left + 1, bottom - top + 1].map(|v| v as u32), pixels)
 }
 
-/// The size of letters, in pixels.
 const HEIGHT: RasterHeight = RasterHeight::Size16;
 
-/// The weight of letters.
 fn weight(is_bold: bool) -> FontWeight {
     if is_bold { FontWeight::Bold } else { FontWeight::Regular }
 }

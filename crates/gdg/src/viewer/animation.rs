@@ -151,7 +151,6 @@ struct Panel {
     /// Its name, if there are several.
     name: &'static str,
     plane: Plane,
-    /// What each pixel of a map shows.
     grounds: Vec<Ground>,
     values: Values,
     /// The radius of agents, in pixels.
@@ -287,7 +286,6 @@ impl Panel {
     }
 }
 
-/// Colours pixels by their values.
 fn colour(picture: &mut Picture, field: &[f32], farthest: f32) {
     for (pixel, value) in
         picture.pixels_mut().iter_mut().zip(field).filter(|(_, value)| value.is_finite())

@@ -12,9 +12,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::pilot::{Graph, OnArrival, Pilot};
-use super::{
-    Field, LINK_CANDIDATES_PER_PIXEL, RefreshTimer, SceneWorker, Shown, View, pause_factor,
-};
+use super::{Field, RefreshTimer, SceneWorker, Shown, View, distances, pause_factor};
 use crate::draw::Raster;
 use crate::engine::Snapshot;
 use crate::env::{Environment, MazeScene, PointMaze, Scene};
@@ -188,7 +186,6 @@ impl SceneWorker for MazeWorker {
 }
 
 impl MazeWorker {
-    /// Creates the worker for a maze of `snapshot`.
     pub(super) fn new(scene: &MazeScene, snapshot: &Snapshot) -> Self {
         let world = PointMaze::new(scene.map.clone(), 1);
         let mut worker = Self {
@@ -275,7 +272,6 @@ impl MazeWorker {
         [self.world.states()[0], self.world.states()[1]]
     }
 
-    /// Returns the search for true distances.
     fn point_search(&mut self) -> &mut PointSearch {
         self.point_search.get_or_insert_with(|| PointSearch::new(self.world.map()))
     }
@@ -337,7 +333,6 @@ impl MazeWorker {
         self.shown.changed = true;
     }
 
-    /// Returns the map as it is filmed.
     fn filmed_map(&mut self) -> &FilmedMap {
         let map = self.world.map();
         let known = self.filmed.take().filter(|filmed| Arc::ptr_eq(filmed.map(), map));
@@ -350,52 +345,25 @@ impl MazeWorker {
         let map = self.world.map();
         let (free, positions) = raster.free_ground(map);
         let states = positions.as_flattened();
-        let values = match (self.shown.kind, self.pilot.graph()) {
-            (Field::Plain, _) => return vec![f32::NAN; columns * rows],
-            (Field::Visits, _) => {
+        let values = match self.shown.kind {
+            Field::Plain => return vec![f32::NAN; columns * rows],
+            Field::Visits => {
                 let of = |at: &[f32; 2]| {
                     self.latest_visits.get(map.index(cell_of(*at))).copied().unwrap_or(0)
                 };
                 positions.iter().map(|at| of(at) as f32).collect()
             }
-            (Field::True, _) => self.true_distances(&positions, goal),
-            (Field::FromStart, _) => {
-                let mut distances = vec![0.0; free.len()];
-                let start = self.view.walk.start.repeat(free.len());
-                policy.distances(&start, states, &mut distances, &mut self.scratch);
-                distances
-            }
-            (Field::OverEach, _) => {
-                let [start, goal] = [self.view.walk.start, goal].map(|end| end.repeat(free.len()));
-                let [mut distances, mut rest] = [0.0; 2].map(|zero| vec![zero; free.len()]);
-                policy.distances(&start, states, &mut distances, &mut self.scratch);
-                policy.distances(states, &goal, &mut rest, &mut self.scratch);
-                distances.iter_mut().zip(rest).for_each(|(d, rest)| *d += rest);
-                distances
-            }
-            (Field::Composed, Some(graph)) => {
-                let route = graph.route(&goal, policy, &mut self.scratch);
-                graph.composed_distances(
-                    states,
-                    &route,
-                    LINK_CANDIDATES_PER_PIXEL,
-                    policy,
-                    &mut self.scratch,
-                )
-            }
-            (kind, _) => {
-                let mut distances = vec![0.0; free.len()];
-                policy.distances(
-                    states,
-                    &goal.repeat(free.len()),
-                    &mut distances,
-                    &mut self.scratch,
-                );
+            Field::True => self.true_distances(&positions, goal),
+            kind => {
+                let graph = self.pilot.graph();
+                let ends = [&self.view.walk.start[..], &goal];
+                let scratch = &mut self.scratch;
+                let mut values = distances(kind, policy, graph, [states; 2], ends, scratch);
                 if kind == Field::Error {
                     let truth = self.true_distances(&positions, goal);
-                    distances.iter_mut().zip(truth).for_each(|(d, t)| *d = (*d - t) / t.max(1.0));
+                    values.iter_mut().zip(truth).for_each(|(d, t)| *d = (*d - t) / t.max(1.0));
                 }
-                distances
+                values
             }
         };
         let mut field = vec![f32::NAN; columns * rows];
@@ -413,7 +381,6 @@ impl MazeWorker {
         positions.iter().map(of).collect()
     }
 
-    /// Updates the information about the inspected cell.
     fn inspect_cell(&mut self) {
         self.shown.changed = true;
         self.view.inspected = None;
@@ -448,7 +415,6 @@ pub fn cell_of_goal(goal: &[f32], map: &Grid) -> Option<Cell> {
     map.contains(cell).then_some(cell)
 }
 
-/// Returns the cell that contains a position.
 fn cell_of(at: [f32; 2]) -> Cell {
     Cell::new(at[0] as usize, at[1] as usize)
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::pilot::{Graph, Reach, Reacher};
-use super::{Field, LINK_CANDIDATES_PER_PIXEL, SceneWorker, Shown, View, mean_distance};
+use super::{Field, SceneWorker, Shown, View, distances, mean_distance};
 use crate::draw::Raster;
 use crate::engine::Snapshot;
 use crate::env::fetch_reach::{Pose, ProbeLattice};
@@ -176,7 +176,6 @@ impl SpaceWorker {
         self.shown.changed = true;
     }
 
-    /// Recomputes the values on all planes.
     fn refresh_fields(&mut self) {
         let began = Instant::now();
         let planes = self.planes.clone();
@@ -217,28 +216,15 @@ impl SpaceWorker {
         let places: Vec<f32> =
             open.iter().flat_map(|i| plane.point(plane.raster.middle_of(*i), near)).collect();
         let policy = &*self.shown.networks.policy;
-        let mut values = vec![0.0; open.len()];
-        if kind == Field::FromStart {
-            let starts = self.reacher.reach.start_state.repeat(open.len());
-            policy.distances(&starts, &places, &mut values, &mut self.scratch);
-        } else {
-            let spec = world.spec();
-            let state = if is_arm { vec![0.0; spec.state_dim()] } else { world.states().to_vec() };
-            let mut states = state.repeat(open.len());
-            let each = states.chunks_exact_mut(state.len()).zip(places.chunks_exact(near.len()));
-            for (state, place) in each {
-                spec.achieved.iter().zip(place).for_each(|(i, value)| state[*i] = *value);
-            }
-            if let (Field::Composed, Some(graph)) = (kind, self.reacher.pilot.graph()) {
-                let route = graph.route(goal, policy, &mut self.scratch);
-                let links = LINK_CANDIDATES_PER_PIXEL;
-                values =
-                    graph.composed_distances(&states, &route, links, policy, &mut self.scratch);
-            } else {
-                let goals = goal.repeat(open.len());
-                policy.distances(&states, &goals, &mut values, &mut self.scratch);
-            }
+        let spec = world.spec();
+        let state = if is_arm { vec![0.0; spec.state_dim()] } else { world.states().to_vec() };
+        let mut states = state.repeat(open.len());
+        let each = states.chunks_exact_mut(state.len()).zip(places.chunks_exact(near.len()));
+        for (state, place) in each {
+            spec.achieved.iter().zip(place).for_each(|(i, value)| state[*i] = *value);
         }
+        let (graph, ends) = (self.reacher.pilot.graph(), [&*self.reacher.reach.start_state, goal]);
+        let values = distances(kind, policy, graph, [&states, &places], ends, &mut self.scratch);
         open.into_iter().zip(values).for_each(|(i, value)| field[i] = value);
         field
     }

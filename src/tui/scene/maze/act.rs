@@ -21,7 +21,6 @@ use gdg::map::{Cell, Grid};
 use gdg::viewer::maze::{Request, cell_of_goal};
 use gdg::viewer::{MazeView, OnArrival};
 
-/// Notice that older edits cannot be undone.
 const EDITS_DROPPED: &str = "older edits can no longer be undone: the history took too much memory";
 
 /// Returns a function that builds the maze on `map` with the run's settings and scenario.
@@ -105,23 +104,22 @@ impl MazeState {
             Action::Apply => {
                 let new = self.editor.apply(&map);
                 let refusal = self.editor.tool.refusal();
-                self.change_map_or_say(new, refusal, screen, link);
+                self.change_map_or_say(new, ["", refusal.unwrap_or_default()], screen, link);
             }
             Action::Undo => {
                 let new = self.editor.undo();
                 let nothing =
                     if self.editor.has_dropped { EDITS_DROPPED } else { "nothing to undo" };
-                self.step_through_edits(new, ["undone: ", nothing], screen, link);
+                self.change_map_or_say(new, ["undone: ", nothing], screen, link);
             }
             Action::Redo => {
                 let new = self.editor.redo();
-                self.step_through_edits(new, ["redone: ", "nothing to redo"], screen, link);
+                self.change_map_or_say(new, ["redone: ", "nothing to redo"], screen, link);
             }
             _ => {}
         }
     }
 
-    /// Asks for the file to write the map to.
     fn ask_file(&self, screen: &mut Screen) {
         let stem = self.map.name().trim_end_matches("-edited");
         let name = named(Path::new(""), stem, "-edited.txt").to_string_lossy().into_owned();
@@ -175,18 +173,23 @@ impl MazeState {
 
     /// Switches to `map`, if given.
     pub fn change_map(&mut self, map: Option<Arc<Grid>>, screen: &mut Screen, link: &mut Link) {
-        self.change_map_as("", map, screen, link);
+        self.change_map_or_say(map, [""; 2], screen, link);
     }
 
-    /// Switches to `map`, if given; the notice about it begins with `done`.
-    fn change_map_as(
+    /// Switches to `map`, with a notice that begins with `done`, or says why there is `nothing`.
+    pub fn change_map_or_say(
         &mut self,
-        done: &'static str,
         map: Option<Arc<Grid>>,
+        [done, nothing]: [&'static str; 2],
         screen: &mut Screen,
         link: &mut Link,
     ) {
-        let Some(map) = map else { return };
+        let Some(map) = map else {
+            if !nothing.is_empty() {
+                screen.notify(nothing);
+            }
+            return;
+        };
         let is_taken = link.command(Command::ChangeWorld(maze_on(map.clone()), done), screen);
         self.editor.settle(&self.map, is_taken);
         if !is_taken {
@@ -199,35 +202,6 @@ impl MazeState {
         if !self.map.is_free(self.goal) {
             self.set_goal(self.goal, screen, link);
         }
-    }
-
-    /// Switches to `map`, or says why there is none.
-    pub fn change_map_or_say(
-        &mut self,
-        map: Option<Arc<Grid>>,
-        otherwise: Option<&str>,
-        screen: &mut Screen,
-        link: &mut Link,
-    ) {
-        if let Some(reason) = otherwise.filter(|_| map.is_none()) {
-            screen.notify(reason);
-        }
-        self.change_map(map, screen, link);
-    }
-
-    /// Switches to `new`, an earlier or later map, with a notice; without one, notifies that there
-    /// is `nothing`.
-    fn step_through_edits(
-        &mut self,
-        new: Option<Arc<Grid>>,
-        [done, nothing]: [&'static str; 2],
-        screen: &mut Screen,
-        link: &mut Link,
-    ) {
-        if new.is_none() {
-            screen.notify(nothing);
-        }
-        self.change_map_as(done, new, screen, link);
     }
 
     fn toggle_edit(&mut self, link: &Link) {

@@ -59,7 +59,6 @@ impl Stroke {
         Self { free, cells: Vec::new(), is_drawn: Vec::new(), from: cell, to: cell, at: None }
     }
 
-    /// Adds cells drawn freehand.
     fn add(&mut self, cells: impl IntoIterator<Item = Cell>, map: &Grid) {
         self.is_drawn.resize(map.free().len(), false);
         let Self { cells: drawn, is_drawn, .. } = self;
@@ -258,7 +257,6 @@ pub fn offset_cell(at: Cell, [dx, dy]: [isize; 2], map: &Grid) -> Cell {
     Cell::new(to.x.min(map.width() - 1), to.y.min(map.height() - 1))
 }
 
-/// Returns the marks that are not on one of `others`.
 fn without(marks: &[Cell], others: &[Cell]) -> Vec<Cell> {
     let others: HashSet<&Cell> = others.iter().collect();
     marks.iter().filter(|mark| !others.contains(mark)).copied().collect()
@@ -296,7 +294,6 @@ fn line(from: Cell, to: Cell) -> Vec<Cell> {
     (0..=n).map(|i| Cell::new(along(from.x, dx, i), along(from.y, dy, i))).collect()
 }
 
-/// Returns the cells on a rectangle's outline.
 fn rectangle(a: Cell, b: Cell) -> Vec<Cell> {
     let corners = [a, Cell::new(b.x, a.y), b, Cell::new(a.x, b.y)];
     (0..4).flat_map(|i| line(corners[i], corners[(i + 1) % 4])).collect()

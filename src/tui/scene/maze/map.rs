@@ -61,7 +61,6 @@ pub struct Cache {
     /// Whether the terminal shows pictures.
     has_pictures: bool,
     picture: Option<Picture>,
-    /// Whether the picture is on the screen.
     is_shown: bool,
 }
 
@@ -89,7 +88,6 @@ struct Key {
     theme: ThemeName,
     overlays: Overlays,
     map: Arc<Grid>,
-    /// The field, if it has been computed.
     field: Option<Arc<Vec<f32>>>,
     directions: Arc<Vec<([f32; 2], [f32; 2])>>,
     exploration: Arc<Exploration>,
@@ -471,7 +469,6 @@ fn samples(way: &[[f32; 2]], raster: &Raster) -> Vec<[f32; 2]> {
     along.collect()
 }
 
-/// Draws the cells that the editor would change.
 fn draw_preview(painter: &mut Painter, maze: &MazeState) {
     let Some((cells, free)) = maze.editor.preview() else { return };
     let theme = &painter.theme;

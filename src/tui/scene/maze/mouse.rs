@@ -63,7 +63,7 @@ impl MazeState {
             MouseEventKind::Up(_) if self.editor.is_open() => {
                 let new = self.editor.finish(&self.map.clone());
                 let refusal = self.editor.tool.refusal().filter(|_| drawing);
-                self.change_map_or_say(new, refusal, screen, link);
+                self.change_map_or_say(new, ["", refusal.unwrap_or_default()], screen, link);
             }
             MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => {
                 let Some(cell) = cell else { return false };
@@ -78,7 +78,6 @@ impl MazeState {
         true
     }
 
-    /// Sets the goal to the cell clicked.
     fn on_click(&mut self, cell: Cell, screen: &mut Screen, link: &mut Link) {
         self.hovered = None;
         screen.on_first_use();
@@ -87,7 +86,6 @@ impl MazeState {
         }
     }
 
-    /// Moves the map along with the mouse.
     fn drag_map(&mut self, from: Position, to: Position, layout: &ScreenLayout) {
         let Some(scale) = layout.map.as_ref().map(MapFrame::scale) else { return };
         let moved = |from: u16, to: u16| f32::from(from) - f32::from(to);
@@ -154,7 +152,6 @@ impl MazeState {
         self.pan_by([PAN_SHARE * width * dx as f32, PAN_SHARE * height * dy as f32], layout);
     }
 
-    /// Moves the visible part of the map by a number of cells.
     fn pan_by(&mut self, [across, down]: [f32; 2], layout: &ScreenLayout) {
         self.viewport.centre[0] += across;
         self.viewport.centre[1] += down;

@@ -244,7 +244,6 @@ fn draw_field(
     }
 }
 
-/// Draws the edges of a box.
 fn draw_box(painter: &mut Painter, corners: Corners, ink: Ink) {
     let corner = |n: usize| (painter.place)(&[0, 1, 2].map(|i| corners[n >> i & 1][i]));
     let pairs = (0..8).flat_map(|n| (0..3).map(move |i| (n, n | 1 << i))).filter(|(a, b)| a != b);
@@ -263,7 +262,6 @@ fn draw_surroundings(painter: &mut Painter, arm: &ArmScene) {
     }
 }
 
-/// Draws the links, joints and fingers of an arm.
 fn draw_skeleton(painter: &mut Painter, pose: &Pose) {
     let theme = painter.theme;
     let link = blend(theme.cursor, theme.unknown, 0.3);
@@ -439,7 +437,6 @@ fn short(value: f32) -> String {
     format!("{value:.digits$}")
 }
 
-/// Formats a place by its first components.
 fn place(at: &[f32]) -> String {
     let shown: Vec<String> = at.iter().take(3).map(|value| short(*value)).collect();
     if at.is_empty() { "-".to_owned() } else { shown.join(", ") }

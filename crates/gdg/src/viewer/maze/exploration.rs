@@ -28,7 +28,6 @@ pub enum Knowledge {
 /// What the agents know of each cell. Empty if they have explored everything.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Exploration {
-    /// Columns and rows of the map.
     size: (usize, usize),
     /// By cell, row by row.
     cells: Vec<Knowledge>,

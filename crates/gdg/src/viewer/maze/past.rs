@@ -3,14 +3,12 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::draw::{Raster, positions_along};
+use super::walk::sees;
+use crate::draw::Raster;
 use crate::env::maze::ProbeGrid;
 use crate::map::{Cell, Grid};
 use crate::train::FilmFrame;
 use crate::viewer::mean_distance;
-
-/// Samples per cell along a line of sight.
-const SAMPLES_PER_CELL: f32 = 4.0;
 
 /// Minimum total weight of the filmed cells in sight to interpolate between them.
 const MIN_SHARE: f32 = 1e-3;
@@ -67,8 +65,8 @@ impl FilmedMap {
                 // Beyond the last block, there is no weight.
                 let place =
                     (row + below).min(rows - 1) * columns + (column + across).min(columns - 1);
-                let seen = x * y > 0.0
-                    && self.places[place].is_some_and(|from| self.is_in_sight(from, at));
+                let seen =
+                    x * y > 0.0 && self.places[place].is_some_and(|from| sees(&self.map, from, at));
                 (place as u32, if seen { x * y } else { 0.0 })
             },
         );
@@ -94,13 +92,6 @@ impl FilmedMap {
     /// Returns the value of each pixel; NaN where there is none.
     pub fn field(&self, frame: &FilmFrame, raster: Raster) -> Vec<f32> {
         FilmedPixels::new(self, raster).field(frame)
-    }
-
-    /// Whether no wall is between two positions.
-    fn is_in_sight(&self, from: [f32; 2], to: [f32; 2]) -> bool {
-        let longer = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
-        let samples = (SAMPLES_PER_CELL * longer).ceil().max(1.0) as usize;
-        positions_along([from, to], samples).all(|at| self.map.is_free_at(at[0], at[1]))
     }
 }
 

@@ -116,7 +116,6 @@ impl MazeWorker {
         }
     }
 
-    /// Moves the walking agent by one step.
     pub(super) fn walk_on(&mut self) {
         let Some(goal) = self.view.goal.0 else { return };
         if self.view.walk.arrived {
@@ -170,7 +169,7 @@ impl MazeWorker {
 }
 
 /// Returns whether no wall is on the straight line between two positions.
-fn sees(map: &Grid, from: [f32; 2], to: [f32; 2]) -> bool {
+pub(super) fn sees(map: &Grid, from: [f32; 2], to: [f32; 2]) -> bool {
     let cells = (to[0] - from[0]).hypot(to[1] - from[1]);
     let count = (SIGHT_PER_CELL * cells).ceil().max(1.0) as usize;
     positions_along([from, to], count).all(|[x, y]| map.is_free_at(x, y))
