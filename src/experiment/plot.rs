@@ -395,6 +395,21 @@ mod tests {
     }
 
     #[test]
+    fn runs_that_learned_or_were_evaluated_on_something_else_are_different_curves() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let data = |checksum: u32| json!({"data": {"file": "a.npz", "checksum": checksum, "transitions": 9, "episodes": 1}});
+        let tasks = |tasks: &str| json!({"map": {"name": "hall", "scenario": tasks}});
+        for [one, other] in [[data(1), data(2)], [data(1), json!({})], [tasks("a"), tasks("b")]] {
+            let files = [
+                record(folder.path(), "a.jsonl", &one, &[1], ""),
+                record(folder.path(), "b.jsonl", &other, &[1], ""),
+            ];
+            let (rows, _) = drawn(&files);
+            assert!(rows.len() == 2 && rows[0] != rows[1], "{rows:?}");
+        }
+    }
+
+    #[test]
     fn of_runs_that_nothing_tells_apart_the_longest_is_drawn_and_the_others_are_named() {
         let folder = tempfile::tempdir().expect("a folder");
         let run =

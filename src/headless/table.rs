@@ -125,11 +125,19 @@ fn go_on(path: &Path, trainer: &Trainer) -> Result<File, Report> {
     let unreadable = |error: std::io::Error| {
         miette!("{}: the table cannot be continued: {error}", path.display())
     };
-    let kept = earlier::length_to_keep(&files::read(path, MAX_BYTES).map_err(unreadable)?, trainer)
-        .map_err(|why| {
-            let help = "give --csv another name, or --overwrite to replace the file";
-            miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
-        })?;
+    let table = files::read(path, MAX_BYTES).map_err(unreadable)?;
+    let kept = earlier::length_to_keep(&table, trainer).map_err(|why| {
+        let help = "give --csv another name, or --overwrite to replace the file";
+        miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
+    })?;
+    let is_header = !table[..kept as usize].trim_ascii_end().contains(&b'\n');
+    if is_header && table.len() as u64 > kept {
+        let copy = files::write_to_unused(path, &table).map_err(unreadable)?;
+        let (path, copy) = (path.display(), copy.display());
+        eprint_line(&format!(
+            "{path}: begins anew, as all of its rows are later; they are in {copy}"
+        ));
+    }
     let mut file = files::open_or_create(path).map_err(unreadable)?;
     file.set_len(kept).and_then(|()| file.seek(SeekFrom::End(0))).map_err(unreadable)?;
     Ok(file)

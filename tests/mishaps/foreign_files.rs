@@ -69,7 +69,6 @@ fn scenarios_that_cannot_fit_are_refused_with_line_and_column() {
             "2:25",
             "the octile length 4.5 is too short: a path without any wall is 5.00 long",
         ),
-        ("arena.map\t8\t3\t1\t0\t1\t2\t3.41", "2:25", "the shortest path is 4.00 long"),
         ("arena.map\t16\t6\t0\t0\t10\t0\t2.0", "2:27", "the octile length 2 is too short"),
         ("arena.map\t8\t3\t1\t1\t1\t2\t3", "2:17", "the start (1, 1) is a wall of arena"),
     ] {

@@ -13,6 +13,7 @@ use super::{EDITED, HELP, Kind, SavedRun, unreadable, with_preset};
 use crate::experiment::spec::{EvaluationAt, setting_text};
 use gdg::files::{Format, Mismatch, Wanted, open};
 use gdg::text::sanitized;
+use gdg::train::DataSource;
 
 /// The longest line of records: none that this program writes is nearly as long.
 const MOST_OF_A_LINE: u64 = 16 << 20;
@@ -88,6 +89,7 @@ struct Start {
     fingerprint: Option<String>,
     map: Option<Value>,
     gym: Option<Value>,
+    data: Option<DataSource>,
     method: String,
     preset: String,
     settings: Map<String, Value>,
@@ -99,11 +101,16 @@ struct Start {
 
 impl SavedRun {
     fn begun(start: Start, source: &Path) -> Self {
-        let Start { world, fingerprint, map, gym, method, preset, settings, seed, .. } = start;
+        let Start { world, fingerprint, map, gym, data, method, preset, settings, seed, .. } =
+            start;
         let named =
-            |facts: Option<Value>, key| Some(facts.as_ref()?.get(key)?.as_str()?.to_owned());
-        let map = named(map, "name").or_else(|| named(gym, "id"));
+            |facts: &Option<Value>, key| Some(facts.as_ref()?.get(key)?.as_str()?.to_owned());
+        // Seeds are those of one thing only if they learned and were evaluated on the same.
+        let data = data.map(|data| format!("data={:08x}", data.checksum));
+        let scenario = named(&map, "scenario").map(|tasks| format!("scenario={tasks}"));
+        let map = named(&map, "name").or_else(|| named(&gym, "id"));
         let settings = settings.iter().map(|(name, value)| setting_text(name, value));
+        let settings = settings.chain(data).chain(scenario);
         Self {
             source: source.to_owned(),
             kind: Kind::Records(Ending::Open),

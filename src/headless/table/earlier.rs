@@ -6,7 +6,8 @@ use super::{PROGRESS, column_names, losses, results};
 use gdg::train::Trainer;
 
 /// Returns the length in bytes of the rows in `table` that the run of `trainer` had written when it
-/// was saved. Later rows, and a last one that was cut off, are to be written again.
+/// was saved. Later rows, and a last one that was cut off, are to be written again; if all are later,
+/// they may be another run's.
 pub fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<u64, String> {
     let complete = table.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
     let rows =
@@ -20,7 +21,7 @@ pub fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<u64, String> {
         }
         _ => return Err("it is not a table of metrics".to_owned()),
     }
-    let (mut kept, mut matches, mut before, mut is_empty) = (None, false, 0, true);
+    let (mut kept, mut matches, mut before, mut is_later) = (None, false, 0, true);
     for row in rows {
         let row = row.map_err(|error| error.to_string())?;
         let at = row.position().map_or(0, |at| at.byte() as usize);
@@ -32,15 +33,16 @@ pub fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<u64, String> {
         if row.updates < before {
             return Err(format!("its updates go back in line {}", line()));
         }
-        (before, is_empty) = (row.updates, false);
+        before = row.updates;
         if kept.is_none() && row.is_before(trainer) {
+            is_later = false;
             matches |=
                 row.matches(trainer).ok_or_else(|| format!("line {} is of another run", line()))?;
         } else {
             kept.get_or_insert(begin as u64);
         }
     }
-    if matches || is_empty {
+    if matches || is_later {
         Ok(kept.unwrap_or(complete as u64))
     } else {
         Err("none of its rows shows that it is this run's".to_owned())

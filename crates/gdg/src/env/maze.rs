@@ -379,6 +379,10 @@ impl Recorded for PointMaze {
             facts["margin_cells"] = json!(scale.margin);
             facts["goal_radius_cells"] = json!(scale.goal_radius);
         }
+        if !self.scenario.is_empty() {
+            let tasks = format!("{:?}", self.scenario);
+            facts["scenario"] = json!(format!("{:08x}", crc32fast::hash(tasks.as_bytes())));
+        }
         Map::from_iter([("map".to_owned(), facts)])
     }
 

@@ -21,8 +21,12 @@ impl Recorded for Gym {
     }
 
     fn fingerprint(&self) -> Option<String> {
+        let about = &self.pool.about;
         let package = self.pool.address.package.as_deref().unwrap_or("gymnasium");
-        Some(format!("{package}, goal radius {}", self.spec().goal_radius))
+        let own = package.split('.').next().and_then(|name| about.versions.get(name));
+        let version = own.map_or(String::new(), |version| format!(" {version}"));
+        let limit = about.time_limit.map_or(String::new(), |limit| format!(", {limit} steps"));
+        Some(format!("{package}{version}, goal radius {}{limit}", self.spec().goal_radius))
     }
 
     fn facts(&self) -> Map<String, Value> {
