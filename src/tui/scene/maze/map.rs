@@ -420,8 +420,11 @@ fn spans(raster: &Raster) -> [Vec<(usize, usize)>; 2] {
 /// and the goal.
 fn draw_moving(canvas: Canvas, maze: &MazeState, screen: &Screen) -> Canvas {
     let (raster, map, view) = (canvas.raster, &maze.map, &maze.view);
+    let is_fine = canvas.is_fine;
+    // Pixels of pictures show only what they contain.
+    let on_floor = |at: [f32; 2]| if is_fine { at } else { raster.on_floor(map, at) };
     let place = |at: &[f32]| match at {
-        [x, y, ..] => Some(raster.on_floor(map, [*x, *y])),
+        [x, y, ..] => Some(on_floor([*x, *y])),
         _ => None,
     };
     let theme = if canvas.is_fine { screen.theme.in_full_colour() } else { screen.theme };
@@ -444,11 +447,13 @@ fn draw_moving(canvas: Canvas, maze: &MazeState, screen: &Screen) -> Canvas {
             painter.candidates(&view.graph, signs.filter(|_| scale >= MIN_SIZED_CANDIDATE_SCALE));
         }
         let floored = |places: &[[f32; 2]]| -> Vec<[f32; 2]> {
-            places.iter().map(|at| raster.on_floor(map, *at)).collect()
+            places.iter().map(|at| on_floor(*at)).collect()
         };
-        let stops = &view.path[..view.path.len().saturating_sub(1)];
-        let stops = if painter.canvas.is_fine { floored(stops) } else { Vec::new() };
-        painter.plan(&floored(&samples(&view.way, &raster)), &stops);
+        if is_fine {
+            painter.plan(&view.way, &view.path[..view.path.len().saturating_sub(1)]);
+        } else {
+            painter.plan(&floored(&samples(&view.way, &raster)), &[]);
+        }
         painter.search();
         draw_preview(&mut painter, maze);
         painter.own_trail(&floored(&view.trail), LONGEST_STEP);
