@@ -1,19 +1,17 @@
 //! Pictures in the terminal: the protocol it supports, and what it currently shows.
 //!
-//! `ratatui-image` does not suit pictures that change constantly. It quantises each sixel picture
-//! from scratch (28 ms for the map on a screen of 200 x 60 characters, 48 ms with dithering, in
-//! colours that differ between frames), resends the whole picture when a part changes, never
-//! deletes one, and its query leaves a thread behind that swallows keys if the terminal does not
-//! answer. So the three protocols are implemented here, and only changed patches are sent.
+//! `ratatui-image` does not suit pictures that change constantly. It resends the whole picture when
+//! a part changes, never deletes one, and its query leaves a thread behind that swallows keys if the
+//! terminal does not answer. So the two protocols are implemented here, and only changed patches
+//! are sent.
 //!
 //! * `query`: the capability query.
 //! * `patches`: tracks what is on the screen and what to send.
-//! * `encode`, `sixel`: encode patches.
+//! * `encode`: encodes patches.
 
 pub mod encode;
 pub mod patches;
 pub mod query;
-mod sixel;
 
 use ratatui::buffer::Cell;
 use ratatui::layout::Rect;
@@ -30,8 +28,6 @@ pub enum Protocol {
     Kitty,
     /// iTerm2's.
     Iterm2,
-    /// DEC sixels: xterm, foot, mlterm, Windows Terminal and others.
-    Sixel,
 }
 
 /// A terminal's graphics capabilities.
@@ -53,7 +49,6 @@ impl Graphics {
         let protocol = match answer {
             Answer { kitty: true, .. } => Protocol::Kitty,
             _ if is_iterm2 => Protocol::Iterm2,
-            Answer { sixel: true, .. } => Protocol::Sixel,
             _ => return None,
         };
         let is_sound = |(width, height): &(u16, u16)| {
@@ -122,20 +117,18 @@ mod tests {
 
     #[test]
     fn the_terminals_answer_decides() {
-        let answer =
-            |kitty, sixel| Answer { kitty, sixel, character: Some((9, 18)), ..Answer::default() };
+        let answer = |kitty| Answer { kitty, character: Some((9, 18)), ..Answer::default() };
         let protocol =
             |answer: &Answer, name: &str| Graphics::choose(answer, name, None).map(|g| g.protocol);
-        assert_eq!(protocol(&answer(true, true), "xterm"), Some(Protocol::Kitty));
-        assert_eq!(protocol(&answer(false, true), "xterm"), Some(Protocol::Sixel));
-        assert_eq!(protocol(&answer(false, true), "iTerm.app"), Some(Protocol::Iterm2));
-        assert_eq!(protocol(&answer(false, false), "xterm"), None);
+        assert_eq!(protocol(&answer(true), "xterm"), Some(Protocol::Kitty));
+        assert_eq!(protocol(&answer(false), "iTerm.app"), Some(Protocol::Iterm2));
+        assert_eq!(protocol(&answer(false), "xterm"), None);
         assert_eq!(
             protocol(&Answer::default(), "iTerm.app"),
             None,
             "the size of a character is not known"
         );
-        let unsized_answer = Answer { character: None, ..answer(false, true) };
+        let unsized_answer = Answer { character: None, ..answer(true) };
         assert_eq!(
             Graphics::choose(&unsized_answer, "", Some((8, 16))).map(|g| g.character),
             Some((8, 16))

@@ -42,10 +42,9 @@ pub struct MeasuredScreen {
 
 impl MeasuredScreen {
     /// All of them.
-    pub const ALL: [Self; 3] = [
+    pub const ALL: [Self; 2] = [
         Self { name: "characters", protocol: None },
         Self { name: "pixels, kitty", protocol: Some(Protocol::Kitty) },
-        Self { name: "pixels, sixel", protocol: Some(Protocol::Sixel) },
     ];
 }
 

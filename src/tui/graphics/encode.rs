@@ -7,7 +7,6 @@ use base64::engine::general_purpose::STANDARD;
 use ratatui::layout::{Position, Rect};
 
 use super::Protocol;
-use super::sixel::{Bands, Palette};
 
 /// The most bytes of a picture in one of kitty's escape sequences.
 const KITTY_CHUNK_BYTES: usize = 4096;
@@ -15,60 +14,32 @@ const KITTY_CHUNK_BYTES: usize = 4096;
 /// The order of kitty pictures among text: above it, as there is none below them.
 const KITTY_LAYER: i32 = 1;
 
-/// Encodes patches; keeps the palette between them.
-pub struct Encoder {
-    protocol: Protocol,
-    palette: Palette,
-}
-
-impl Encoder {
-    pub fn new(protocol: Protocol) -> Self {
-        Self { protocol, palette: Palette::default() }
-    }
-
-    pub fn protocol(&self) -> Protocol {
-        self.protocol
-    }
-
-    /// Chooses colours for a picture if the protocol has a palette and it does not fit;
-    /// returns whether they have changed.
-    pub fn adapt(&mut self, pixels: &[[u8; 3]]) -> bool {
-        self.protocol == Protocol::Sixel && self.palette.adapt(pixels)
-    }
-
-    /// Writes a patch of `pixels`, red, green and blue, at its place; a sixel picture reuses its known `bands`.
+impl Protocol {
+    /// Writes a patch of `pixels`, red, green and blue, at its place.
     ///
     /// # Errors
     /// Errors of the PNG encoder.
     pub fn patch(
-        &mut self,
+        self,
         out: &mut Vec<u8>,
         area: Rect,
         pixels: &[u8],
         size: (u32, u32),
-        bands: &mut Bands,
     ) -> std::io::Result<()> {
         write!(out, "\x1b[{};{}H", area.y + 1, area.x + 1)?;
-        match self.protocol {
-            Protocol::Kitty => kitty(out, area, &STANDARD.encode(png(pixels, size)?)),
-            Protocol::Iterm2 => {
-                let data = png(pixels, size)?;
-                let (columns, rows) = (area.width, area.height);
-                write!(
-                    out,
-                    "\x1b]1337;File=inline=1;size={};width={columns};height={rows};",
-                    data.len()
-                )?;
-                write!(out, "preserveAspectRatio=0;doNotMoveCursor=1:{}\x07", STANDARD.encode(data))
-            }
-            Protocol::Sixel => self.palette.encode(out, pixels, size, bands),
+        let data = png(pixels, size)?;
+        let encoded = STANDARD.encode(&data);
+        if self == Self::Kitty {
+            return kitty(out, area, &encoded);
         }
+        let (bytes, columns, rows) = (data.len(), area.width, area.height);
+        write!(out, "\x1b]1337;File=inline=1;size={bytes};width={columns};height={rows};")?;
+        write!(out, "preserveAspectRatio=0;doNotMoveCursor=1:{encoded}\x07")
     }
 
-    /// Deletes a patch that may be fully covered. In other protocols than kitty's, text replaces
-    /// pictures.
-    pub fn delete(&self, out: &mut Vec<u8>, at: Position) {
-        if self.protocol == Protocol::Kitty {
+    /// Deletes a patch that may be fully covered. On iTerm2, text replaces pictures.
+    pub fn delete(self, out: &mut Vec<u8>, at: Position) {
+        if self == Self::Kitty {
             out.extend(format!("\x1b_Ga=d,d=I,i={},q=2\x1b\\", kitty_id(at)).bytes());
         }
     }
@@ -128,9 +99,7 @@ mod tests {
         });
         let mut out = Vec::new();
         let pixels: Vec<u8> = noise.collect();
-        Encoder::new(protocol)
-            .patch(&mut out, AREA, &pixels, (80, 40), &mut Bands::default())
-            .expect("encoded");
+        protocol.patch(&mut out, AREA, &pixels, (80, 40)).expect("encoded");
         String::from_utf8(out).expect("text")
     }
 
@@ -156,7 +125,7 @@ mod tests {
         assert!(chunks[1..].iter().all(|chunk| chunk.len() < KITTY_CHUNK_BYTES + 100));
         // It is deleted under the number it was sent with.
         let mut out = Vec::new();
-        Encoder::new(Protocol::Kitty).delete(&mut out, AREA.as_position());
+        Protocol::Kitty.delete(&mut out, AREA.as_position());
         let id = format!("i={},", kitty_id(AREA.as_position()));
         assert!(text.contains(&id) && String::from_utf8_lossy(&out).contains(&id));
     }

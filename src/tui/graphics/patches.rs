@@ -8,17 +8,10 @@ use std::time::{Duration, Instant};
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 
-use super::encode::Encoder;
-use super::sixel::Bands;
 use super::{Graphics, Picture, Protocol, Redraw};
 
 /// Columns and rows of a whole patch: small, since little moves from frame to frame.
 const PATCH: (u16, u16) = (8, 4);
-
-/// Maximum number of sixel patches per picture, and their maximum width in pixels: xterm keeps 16
-/// pictures of at most 1000 x 1000 pixels.
-const SIXEL_PATCHES: u16 = 12;
-const SIXEL_PIXELS: u16 = 1000;
 
 /// After a picture has been drawn and sent, the next one waits for this multiple of the time taken,
 /// at most [`LONGEST_REST`]: so that a slow terminal can keep up and, during training, so that
@@ -35,29 +28,17 @@ struct Patch {
     area: Rect,
     /// Red, green and blue, row by row.
     pixels: Vec<u8>,
-    bands: Bands,
 }
 
 impl Patch {
-    /// Creates a patch that shows nothing yet.
-    fn new(area: Rect) -> Self {
-        Self { area, pixels: Vec::new(), bands: Bands::default() }
-    }
-
     /// Copies the pixels of a picture's part of the same size; returns whether any changed.
     fn show(&mut self, part: &Part) -> bool {
         let size = 3 * part.width * part.height;
         let mut has_changed = self.pixels.len() != size;
-        if has_changed {
-            self.bands.clear();
-            self.pixels.resize(size, 0);
-        }
-        for (row, (own, new)) in
-            self.pixels.chunks_exact_mut(3 * part.width).zip(part.rows()).enumerate()
-        {
+        self.pixels.resize(size, 0);
+        for (own, new) in self.pixels.chunks_exact_mut(3 * part.width).zip(part.rows()) {
             if own != new {
                 own.copy_from_slice(new);
-                self.bands.forget(row);
                 has_changed = true;
             }
         }
@@ -67,7 +48,7 @@ impl Patch {
 
 /// The pictures on the screen.
 pub struct Patches {
-    encoder: Encoder,
+    protocol: Protocol,
     shown: Vec<Patch>,
     /// Earliest time of the next update of changed pictures.
     resting_until: Option<Instant>,
@@ -83,8 +64,7 @@ impl Patches {
     /// Creates the patches of a screen without pictures.
     pub fn new(protocol: Protocol) -> Self {
         let (resting_until, awake_until) = (None, None);
-        let encoder = Encoder::new(protocol);
-        Self { encoder, shown: Vec::new(), resting_until, awake_until, is_behind: false, bytes: 0 }
+        Self { protocol, shown: Vec::new(), resting_until, awake_until, is_behind: false, bytes: 0 }
     }
 
     /// Forgets all patches after the screen has been cleared.
@@ -143,17 +123,15 @@ impl Patches {
         let mut before = std::mem::take(&mut self.shown);
         let wanted: Vec<(Rect, &Picture)> = pictures
             .iter()
-            .flat_map(|picture| {
-                cut(picture, screen, graphics).into_iter().map(move |area| (area, *picture))
-            })
+            .flat_map(|picture| cut(picture, screen).into_iter().map(move |area| (area, *picture)))
             .collect();
         let is_new = |area: &Rect| !before.iter().any(|patch| patch.area == *area);
         // Delete old patches first: a new one in the same place has the same id.
-        before.iter().filter(|patch| !wanted.iter().any(|(area, _)| *area == patch.area)).for_each(
-            |patch| {
-                self.encoder.delete(&mut out, patch.area.as_position());
-            },
-        );
+        for patch in &before {
+            if !wanted.iter().any(|(area, _)| *area == patch.area) {
+                self.protocol.delete(&mut out, patch.area.as_position());
+            }
+        }
         self.is_behind = false;
         if is_resting && !wanted.iter().any(|(area, _)| is_new(area)) {
             before.retain(|patch| wanted.iter().any(|(area, _)| *area == patch.area));
@@ -161,20 +139,14 @@ impl Patches {
             self.shown = before;
             return Ok(out);
         }
-        let mut other_colours = false;
-        for picture in pictures {
-            other_colours |= self.encoder.adapt(&picture.pixels);
-        }
         for (area, picture) in wanted {
             let part = Part::of(picture, area, graphics);
             let at = before.iter().position(|patch| patch.area == area);
-            let mut patch = at.map_or_else(|| Patch::new(area), |at| before.swap_remove(at));
-            if other_colours {
-                patch.bands.clear();
-            }
-            if patch.show(&part) || other_colours {
+            let empty = Patch { area, pixels: Vec::new() };
+            let mut patch = at.map_or(empty, |at| before.swap_remove(at));
+            if patch.show(&part) {
                 let size = (part.width as u32, part.height as u32);
-                self.encoder.patch(&mut out, area, &patch.pixels, size, &mut patch.bands)?;
+                self.protocol.patch(&mut out, area, &patch.pixels, size)?;
             }
             self.shown.push(patch);
         }
@@ -186,7 +158,7 @@ impl Patches {
     /// Returns the bytes that delete all pictures, before the screen is left or cleared.
     pub fn clear(&mut self) -> &'static [u8] {
         self.shown.clear();
-        if self.encoder.protocol() == Protocol::Kitty { super::encode::DELETE_ALL } else { b"" }
+        if self.protocol == Protocol::Kitty { super::encode::DELETE_ALL } else { b"" }
     }
 }
 
@@ -196,9 +168,9 @@ fn is_ahead(moment: Option<Instant>) -> bool {
 }
 
 /// Cuts a picture into patches: a grid, with holes where text is.
-fn cut(picture: &Picture, screen: &Buffer, graphics: Graphics) -> Vec<Rect> {
+fn cut(picture: &Picture, screen: &Buffer) -> Vec<Rect> {
     let area = picture.area.intersection(screen.area);
-    let (width, height) = patch_size(area, graphics);
+    let (width, height) = PATCH;
     let starts = |from: u16, to: u16, step: u16| (from..to).step_by(usize::from(step));
     let mut patches = Vec::new();
     for y in starts(area.y, area.bottom(), height) {
@@ -207,22 +179,6 @@ fn cut(picture: &Picture, screen: &Buffer, graphics: Graphics) -> Vec<Rect> {
         }
     }
     patches
-}
-
-/// Returns the columns and rows of a whole patch.
-fn patch_size(area: Rect, graphics: Graphics) -> (u16, u16) {
-    if graphics.protocol != Protocol::Sixel {
-        return PATCH;
-    }
-    let (across, down) = graphics.character;
-    let columns = (SIXEL_PIXELS / across).clamp(1, area.width.max(1));
-    let beside = area.width.div_ceil(columns).max(1);
-    let rows = area
-        .height
-        .div_ceil((SIXEL_PATCHES / beside).max(1))
-        .clamp(1, (SIXEL_PIXELS / down).max(1));
-    // Equal widths.
-    (area.width.div_ceil(beside).max(1), rows)
 }
 
 /// Adds the parts of `area` without text: all of it, or what is above, beside and below, and
@@ -369,19 +325,5 @@ mod tests {
         screen.set_string(3, 2, "text", Style::new());
         assert!(sent(&mut patches, &[&picture], &screen).contains("a=d"));
         assert!(!patches.is_behind());
-    }
-
-    #[test]
-    fn xterm_has_room_for_all_patches() {
-        for (width, height, character) in
-            [(114, 57, (10, 20)), (60, 20, (6, 13)), (300, 90, (8, 16)), (1, 1, (9, 18))]
-        {
-            let graphics = Graphics { protocol: Protocol::Sixel, character };
-            let area = Rect::new(0, 0, width, height);
-            let (columns, rows) = patch_size(area, graphics);
-            let count = width.div_ceil(columns) * height.div_ceil(rows);
-            assert!(count <= SIXEL_PATCHES, "{count} patches of {columns} x {rows}");
-            assert!(columns * character.0 <= SIXEL_PIXELS && rows * character.1 <= SIXEL_PIXELS);
-        }
     }
 }

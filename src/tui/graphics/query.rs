@@ -9,8 +9,6 @@ pub const QUESTIONS: &[u8] = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[16
 pub struct Answer {
     /// It shows pictures as kitty does.
     pub kitty: bool,
-    /// It shows sixel pictures.
-    pub sixel: bool,
     /// Width and height of a character in pixels.
     pub character: Option<(u16, u16)>,
     pub is_complete: bool,
@@ -30,10 +28,7 @@ impl Answer {
             if let Some((Ok(width), Ok(height))) = numbers {
                 self.character = Some((width, height));
             }
-        } else if let Some(text) =
-            text.strip_prefix("\x1b[?").and_then(|text| text.strip_suffix('c'))
-        {
-            self.sixel = text.split(';').skip(1).any(|attribute| attribute == "4");
+        } else if text.starts_with("\x1b[?") && text.ends_with('c') {
             self.is_complete = true;
         }
     }
@@ -51,22 +46,17 @@ mod tests {
             answer
         };
         let kitty = answer(&[b"\x1b_Gi=31;OK", b"\x1b[6;20;10t", b"\x1b[?62;c"]);
-        assert!(kitty.kitty && !kitty.sixel && kitty.is_complete);
+        assert!(kitty.kitty && kitty.is_complete);
         assert_eq!(kitty.character, Some((10, 20)));
         let xterm = answer(&[b"\x1b[6;13;6t", b"\x1b[?63;1;2;4;6;9;15;16;22;28c"]);
-        assert!(!xterm.kitty && xterm.sixel && xterm.is_complete);
+        assert!(!xterm.kitty && xterm.is_complete);
         assert_eq!(xterm.character, Some((6, 13)));
         let refused = answer(&[b"\x1b_Gi=31;ENOTSUPPORTED:no", b"\x1b[?64;1;44c"]);
-        assert_eq!(
-            (refused.kitty, refused.sixel, refused.is_complete),
-            (false, false, true),
-            "44 is not 4"
-        );
+        assert!(!refused.kitty && refused.is_complete);
         assert_eq!(
             answer(&[b"\x1b]11;rgb:0/0/0", b"\x1bP>|tmux", b"\x1b[>1;4;0c"]),
             Answer::default(),
             "of others"
         );
-        assert!(!answer(&[b"\x1b[?4c"]).sixel, "the first number is the kind of terminal");
     }
 }

@@ -186,7 +186,7 @@ fn each_side_is_the_run_that_its_method_would_be_alone() {
 #[test]
 fn both_maps_are_pictures_on_which_the_same_distance_has_the_same_colour() {
     let mut comparison = comparison();
-    let graphics = Graphics { protocol: Protocol::Sixel, character: (8, 16) };
+    let graphics = Graphics { protocol: Protocol::Kitty, character: (8, 16) };
     comparison.set_graphics(Some(graphics), Redraw::All);
     draw(&mut comparison, 120, 40);
     let areas: Vec<_> = comparison.pictures().iter().map(|picture| Some(picture.area)).collect();
