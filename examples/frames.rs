@@ -1,55 +1,32 @@
-//! Draws moments of a screen recording, as the pictures of the documentation: each as a file of its
-//! own, or all as an animation.
+//! Draws moments of a screen recording, as the pictures of the documentation. Programs such as
+//! `apngasm` join them.
 //!
 //! ```sh
 //! gdg-tui tour --record tour.cast
 //! cargo run --release --example frames -- tour.cast 2 15 44              # tour-2.png, ...
-//! cargo run --release --example frames -- tour.cast tour.png $(seq 20 0.5 45)
 //! ```
 
 use std::io::{BufRead, BufReader};
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use gdg::draw::Animation;
 use gdg_tui::tui::{PageColours, picture_of};
 use miette::{IntoDiagnostic, Result, miette};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
 
-/// How long the last frame of an animation is shown, in seconds.
-const LAST_FRAME_SECONDS: f64 = 2.0;
-
 fn main() -> Result<()> {
-    let mut args = std::env::args().skip(1).peekable();
-    let cast =
-        args.next().ok_or_else(|| miette!("usage: frames FILE.cast [OUT.png] SECONDS..."))?;
-    let cast = PathBuf::from(cast);
-    let animation = args.next_if(|arg| Path::new(arg).extension().is_some_and(|end| end == "png"));
+    let mut args = std::env::args().skip(1);
+    let cast = args.next().ok_or_else(|| miette!("usage: frames FILE.cast SECONDS..."))?;
+    let cast = Path::new(&cast);
     let moments: Vec<f64> = args.map(|arg| arg.parse().into_diagnostic()).collect::<Result<_>>()?;
-    let mut frames = frames(&cast, &moments)?;
-    let picture = |screen: &Buffer| picture_of(screen, screen.area, PageColours::default());
-    let Some(out) = animation else {
-        for (at, screen) in frames {
-            let out = format!("{}-{at}.png", cast.with_extension("").display());
-            std::fs::write(out, picture(&screen).to_png("gdg-tui").into_diagnostic()?)
-                .into_diagnostic()?;
-        }
-        return Ok(());
-    };
-    let end = moments.last().map_or(0.0, |last| last + LAST_FRAME_SECONDS);
-    frames.dedup_by(|next, before| next.1 == before.1);
-    let size = frames.first().map(|(_, screen)| picture(screen).size());
-    let size = size.ok_or_else(|| miette!("give the seconds of the frames"))?;
-    let mut bytes = Vec::new();
-    let mut animation = Animation::begin(&mut bytes, size, frames.len()).into_diagnostic()?;
-    for (i, (at, screen)) in frames.iter().enumerate() {
-        let next = frames.get(i + 1).map_or(end, |(next, _)| *next);
-        animation.add(picture(screen), next - at).into_diagnostic()?;
+    for (at, screen) in frames(cast, &moments)? {
+        let out = format!("{}-{at}.png", cast.with_extension("").display());
+        let picture = picture_of(&screen, screen.area, PageColours::default());
+        std::fs::write(out, picture.to_png("gdg-tui").into_diagnostic()?).into_diagnostic()?;
     }
-    animation.finish().into_diagnostic()?;
-    std::fs::write(out, bytes).into_diagnostic()
+    Ok(())
 }
 
 /// Plays a recording; returns what its screen shows at each of `moments`, which ascend.

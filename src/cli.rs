@@ -23,7 +23,7 @@ use crate::experiment::plot;
 pub use compare::CompareArgs;
 pub use completions::completions;
 pub use experiments::{ReproduceArgs, SuiteArgs};
-pub use export::{ExportArgs, ExportPolicyArgs, FilmArgs};
+pub use export::{ExportArgs, ExportPolicyArgs};
 pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand};
 pub use method::RunArgs;
 pub use runs::RunsArgs;
@@ -41,7 +41,6 @@ Examples:
   gdg-tui --resume                           resume the run that was saved last
   gdg-tui --resume saves/my.safetensors      resume where that run stopped
   gdg-tui runs                               all runs: resume, compare, plot
-  gdg-tui film saves/my.safetensors          how it learned distance, animated
   gdg-tui --record run.cast                  record; asciinema play shows it
   gdg-tui fetch-reach --method gdg           a 7-joint arm reaches for points
   gdg-tui --no-ui gym:gymnasium_robotics:PointMaze_UMaze-v3    in Python
@@ -115,8 +114,6 @@ pub enum Command {
     /// Write a checkpoint's policy as a safetensors file that other programs can run: with the Python
     /// module gdg_tui, gdg_tui.load_policy(FILE)
     ExportPolicy(ExportPolicyArgs),
-    /// Write the film of how a checkpoint's run learned distance as an animated PNG
-    Film(FilmArgs),
     /// Print shell completions
     Completions {
         /// The shell

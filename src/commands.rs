@@ -44,7 +44,6 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         }
         Some(Command::ExportData(args)) => text(export::data(&args, registry)),
         Some(Command::ExportPolicy(args)) => text(export::policy(&args, registry)),
-        Some(Command::Film(args)) => text(export::film(&args, registry)),
     }
 }
 

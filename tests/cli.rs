@@ -945,37 +945,3 @@ fn edits_at_the_first_update_are_applied_before_the_first_step() {
         assert!(error.contains(expected) && error.contains("--edit-at"), "{error}");
     }
 }
-
-#[test]
-fn a_checkpoints_film_is_written_once() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
-    run(&["trap", "--max-updates", "260", "--eval-tasks", "1", "--save", &path("a.safetensors")]);
-    let film =
-        |file: &str, more: &[&str]| gdg().args(["film", &path(file)]).args(more).output().unwrap();
-    let output = film("a.safetensors", &[]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8(output.stdout).unwrap().trim(), path("a.film.png"));
-    let bytes = std::fs::read(path("a.film.png")).unwrap();
-    let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
-    assert_eq!(reader.info().animation_control().unwrap().num_frames, 2, "updates 1 and 250");
-    let again = film("a.safetensors", &[]);
-    assert_eq!(again.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&again.stderr).contains("--overwrite"));
-    assert!(film("a.safetensors", &["--overwrite"]).status.success());
-    run(&[
-        "trap",
-        "--method",
-        "random",
-        "--max-updates",
-        "20",
-        "--eval-tasks",
-        "1",
-        "--save",
-        &path("b.safetensors"),
-    ]);
-    let none = film("b.safetensors", &["--out", &path("b.png")]);
-    assert_eq!(none.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&none.stderr).contains("there is no film"));
-    assert!(!folder.path().join("b.png").exists());
-}

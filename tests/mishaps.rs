@@ -178,7 +178,6 @@ fn tables_and_exports_never_replace_a_checkpoint() {
         assert_eq!(std::fs::read(&path).unwrap(), before);
     };
     run(&["export-policy", "small.safetensors", "--out", "small.safetensors", "--overwrite"]);
-    run(&["film", "small.safetensors", "--out", "small.safetensors", "--overwrite"]);
     run(&["--no-ui", "trap", "--max-updates", "5", "--csv", "small.safetensors", "--overwrite"]);
     run(&["--no-ui", "--resume", "small.safetensors", "--csv", "small.safetensors", "--overwrite"]);
 }

@@ -1,10 +1,10 @@
-//! Options of `gdg-tui film`, `export-data` and `export-policy`.
+//! Options of `gdg-tui export-data` and `export-policy`.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::values::{counts, output};
+use super::values::output;
 
 /// What is exported, and where to.
 #[derive(Debug, Args)]
@@ -28,17 +28,4 @@ pub struct ExportPolicyArgs {
     /// module gdg_tui then follows bridges as this program does
     #[arg(long)]
     pub plans: bool,
-}
-
-/// Options of `gdg-tui film`.
-#[derive(Debug, Args)]
-pub struct FilmArgs {
-    #[command(flatten)]
-    pub export: ExportArgs,
-    /// Write only the last frame, as a picture of the map that says what colours and lines mean
-    #[arg(long)]
-    pub still: bool,
-    /// Width in pixels [default: up to 400, with whole pixels for each cell]
-    #[arg(long, value_name = "PIXELS", value_parser = counts::<usize>(100..=8_192))]
-    pub width: Option<usize>,
 }

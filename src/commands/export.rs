@@ -1,20 +1,17 @@
-//! `gdg-tui film`, `export-data` and `export-policy`: what is in a checkpoint, for other programs.
+//! `gdg-tui export-data` and `export-policy`: what is in a checkpoint, for other programs.
 
 use std::path::Path;
 use std::sync::Arc;
 
-use miette::{IntoDiagnostic, Report, miette};
+use miette::{IntoDiagnostic, Report};
 
 use super::output::write_file;
-use crate::cli::{ExportArgs, ExportPolicyArgs, FilmArgs};
+use crate::cli::{ExportArgs, ExportPolicyArgs};
 use crate::host::outputs::refuse_existing;
 use crate::host::report::from_checkpoint_error;
 use crate::host::waiting::Waiting;
-use gdg::engine::Snapshot;
-use gdg::env::Scene;
 use gdg::files;
 use gdg::train::{Registry, Trainer, data_file, load_with, policy_file};
-use gdg::viewer::{FilmError, animate, still};
 
 /// Writes what `encode` makes of the run in a checkpoint, which is read without opening its world
 /// where that is possible, and returns a line that says where: by default, to the checkpoint's name
@@ -62,30 +59,5 @@ pub fn policy(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<Strin
         let writing = Waiting::on("writing the policy");
         writing.begin(0, 1);
         policy_file(trainer, args.plans, &writing).into_diagnostic()
-    })
-}
-
-/// Writes how a checkpoint's run learned distance as an animation, or its last frame.
-///
-/// # Errors
-/// The checkpoint cannot be read or has no film, or the file exists or cannot be written.
-pub fn film(args: &FilmArgs, registry: &Arc<Registry>) -> Result<String, Report> {
-    let end = if args.still { ".still.png" } else { ".film.png" };
-    export(&args.export, end, registry, |trainer| {
-        let run = Snapshot::capture(trainer).into_diagnostic()?;
-        let drawing = Waiting::on("drawing the film");
-        let drawn =
-            if args.still { still(&run, args.width) } else { animate(&run, args.width, &drawing) };
-        drop(drawing);
-        drawn.map_err(|error| {
-            let help = match error {
-                FilmError::NoFrames if !matches!(run.scene, Scene::Goals(_)) => {
-                    "train on: gdg-tui --resume FILE films the rest"
-                }
-                FilmError::NoFrames | FilmError::NoScene => "films show maps and the arm",
-                FilmError::Png(_) => "please report this",
-            };
-            miette!(help = help, "{}: {error}", args.export.checkpoint.display())
-        })
     })
 }

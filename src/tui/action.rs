@@ -68,7 +68,6 @@ pub enum Action {
     Resume,
     Autosave,
     Export,
-    ExportFilm,
     Compare,
     Tour,
     NextTourStep,

@@ -1,4 +1,4 @@
-//! Exports to files: a picture of the map, the film, and curves as a drawing or a table.
+//! Exports to files: a picture of the map, and curves as a drawing or a table.
 
 mod curves;
 mod picture;
@@ -18,7 +18,6 @@ use super::theme::Theme;
 use crate::figure::Format;
 use gdg::files::{self, write_atomically};
 use gdg::job::{Job, Running};
-use gdg::viewer::{FilmError, animate};
 pub use picture::{PageColours, picture_of};
 
 /// Folder for exports.
@@ -38,13 +37,11 @@ pub enum ExportError {
     #[error("{0}")]
     Figure(miette::Report),
     #[error(transparent)]
-    Film(#[from] FilmError),
-    #[error(transparent)]
     Csv(#[from] csv::Error),
 }
 
-/// Encodes what has been drawn, which may take a second or two, and says how far it is.
-type Encode = Box<dyn FnOnce(&Job) -> Result<Vec<u8>, ExportError> + Send>;
+/// Encodes what has been drawn, which may take a second or two.
+type Encode = Box<dyn FnOnce() -> Result<Vec<u8>, ExportError> + Send>;
 
 /// Draws an export and begins to write it to a new file; returns the notice for the user.
 pub fn begin(
@@ -54,14 +51,14 @@ pub fn begin(
 ) -> Result<Running<Result<String, String>>, ExportError> {
     let (name, noun) = (name(kind, screen, scene), scene.noun());
     let encode = drawn(kind, screen, scene)?;
-    let write = move |progress: &Job| write_as(&name, kind, noun, encode(progress));
+    let write = move |_: &Job| write_as(&name, kind, noun, encode());
     let job = Job::new(format!("writing {}", kind.name(noun)));
     Ok(Running::start("export", job, write))
 }
 
 /// Returns what a file's name begins with: the world, and the update that is shown.
 pub fn name(kind: ExportKind, screen: &Screen, scene: &Scene) -> String {
-    // Curves and film are of the present, whatever the map shows.
+    // Curves are of the present, whatever the map shows.
     let past = screen.past.as_ref().filter(|_| ExportKind::PICTURES.contains(&kind));
     let updates = match past {
         Some(frame) => screen.snapshot.learned(frame.updates),
@@ -104,22 +101,18 @@ fn drawn(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Encode,
             screen.on_paper = false;
             let (drawn, map_pane) = drawn?;
             let (area, theme) = (map_pane.intersection(drawn.area), screen.theme.in_full_colour());
-            Box::new(move |_| picture(kind, &drawn, area, &theme))
+            Box::new(move || picture(kind, &drawn, area, &theme))
         }
         ExportKind::CurvesSvg | ExportKind::CurvesPdf => {
             let format = if kind == ExportKind::CurvesSvg { Format::Svg } else { Format::Pdf };
             let (world, run) = (scene.title(&screen.snapshot), screen.run());
             let title = format!("{world}, {}, seed {}", run.method, run.seed);
             let figure = curves::figure(screen, &title);
-            Box::new(move |_| format.encode(&figure).map_err(ExportError::Figure))
+            Box::new(move || format.encode(&figure).map_err(ExportError::Figure))
         }
         ExportKind::CurvesCsv => {
             let table = curves::csv(screen)?;
-            Box::new(|_| Ok(table))
-        }
-        ExportKind::Film => {
-            let run = screen.snapshot.clone();
-            Box::new(move |progress| Ok(animate(&run, None, progress)?))
+            Box::new(|| Ok(table))
         }
     })
 }
@@ -131,7 +124,7 @@ pub fn contents(
     screen: &mut Screen,
     scene: &Scene,
 ) -> Result<Vec<u8>, ExportError> {
-    drawn(kind, screen, scene)?(&Job::default())
+    drawn(kind, screen, scene)?()
 }
 
 /// Returns a picture of part of a drawn screen, in a theme's colours.

@@ -10,13 +10,11 @@ pub enum ExportKind {
     CurvesSvg,
     CurvesPdf,
     CurvesCsv,
-    /// How distance was learned, as an animation.
-    Film,
 }
 
 impl ExportKind {
-    pub const ALL: [Self; 6] =
-        [Self::MapPng, Self::MapSvg, Self::CurvesSvg, Self::CurvesPdf, Self::CurvesCsv, Self::Film];
+    pub const ALL: [Self; 5] =
+        [Self::MapPng, Self::MapSvg, Self::CurvesSvg, Self::CurvesPdf, Self::CurvesCsv];
 
     /// Those that show a part of the screen.
     pub const PICTURES: [Self; 2] = [Self::MapPng, Self::MapSvg];
@@ -31,14 +29,13 @@ impl ExportKind {
         match self {
             Self::MapPng | Self::MapSvg => noun,
             Self::CurvesSvg | Self::CurvesPdf | Self::CurvesCsv => "curves",
-            Self::Film => "film",
         }
     }
 
     /// Returns the file extension.
     pub fn file_type(self) -> &'static str {
         match self {
-            Self::MapPng | Self::Film => "png",
+            Self::MapPng => "png",
             Self::MapSvg | Self::CurvesSvg => "svg",
             Self::CurvesPdf => "pdf",
             Self::CurvesCsv => "csv",

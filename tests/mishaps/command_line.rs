@@ -107,7 +107,7 @@ fn no_output_is_written_to_a_file_called_minus() {
         &["--no-ui", "trap", "--csv", "-"][..],
         &["--no-ui", "trap", "--save", "-"],
         &["trap", "--record", "-"],
-        &["film", "x", "--out", "-"],
+        &["export-data", "x", "--out", "-"],
         &["export-policy", "x", "--out", "-"],
         &["suite", "trap", "--out", "-"],
     ] {
@@ -131,7 +131,7 @@ fn input_that_is_not_in_a_file_is_refused_with_what_to_do() {
             &["--no-ui", "--config", file],
             &["--no-ui", "trap", "--scen", file],
             &["--no-ui", "--resume", file],
-            &["film", file],
+            &["export-data", file],
         ] {
             let (status, _, errors) = typed(folder.path(), args);
             let errors = one_line(&errors);

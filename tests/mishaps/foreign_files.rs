@@ -200,7 +200,7 @@ fn every_reader_says_what_a_file_of_another_kind_is() {
         (&["--no-ui", "trap", "--edit-at", "1:FILE"], "a map"),
         (&["--no-ui", "trap", "--scen", "FILE"], "a scenario"),
         (&["--no-ui", "--resume", "FILE"], "a checkpoint"),
-        (&["film", "FILE"], "a checkpoint"),
+        (&["export-data", "FILE"], "a checkpoint"),
         (&["--no-ui", "--config", "FILE"], "a settings file"),
     ];
     for (bytes, kind, help) in kinds {

@@ -175,7 +175,7 @@ fn all_readers_of_checkpoints_say_the_same_of_one_that_was_cut_off() {
         std::fs::write(folder.path().join("cut.safetensors"), &bytes[..length]).unwrap();
         for args in [
             &["--no-ui", "--resume", "cut.safetensors"][..],
-            &["film", "cut.safetensors"],
+            &["export-data", "cut.safetensors"],
             &["export-policy", "cut.safetensors"],
         ] {
             let (status, _, errors) = typed(folder.path(), args);

@@ -344,7 +344,7 @@ fn names_of_any_length_work_for_every_save_or_are_refused_before_training() {
             &[&["trap", "--save", &name], &SHORT[..]].concat(),
         ));
         assert!(status == 0 && flat(&errors).contains("belongs to another run"), "{errors}");
-        for command in ["export-policy", "film"] {
+        for command in ["export-policy", "export-data"] {
             let (status, output, errors) =
                 outcome(isolated_command(folder.path()).args([command, &name]));
             assert_eq!(status, 0, "{errors}");

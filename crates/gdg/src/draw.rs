@@ -7,7 +7,7 @@ mod raster;
 use colorous::Gradient;
 
 pub use contour::{ContourPath, contour_interval, contour_paths};
-pub use picture::{Animation, Picture, TextPixel, has_letter, paint_text, text_size};
+pub use picture::{Picture, TextPixel, has_letter, paint_text, text_size};
 pub use raster::{Ground, Raster};
 
 /// Red, green, blue.

@@ -2,7 +2,6 @@
 //! distance fields, the bridge graph, the planned path, and an agent walking to the goal. `maze` is
 //! about worlds with a map, `space` about the others; `pilot` is what their agents have in common.
 
-mod animation;
 pub mod maze;
 mod pilot;
 pub mod space;
@@ -18,7 +17,6 @@ use crate::engine::{Engine, Networks, Snapshot};
 use crate::env::Scene;
 use crate::learn::{Policy, Scratch};
 use crate::train::FilmFrame;
-pub use animation::{FilmError, animate, still};
 pub use maze::MazeView;
 use maze::MazeWorker;
 pub use pilot::{Candidate, Graph, OnArrival, Reach};

@@ -445,16 +445,9 @@ const FILES: &[Binding] = &[
     watch(A::Export, "export", &["shift-e"], |s, _| {
         s.open(lists::exports(&ExportKind::ALL, s.scene.noun()));
     })
-    .help("export map, curves, screen or film")
+    .help("export map or curves")
     .also("screenshot picture image png svg csv figure capture print data")
     .own(Comparison::pick_export),
-    bind(A::ExportFilm, "export-film", &[], |s, _| s.exports.request(ExportKind::Film))
-        .help("export the film of how distance was learned")
-        .also(
-            "animation animate apng gif video movie clip timelapse time lapse record \
-             recording history",
-        )
-        .alone("gdg-tui film makes the film of a saved run"),
 ];
 
 const PROGRAM: &[Binding] = &[

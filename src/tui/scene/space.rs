@@ -101,7 +101,7 @@ impl SpaceState {
     }
 
     /// Returns whether an action applies: all but those that need a map, and without an arm those
-    /// that need to put an agent somewhere, a camera or a film.
+    /// that need to put an agent somewhere, a camera or the past.
     pub fn offers(&self, action: Action) -> bool {
         match action {
             Action::Inspect
@@ -121,8 +121,7 @@ impl SpaceState {
             | Action::ZoomOff
             | Action::Pan(..)
             | Action::Back
-            | Action::Forth
-            | Action::ExportFilm => self.is_arm,
+            | Action::Forth => self.is_arm,
             _ => true,
         }
     }
@@ -161,9 +160,7 @@ impl SpaceState {
             Action::ZoomOff => Some("show everything"),
             Action::Pan(-1, 0) => Some("turn the free projection (or drag), pan the others"),
             Action::Show(Pane::Legend) => both("legend of the arm", "legend of the space"),
-            Action::Export => {
-                both("export arm, curves, screen or film", "export the space, curves or screen")
-            }
+            Action::Export => both("export arm or curves", "export the space or curves"),
             Action::OpenMap => Some("open a map instead"),
             _ => None,
         }

@@ -166,9 +166,7 @@ fn the_arm_can_be_drawn_at_every_size_and_magnification_and_exported() {
     let csv = export(ExportKind::CurvesCsv, &mut app);
     assert!(String::from_utf8_lossy(&csv.expect("a table")).contains(",greedy_at_7_cm,"));
     for kind in ExportKind::ALL {
-        let is_written = export(kind, &mut app).is_ok();
-        let is_filmed = kind == ExportKind::Film;
-        assert_eq!(is_written, !is_filmed, "{kind:?}: nothing has been filmed");
+        assert!(export(kind, &mut app).is_ok(), "{kind:?}");
     }
 }
 

@@ -93,15 +93,6 @@ fn a_click_on_the_curves_goes_to_that_update_and_one_on_the_map_returns() {
 }
 
 #[test]
-fn the_film_is_exported_from_any_moment() {
-    let mut app = filmed_app(&[1, 2_500], 80, 24);
-    press(&mut app, KeyCode::Char('['));
-    let bytes = export(ExportKind::Film, &mut app).expect("a film");
-    let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
-    assert_eq!(reader.info().animation_control().expect("an animation").num_frames, 2);
-}
-
-#[test]
 fn pictures_of_the_past_are_named_and_described_by_what_they_show() {
     let mut app = filmed_app(&[1, 2_500], 120, 40);
     app.change_snapshot(|snapshot| snapshot.edits = Arc::new(vec![2_500]));

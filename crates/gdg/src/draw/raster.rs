@@ -39,15 +39,6 @@ impl Raster {
         Self { window, pixels: (along(width), along(height)) }
     }
 
-    /// Returns `columns` columns of pixels for a whole map, or fewer if a side would be longer than
-    /// `longest`.
-    pub fn of_width(map: &Grid, columns: usize, longest: usize) -> Self {
-        let (width, height) = (map.width(), map.height());
-        let columns = columns.min(longest * width / width.max(height)).max(1);
-        let window = [0.0, 0.0, width as f32, height as f32];
-        Self { window, pixels: (columns, (height * columns).div_ceil(width)) }
-    }
-
     /// Returns the number of pixels.
     pub fn len(&self) -> usize {
         self.pixels.0 * self.pixels.1

@@ -20,7 +20,7 @@ use crate::learn::{Policy, Scratch};
 use crate::map::{Cell, Grid, PointSearch, StepSearch, UNREACHABLE};
 use crate::train::FilmFrame;
 pub use exploration::{Exploration, Knowledge};
-pub use past::{FilmedMap, FilmedPixels};
+pub use past::FilmedMap;
 pub use walk::Walk;
 
 /// Time between two steps of the walking agent.

@@ -311,7 +311,7 @@ impl SceneWorker for SpaceWorker {
 
 /// Returns D in a film's frame at every pixel of a plane through the frame's goal, from the points
 /// in space that were filmed; NaN where the grip cannot be.
-pub fn film_field(scene: &ArmScene, frame: &FilmFrame, plane: &Plane) -> Vec<f32> {
+fn film_field(scene: &ArmScene, frame: &FilmFrame, plane: &Plane) -> Vec<f32> {
     let lattice = ProbeLattice::new(scene);
     let value = |i: usize| {
         let at = plane.point(plane.raster.middle_of(i), &frame.goal);

@@ -86,39 +86,14 @@ impl FilmedMap {
 
     /// Returns D from a free position; NaN if it is not known.
     pub fn distance(&self, frame: &FilmFrame, at: [f32; 2]) -> f32 {
-        value(frame, &self.around(at))
+        mean_distance(frame, self.around(at).map(|(place, weight)| (place as usize, weight)))
     }
 
     /// Returns the value of each pixel; NaN where there is none.
     pub fn field(&self, frame: &FilmFrame, raster: Raster) -> Vec<f32> {
-        FilmedPixels::new(self, raster).field(frame)
-    }
-}
-
-/// Returns the weighted mean of D at places; NaN if it is not known at any.
-fn value(frame: &FilmFrame, around: &Around) -> f32 {
-    mean_distance(frame, around.map(|(place, weight)| (place as usize, weight)))
-}
-
-/// The pixels of a filmed map: which places each shows is the same in all frames.
-pub struct FilmedPixels {
-    count: usize,
-    free: Vec<(usize, Around)>,
-}
-
-impl FilmedPixels {
-    /// Looks up the places of all pixels.
-    pub fn new(filmed: &FilmedMap, raster: Raster) -> Self {
-        let (free, positions) = raster.free_ground(&filmed.map);
-        let free =
-            free.into_iter().zip(positions.into_iter().map(|at| filmed.around(at))).collect();
-        Self { count: raster.len(), free }
-    }
-
-    /// Returns the value of each pixel; NaN where there is none.
-    pub fn field(&self, frame: &FilmFrame) -> Vec<f32> {
-        let mut field = vec![f32::NAN; self.count];
-        self.free.iter().for_each(|(i, around)| field[*i] = value(frame, around));
+        let mut field = vec![f32::NAN; raster.len()];
+        let (free, positions) = raster.free_ground(&self.map);
+        free.into_iter().zip(positions).for_each(|(i, at)| field[i] = self.distance(frame, at));
         field
     }
 }
