@@ -6,8 +6,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use gdg::env::fetch_reach::WALL;
-use gdg::env::{Environment, FetchReach};
+use gdg::env::FetchReach;
 use gdg::learn::product::{Lhs, Panels};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -27,8 +26,6 @@ enum Pull {
     Random,
     /// Straight down: all fingers press onto the table.
     Down,
-    /// Towards the wall.
-    Sideways,
 }
 
 /// Returns the microseconds that `work` takes, of `count` repetitions.
@@ -50,22 +47,16 @@ fn main() {
     let (x, bias, mut y, mut w) =
         (numbers(rows * width), numbers(width), numbers(rows * width), Panels::default());
     w.pack(&numbers(width * width), width, width);
-    for (name, wall, pull) in [
-        ("random pulls", None, Pull::Random),
-        ("pressing on the table", None, Pull::Down),
-        ("with the wall, pressing on it", Some(WALL), Pull::Sideways),
-    ] {
+    for (name, pull) in [("random pulls", Pull::Random), ("pressing on the table", Pull::Down)] {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut world = FetchReach::new(wall, 1);
+        let mut world = FetchReach::new(1);
         let (mut of_step, mut of_product) = (Vec::new(), Vec::new());
         for _ in 0..TURNS {
-            world.restart(0, &mut rng);
-            let side = if world.states()[1] > 0.75 { -1.0 } else { 1.0 };
+            world.restart(0);
             of_step.push(time_us(STEPS, || {
                 let action = match pull {
                     Pull::Random => std::array::from_fn(|_| rng.random_range(-1.0..=1.0)),
                     Pull::Down => [0.0, 0.0, -1.0, 0.0],
-                    Pull::Sideways => [0.0, side, 0.0, 0.0],
                 };
                 world.step(black_box(&action), &mut rng);
             }));

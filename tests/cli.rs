@@ -689,10 +689,9 @@ fn a_world_has_default_settings_which_given_ones_override() {
     };
     assert_eq!(some(&["fourrooms"]), r#"[32,4000,16,"auto"]"#);
     assert_eq!(some(&["fetch-reach"]), r#"[8,200,1,"auto"]"#);
-    assert_eq!(some(&["fetch-reach-wall"]), "[8,500,1,0.0]");
     assert_eq!(some(&["fetch-reach", "--method", "her"]), "[8,200,1,0.0]");
-    let given = ["fetch-reach-wall", "--config", config.to_str().unwrap(), "--set", "agents=3"];
-    assert_eq!(some(&given), "[3,300,1,0.0]");
+    let given = ["fetch-reach", "--config", config.to_str().unwrap(), "--set", "agents=3"];
+    assert_eq!(some(&given), r#"[3,300,1,"auto"]"#);
     // Presets that others have published stay as they are.
     for preset in ["paper", "sb3"] {
         assert_eq!(
@@ -709,7 +708,7 @@ fn a_resumed_run_keeps_its_worlds_settings_and_records_show_them() {
     let saved = folder.path().join("arm.safetensors");
     let saved = saved.to_str().unwrap();
     let begun = run(&[
-        "fetch-reach-wall",
+        "fetch-reach",
         "--set",
         "agents=4",
         "--max-updates",
@@ -721,7 +720,7 @@ fn a_resumed_run_keeps_its_worlds_settings_and_records_show_them() {
     ]);
     let settings = serde_json::json!({
         "hidden": 16, "buffer_size": 20000, "candidates": 50,
-        "agents": 4, "learning_starts": 500, "env_steps_per_update": 1, "frontier_epsilon": 0.0,
+        "agents": 4, "learning_starts": 500, "env_steps_per_update": 1,
     });
     assert_eq!(begun[0]["settings"], settings);
     let resume = ["--no-ui", "--resume", saved, "--max-updates", "30", "--eval-tasks", "1"];
@@ -729,7 +728,7 @@ fn a_resumed_run_keeps_its_worlds_settings_and_records_show_them() {
     assert_eq!((&resumed[0]["settings"], &resumed[0]["updates"]), (&settings, &20.into()));
     let printed = gdg().args(["--print-config", "--resume", saved]).output().unwrap();
     let printed: Value = serde_json::from_slice(&printed.stdout).unwrap();
-    assert_eq!((&printed["agents"], &printed["frontier_epsilon"]), (&4.into(), &0.0.into()));
+    assert_eq!((&printed["agents"], &printed["env_steps_per_update"]), (&4.into(), &1.into()));
 }
 
 #[test]

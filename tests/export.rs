@@ -90,7 +90,7 @@ fn numpy_computes_the_same_actions() {
     let rooms = gdg::map::builtin("fourrooms").unwrap();
     // The maze's actor reads grids.
     let worlds: [Box<dyn Environment>; 2] =
-        [Box::new(FetchReach::new(None, 0)), Box::new(PointMaze::new(Arc::new(rooms), 0))];
+        [Box::new(FetchReach::new(0)), Box::new(PointMaze::new(Arc::new(rooms), 0))];
     for world in worlds {
         let (run, spec) = (trained(&*world, "gdg", 150), world.spec());
         let (policy, mut scratch) = (run.policy().unwrap(), Scratch::default());
@@ -237,7 +237,7 @@ fn numpy_follows_bridges_step_by_step_as_the_program_does() {
     compare(&maze, "gdg-bridge", 60, 10, 20);
     let [_, _, waypoints] = compare(&maze, "sorb", 1_200, 6, 100);
     assert!(waypoints > 6, "{waypoints}");
-    let [_, _, waypoints] = compare(&FetchReach::new(None, 0), "gdg-bridge", 600, 6, 50);
+    let [_, _, waypoints] = compare(&FetchReach::new(0), "gdg-bridge", 600, 6, 50);
     assert!(waypoints > 6, "{waypoints}");
 }
 
@@ -246,7 +246,7 @@ fn numpy_follows_bridges_step_by_step_as_the_program_does() {
 fn an_exported_actor_solves_the_real_fetch_reach() {
     let folder = tempfile::tempdir().unwrap();
     let (checkpoint, policy) = (folder.path().join("run"), folder.path().join("policy"));
-    save(&trained(&FetchReach::new(None, 0), "gdg", 1_000), &SaveTo::CreateNew(checkpoint.clone()))
+    save(&trained(&FetchReach::new(0), "gdg", 1_000), &SaveTo::CreateNew(checkpoint.clone()))
         .unwrap();
     assert_cmd::Command::cargo_bin("gdg-tui")
         .unwrap()
@@ -267,7 +267,7 @@ fn an_exported_actor_solves_the_real_fetch_reach() {
 fn export_refuses_what_it_cannot_read_or_must_not_replace() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.safetensors");
-    let arm = FetchReach::new(None, 0);
+    let arm = FetchReach::new(0);
     save(&trained(&arm, "gdg", 1), &SaveTo::CreateNew(path.clone())).unwrap();
     let other = folder.path().join("her.safetensors");
     save(&trained(&arm, "her", 1), &SaveTo::CreateNew(other.clone())).unwrap();

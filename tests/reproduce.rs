@@ -9,9 +9,8 @@ use crate::ran::{Ran, SMALL, has_parts, program_in, ran};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// Figures of the paper, on maps and of the arm.
-const FIGURES: [&str; 5] = ["fig2", "fig3", "fig4", "fig5", "fig6"];
-const ARM_FIGURES: [&str; 2] = ["fig1", "fig1-wall"];
+/// Figures of the paper: of the arm, then on maps.
+const FIGURES: [&str; 6] = ["fig1", "fig2", "fig3", "fig4", "fig5", "fig6"];
 
 /// A folder in which figures are reproduced.
 struct Place(TempDir);
@@ -109,28 +108,18 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
         &["fig3: City: success over training", "success rate", "default (ours): 180 steps"],
     );
 
-    has_parts(
-        &report,
-        &[
-            "1.00 from (updates) |",
-            "| GDG, distance | converges like DDPG | ",
-            "[CSV](data/fig1-wall-paths.csv)",
-        ],
-    );
+    has_parts(&report, &["1.00 from (updates) |", "| GDG, distance | converges like DDPG | "]);
 
     let (data, figures) = (place.files("out/data"), place.files("out/figures"));
-    for figure in FIGURES.into_iter().chain(ARM_FIGURES) {
-        let ours = if ARM_FIGURES.contains(&figure) { "GDG" } else { "default (ours)" };
+    for figure in FIGURES {
+        let ours = if figure == "fig1" { "GDG" } else { "default (ours)" };
         has_parts(&report, &[&format!("## {figure}: "), &format!("](figures/{figure}.png)")]);
         let mut table = csv::Reader::from_reader(&data[&format!("{figure}.csv")][..]);
         assert!(table.records().map(Result::unwrap).count() > 3, "{figure}");
         let svg = String::from_utf8(figures[&format!("{figure}.svg")].clone()).unwrap();
         has_parts(&svg, &["<svg ", ours, "</svg>"]);
-        assert_eq!(
-            svg.contains("success rate"),
-            ["fig1", "fig1-wall", "fig3", "fig4"].contains(&figure)
-        );
-        assert_eq!(svg.contains("<image "), ["fig1-wall", "fig2", "fig5"].contains(&figure));
+        assert_eq!(svg.contains("success rate"), ["fig1", "fig3", "fig4"].contains(&figure));
+        assert_eq!(svg.contains("<image "), ["fig2", "fig5"].contains(&figure));
         let file = std::io::Cursor::new(figures[&format!("{figure}.png")].clone());
         let info = png::Decoder::new(file).read_info().unwrap().info().clone();
         assert!(info.width > 800 && info.height > 400, "{figure}: {info:?}");
@@ -163,24 +152,6 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
         let sum = found["from_start"].as_f64().unwrap() + found["to_goal"].as_f64().unwrap();
         assert!(sum < bridge["direct"].as_f64().unwrap() + 0.02, "{found:?}");
     }
-
-    // The grip's path in space, for each of two methods, from the same start.
-    let mut paths = csv::Reader::from_reader(&data["fig1-wall-paths.csv"][..]);
-    let paths: Vec<(String, u64, bool, usize, f32, f32, f32)> =
-        paths.deserialize().map(Result::unwrap).collect();
-    let starts: Vec<_> = paths
-        .iter()
-        .filter(|line| line.3 == 0)
-        .map(|line| (&*line.0, line.4, line.5, line.6))
-        .collect();
-    let [("gdg", x, y, z), ("gdg-bridge", ..)] = starts[..] else { panic!("{starts:?}") };
-    assert!(starts[1] == ("gdg-bridge", x, y, z) && paths.len() <= 2 * 51, "{starts:?}");
-    let walk = &place.result("out", "fetch-reach-wall-gdg-bridge-1-")["measured"]["long_walk"];
-    let goal = walk["goal"].as_array().unwrap()[1].as_f64().unwrap();
-    assert!(
-        (f64::from(y) - 0.749) * (goal - 0.749) < 0.0,
-        "the goal is on the other side of the wall"
-    );
 
     // Nothing runs again, and nothing changes.
     let before = place.outcome("out");

@@ -23,8 +23,8 @@ const DEFAULT_MAP: &str = "fourrooms";
 /// Options of a training run.
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// Built-in map, map file (gdg-tui maps --help lists the formats), or world: fetch-reach,
-    /// fetch-reach-wall, or a Gymnasium environment, gym:ID or gym:PACKAGE:ID [default: fourrooms]
+    /// Built-in map, map file (gdg-tui maps --help lists the formats), or world: fetch-reach, or a
+    /// Gymnasium environment, gym:ID or gym:PACKAGE:ID [default: fourrooms]
     #[arg(value_name = "MAP")]
     pub map: Option<PathBuf>,
 

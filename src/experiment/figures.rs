@@ -3,7 +3,6 @@
 
 mod catalogue;
 mod curves;
-mod grip;
 mod maps;
 mod ogbench;
 mod output;

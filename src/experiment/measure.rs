@@ -38,8 +38,6 @@ pub struct Measured {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bridge: Option<Bridge>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub long_walk: Option<GoalWalk>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub random: Option<RandomTasks>,
 }
 
@@ -51,18 +49,6 @@ pub struct RandomTasks {
     /// From anywhere to goals as training draws them, which are near ones with the probability
     /// `near_goals`.
     pub as_in_training: f64,
-}
-
-/// A walk in any world. Positions are goals (`goal_dim`), in the world's unit of length.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct GoalWalk {
-    pub goal: Vec<f32>,
-    /// A position closer to the goal than this reaches it.
-    pub goal_radius: f32,
-    pub reached: bool,
-    /// Waypoints of the plan made at the start, the goal last; none if the method does not plan.
-    pub plan: Vec<Vec<f32>>,
-    pub path: Vec<Vec<f32>>,
 }
 
 /// One walk. Positions are in cells.
@@ -120,7 +106,6 @@ pub fn measure(
     });
     let walks: Vec<Walked> = walks.into_diagnostic()?;
     let bridge = map.filter(|_| plan.bridge).map(|map| search(trainer, &job, map)).transpose()?;
-    let long_walk = if plan.long_walk { long_walk(trainer, &job).into_diagnostic()? } else { None };
     let random = plan.random_tasks.map(|count| random_tasks(trainer, &job, count)).transpose();
     let random = random.into_diagnostic()?;
     let counters = trainer.counters();
@@ -129,7 +114,6 @@ pub fn measure(
         episodes: counters.episodes,
         walks,
         bridge,
-        long_walk,
         random,
     }))
 }
@@ -166,21 +150,6 @@ fn walk_at(
     let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
     let tasks = PointMaze::new(map.clone(), 0).tasks_at(&[distance], 1, &mut rng).tasks;
     tasks.first().map(|task| walk(job, task, distance)).transpose()
-}
-
-/// Walks the longest task of one in each group of distances; `None` if the world has no tasks.
-fn long_walk(trainer: &Trainer, job: &EvaluationJob) -> Result<Option<GoalWalk>, EnvError> {
-    let (world, mut rng) = (trainer.world(), ChaCha8Rng::seed_from_u64(TASK_SEED));
-    let tasks = world.tasks(1, &mut rng)?.tasks;
-    let Some(task) = tasks.last() else { return Ok(None) };
-    let (walked, spec) = (job.walk(task)?, world.spec());
-    Ok(Some(GoalWalk {
-        goal: task.goal.clone(),
-        goal_radius: spec.goal_radius,
-        reached: walked.reached,
-        plan: walked.plan,
-        path: walked.states.iter().map(|state| spec.achieved(state).collect()).collect(),
-    }))
 }
 
 fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Result<Walked, EnvError> {

@@ -83,9 +83,6 @@ pub struct Plan {
     pub bridge: bool,
     /// Whether to draw a picture at the end, of a map.
     pub picture: bool,
-    /// Whether to walk the longest of a few evaluation tasks at the end, in any world.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub long_walk: bool,
     /// What it learns from instead of acting, if given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data: Option<JobData>,
@@ -104,7 +101,6 @@ impl Plan {
             walks: Vec::new(),
             bridge: false,
             picture: false,
-            long_walk: false,
             data: None,
         }
     }

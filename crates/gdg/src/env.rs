@@ -44,8 +44,7 @@ pub use walls::Walls;
 pub(crate) const MAX_MAGNITUDE: f32 = 1e9;
 
 /// The built-in worlds.
-pub const WORLDS: [WorldKind; 4] =
-    [maze::KIND, fetch_reach::KIND, fetch_reach::WALL_KIND, gym::KIND];
+pub const WORLDS: [WorldKind; 3] = [maze::KIND, fetch_reach::KIND, gym::KIND];
 
 /// Registry entry of a kind of world.
 ///

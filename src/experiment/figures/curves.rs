@@ -75,7 +75,7 @@ pub fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<Panel> {
     };
     let left = |of: fn(&TaskOutcome) -> Option<f64>| move |e: &Evaluation| of(&marked(e)?);
     match figure.shows {
-        Shows::Success | Shows::CompleteSuccess | Shows::CompleteSuccessAndGripPath => {
+        Shows::Success | Shows::CompleteSuccess => {
             vec![training("success", "success rate", Some(1.0), &Evaluation::success_rate)]
         }
         Shows::SuccessByDistance => vec![Panel {

@@ -1,12 +1,8 @@
-//! Figures 2 and 5: pictures of the map with distances, plans and paths; panels of the arm's are in
-//! `grip`.
+//! Figures 2 and 5: pictures of the map with distances, plans and paths.
 
 use super::MethodRuns;
 use super::catalogue::{Figure, Shows};
-use super::grip;
-use super::panel::{
-    Dot, FLOOR, GOAL, MapPanel, PANEL_PIXELS, PATH, PLAN, PolyLine, START, WALL, walk_end,
-};
+use super::panel::{Dot, FLOOR, GOAL, MapPanel, PANEL_PIXELS, PATH, PLAN, PolyLine, START, WALL};
 use crate::experiment::measure::{Bridge, LINE_SPACING, Walked};
 use gdg::draw::{Picture, Rgb, contour_interval, distance_colour};
 use gdg::map::{Grid, builtin};
@@ -16,9 +12,6 @@ const WALKED: Rgb = (255, 255, 255);
 const BRIDGE: Rgb = (255, 70, 50);
 
 pub fn rows(figure: &Figure, methods: &[MethodRuns]) -> Vec<Vec<MapPanel>> {
-    if figure.shows == Shows::CompleteSuccessAndGripPath {
-        return grip::rows(methods);
-    }
     let Some(map) = builtin(figure.world) else { return Vec::new() };
     let row = |method: &MethodRuns| {
         let measured = method.results.first()?.measured.as_ref()?;
@@ -71,7 +64,8 @@ fn ends(map: &Grid, walk: &Walked) -> Vec<Dot> {
 }
 
 fn walk_caption(walk: &Walked) -> String {
-    format!("shortest {}; {}", walk.shortest, walk_end(walk.reached, walk.path.len()))
+    let end = if walk.reached { "reached in" } else { "not reached within" };
+    format!("shortest {}; {end} {}", walk.shortest, walk.path.len().saturating_sub(1))
 }
 
 /// Returns the four panels of Figure 2: D(s,.), D(.,g), their sum with the bridge point, and the

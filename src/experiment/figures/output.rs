@@ -16,7 +16,7 @@ use crate::figure::Format;
 pub struct Drawn {
     /// Charts, if it shows curves.
     pub panels: Vec<Panel>,
-    /// Maps, a row per method, or paths in space.
+    /// Maps, a row per method.
     pub maps: Vec<Vec<MapPanel>>,
 }
 
@@ -28,9 +28,6 @@ impl Drawn {
         let Self { panels, maps } = &drawn;
         let csv = if panels.is_empty() { walks_csv(methods)? } else { curves_csv(panels)? };
         folder.write(&format!("data/{name}.csv"), &csv)?;
-        if !panels.is_empty() && !maps.is_empty() {
-            folder.write(&format!("data/{}", paths_file(name)), &positions_csv(methods)?)?;
-        }
         let sheet = draw(figure.title, panels, maps);
         for format in [Format::Svg, Format::Png] {
             let file = format!("figures/{name}.{}", format.extension());
@@ -50,10 +47,6 @@ impl Drawn {
         let maps: String = self.maps.first().into_iter().flatten().map(map).collect();
         heading + &charts + &maps
     }
-}
-
-pub fn paths_file(figure: &str) -> String {
-    format!("{figure}-paths.csv")
 }
 
 /// Returns a line per value: measure, method, seed, place on the horizontal axis, value.
@@ -92,16 +85,4 @@ fn walks_csv(methods: &[MethodRuns]) -> Result<Vec<u8>, Report> {
         }
     }
     csv_of(&["method", "seed", "distance", "reached", "step", "x", "y"], lines)
-}
-
-fn positions_csv(methods: &[MethodRuns]) -> Result<Vec<u8>, Report> {
-    let mut lines = Vec::new();
-    for (method, seed, measured) in measured(methods) {
-        if let Some(walk) = &measured.long_walk {
-            let steps = walk.path.iter().enumerate();
-            let line = |(step, position)| (method.entry.name, seed, walk.reached, step, position);
-            lines.extend(steps.map(line));
-        }
-    }
-    csv_of(&["method", "seed", "reached", "step", "x", "y", "z"], lines)
 }

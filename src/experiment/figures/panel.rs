@@ -1,4 +1,4 @@
-//! Draws a figure: charts side by side, and rows of maps, or other ground with lines and dots on it.
+//! Draws a figure: charts side by side, and rows of maps with lines and dots on them.
 
 use super::curves::Panel;
 use crate::figure::{Anchor, Chart, Curve, MILLIMETRE, Mark, Page, Range, Sheet, circle, fitted};
@@ -22,7 +22,7 @@ const CHART: f32 = 130.0 * MILLIMETRE;
 const MARGIN: f32 = 6.0;
 const LETTERS: f32 = 7.0;
 
-/// One map, or other ground, with what is drawn on it. Positions are in pixels of the picture.
+/// One map with what is drawn on it. Positions are in pixels of the picture.
 #[derive(Clone, Debug)]
 pub struct MapPanel {
     pub title: String,
@@ -32,8 +32,6 @@ pub struct MapPanel {
     pub picture: Picture,
     /// The first ones below.
     pub lines: Vec<PolyLine>,
-    /// Outlines of circles.
-    pub rings: Vec<Dot>,
     /// Above the lines.
     pub dots: Vec<Dot>,
     /// The map as characters, for the terminal.
@@ -47,7 +45,7 @@ pub struct PolyLine {
     pub width: u32,
 }
 
-/// A dot with a dark edge, or a ring.
+/// A dot with a dark edge.
 #[derive(Clone, Copy, Debug)]
 pub struct Dot {
     pub at: [f32; 2],
@@ -65,8 +63,7 @@ impl Dot {
 
 impl MapPanel {
     pub fn new(title: String, caption: String, picture: Picture) -> Self {
-        let (lines, rings, dots) = (Vec::new(), Vec::new(), Vec::new());
-        Self { title, caption, picture, lines, rings, dots, text: String::new() }
+        Self { title, caption, picture, lines: Vec::new(), dots: Vec::new(), text: String::new() }
     }
 
     /// Draws it with its title above and its caption below, each in one line of `room`.
@@ -89,23 +86,12 @@ impl MapPanel {
             let stops = line.stops.iter().map(|stop| place(*stop)).collect();
             sheet.line(stops, scale * line.width as f32, line.colour);
         }
-        for ring in &self.rings {
-            let mut edge = circle(place(ring.at), scale * ring.radius as f32);
-            edge.extend(edge.first().copied());
-            sheet.line(edge, 2.0 * scale, ring.colour);
-        }
         for dot in &self.dots {
             let circle = |radius| circle(place(dot.at), scale * radius);
             sheet.area(circle(dot.radius as f32 + 1.0), (0, 0, 0));
             sheet.area(circle(dot.radius as f32), dot.colour);
         }
     }
-}
-
-/// Says how a walk with so many positions ended.
-pub fn walk_end(reached: bool, positions: usize) -> String {
-    let end = if reached { "reached in" } else { "not reached within" };
-    format!("{end} {}", positions.saturating_sub(1))
 }
 
 /// Draws charts side by side, and below them the maps, row by row.

@@ -5,7 +5,7 @@ use super::catalogue::{Figure, Shows};
 use super::curves::{Curve, Panel};
 
 use super::ogbench::{PUBLISHED_METHODS, published_on};
-use super::output::{Drawn, paths_file};
+use super::output::Drawn;
 use super::panel::MapPanel;
 use crate::experiment::measure::RandomTasks;
 use gdg::text::counted;
@@ -22,13 +22,6 @@ const AT_THE_END: &str = "success rate at the end, all distances";
 const ARM: &str = "The paper's claim: with the distance |s - g| given, GDG (which learns f and \
                    mu) and DDPG (which regresses Q on -|s' - g|) converge alike. DDPG + HER with \
                    sparse rewards and GDG with a learned D are our additions.";
-
-/// What is seen in the picture of the arm's grip.
-const GRIP: &str = "The arm starts on one side of the wall, the goal is on the other. Below, the \
-                    grip's path (dark blue) in one evaluation task, the same for both methods, \
-                    from the start (light blue) to within 5 cm of the goal (orange circle), after \
-                    training with the first seed: from behind the robot with the table below, and \
-                    from above. Red: the plan, with its waypoints.";
 
 /// What the columns of Figure 3 are.
 const RANDOM: &str = " Anywhere: from anywhere to anywhere; as in training: to goals drawn as in \
@@ -77,10 +70,6 @@ pub fn section(figure: &Figure, methods: &[MethodRuns], drawn: &Drawn) -> String
     let shown = match figure.shows {
         Shows::Success => training(AT_THE_END),
         Shows::CompleteSuccess => format!("{ARM}\n\n{}", training(AT_THE_END)),
-        Shows::CompleteSuccessAndGripPath => {
-            let table = training(AT_THE_END);
-            format!("Paths: [CSV](data/{}).\n\n{GRIP}\n\n{table}", paths_file(name))
-        }
         Shows::DistanceLeft => training("left at the end"),
         Shows::SuccessByDistance => distance_table(methods, &drawn.panels[0]),
         Shows::Bridge => format!("{BRIDGE_SEARCH}\n\n{}", maps_table(drawn)),
@@ -129,7 +118,7 @@ enum Show {
 /// Returns the columns that a figure has besides the last values, and what they need to be said.
 fn columns(figure: &Figure, axis: &str) -> (Vec<Column>, &'static str) {
     match figure.shows {
-        Shows::CompleteSuccess | Shows::CompleteSuccessAndGripPath => (
+        Shows::CompleteSuccess => (
             vec![(format!("1.00 from ({axis})"), Show::Curve(complete_from))],
             " 1.00 from: the first evaluation from which on all are 1.00.",
         ),

@@ -4,7 +4,6 @@
 use super::*;
 use crate::tui::output::ExportKind;
 use crate::tui::scene::Scene as Shown;
-use gdg::env::fetch_reach::{WALL, WALL_KIND};
 use gdg::env::{FetchReach, Scene};
 use gdg::train;
 use gdg::viewer::space::Plane;
@@ -13,12 +12,12 @@ use gdg::viewer::{Candidate, Graph, Reach, SpaceView, View};
 /// Returns an app that stops after these updates.
 fn arm_app(updates: u64, save: Option<PathBuf>) -> App {
     let limits = Limits { updates: Some(updates), ..Limits::default() };
-    app_in(&FetchReach::new(None, 0), gdg(), limits, save)
+    app_in(&FetchReach::new(0), gdg(), limits, save)
 }
 
-/// Returns an app with a wall and a made-up view, drawn once at the given size.
+/// Returns an app with a made-up view, drawn once at the given size.
 pub(super) fn staged_app(width: u16, height: u16) -> Still {
-    let mut app = still_in(&FetchReach::new(Some(WALL), 0), Method::default());
+    let mut app = still_in(&FetchReach::new(0), Method::default());
     app.set_arm_goal([1.42, 0.83, 0.6]);
     draw(&mut app, width, height);
     let view = staged_view(&app);
@@ -29,7 +28,6 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
 /// Returns the view of the arm in [`staged_app`].
 fn staged_view(app: &Session) -> SpaceView {
     let goal = app.space().goal.clone();
-    let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
     let planes: Vec<_> =
         app.screen.layout.projections.iter().map(|projection| projection.plane.clone()).collect();
     let field = |plane: &Plane| {
@@ -43,7 +41,7 @@ fn staged_view(app: &Session) -> SpaceView {
         };
         (0..columns * rows).map(value).collect::<Vec<f32>>()
     };
-    let mut arm = scene.world(1);
+    let mut arm = FetchReach::new(1);
     arm.put(0, [1.3, 0.66, 0.5]);
     let candidate = |at: [f32; 3]| Candidate { at: at.to_vec(), degree: 0.5 };
     SpaceView {
@@ -214,7 +212,7 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
 fn maps_and_worlds_open_from_each_others_screens() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    for (name, noun) in [(WALL_KIND.name, "arm"), ("trap", "map")] {
+    for (name, noun) in [("fetch-reach", "arm"), ("trap", "map")] {
         let generation = app.screen.snapshot.generation;
         app.act(Action::OpenMap);
         type_text(&mut app, name);

@@ -257,7 +257,7 @@ fn what_cannot_stand_beside_a_saved_run_is_refused() {
     let maze = |map: Grid| PointMaze::new(Arc::new(map), 0);
     let saved = save(&maze(rooms()), "rooms.safetensors");
     let other = save(&maze(Grid::empty("hall", 4, 3)), "hall.safetensors");
-    let arm = save(&FetchReach::new(None, 0), "arm.safetensors");
+    let arm = save(&FetchReach::new(0), "arm.safetensors");
     let method = || Contender::Method(gdg());
     let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
     let set = |name: &str| vec![format!("{name}=8")];

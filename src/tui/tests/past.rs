@@ -137,10 +137,10 @@ fn the_viewer_shows_the_past_while_training_goes_on() {
 
 #[test]
 fn the_past_of_an_arm_is_a_field_through_its_goal() {
-    let world = FetchReach::new(None, 0);
+    let world = FetchReach::new(0);
     let mut app = app_in(&world, gdg(), Limits { updates: Some(0), ..Limits::default() }, None);
     draw(&mut app, 120, 40);
-    let (world, mut film) = (FetchReach::new(None, 3), Film::default());
+    let (world, mut film) = (FetchReach::new(3), Film::default());
     let points = film.points(&world).expect("points");
     film.add(1, 8, &world, &points, &vec![5.0; points.place_of.len()]);
     app.change_snapshot(|snapshot| snapshot.film = film.frames().clone());

@@ -146,7 +146,7 @@ const ROWS: &[Row] = &[
     (Arm, SMALL, "", &["fetch-reach", "side", "D to G"], &[]),
     (Arm, HUGE, "", &["side", "front", "top", "free"], &[]),
     (Arm, SMALL, "P", &["front"], &[]),
-    (Arm, SMALL, "e", &["fetch-reach-wall has no map, "], &["EDIT"]),
+    (Arm, SMALL, "e", &["fetch-reach has no map, "], &["EDIT"]),
     (Arm, SMALL, ":editor", &[], &["open the map editor"]),
     (Goals, SMALL, "", &["x\u{2192}", "y\u{2191}", "G", "@"], &[]),
     (Goals, SMALL, "P", &["x\u{2192}", "z\u{2191}"], &[]),

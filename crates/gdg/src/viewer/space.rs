@@ -126,7 +126,7 @@ impl SpaceWorker {
     pub(super) fn new(snapshot: &Snapshot) -> Self {
         let world = match &snapshot.scene {
             Scene::Goals(space) => space.world(),
-            Scene::Arm(arm) => Ok(Box::new(arm.world(1)) as _),
+            Scene::Arm(_) => Ok(Box::new(FetchReach::new(1)) as _),
             Scene::Maze(maze) => Ok(Box::new(crate::env::PointMaze::new(maze.map.clone(), 1)) as _),
         };
         Self {
@@ -315,7 +315,7 @@ fn film_field(scene: &ArmScene, frame: &FilmFrame, plane: &Plane) -> Vec<f32> {
     let lattice = ProbeLattice::new(scene);
     let value = |i: usize| {
         let at = plane.point(plane.raster.middle_of(i), &frame.goal);
-        // Beside the table and the wall, only some of the points have a value.
+        // Beside the table, only some of the points have a value.
         let at = <[f32; 3]>::try_from(at).ok().filter(|at| scene.has_room(*at));
         let around = at.and_then(|at| lattice.around(at));
         around.map_or(f32::NAN, |around| mean_distance(frame, around))

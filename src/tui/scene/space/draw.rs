@@ -251,15 +251,12 @@ fn draw_box(painter: &mut Painter, corners: Corners, ink: Ink) {
     painter.canvas.lines(edges, 0.0, ink);
 }
 
-/// Draws the edges of an arm's table, of the region of goals and of the wall.
+/// Draws the edges of an arm's table and of the region of goals.
 fn draw_surroundings(painter: &mut Painter, arm: &ArmScene) {
     let theme = painter.theme;
     let table = Ink::new(blend(theme.wall, theme.cursor, 0.3), 1.0, '=');
     draw_box(painter, arm.table(), table);
     draw_box(painter, arm.goals(), Ink::new(theme.frontier, 0.5, '.'));
-    if let Some(wall) = arm.wall() {
-        draw_box(painter, wall, Ink::new(theme.edges[1], 0.9, '#'));
-    }
 }
 
 fn draw_skeleton(painter: &mut Painter, pose: &Pose) {
@@ -320,7 +317,7 @@ pub fn legend_lines(state: &SpaceState, screen: &Screen) -> Vec<Line<'static>> {
     let (theme, mono) = (&screen.theme, screen.theme.depth == ColourDepth::Mono);
     let of_depth = |of_mono: char, other: char| if mono { of_mono } else { other };
     match &screen.snapshot.scene {
-        Scene::Arm(arm) => {
+        Scene::Arm(_) => {
             let table = blend(theme.wall, theme.cursor, 0.3);
             let signs = [
                 ('G', theme.goal, "goal, and 5 cm around it"),
@@ -330,9 +327,6 @@ pub fn legend_lines(state: &SpaceState, screen: &Screen) -> Vec<Line<'static>> {
                 (of_depth('=', '\u{2500}'), table, "edge of the table"),
             ];
             lines.extend(signs.map(|(symbol, rgb, meaning)| sign(screen, symbol, rgb, meaning)));
-            if arm.wall().is_some() {
-                lines.push(sign(screen, of_depth('#', '\u{2500}'), theme.edges[1], "the wall"));
-            }
         }
         Scene::Goals(space) => {
             let text = format!("goal, and {} around it", short(space.spec().goal_radius));

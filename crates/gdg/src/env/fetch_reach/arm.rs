@@ -5,7 +5,6 @@ use glam::{DMat3, DQuat, DVec3};
 use super::constraints::{self, Mocap, Rows, accelerations};
 use super::dynamics::Dynamics;
 use super::model::{BASE, CHAIN, GRIP, GRIPPER, JOINTS, Joints, add_scaled, product, solve};
-use super::scene::Wall;
 
 /// Time of a sub-step in seconds.
 const SUBSTEP_SECS: f64 = 0.002;
@@ -81,7 +80,7 @@ impl Arm {
 
     /// Moves it by one step: a weld pulls the gripper, pointing down, to where `action` (x, y, z in
     /// [-1, 1]) points. `rows` is a buffer.
-    pub fn step(&mut self, action: DVec3, wall: Option<&Wall>, rows: &mut Rows) {
+    pub fn step(&mut self, action: DVec3, rows: &mut Rows) {
         let mut frames = self.frames();
         let q = frames.orientation;
         let mocap = Mocap {
@@ -90,21 +89,18 @@ impl Arm {
             orientation: DQuat::from_xyzw(q.x, q.y + 1.0, q.z, q.w + 1.0).normalize(),
         };
         for _ in 0..SUBSTEPS {
-            self.substep(&frames, &mocap, wall, rows);
+            self.substep(&frames, &mocap, rows);
             frames = self.frames();
         }
     }
 
-    fn substep(&mut self, frames: &Frames, mocap: &Mocap, wall: Option<&Wall>, rows: &mut Rows) {
+    fn substep(&mut self, frames: &Frames, mocap: &Mocap, rows: &mut Rows) {
         let Self { angles, velocities, warm_start } = self;
         let dynamics = Dynamics::new(frames, angles, velocities);
         rows.clear();
         constraints::weld(rows, frames, velocities, mocap);
         constraints::limits(rows, angles, velocities);
         constraints::table(rows, frames, velocities);
-        if let Some(wall) = wall {
-            constraints::wall(rows, frames, velocities, wall);
-        }
         *warm_start = accelerations(&dynamics, rows, warm_start);
         // Damping acts at the end of the sub-step (implicit Euler).
         let mut damped = dynamics.mass;

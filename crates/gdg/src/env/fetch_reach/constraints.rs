@@ -1,4 +1,4 @@
-//! The rows of the constraint problem: weld, joint limits, table and wall, as MuJoCo forms them
+//! The rows of the constraint problem: weld, joint limits and table, as MuJoCo forms them
 //! ("Constraint model" and "Solver parameters" in its documentation), and its solution.
 
 use glam::{DQuat, DVec3};
@@ -6,7 +6,6 @@ use glam::{DQuat, DVec3};
 use super::arm::Frames;
 use super::dynamics::Dynamics;
 use super::model::{CHAIN, JOINTS, Joints, Matrix, add_outer, add_scaled, dot, product, solve};
-use super::scene::{SPHERES, Wall};
 
 /// Rows of the weld.
 const WELD_ROWS: usize = 6;
@@ -19,7 +18,7 @@ const CORNERS: usize = 8;
 const PYRAMID: usize = 6;
 
 /// Most rows at a time.
-pub const MAX_ROWS: usize = WELD_ROWS + LIMITED + CORNERS * PYRAMID + SPHERES.len();
+pub const MAX_ROWS: usize = WELD_ROWS + LIMITED + CORNERS * PYRAMID;
 
 /// One row: it pulls the acceleration `a` of the joints towards `jacobian · a = target`.
 #[derive(Clone, Copy, Debug)]
@@ -78,9 +77,6 @@ struct Stiffness {
 /// Weld and joint limits.
 const FIRM: Stiffness = Stiffness { time: 0.02, impedance: (0.9, 0.95), width: 0.001 };
 
-/// The wall: hard enough that a full pull presses the arm only millimetres into it.
-const HARD: Stiffness = Stiffness { time: 0.006, impedance: (0.99, 0.995), width: 0.001 };
-
 /// The table.
 const CONTACT: Stiffness = Stiffness { time: 0.015, impedance: (0.945, 0.97), width: 0.0055 };
 
@@ -125,9 +121,8 @@ fn weight(impedance: f64, inverse_inertia: f64) -> f64 {
 /// Scales of the weld's regularisation: position rows and rotation rows.
 const WELD_INVERSE_INERTIA: [f64; 2] = [0.045_878_977_758_153_27, 0.758_535_899_154_90];
 
-/// Scale of a contact's regularisation, for the normal alone and for a row of the pyramid.
-const CONTACT_INVERSE_INERTIA: f64 = 0.05675;
-const PYRAMID_INVERSE_INERTIA: f64 = 4.0 * CONTACT_INVERSE_INERTIA;
+/// Scale of a contact's regularisation, for a row of the pyramid.
+const PYRAMID_INVERSE_INERTIA: f64 = 4.0 * 0.05675;
 
 /// The pose that the gripper is welded to during a step.
 #[derive(Clone, Copy, Debug)]
@@ -220,20 +215,6 @@ pub fn table(rows: &mut Rows, frames: &Frames, velocities: &Joints) {
                 });
                 rows.push(CONTACT.row(jacobian, residual, velocities, PYRAMID_INVERSE_INERTIA));
             }
-        }
-    }
-}
-
-/// Adds the contacts of the arm with `wall`, without friction.
-pub fn wall(rows: &mut Rows, frames: &Frames, velocities: &Joints, wall: &Wall) {
-    for sphere in &SPHERES {
-        let at = sphere.centre(frames);
-        let Some((distance, normal)) = wall.distance(at) else { continue };
-        let residual = distance - sphere.radius - MARGIN;
-        if residual < 0.0 {
-            let moved = frames.jacobian(sphere.link, at);
-            let jacobian = std::array::from_fn(|i| normal.dot(moved[i]));
-            rows.push(HARD.row(jacobian, residual, velocities, CONTACT_INVERSE_INERTIA));
         }
     }
 }

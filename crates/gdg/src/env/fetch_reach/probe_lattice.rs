@@ -55,17 +55,13 @@ impl ProbeLattice {
     }
 }
 
-/// Returns the probes of a film, with the centre of the goal region as the goal; with the wall,
-/// that of its left half.
-pub fn points(scene: &ArmScene) -> Probes {
-    let lattice = ProbeLattice::new(scene);
-    let [low, high] = scene.goals();
-    let mut middle: [f32; 3] = std::array::from_fn(|i| f32::midpoint(low[i], high[i]));
-    if let Some([_, wall]) = scene.wall() {
-        middle[1] = f32::midpoint(wall[1], high[1]);
-    }
+/// Returns the probes of a film, with the centre of the goal region as the goal.
+pub fn points() -> Probes {
+    let lattice = ProbeLattice::new(&ArmScene);
+    let [low, high] = ArmScene.goals();
+    let middle: [f32; 3] = std::array::from_fn(|i| f32::midpoint(low[i], high[i]));
     let of_place: Vec<usize> =
-        (0..lattice.places()).filter(|place| scene.has_room(lattice.point(*place))).collect();
+        (0..lattice.places()).filter(|place| ArmScene.has_room(lattice.point(*place))).collect();
     let mut states = vec![0.0; of_place.len() * STATE];
     for (state, place) in states.chunks_exact_mut(STATE).zip(&of_place) {
         state[..3].copy_from_slice(&lattice.point(*place));
@@ -74,7 +70,7 @@ pub fn points(scene: &ArmScene) -> Probes {
         places: lattice.places(),
         place_of: of_place.into_iter().map(|place| place as u32).collect(),
         states,
-        goal: scene.nearest_goal(middle).to_vec(),
+        goal: ArmScene.nearest_goal(middle).to_vec(),
     }
 }
 
@@ -82,25 +78,20 @@ pub fn points(scene: &ArmScene) -> Probes {
 mod tests {
     use super::*;
     use crate::env::MAX_PROBES;
-    use crate::env::fetch_reach::WALL;
 
     #[test]
     fn points_lie_where_the_grip_may_be() {
-        let [free, walled] = [None, Some(WALL)].map(|wall| points(&ArmScene::new(wall)));
-        assert!(
-            free.places <= MAX_PROBES && free.place_of.len() < free.places,
-            "none is below the table"
-        );
-        assert!(walled.place_of.len() < free.place_of.len(), "none is in the wall");
-        assert_eq!(free.states.len(), free.place_of.len() * STATE);
-        assert!(walled.goal[1] > WALL.middle() as f32, "{:?}", walled.goal);
+        let probes = points();
+        assert!(probes.places <= MAX_PROBES);
+        assert!(probes.place_of.len() < probes.places, "none is below the table");
+        assert_eq!(probes.states.len(), probes.place_of.len() * STATE);
     }
 
     #[test]
     fn between_points_a_linear_function_is_exact() {
-        let lattice = ProbeLattice::new(&ArmScene::new(None));
+        let lattice = ProbeLattice::new(&ArmScene);
         let value = |[x, y, z]: [f32; 3]| 1.0 + 2.0 * x - 3.0 * y + 0.5 * z;
-        let [low, high] = ArmScene::new(None).positions();
+        let [low, high] = ArmScene.positions();
         for share in [[0.0, 0.0, 0.0], [0.31, 0.77, 0.5], [0.99, 0.02, 0.6]] {
             let at: [f32; 3] = std::array::from_fn(|i| low[i] + share[i] * (high[i] - low[i]));
             let around = lattice.around(at).expect("inside");
