@@ -11,7 +11,6 @@ pub mod jobs;
 pub mod measure;
 pub mod plan;
 pub mod plot;
-pub mod progress;
 pub mod report;
 pub mod runner;
 pub mod runs;

@@ -3,23 +3,18 @@
 
 mod chart;
 mod encode;
-mod letters;
 mod sheet;
-mod ticks;
 
 use std::path::Path;
 
 use miette::Report;
 
-pub use chart::{Chart, Curve, Page, Point, Range, colour};
-pub use letters::fitted;
-pub use sheet::{Anchor, Mark, Sheet, circle};
-pub use ticks::tick;
+pub use chart::{Chart, Curve, Page, Point, Range, colour, tick};
+pub use sheet::{Anchor, Mark, Sheet, circle, fitted};
 
 /// A millimetre in points.
 pub const MILLIMETRE: f32 = 72.0 / 25.4;
 
-/// A format of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// Drawing for browsers and editors, with text as text.
@@ -61,7 +56,7 @@ impl Format {
 
     /// Says which characters of `sheet` this format cannot show.
     pub fn lacking(self, sheet: &Sheet) -> Option<String> {
-        let lacking = letters::lacking(sheet);
+        let lacking = sheet::lacking(sheet);
         (self != Self::Svg && !lacking.is_empty()).then(|| {
             let name = self.extension().to_uppercase();
             format!("{name} has no letters for {lacking} and shows boxes; SVG shows them")

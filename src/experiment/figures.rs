@@ -6,9 +6,7 @@ mod curves;
 mod maps;
 mod ogbench;
 mod output;
-mod panel;
 mod report;
-mod terminal;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -175,7 +173,6 @@ impl Reproduction<'_> {
         self.jobs.run(|missing| self.draw(&mut figures, missing))
     }
 
-    /// Draws all figures from the available results and writes the report.
     fn draw(
         &self,
         figures: &mut [(&'static Figure, Vec<MethodRuns>)],
@@ -238,7 +235,6 @@ impl Reproduction<'_> {
     }
 }
 
-/// Quotes a word for a shell if it needs that.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

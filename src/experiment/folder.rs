@@ -43,7 +43,6 @@ pub enum ResultError {
     Other,
 }
 
-/// A result as it is stored.
 #[derive(Serialize, Deserialize)]
 struct StoredResult {
     #[serde(flatten)]
@@ -108,7 +107,6 @@ impl Folder {
         })
     }
 
-    /// Checks that jobs have been run in it.
     pub fn check_has_jobs(&self) -> Result<(), Report> {
         if self.0.join("jobs").is_dir() {
             return Ok(());

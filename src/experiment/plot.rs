@@ -23,7 +23,6 @@ pub use lines::{Points, mean};
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
 pub const PAGE: f32 = 174.0 * MILLIMETRE;
 
-/// What tables begin with.
 const TABLE: &str = "chart,curve,seed,";
 
 /// Largest figure that is recognised as one of this program.

@@ -11,7 +11,6 @@ use gdg::text::{aligned, counted, markdown};
 /// File of the learning curves, beside their table.
 pub const CURVES: &str = "success.svg";
 
-/// A column of numbers.
 struct Column {
     title: &'static str,
     /// Whether it is shown on a terminal, too.

@@ -37,7 +37,6 @@ const QUIET: Duration = Duration::from_mins(1);
 /// The fingerprint of the world of a run whose map was edited: there were several.
 pub const EDITED: &str = "edited";
 
-/// What can be given.
 const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of checkpoints, a \
                     checkpoint, or the records of gdg-tui --no-ui in a file";
 
@@ -77,9 +76,7 @@ pub type Identity = (String, Option<String>, String, Vec<String>, u64);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     Result,
-    /// A checkpoint.
     Checkpoint,
-    /// Records, and how they end.
     Records(Ending),
 }
 
@@ -89,7 +86,6 @@ pub enum State {
     Done,
     /// It was saved, and can go on.
     Saved,
-    /// A signal has interrupted it.
     Interrupted,
     /// It goes on: its records grow.
     Running,

@@ -23,7 +23,6 @@ const NAME_DIGITS: usize = 6;
 /// mixes results of different programs.
 const RESULTS_VERSION: u32 = 3;
 
-/// A world to train in.
 #[derive(Clone, Debug)]
 pub enum JobWorld {
     Maze {
@@ -193,7 +192,6 @@ pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
 pub struct JobResult {
     pub name: String,
     pub key: String,
-    /// Version of the program.
     pub version: String,
     pub method: Method,
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -29,7 +29,6 @@ use gdg::train::{Method, Registry};
 pub struct Options {
     /// Built-in maps, map files, folders of them, and other worlds.
     pub worlds: Vec<PathBuf>,
-    /// How maps are read.
     pub reading: Reading,
     /// Updates per map; otherwise by its size.
     pub budget: Option<u64>,

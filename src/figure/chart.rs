@@ -1,10 +1,7 @@
 //! Charts of curves: means over seeds with their bands, all over the same range.
 
+use super::sheet::{Anchor, Mark, Sheet, Text, circle, fitted, text_width};
 use gdg::draw::{Rgb, contrast};
-
-use super::letters::{fitted, width};
-use super::sheet::{Anchor, Mark, Sheet, Text, circle};
-use super::ticks;
 
 /// Size of letters: of ticks and labels, of charts' titles, and of the page's.
 const LETTERS: f32 = 7.0;
@@ -73,7 +70,6 @@ pub struct Chart {
     pub curves: Vec<Curve>,
 }
 
-/// A vertical range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     pub low: f64,
@@ -107,7 +103,6 @@ pub struct Page<'a> {
     pub title: &'a str,
     /// Whether that is written above them.
     pub has_heading: bool,
-    /// The charts, row by row.
     pub charts: &'a [Chart],
     pub width: f32,
     /// Charts side by side.
@@ -127,7 +122,7 @@ impl Range {
     /// Returns the range from 0 to the highest of `values`.
     pub fn from_zero(values: impl Iterator<Item = f64>) -> Self {
         let high = values.filter(|value| value.is_finite()).fold(0.0, f64::max);
-        let step = ticks::round(0.0, if high > 0.0 { high } else { 1.0 }, 6);
+        let step = round_ticks(0.0, if high > 0.0 { high } else { 1.0 }, 6);
         let step = if let [first, second, ..] = step[..] { second - first } else { 1.0 };
         Self { low: 0.0, high: (high / step).ceil().max(1.0) * step, log: false }
     }
@@ -140,7 +135,7 @@ impl Range {
             (low.min(value), high.max(value))
         });
         if low > 0.0 && high >= 20.0 * low {
-            let (low, high) = (ticks::outwards(low, false), ticks::outwards(high, true));
+            let (low, high) = (outwards(low, false), outwards(high, true));
             return Self { low, high, log: true };
         }
         Self::from_zero(values)
@@ -155,9 +150,9 @@ impl Range {
 
     fn ticks(&self) -> Vec<f64> {
         if self.log {
-            ticks::logarithmic(self.low, self.high)
+            logarithmic_ticks(self.low, self.high)
         } else {
-            ticks::round(self.low, self.high, 6)
+            round_ticks(self.low, self.high, 6)
         }
     }
 }
@@ -182,7 +177,7 @@ impl Page<'_> {
         let columns = self.columns.clamp(1, self.charts.len().max(1));
         let column = (self.width - MARGIN * (columns as f32 + 1.0)) / columns as f32;
         let names = self.names();
-        let widest = names.iter().map(|curve| width(&curve.name, LETTERS)).fold(0.0, f32::max);
+        let widest = names.iter().map(|curve| text_width(&curve.name, LETTERS)).fold(0.0, f32::max);
         let beside = columns == 1 && widest <= NAMES_SHARE * column;
         let mut sheet =
             Sheet { size: [self.width, 0.0], title: self.title.to_owned(), marks: Vec::new() };
@@ -195,8 +190,8 @@ impl Page<'_> {
         if !beside && !names.is_empty() {
             top = legend(&mut sheet, &names, top);
         }
-        let ticks = self.charts.iter().flat_map(|chart| ticks::labels(&chart.y.ticks()));
-        let ticks = ticks.map(|text| width(&text, LETTERS)).fold(0.0, f32::max);
+        let ticks = self.charts.iter().flat_map(|chart| tick_labels(&chart.y.ticks()));
+        let ticks = ticks.map(|text| text_width(&text, LETTERS)).fold(0.0, f32::max);
         let left = LETTERS * 1.3 + GAP + ticks + GAP + TICK;
         let right = if beside { widest + 6.0 } else { 6.0 };
         let (below, labelled) = (TICK + GAP + LETTERS, LETTERS * 1.4);
@@ -241,7 +236,7 @@ impl Page<'_> {
 fn legend(sheet: &mut Sheet, names: &[&Curve], top: f32) -> f32 {
     let (mut x, mut y) = (MARGIN, top + LETTERS);
     for curve in names {
-        let length = SAMPLE + GAP + width(&curve.name, LETTERS);
+        let length = SAMPLE + GAP + text_width(&curve.name, LETTERS);
         if x > MARGIN && x + length > sheet.size[0] - MARGIN {
             (x, y) = (MARGIN, y + 1.4 * LETTERS);
         }
@@ -289,7 +284,7 @@ impl Placed<'_> {
         let (Area { left, top, right, bottom }, chart) = (self.area, self.chart);
         sheet.text([left, top - 0.6 * TITLE], &chart.title, TITLE, Anchor::Start, INK);
         let ticks = chart.y.ticks();
-        for (value, label) in ticks.iter().zip(ticks::labels(&ticks)) {
+        for (value, label) in ticks.iter().zip(tick_labels(&ticks)) {
             let [_, y] = self.at(chart.x[0], *value);
             sheet.line(vec![[left, y], [right, y]], GRID, GRID_INK);
             sheet.line(vec![[left - TICK, y], [left, y]], AXIS, INK);
@@ -297,8 +292,8 @@ impl Placed<'_> {
             sheet.text(place, &label, LETTERS, Anchor::End, INK);
         }
         let most = ((right - left) / TICKS_APART) as usize;
-        let ticks = ticks::round(chart.x[0], chart.x[1], most);
-        for (value, label) in ticks.iter().zip(ticks::labels(&ticks)) {
+        let ticks = round_ticks(chart.x[0], chart.x[1], most);
+        for (value, label) in ticks.iter().zip(tick_labels(&ticks)) {
             let [x, _] = self.at(*value, chart.y.low);
             sheet.line(vec![[x, bottom], [x, bottom + TICK]], AXIS, INK);
             let place = [x, bottom + TICK + GAP + 0.75 * LETTERS];
@@ -386,6 +381,68 @@ fn spread(wanted: &[f32], gap: f32, low: f32, high: f32) -> Vec<f32> {
     found
 }
 
+/// Returns the multiples of 1, 2 or 5 times a power of ten from `low` to `high`: as many as
+/// possible, but at most `most`.
+fn round_ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
+    if !(high > low && (high - low).is_finite()) {
+        return vec![low];
+    }
+    let first = 10f64.powf((high - low).log10().floor() - 1.0);
+    let steps = (0..4).flat_map(|power| [1.0, 2.0, 5.0].map(|by| by * 10f64.powi(power)));
+    let multiples = |step: f64| {
+        let (from, to) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
+        (from..=to).map(|i| i as f64 * step).collect::<Vec<_>>()
+    };
+    let all = steps.map(|step| multiples(first * step));
+    all.into_iter().find(|ticks| ticks.len() <= most.max(2)).unwrap_or_else(|| vec![low, high])
+}
+
+/// Returns the powers of ten from `low` to `high`; where that is fewer than three, their multiples
+/// by 2 and 5 too.
+fn logarithmic_ticks(low: f64, high: f64) -> Vec<f64> {
+    let (from, to) = (low.log10().floor() as i32, high.log10().ceil() as i32);
+    let within = |factors: &'static [f64]| {
+        let all =
+            (from..=to).flat_map(|power| factors.iter().map(move |by| by * 10f64.powi(power)));
+        all.filter(|tick| (low * 0.999..=high * 1.001).contains(tick)).collect::<Vec<_>>()
+    };
+    let powers = within(&[1.0]);
+    if powers.len() < 3 { within(&[1.0, 2.0, 5.0]) } else { powers }
+}
+
+/// Returns `value` and its neighbour towards `up` or down among 1, 2 and 5 times powers of ten.
+fn outwards(value: f64, up: bool) -> f64 {
+    let power = 10f64.powf(value.log10().floor());
+    let steps = [1.0, 2.0, 5.0, 10.0].map(|by| by * power);
+    let found = if up {
+        steps.into_iter().find(|step| *step >= value * 0.999)
+    } else {
+        steps.into_iter().rfind(|step| *step <= value * 1.001)
+    };
+    found.unwrap_or(value)
+}
+
+/// Writes the ticks of one axis, all in the same unit.
+fn tick_labels(ticks: &[f64]) -> Vec<String> {
+    let largest = ticks.iter().fold(0.0, |most: f64, tick| most.max(tick.abs()));
+    ticks.iter().map(|tick| in_unit_of(*tick, largest)).collect()
+}
+
+/// Writes a number on an axis: 40k, 0.2.
+pub fn tick(value: f64) -> String {
+    in_unit_of(value, value.abs())
+}
+
+fn in_unit_of(value: f64, largest: f64) -> String {
+    let (unit, name) = match largest {
+        largest if largest >= 1e6 => (1e6, "M"),
+        largest if largest >= 1e4 => (1e3, "k"),
+        _ => (1.0, ""),
+    };
+    let short = (value / unit * 1e6).round() / 1e6;
+    if short == 0.0 { "0".to_owned() } else { format!("{short}{name}") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -400,5 +457,34 @@ mod tests {
         assert!(sorted.windows(2).all(|pair| pair[1] - pair[0] > 9.99), "{all:?}");
         assert!(sorted[0] >= 0.0 && sorted[4] <= 100.0, "{all:?}");
         assert!(all[0] < all[1] && all[3] < all[4], "in the order of the curves: {all:?}");
+    }
+
+    #[test]
+    fn ticks_are_round_and_few() {
+        assert_eq!(tick_labels(&round_ticks(0.0, 1.0, 6)), ["0", "0.2", "0.4", "0.6", "0.8", "1"]);
+        assert_eq!(tick_labels(&round_ticks(0.0, 58_731.0, 4)), ["0", "20k", "40k"]);
+        assert_eq!(
+            tick_labels(&round_ticks(3.0, 1_100.0, 6)),
+            ["200", "400", "600", "800", "1000"]
+        );
+        assert_eq!(tick_labels(&round_ticks(0.0, 0.031, 4)), ["0", "0.01", "0.02", "0.03"]);
+        assert_eq!(round_ticks(5.0, 5.0, 4), [5.0]);
+        for high in [0.007, 1.0, 9.99, 123.0, 1e7] {
+            let ticks = round_ticks(0.0, high, 5);
+            assert!((2..=5).contains(&ticks.len()), "{high}: {ticks:?}");
+        }
+    }
+
+    #[test]
+    fn logarithmic_ticks_are_powers_of_ten_or_finer() {
+        assert_eq!(tick_labels(&logarithmic_ticks(0.01, 10.0)), ["0.01", "0.1", "1", "10"]);
+        assert_eq!(tick_labels(&logarithmic_ticks(0.05, 0.6)), ["0.05", "0.1", "0.2", "0.5"]);
+        assert_eq!([outwards(0.037, false), outwards(0.037, true)], [0.02, 0.05]);
+        assert_eq!([outwards(1.0, false), outwards(1.0, true)], [1.0, 1.0]);
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!([0.2, 40.0, 40_000.0, 2e6].map(tick), ["0.2", "40", "40k", "2M"]);
     }
 }

@@ -19,8 +19,7 @@ use tiny_skia::{
     Pixmap, PixmapPaint, PremultipliedColorU8, Stroke, Transform,
 };
 
-use super::letters;
-use super::sheet::{Anchor, Mark, Sheet, Text};
+use super::sheet::{Anchor, Mark, Sheet, Text, outline};
 use gdg::draw::{Picture, Rgb, hex};
 use gdg::text::sanitized;
 
@@ -43,7 +42,7 @@ fn path_of(mark: &Mark) -> Option<Path> {
     let (points, closed) = match mark {
         Mark::Line { points, .. } => (points, false),
         Mark::Area { points, .. } => (points, true),
-        Mark::Text(text) => return letters::outline(text),
+        Mark::Text(text) => return outline(text),
         Mark::Picture { .. } => return None,
     };
     let mut path = PathBuilder::new();

@@ -179,7 +179,6 @@ impl Budget {
     }
 }
 
-/// A figure.
 #[derive(Clone, Copy, Debug)]
 pub struct Figure {
     /// Its name on the command line.

@@ -14,7 +14,6 @@ use gdg::train::{DistanceScore, Evaluation, TaskOutcome};
 pub struct Panel {
     /// Name of the measure in data.
     pub measure: &'static str,
-    /// Labels of the axes.
     pub labels: [&'static str; 2],
     /// Upper end of the vertical axis, if it is fixed.
     pub top: Option<f64>,

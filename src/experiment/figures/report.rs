@@ -4,9 +4,9 @@ use super::MethodRuns;
 use super::catalogue::{Figure, Shows};
 use super::curves::{Curve, Panel};
 
+use super::maps::MapPanel;
 use super::ogbench::{PUBLISHED_METHODS, published_on};
 use super::output::Drawn;
-use super::panel::MapPanel;
 use crate::experiment::measure::RandomTasks;
 use gdg::text::counted;
 

@@ -264,7 +264,6 @@ fn interpolated(points: &Points, x: f64) -> Option<f64> {
     Some(left + (right - left) * (x - from) / (to - from))
 }
 
-/// Adds a row per point of each seed, and of their mean.
 fn rows(
     table: &mut Vec<Vec<String>>,
     chart: &str,

@@ -9,7 +9,6 @@ use crate::host::runs::{ago, rate};
 use gdg::text::{aligned, grouped, sanitized};
 use gdg::train::Evaluation;
 
-/// A column.
 pub struct Column {
     pub name: &'static str,
     /// What it says about a run.

@@ -39,7 +39,6 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Creates a reader of folders, and of the experiments in them.
     pub fn new(folders: &[PathBuf]) -> Self {
         Self { folders: folders.to_vec(), known: HashMap::new() }
     }

@@ -18,7 +18,6 @@ use gdg::train::DataSource;
 /// The longest line of records: none that this program writes is nearly as long.
 const MOST_OF_A_LINE: u64 = 16 << 20;
 
-/// What is read as records.
 const RECORDS: Wanted =
     Wanted { name: "records of a run", help: HELP, own: &[Format::Json, Format::Text] };
 

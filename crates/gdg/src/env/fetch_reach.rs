@@ -11,7 +11,6 @@ mod arm;
 mod constraints;
 mod dynamics;
 mod model;
-mod probe_lattice;
 mod scene;
 
 use std::sync::Arc;
@@ -28,9 +27,8 @@ use super::{
 use arm::{Arm, STEP_SECS};
 use constraints::Rows;
 use model::GOAL_CENTRE;
-pub use probe_lattice::ProbeLattice;
-use scene::random_goal;
-pub use scene::{ArmScene, Corners, Pose};
+pub use scene::{ArmScene, Corners, Pose, ProbeLattice};
+use scene::{film_probes, random_goal};
 
 /// Registry entry of the arm.
 pub const KIND: WorldKind = WorldKind {
@@ -278,7 +276,7 @@ impl Drawn for FetchReach {
     }
 
     fn probes(&self, _: Option<&[f32]>) -> Option<Probes> {
-        Some(probe_lattice::points())
+        Some(film_probes())
     }
 }
 

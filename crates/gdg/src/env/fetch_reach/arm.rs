@@ -113,7 +113,6 @@ impl Arm {
     }
 }
 
-/// The axes of the world.
 const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
 
 /// The arm's frames in the world, by forward kinematics.

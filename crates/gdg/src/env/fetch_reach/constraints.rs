@@ -7,10 +7,8 @@ use super::arm::Frames;
 use super::dynamics::Dynamics;
 use super::model::{CHAIN, JOINTS, Joints, Matrix, add_outer, add_scaled, dot, product, solve};
 
-/// Rows of the weld.
 const WELD_ROWS: usize = 6;
 
-/// Joints with limits.
 const LIMITED: usize = 4;
 
 /// Lower corners of both fingers, and rows per contact: a pyramid of friction in three directions.

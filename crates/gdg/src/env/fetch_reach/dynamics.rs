@@ -66,7 +66,6 @@ impl Inertia {
         }
     }
 
-    /// Returns the momentum of this motion.
     fn momentum(&self, Spatial { angular, linear }: Spatial) -> Spatial {
         Spatial {
             angular: self.rotational * angular + self.moment.cross(linear),
