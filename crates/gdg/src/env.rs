@@ -360,7 +360,7 @@ impl dyn Environment {
 #[derive(Clone, Debug)]
 pub enum Scene {
     /// The space of goals, of a world without a picture of its own.
-    Goals(GoalSpace),
+    Goals(Box<GoalSpace>),
     /// A grid map seen from above; states begin with the position (x, y) in cells, y down.
     Maze(MazeScene),
     /// An arm and what is around it; states begin with the position (x, y, z) of its grip in

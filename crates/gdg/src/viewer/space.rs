@@ -181,7 +181,7 @@ impl SpaceWorker {
         let planes = self.planes.clone();
         let past = (self.shown.past.clone(), &self.scene);
         let fields: Vec<Vec<f32>> = if let (Some(frame), Scene::Arm(arm)) = past {
-            planes.iter().map(|plane| film_field(arm, &frame, plane)).collect()
+            planes.iter().map(|plane| film_field(*arm, &frame, plane)).collect()
         } else {
             let Some(goal) = self.reacher.goal.clone() else { return };
             planes.iter().map(|plane| self.field(plane, &goal)).collect()
@@ -311,8 +311,8 @@ impl SceneWorker for SpaceWorker {
 
 /// Returns D in a film's frame at every pixel of a plane through the frame's goal, from the points
 /// in space that were filmed; NaN where the grip cannot be.
-fn film_field(scene: &ArmScene, frame: &FilmFrame, plane: &Plane) -> Vec<f32> {
-    let lattice = ProbeLattice::new(scene);
+fn film_field(scene: ArmScene, frame: &FilmFrame, plane: &Plane) -> Vec<f32> {
+    let lattice = ProbeLattice::new(&scene);
     let value = |i: usize| {
         let at = plane.point(plane.raster.middle_of(i), &frame.goal);
         // Beside the table, only some of the points have a value.

@@ -121,7 +121,7 @@ fn draw_projection(
     draw_field(&mut painter, projection, state, layout);
     let (past, goal) = (state.past(), place(state.shown_goal()));
     if let Scene::Arm(arm) = scene {
-        draw_surroundings(&mut painter, arm);
+        draw_surroundings(&mut painter, *arm);
     }
     if past.is_none() {
         painter.edges(&view.graph, goal.unwrap_or_default(), true);
@@ -252,7 +252,7 @@ fn draw_box(painter: &mut Painter, corners: Corners, ink: Ink) {
 }
 
 /// Draws the edges of an arm's table and of the region of goals.
-fn draw_surroundings(painter: &mut Painter, arm: &ArmScene) {
+fn draw_surroundings(painter: &mut Painter, arm: ArmScene) {
     let theme = painter.theme;
     let table = Ink::new(blend(theme.wall, theme.cursor, 0.3), 1.0, '=');
     draw_box(painter, arm.table(), table);

@@ -108,7 +108,7 @@ impl Explored for Gym {
 
 impl Drawn for Gym {
     fn scene(&self, _: &Arc<Vec<u32>>) -> Scene {
-        Scene::Goals(GoalSpace::of(self).with_walls(self.maze().cloned()))
+        Scene::Goals(Box::new(GoalSpace::of(self).with_walls(self.maze().cloned())))
     }
 }
 
