@@ -42,6 +42,8 @@ const REGRET: Duration = Duration::from_secs(2);
 /// Bytes in one read, more than a key has, that count as the rest of such a sequence.
 const BURST: usize = 4;
 
+const CTRL_C: u8 = 3;
+
 /// Bytes kept of a sequence, and of a paste, at most.
 const MAX_SEQUENCE: usize = 4096;
 const MAX_PASTE: usize = 1 << 16;
@@ -186,10 +188,17 @@ struct Scanner {
 impl Scanner {
     /// Reads `bytes`, all that has arrived, and returns what they complete.
     fn read(&mut self, bytes: &[u8]) -> Vec<Input> {
+        // Whoever presses Ctrl-C or moves the mouse does not paste any more: its end was lost.
+        let ends_paste = bytes == [CTRL_C] || bytes.starts_with(b"\x1b[<");
+        let mut found = if self.held.starts_with(PASTE_BEGIN) && ends_paste {
+            self.give_up()
+        } else {
+            Vec::new()
+        };
         self.regret(bytes);
         self.held.extend(bytes);
         let held = std::mem::take(&mut self.held);
-        let (mut rest, mut found) = (&held[..], Vec::new());
+        let mut rest = &held[..];
         while !rest.is_empty()
             && let Some((length, input)) = first(rest, self.escape)
         {
@@ -551,6 +560,15 @@ mod tests {
             assert_eq!(keys(&scanner.read(b"q")), [character('q', NONE)]);
             assert!(keys(&scanner.read(PASTE_END)).is_empty(), "its end comes late");
         }
+    }
+
+    #[test]
+    fn ctrl_c_and_the_mouse_end_a_paste_whose_end_was_lost() {
+        for after in [&[CTRL_C][..], b"\x1b[<35;3;4M"] {
+            let found = read(&[b"\x1b[200~ab", b"c", after]);
+            assert!(matches!(&found[..], [Input::Event(Event::Paste(text)), _] if text == "abc"));
+        }
+        assert_eq!(read(&[b"\x1b[200~a\x03b\x1b[201~"]).len(), 1, "in the middle of one it is text");
     }
 
     #[test]
