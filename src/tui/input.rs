@@ -568,7 +568,11 @@ mod tests {
             let found = read(&[b"\x1b[200~ab", b"c", after]);
             assert!(matches!(&found[..], [Input::Event(Event::Paste(text)), _] if text == "abc"));
         }
-        assert_eq!(read(&[b"\x1b[200~a\x03b\x1b[201~"]).len(), 1, "in the middle of one it is text");
+        assert_eq!(
+            read(&[b"\x1b[200~a\x03b\x1b[201~"]).len(),
+            1,
+            "in the middle of one it is text"
+        );
     }
 
     #[test]

@@ -199,7 +199,6 @@ fn a_resumed_run_goes_on_in_its_own_table() {
     for (file, why) in [
         ("other.csv", "is of another run"),
         ("notes.txt", "it is not a table of metrics"),
-        ("later.csv", "none of its rows"),
         ("mixed.csv", "go back"),
     ] {
         let before = std::fs::read(folder.path().join(file)).unwrap();
@@ -222,6 +221,10 @@ fn a_resumed_run_goes_on_in_its_own_table() {
         );
         assert_eq!(std::fs::read(folder.path().join(file)).unwrap(), before);
     }
+    // One whose rows are all later begins anew, and they are kept.
+    let later = std::fs::read(folder.path().join("later.csv")).unwrap();
+    run(&with(&["--resume", "run.safetensors", "--max-updates", "1001", "--csv", "later.csv"]));
+    assert_eq!(std::fs::read(folder.path().join("later-2.csv")).unwrap(), later);
     let args = with(&[
         "--resume",
         "run.safetensors",

@@ -3,8 +3,8 @@
 
 use glam::{DQuat, DVec3};
 
-use super::arm::Frames;
 use super::dynamics::Dynamics;
+use super::model::Frames;
 use super::model::{CHAIN, JOINTS, Joints, Matrix, add_outer, add_scaled, dot, product, solve};
 
 const WELD_ROWS: usize = 6;

@@ -3,7 +3,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::arm::Frames;
+use super::model::Frames;
 use super::model::Matrix;
 use super::model::{BODIES, CHAIN, JOINTS, Joints, point_inertia};
 

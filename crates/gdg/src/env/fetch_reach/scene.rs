@@ -6,9 +6,9 @@ use glam::DVec3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::arm::{Arm, Frames};
+use super::arm::Arm;
 use super::constraints::{TABLE_TOP, TABLE_X, TABLE_Y};
-use super::model::{BASE, GOAL_CENTRE, JOINTS};
+use super::model::{BASE, GOAL_CENTRE, JOINTS, Frames};
 use super::{EPISODE_STEPS, FetchReach, GOAL_RADIUS, GOAL_RANGE, POSITION_RANGE, STATE};
 use crate::env::Probes;
 

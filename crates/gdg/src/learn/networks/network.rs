@@ -206,7 +206,10 @@ pub fn load_networks<'a>(
             store.numbers(&format!("{name}.{part}")).ok().map(<[f32]>::to_vec)
         })
     };
-    networks
-        .try_for_each(&mut restore)
-        .map_err(|e| StoreError::inconsistent(format!("its networks do not fit: {e}")))
+    networks.try_for_each(&mut restore).map_err(|error| {
+        // Candle adds a backtrace where one is asked for.
+        let error = error.to_string();
+        let first = error.lines().next().unwrap_or_default();
+        StoreError::inconsistent(format!("its networks do not fit: {first}"))
+    })
 }
