@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::arm::Arm;
 use super::constraints::{TABLE_TOP, TABLE_X, TABLE_Y};
-use super::model::{BASE, GOAL_CENTRE, JOINTS, Frames};
+use super::model::{BASE, Frames, GOAL_CENTRE, JOINTS};
 use super::{EPISODE_STEPS, FetchReach, GOAL_RADIUS, GOAL_RANGE, POSITION_RANGE, STATE};
 use crate::env::Probes;
 
