@@ -210,5 +210,8 @@ mod tests {
             let error = parse("f", text).expect_err("a mistake");
             assert!(error.to_string().starts_with(location), "{error} is not at {location}");
         }
+        let removed = parse("f", "theme = \"mono\"\n").expect_err("a theme that is gone");
+        let all = "`dark`, `light`, `colour-blind-safe`";
+        assert!(removed.to_string().contains(all), "{removed}");
     }
 }

@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn characters_that_act_on_a_terminal_are_left_out_of_a_frame() {
-        let theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
+        let theme = Theme::new(ThemeName::Dark, ColourDepth::Mono);
         let mut terminal = Terminal::new(TestBackend::new(8, 1)).expect("a terminal");
         let drawn = terminal.draw(|frame| {
             frame.render_widget(Paragraph::new("a\u{202e}b\u{2066}e\u{301}"), frame.area());

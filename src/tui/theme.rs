@@ -38,19 +38,16 @@ pub enum ThemeName {
     Light,
     /// Distinguishable with every kind of colour vision.
     ColourBlindSafe,
-    /// Letters and signs instead of colours.
-    Mono,
 }
 
 impl ThemeName {
-    pub const ALL: [Self; 4] = [Self::Dark, Self::Light, Self::ColourBlindSafe, Self::Mono];
+    pub const ALL: [Self; 3] = [Self::Dark, Self::Light, Self::ColourBlindSafe];
 
     pub fn about(self) -> &'static str {
         match self {
             Self::Dark => "light text on a dark page",
             Self::Light => "dark text on a light page",
             Self::ColourBlindSafe => "distinguishable with every kind of colour vision",
-            Self::Mono => "shades and signs instead of colours",
         }
     }
 
@@ -60,7 +57,6 @@ impl ThemeName {
             Self::Dark => "dark",
             Self::Light => "light",
             Self::ColourBlindSafe => "colour-blind-safe",
-            Self::Mono => "mono",
         }
     }
 }
@@ -90,8 +86,6 @@ const NAMES_OF_BASIC: [&str; 6] = ["linux", "cygwin", "ansi", "vt100", "vt220", 
 #[derive(Clone, Copy, Debug)]
 pub struct Theme {
     pub name: ThemeName,
-    /// The theme that has been asked for.
-    chosen: ThemeName,
     /// The colours that the terminal shows.
     pub depth: ColourDepth,
     /// Text and page, if the theme does not leave them to the terminal.
@@ -147,15 +141,13 @@ impl ColourDepth {
 }
 
 impl Theme {
-    /// Returns the theme `name` for a terminal of `depth`. Without colours, every theme is
-    /// [`ThemeName::Mono`].
+    /// The theme `name` for a terminal of `depth`. Without colours, shades and signs replace those
+    /// of every theme.
     pub fn new(name: ThemeName, depth: ColourDepth) -> Self {
-        let chosen = name;
-        let name = if depth == ColourDepth::Mono { ThemeName::Mono } else { name };
-        let depth = if name == ThemeName::Mono { ColourDepth::Mono } else { depth };
-        let theme = Self { chosen, depth, ..Self::in_all_colours(name) };
+        let theme = Self { depth, ..Self::in_all_colours(name) };
         match depth {
-            ColourDepth::True | ColourDepth::Mono => theme,
+            ColourDepth::True => theme,
+            ColourDepth::Mono => Self { page: None, ..theme },
             ColourDepth::Indexed => {
                 let distance = |share| theme.smooth_distance_colour(share);
                 let error = |share| sample(theme.error, share);
@@ -165,17 +157,15 @@ impl Theme {
         }
     }
 
-    /// Returns the theme that has been asked for, in full colour: for pictures, which do not
-    /// depend on the terminal.
+    /// The same theme in full colour: for pictures, which do not depend on the terminal.
     #[must_use]
     pub fn in_full_colour(&self) -> Self {
-        Self::new(self.chosen, ColourDepth::True)
+        Self::new(self.name, ColourDepth::True)
     }
 
     fn in_all_colours(name: ThemeName) -> Self {
         let dark = Self {
             name,
-            chosen: name,
             depth: ColourDepth::True,
             page: None,
             wall: (58, 58, 66),
@@ -195,7 +185,7 @@ impl Theme {
             palette: None,
         };
         match name {
-            ThemeName::Dark | ThemeName::Mono => dark,
+            ThemeName::Dark => dark,
             ThemeName::Light => Self {
                 page: Some(((30, 30, 34), (252, 252, 252))),
                 wall: (150, 150, 158),
@@ -348,7 +338,6 @@ mod tests {
         for name in ThemeName::ALL {
             assert_eq!(Theme::new(name, ColourDepth::Mono).colour((1, 2, 3)), Color::Reset);
         }
-        assert_eq!(Theme::new(ThemeName::Mono, ColourDepth::True).colour((1, 2, 3)), Color::Reset);
     }
 
     #[test]

@@ -336,8 +336,8 @@ const VIEW: &[Binding] = &[
         .also("characters symbols pixels resolution font")
         .each(),
     watch(A::Theme, "theme", &["shift-t"], |s, _| s.open(lists::themes(s.screen.theme.name)))
-        .help("dark, light, colour-blind-safe, or no colours")
-        .also("themes colors color scheme mode palette black white mono accessibility")
+        .help("dark, light or colour-blind-safe")
+        .also("themes colors color scheme mode palette black white accessibility")
         .alone("the theme is chosen in the configuration: gdg-tui --print-config-template"),
 ];
 

@@ -92,7 +92,7 @@ fn a_goal_without_a_path_is_said_and_marked() {
     let map = parse_map("cut", b"..........#...\n.......S..#...\n..........#...\nG.........#...\n")
         .expect("a map");
     let mut app = app_on(map, gdg());
-    app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
+    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::Mono);
     draw(&mut app, 80, 24);
     let said = |app: &App| {
         app.screen.log.entries().iter().filter(|e| e.text.starts_with("no path leads")).count()

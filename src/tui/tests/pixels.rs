@@ -130,19 +130,23 @@ fn text_over_the_map_wins() {
 
 #[test]
 fn pixels_are_for_terminals_with_pictures_and_colours() {
-    for (marker, graphics, theme, are_shown) in [
-        (Marker::Auto, Some(GRAPHICS), ThemeName::Dark, true),
-        (Marker::Pixels, Some(GRAPHICS), ThemeName::Light, true),
-        (Marker::Auto, Some(GRAPHICS), ThemeName::Mono, false),
-        (Marker::Pixels, None, ThemeName::Dark, false),
-        (Marker::HalfBlock, Some(GRAPHICS), ThemeName::Dark, false),
+    for (marker, graphics, theme, depth, are_shown) in [
+        (Marker::Auto, Some(GRAPHICS), ThemeName::Dark, ColourDepth::True, true),
+        (Marker::Pixels, Some(GRAPHICS), ThemeName::Light, ColourDepth::True, true),
+        (Marker::Auto, Some(GRAPHICS), ThemeName::Dark, ColourDepth::Mono, false),
+        (Marker::Pixels, None, ThemeName::Dark, ColourDepth::True, false),
+        (Marker::HalfBlock, Some(GRAPHICS), ThemeName::Dark, ColourDepth::True, false),
     ] {
         let mut app = still();
         app.screen.marker = marker;
-        app.screen.theme = Theme::new(theme, ColourDepth::True);
+        app.screen.theme = Theme::new(theme, depth);
         app.set_graphics(graphics, Redraw::All);
         draw(&mut app, 80, 24);
-        assert_eq!(!app.pictures().is_empty(), are_shown, "{marker:?} {graphics:?} {theme:?}");
+        assert_eq!(
+            !app.pictures().is_empty(),
+            are_shown,
+            "{marker:?} {graphics:?} {theme:?} {depth:?}"
+        );
         // The mouse finds the same cells as with characters.
         let at = character_of(&app, Cell::new(3, 3));
         click(&mut app, MouseButton::Left, at);

@@ -30,7 +30,7 @@ fn screens_match_their_snapshots() {
         check(name, &mut app, 80, 24);
     }
     let mut app = staged_app(80, 24);
-    app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
+    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::Mono);
     check("mono", &mut app, 80, 24);
     let mut app = staged_app(80, 24);
     (app.screen.pane, app.screen.maximised, app.screen.log_scale) = (Pane::Curves, true, true);

@@ -44,7 +44,7 @@ impl Stage {
             Run => Box::new(staged_app(width, height)),
             Mono => {
                 let mut app = staged_app(width, height);
-                app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
+                app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::Mono);
                 Box::new(app)
             }
             Filmed => Box::new(past::filmed_app(&[1, 2_500, 5_000], width, height)),
