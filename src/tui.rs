@@ -20,8 +20,8 @@
 //!   `lists`: what there is to pick from; `export`: writes what is shown to files.
 //! * `session`: a run on the screen, and what commands do with it; `compare`: two of them.
 //! * `app`: the application, which gives events to the topmost layer.
-//! * `interface`, `input`, `record`, `terminal`: what fills the screen, what comes from the terminal,
-//!   recordings of it, and the terminal itself with the loop that forwards events and draws frames.
+//! * `interface`, `input`, `terminal`: what fills the screen, what comes from the terminal, and the
+//!   terminal itself with the loop that forwards events and draws frames.
 //! * `runs`: the list of saved runs.
 
 mod action;
@@ -50,7 +50,6 @@ mod output;
 mod panes;
 mod projection;
 mod raster;
-mod record;
 mod render;
 mod runs;
 mod scene;
@@ -79,7 +78,6 @@ pub use compare::{ComparisonOptions, Contender, Contestants, prepare as prepare_
 pub use config::{
     UiConfig, load as load_config, parse as parse_config, template as config_template,
 };
-pub use export::{PageColours, picture_of};
 use gdg::engine::Engine;
 use gdg::learn::Threads;
 use gdg::map::{self, Reading};
@@ -88,24 +86,19 @@ use gdg::viewer::Viewer;
 pub use keymap::Keymap;
 pub use marker::Marker;
 pub use measure::{MeasuredInterface, MeasuredScreen};
-use record::Recorder;
 pub use runs::{Opened, Opener, RunsScreen};
 use session::{Session, files};
 use terminal::Stage;
 
-/// How the interface is shown and recorded.
+/// How the interface is shown.
 pub struct InterfaceOptions {
-    /// The recording to write.
-    pub record: Option<PathBuf>,
     /// The configuration file, instead of the default one.
     pub config: Option<PathBuf>,
     /// What the map is drawn with, instead of what the configuration says.
     pub marker: Option<Marker>,
-    /// Whether an existing recording is replaced.
-    pub overwrite: bool,
 }
 
-/// The configuration, the recording and the signals, opened before the interface starts.
+/// The configuration and the signals, opened before the interface starts.
 pub struct PreparedInterface {
     config: UiConfig,
     keymap: Keymap,
@@ -127,24 +120,18 @@ impl PreparedInterface {
 /// checkpoints.
 const MIN_OPEN_FILES: usize = 24;
 
-/// Reads the configuration, starts the recording and listens to signals. Called before anything
-/// else of the interface, since all can fail.
+/// Reads the configuration and listens to signals. Called before anything else of the interface,
+/// since both can fail.
 ///
 /// # Errors
-/// The configuration is invalid, the recording exists already or cannot be written, too few files
-/// can be open at once, or a thread cannot be started.
+/// The configuration is invalid, too few files can be open at once, or a thread cannot be started.
 pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> {
     check_open_files()?;
     let (mut config, keymap) = config::load(options.config.as_deref())
         .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
     config.marker = options.marker.unwrap_or(config.marker);
-    let recorder = options
-        .record
-        .as_deref()
-        .map(|path| Recorder::start(path, options.overwrite))
-        .transpose()?;
     let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
-    let stage = Stage::new(recorder, config.marker, termination.clone());
+    let stage = Stage::new(config.marker, termination.clone());
     Ok(PreparedInterface { config, keymap, termination, notice: None, stage })
 }
 

@@ -402,12 +402,6 @@ fn without_a_terminal_it_says_that_it_trains_without_the_interface() {
         (Some(0), String::new()),
         "it was asked for"
     );
-    let (status, said) = error(&[&args[..], &["--record", "run.cast"]].concat());
-    assert_eq!(status, Some(2));
-    assert!(
-        said.contains("--record: there is no screen") && !folder.path().join("run.cast").exists(),
-        "{said}"
-    );
 }
 
 #[test]

@@ -57,11 +57,6 @@ impl Session {
         Self::start_command(shell, folder, &[("PROGRAM", program.to_str().unwrap())])
     }
 
-    /// Like [`Self::start`], with a limit on the size of files, in blocks of 512 bytes.
-    pub fn start_with_file_limit(folder: &Path, args: &[&str], blocks: u32) -> Self {
-        Self::start_with_limit(folder, args, &format!("-f {blocks}"))
-    }
-
     /// Like [`Self::start`], with a limit in the form of the options of `ulimit`.
     pub fn start_with_limit(folder: &Path, args: &[&str], limit: &str) -> Self {
         let mut program = CommandBuilder::new("sh");

@@ -235,45 +235,13 @@ fn signals_while_the_terminal_is_asked_what_it_shows_are_handled() {
 }
 
 #[test]
-fn recordings_play_back_and_completions_and_manual_are_printed() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut session = Session::start(folder.path(), &["trap", "--record", "run.cast"]);
-    session.wait_for("updates");
-    session.press("2");
-    session.wait_for("error of D");
-    session.press("q");
-    assert_eq!(session.end(), 0);
+fn completions_manual_and_configuration_are_printed() {
     let run = |args: &[&str]| {
         let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
-        let output = command.args(args).current_dir(folder.path()).output().unwrap();
+        let output = command.args(args).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap()
     };
-    let cast = std::fs::read_to_string(folder.path().join("run.cast")).unwrap();
-    let mut screen = vt100::Parser::new(non_zero(24), non_zero(80), 0);
-    let mut seen = false;
-    for line in cast.lines().skip(1) {
-        let (_, kind, text): (f64, String, String) = serde_json::from_str(line).unwrap();
-        if kind == "o" {
-            screen.process(text.as_bytes());
-            seen |= screen.screen().contents().contains("error of D");
-        }
-    }
-    assert!(seen, "the recording shows what was on the screen");
-    // Another run replaces it only with --overwrite.
-    let mut again = Session::start(folder.path(), &["trap", "--record", "run.cast"]);
-    again.wait_for("run.cast: the file already exists");
-    assert_eq!(again.child.wait().unwrap().exit_code(), 2);
-    assert!(
-        !again.raw.lock().unwrap().windows(8).any(|w| w == b"\x1b[?1049h"),
-        "the terminal is left alone"
-    );
-    assert_eq!(std::fs::read_to_string(folder.path().join("run.cast")).unwrap(), cast);
-    let mut again = Session::start(folder.path(), &["trap", "--record", "run.cast", "--overwrite"]);
-    again.wait_for("updates");
-    again.press("q");
-    assert_eq!(again.end(), 0);
-    assert_ne!(std::fs::read_to_string(folder.path().join("run.cast")).unwrap(), cast);
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         assert!(run(&["completions", shell]).contains("max-updates"));
     }
@@ -297,6 +265,10 @@ fn a_configuration_sets_keys_and_theme_and_its_errors_are_reported() {
     let mut session = Session::start(folder.path(), &["trap", "--ui-config", "wrong.toml"]);
     session.wait_for("wrong.toml:2:8:");
     assert_eq!(session.child.wait().unwrap().exit_code(), 2);
+    assert!(
+        !session.raw.lock().unwrap().windows(8).any(|w| w == b"\x1b[?1049h"),
+        "the terminal is left alone"
+    );
 }
 
 #[test]

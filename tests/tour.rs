@@ -3,11 +3,9 @@
 use crate::support::Session;
 
 #[test]
-fn the_tour_is_recorded_and_goes_on_by_enter() {
+fn the_tour_goes_on_by_enter() {
     let folder = tempfile::tempdir().unwrap();
-    let cast = folder.path().join("tour.cast");
-    let args = ["tour", "--threads", "1", "--record", cast.to_str().unwrap()];
-    let mut session = Session::start(folder.path(), &args);
+    let mut session = Session::start(folder.path(), &["tour", "--threads", "1"]);
     session.wait_for("1/10 No reward");
     session.press("\r");
     session.wait_for("2/10 D bends");
@@ -15,7 +13,6 @@ fn the_tour_is_recorded_and_goes_on_by_enter() {
     session.wait_until_gone("2/10 D bends");
     session.signal("TERM");
     assert_eq!(session.end(), 143);
-    assert!(std::fs::read_to_string(&cast).unwrap().contains("No reward"));
 }
 
 #[test]

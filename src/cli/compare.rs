@@ -21,7 +21,6 @@ Examples:
   gdg-tui compare gdg-bridge gdg             with bridge points and without
   gdg-tui compare gdg-bridge her city --seed 3
   gdg-tui compare gdg gdg trap --set B:hidden=64         two sizes of network
-  gdg-tui compare gdg-bridge her --record race.cast      and record the screen
   gdg-tui compare saves/a.safetensors saves/b.safetensors    two saved runs
   gdg-tui compare saves/a.safetensors her    a method on its map, with its seed
 
@@ -63,7 +62,7 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N", default_value = "auto", value_parser = parse_threads)]
     pub threads: Threads,
 
-    /// Options of what is shown and recorded.
+    /// Options of what is shown.
     #[command(flatten)]
     pub screen: ScreenArgs,
 
@@ -82,7 +81,6 @@ impl CompareArgs {
             seed: self.seed,
             set: self.set.clone(),
             threads: self.threads,
-            recording: self.screen.interface.record.clone(),
         }
     }
 }

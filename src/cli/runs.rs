@@ -32,7 +32,7 @@ pub struct RunsArgs {
     #[arg(long)]
     pub json: bool,
 
-    /// Options of what is shown and recorded.
+    /// Options of what is shown.
     #[command(flatten)]
     pub screen: ScreenArgs,
 }

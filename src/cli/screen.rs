@@ -4,17 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::values::output;
 use crate::host::logging::LogLevel;
 use crate::tui::{InterfaceOptions, Marker};
 
 /// Options of the interface.
 #[derive(Debug, Args)]
 pub struct InterfaceArgs {
-    /// Record the screen as an asciinema cast
-    #[arg(long, value_name = "FILE", value_parser = output())]
-    pub record: Option<PathBuf>,
-
     /// Configuration file for theme, keys etc., instead of the default one
     #[arg(long, value_name = "FILE")]
     pub ui_config: Option<PathBuf>,
@@ -32,10 +27,6 @@ pub struct ScreenArgs {
     #[command(flatten)]
     pub interface: InterfaceArgs,
 
-    /// Replace the recording if it exists
-    #[arg(long, requires = "record")]
-    pub overwrite: bool,
-
     /// Minimum severity written to the log file; the help screen (?) shows its path
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
     pub log_level: LogLevel,
@@ -43,12 +34,7 @@ pub struct ScreenArgs {
 
 impl InterfaceArgs {
     /// Returns the options of the interface.
-    pub fn options(&self, overwrite: bool) -> InterfaceOptions {
-        InterfaceOptions {
-            record: self.record.clone(),
-            config: self.ui_config.clone(),
-            marker: self.marker,
-            overwrite,
-        }
+    pub fn options(&self) -> InterfaceOptions {
+        InterfaceOptions { config: self.ui_config.clone(), marker: self.marker }
     }
 }

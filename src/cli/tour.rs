@@ -9,7 +9,6 @@ use gdg::learn::Threads;
 const EXAMPLES: &str = "\
 Examples:
   gdg-tui tour                               a minute and a half, with captions
-  gdg-tui tour --record tour.cast            record; asciinema play shows it
 
 Enter, the right arrow or a click goes to the next step, p pauses, Esc ends the tour. Then \
 training goes on as usual: it is the run of gdg-tui fourrooms --seed 0.
@@ -26,7 +25,7 @@ pub struct TourArgs {
     #[arg(long, value_name = "N", default_value = "auto", value_parser = parse_threads)]
     pub threads: Threads,
 
-    /// Options of what is shown and recorded.
+    /// Options of what is shown.
     #[command(flatten)]
     pub screen: ScreenArgs,
 }

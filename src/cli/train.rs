@@ -29,7 +29,7 @@ pub struct TrainArgs {
     pub map: Option<PathBuf>,
 
     /// Train without the interface: JSON lines on standard output
-    #[arg(long, conflicts_with_all = ["record", "ui_config", "marker"])]
+    #[arg(long, conflicts_with_all = ["ui_config", "marker"])]
     pub no_ui: bool,
 
     /// Method and settings.
@@ -95,7 +95,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "MINUTES", value_parser = parse_minutes, requires = "no_ui")]
     pub save_every: Option<f64>,
 
-    /// Replace existing files: recordings, tables and, with --save, checkpoints of other runs
+    /// Replace existing files: tables and, with --save, checkpoints of other runs
     #[arg(long)]
     pub overwrite: bool,
 
@@ -168,7 +168,6 @@ impl TrainArgs {
             threads: self.threads,
             save: self.save.clone(),
             table: self.csv.clone(),
-            recording: self.interface.record.clone(),
             overwrite: self.overwrite,
             limits: Limits {
                 updates: self.max_updates,
@@ -205,7 +204,7 @@ mod tests {
         let has =
             |text: &str, option: &str| text.lines().any(|line| line.trim().starts_with(option));
         assert!(has(below, "--python") && has(before, "--cell"));
-        for option in ["--record", "--ui-config", "--marker", "--print-config-template"] {
+        for option in ["--ui-config", "--marker", "--print-config-template"] {
             assert!(!has(below, option), "{option}");
         }
         assert!(has(before, "--require-success"));

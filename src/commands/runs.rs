@@ -81,8 +81,7 @@ fn json((run, written): &Dated) -> Result<String, Report> {
 fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
     crate::host::logging::start(args.screen.log_level);
     let opener = opener(args, registry)?;
-    let options = args.screen.interface.options(args.screen.overwrite);
-    let mut interface = tui::prepare(&options).or_bad_input()?;
+    let mut interface = tui::prepare(&args.screen.interface.options()).or_bad_input()?;
     let mut list = RunsScreen::open(&args.folders, opener, &interface).or_failure()?;
     let (mut status, mut notice) = (0, String::new());
     loop {
@@ -124,7 +123,6 @@ fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> 
                 seed: None,
                 set: Vec::new(),
                 threads: Threads::auto(),
-                recording: None,
             };
             let mut both = tui::prepare_comparison(&options, &registry, progress)?;
             both.warnings.extend(wish.warning);

@@ -34,7 +34,7 @@ pub fn watch<T>(
         let error = miette!(help = refusal.help, "{}, but {obstacle}", refusal.problem);
         return Err(error).or_bad_input();
     }
-    let mut interface = tui::prepare(&args.interface.options(args.overwrite)).or_bad_input()?;
+    let mut interface = tui::prepare(&args.interface.options()).or_bad_input()?;
     Ok(show(prepared, &mut interface).or_failure()?.0)
 }
 

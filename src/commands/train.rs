@@ -6,7 +6,6 @@ use std::sync::Arc;
 use clap::CommandFactory;
 use gdg::printing::eprint_line;
 use gdg::train::{Registry, print_settings};
-use miette::miette;
 
 use super::output::{OrFail, Outcome, print};
 use super::screen::obstacle;
@@ -35,7 +34,7 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
         return print(&tui::config_template());
     }
     logging::start(args.log_level);
-    let with_ui = is_shown(args)?;
+    let with_ui = is_shown(args);
     if args.resume.is_none() {
         check_for_command(args.map(), registry)?;
     }
@@ -56,24 +55,19 @@ pub fn registry_for(args: &TrainArgs, registry: &Arc<Registry>) -> Arc<Registry>
 }
 
 /// Decides whether the run is shown; prints a notice if it is not, unless `--no-ui` asked for that.
-fn is_shown(args: &TrainArgs) -> Result<bool, super::Failure> {
+fn is_shown(args: &TrainArgs) -> bool {
     if args.no_ui {
-        return Ok(false);
+        return false;
     }
-    let Some(obstacle) = obstacle() else { return Ok(true) };
-    if args.interface.record.is_some() {
-        let help = "run it in a terminal, or without --record";
-        return Err(miette!(help = help, "--record: there is no screen, as {obstacle}"))
-            .or_bad_input();
-    }
+    let Some(obstacle) = obstacle() else { return true };
     eprint_line(&format!(
         "trains without the interface, as {obstacle} (--no-ui says that this is meant)"
     ));
-    Ok(false)
+    false
 }
 
 fn show(setup: Setup, args: &TrainArgs) -> Outcome {
-    let mut interface = tui::prepare(&args.interface.options(args.overwrite)).or_bad_input()?;
+    let mut interface = tui::prepare(&args.interface.options()).or_bad_input()?;
     Ok(tui::run(setup, &mut interface, args.map.as_deref()).or_failure()?.0)
 }
 

@@ -53,7 +53,6 @@ pub struct Request {
     pub threads: Threads,
     pub save: Option<PathBuf>,
     pub table: Option<PathBuf>,
-    pub recording: Option<PathBuf>,
     /// Whether existing files are replaced.
     pub overwrite: bool,
     /// Limits of the run; seconds count from where it begins or resumes.
@@ -126,9 +125,6 @@ pub fn prepare(
             let help = "give --csv a file in a writable folder";
             miette!(help = help, "{}: a table cannot be written here: {error}", path.display())
         })?;
-    }
-    if let Some(path) = &request.recording {
-        refuse_input("--record", path, inputs(request, resumed.as_deref()))?;
     }
     check_options(request, resumed.as_deref(), registry)?;
     let (mut trainer, warning) = match &resumed {

@@ -18,7 +18,7 @@ use super::theme::Theme;
 use crate::figure::Format;
 use gdg::files::{self, write_atomically};
 use gdg::job::{Job, Running};
-pub use picture::{PageColours, picture_of};
+use picture::{PageColours, picture_of};
 
 /// Folder for exports.
 pub const EXPORT_FOLDER: &str = "exports";

@@ -34,7 +34,6 @@ use super::graphics::{self, Graphics, Protocol, Redraw, encode};
 use super::input::{Input, InputStream, is_in_foreground};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::marker::Marker;
-use super::record::{LARGEST_SCREEN, Recorder};
 use crate::host::signals::TerminationSignal;
 use gdg::printing;
 use gdg::text::sanitized_lines;
@@ -53,6 +52,9 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// restored: a late answer would appear at the shell's prompt.
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(250);
 
+/// Columns and rows of the largest screen that is drawn, more than any real terminal has.
+const LARGEST_SCREEN: (u16, u16) = (1000, 500);
+
 /// Events before the first frame; the rest follows after it.
 const MAX_EVENTS_BEFORE: usize = 1000;
 
@@ -60,8 +62,6 @@ const MAX_EVENTS_BEFORE: usize = 1000;
 /// restored after the last, when the stage is dropped.
 pub struct Stage {
     marker: Marker,
-    /// For the terminal, once it is set up.
-    recorder: Option<Recorder>,
     termination: TerminationSignal,
     open: Option<(Terminal, Runtime)>,
     /// The texts left on the terminal.
@@ -69,9 +69,8 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Creates a stage, which `recorder` records.
-    pub fn new(recorder: Option<Recorder>, marker: Marker, termination: TerminationSignal) -> Self {
-        Self { marker, recorder, termination, open: None, summaries: String::new() }
+    pub fn new(marker: Marker, termination: TerminationSignal) -> Self {
+        Self { marker, termination, open: None, summaries: String::new() }
     }
 
     /// Shows `interface` until the user or a signal ends it, lets `close` end training, and returns
@@ -91,7 +90,7 @@ impl Stage {
                 let runtime = { runtime }.enable_all().build().into_diagnostic()?;
                 let terminal = {
                     let _context = runtime.enter();
-                    Terminal::enter(self.recorder.take(), self.marker).into_diagnostic()?
+                    Terminal::enter(self.marker).into_diagnostic()?
                 };
                 none.insert((terminal, runtime))
             }
@@ -243,7 +242,6 @@ struct Terminal {
     stop: unix::Signal,
     continued: unix::Signal,
     resized: unix::Signal,
-    recorder: Option<Recorder>,
     /// The answer to the capability query, if it was sent.
     answer: Option<Answer>,
     graphics: Option<Graphics>,
@@ -276,10 +274,9 @@ impl Write for Output {
 }
 
 impl Terminal {
-    /// Sets up the terminal, and records it if `recorder` is given. A panic restores it before
-    /// printing its message. Queries its graphics capabilities unless `marker` makes that pointless
-    /// or it is recorded: recordings contain only characters.
-    fn enter(recorder: Option<Recorder>, marker: Marker) -> std::io::Result<Self> {
+    /// Sets up the terminal. A panic restores it before printing its message. Queries its graphics
+    /// capabilities unless `marker` makes that pointless.
+    fn enter(marker: Marker) -> std::io::Result<Self> {
         static HOOK: Once = Once::new();
         HOOK.call_once(|| {
             let before = std::panic::take_hook();
@@ -291,8 +288,7 @@ impl Terminal {
                 before(info);
             }));
         });
-        let asks = recorder.is_none()
-            && graphics::is_worth_asking(marker, |name| std::env::var(name).ok());
+        let asks = graphics::is_worth_asking(marker, |name| std::env::var(name).ok());
         let output = Output::default();
         let enter = || {
             // Before the terminal's modes change: the default action of a signal would stop the
@@ -311,7 +307,6 @@ impl Terminal {
                 stop: stop?,
                 continued: continued?,
                 resized: resized?,
-                recorder,
                 answer: asks.then(Answer::default),
                 graphics: None,
                 patches: None,
@@ -395,10 +390,9 @@ impl Terminal {
         events
     }
 
-    /// Handles user input: the next frame updates all pictures and is recorded.
+    /// Handles user input: the next frame updates all pictures.
     fn expect_answer(&mut self) {
         self.patches.iter_mut().for_each(Patches::wake);
-        self.recorder.iter_mut().for_each(Recorder::expect_answer);
     }
 
     /// Draws one frame, shown all at once if the terminal supports it; returns whether it has. It
@@ -444,14 +438,6 @@ impl Terminal {
     fn draw_within_update(&mut self, interface: &mut impl Interface) -> std::io::Result<()> {
         let began = Instant::now();
         let frame = self.inner.draw(|frame| interface.draw(frame))?;
-        if let Some(recorder) = &mut self.recorder
-            && let Err(error) = recorder.frame(frame.buffer)
-        {
-            let problem =
-                format!("the recording has stopped: {}: {error}", recorder.path().display());
-            self.recorder = None;
-            interface.report(&problem);
-        }
         let (Some(patches), Some(graphics)) = (&mut self.patches, self.graphics) else {
             return Ok(());
         };

@@ -106,7 +106,6 @@ fn no_output_is_written_to_a_file_called_minus() {
     for args in [
         &["--no-ui", "trap", "--csv", "-"][..],
         &["--no-ui", "trap", "--save", "-"],
-        &["trap", "--record", "-"],
         &["export-data", "x", "--out", "-"],
         &["export-policy", "x", "--out", "-"],
         &["suite", "trap", "--out", "-"],

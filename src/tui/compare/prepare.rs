@@ -7,7 +7,6 @@ use miette::{Report, miette};
 
 use super::LETTERS;
 use crate::host::maps;
-use crate::host::outputs::refuse_input;
 use crate::host::report::{from_checkpoint_error, from_config_error};
 use crate::host::setup;
 use gdg::env::{PointMaze, maze};
@@ -43,7 +42,6 @@ pub struct ComparisonOptions {
     pub set: Vec<String>,
     /// Threads per side; otherwise half of the cores.
     pub threads: Threads,
-    pub recording: Option<PathBuf>,
 }
 
 /// A run that takes part in a comparison.
@@ -131,10 +129,6 @@ fn check(options: &ComparisonOptions) -> Result<(), Report> {
         }
     }
     let saved = options.contenders.iter().filter_map(Contender::checkpoint);
-    if let Some(path) = &options.recording {
-        let map = options.map.as_deref();
-        refuse_input("--record", path, map.into_iter().chain(saved.clone()))?;
-    }
     if let (Some(map), Some(checkpoint)) = (&options.map, saved.clone().next()) {
         let help = "leave the map out: a checkpoint has its own";
         let (map, checkpoint) = (map.display(), checkpoint.display());
@@ -237,8 +231,7 @@ pub fn texts(run: &Run, registry: &Registry) -> Option<Texts> {
 const INTRODUCTION: &str = "Two methods, A and B, train on the same map with the same seed. \
      Colours show the distance D that each has learned; @ walks to G with what it has learned so \
      far, in both from the same start. Click on either map to set the goal of both. The editor \
-     draws walls and closes doors on both. Nothing is saved but pictures and maps; gdg-tui compare \
-     --record FILE records the screen.";
+     draws walls and closes doors on both. Nothing is saved but pictures and maps.";
 
 /// Returns the text that begins the help, given the sides' titles and what is to be explained.
 pub fn introduction(sides: [(&str, Option<&Texts>); 2]) -> String {

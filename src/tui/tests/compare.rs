@@ -206,7 +206,6 @@ fn options(contenders: [Contender; 2]) -> ComparisonOptions {
         seed: None,
         set: vec!["hidden=16".to_owned(), "buffer_size=20000".to_owned()],
         threads: gdg::learn::Threads::Fixed(1),
-        recording: None,
     }
 }
 

@@ -81,7 +81,7 @@ impl Palette {
         let (unvisited, scale, contours): (u8, &[u8], &[u8]) = match theme {
             ThemeName::ColourBlindSafe => (8, &[11, 6, 12], &[8, 8, 15]),
             ThemeName::Light => (7, &[10, 6, 12, 5], &[8, 8, 15, 15]),
-            _ => (8, &[10, 6, 12, 5], &[8, 8, 7, 7]),
+            ThemeName::Dark => (8, &[10, 6, 12, 5], &[8, 8, 7, 7]),
         };
         Self {
             wall: rgb_of_indexed(BLACK),
