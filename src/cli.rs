@@ -24,12 +24,13 @@ pub use compare::CompareArgs;
 pub use completions::completions;
 pub use experiments::{ReproduceArgs, SuiteArgs};
 pub use export::{ExportArgs, ExportPolicyArgs};
-pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand};
+pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand, THRESHOLD};
 pub use method::RunArgs;
 pub use runs::RunsArgs;
 pub use screen::ScreenArgs;
 pub use tour::TourArgs;
 pub use train::TrainArgs;
+pub use values::EditAt;
 
 const EXAMPLES: &str = "\
 Examples:

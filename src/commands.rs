@@ -1,14 +1,12 @@
 //! The commands.
 
 mod check;
-mod compare;
-mod experiments;
 mod export;
 mod maps;
 mod output;
+pub mod prepare;
 mod runs;
 mod screen;
-mod tour;
 mod train;
 
 use std::sync::Arc;
@@ -16,15 +14,14 @@ use std::sync::Arc;
 use clap::CommandFactory;
 use miette::Report;
 
-use crate::cli::{Cli, Command, completions};
+use crate::cli::{Cli, Command, ReproduceArgs, SuiteArgs, completions};
+use crate::experiment::{figures, plot, suite};
+use crate::host::logging::{self, LogLevel};
 use gdg::train::{Registry, reference_page};
 pub use output::{Failure, Outcome};
 use output::{OrFail, print, print_safely};
 
 /// Runs a command, with the worlds and learners of `registry`, and returns the exit status.
-///
-/// # Errors
-/// The command fails; the failure has its exit status.
 pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
     let text = |made: Result<String, Report>| print_safely(&made.or_bad_input()?);
     match cli.command {
@@ -32,11 +29,11 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Maps(args)) => maps::run(&args, registry),
         Some(Command::Runs(args)) => runs::run(&args, registry),
         Some(Command::Settings) => print(&reference_page()),
-        Some(Command::Tour(args)) => tour::run(&args, registry),
-        Some(Command::Compare(args)) => compare::run(&args, registry),
-        Some(Command::Suite(args)) => experiments::suite(args, registry),
-        Some(Command::Plot(options)) => experiments::plot(&options),
-        Some(Command::Reproduce(args)) => experiments::reproduce(args, registry),
+        Some(Command::Tour(args)) => screen::tour(&args, registry),
+        Some(Command::Compare(args)) => screen::compare(&args, registry),
+        Some(Command::Suite(args)) => suite(args, registry),
+        Some(Command::Plot(options)) => print_safely(&plot::run(&options).or_bad_input()?),
+        Some(Command::Reproduce(args)) => reproduce(args, registry),
         Some(Command::Completions { shell }) => print(&completions(shell)),
         Some(Command::Man) => print(&manual().or_failure()?),
         Some(Command::Check { file, map, strict, reading }) => {
@@ -47,7 +44,18 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
     }
 }
 
-/// Returns the manual page.
+/// Trains on every map, and reports.
+fn suite(args: SuiteArgs, registry: &Arc<Registry>) -> Outcome {
+    logging::start(LogLevel::Info);
+    suite::prepare(&args.into(), registry).or_bad_input()?.run().or_failure()
+}
+
+/// Trains what the figures need, and draws them.
+fn reproduce(args: ReproduceArgs, registry: &Arc<Registry>) -> Outcome {
+    logging::start(LogLevel::Info);
+    figures::prepare(&args.into(), registry).or_bad_input()?.run().or_failure()
+}
+
 fn manual() -> Result<String, Report> {
     let mut page = Vec::new();
     clap_mangen::Man::new(Cli::command()).render(&mut page).map_err(Report::msg)?;

@@ -18,7 +18,7 @@ use crate::host::outputs::save_elsewhere;
 use crate::host::runs::resume_command;
 use crate::host::setup::Setup;
 use crate::host::signals::TerminationSignal;
-use crate::host::status::{EXIT_BAD_INPUT, EXIT_NOT_REACHED};
+use crate::host::{EXIT_BAD_INPUT, EXIT_NOT_REACHED};
 use gdg::env::{EnvError, Recorded};
 use gdg::job::{Job, Running};
 use gdg::printing;

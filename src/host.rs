@@ -8,5 +8,10 @@ pub mod report;
 pub mod runs;
 pub mod setup;
 pub mod signals;
-pub mod status;
 pub mod waiting;
+
+/// The exit status of a failure while running; of bad usage or input; and when `--require-success`
+/// is not reached.
+pub const EXIT_FAILURE: u8 = 1;
+pub const EXIT_BAD_INPUT: u8 = 2;
+pub const EXIT_NOT_REACHED: u8 = 3;

@@ -9,7 +9,7 @@ use gdg::train::Registry;
 use gdg::{faults, printing};
 use gdg_tui::cli::Cli;
 use gdg_tui::commands;
-use gdg_tui::host::status::EXIT_FAILURE;
+use gdg_tui::host::EXIT_FAILURE;
 use gdg_tui::host::{report, signals};
 use miette::Report;
 

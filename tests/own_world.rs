@@ -12,8 +12,8 @@ use clap::Parser;
 use gdg::job::Job;
 use gdg::train::{self, Preset, Run, SaveTo, Trainer};
 use gdg_tui::cli::Cli;
+use gdg_tui::commands::prepare::prepare;
 use gdg_tui::headless;
-use gdg_tui::host::setup;
 
 use example::registry;
 use runs::{state, train_to};
@@ -131,7 +131,7 @@ fn the_program_with_a_custom_world() {
     let Ok(arguments) = std::env::var(ARGUMENTS) else { return };
     let common = ["own_world", "--no-ui", "--eval-tasks", "5", "--require-success", "0.8"];
     let args = Cli::try_parse_from(common.into_iter().chain(arguments.split(' '))).unwrap().train;
-    let setup = setup::prepare(&args.request(), &registry(), &Job::default()).unwrap();
+    let setup = prepare(&args, &registry(), &Job::default()).unwrap();
     let status = headless::run(setup, &args.headless()).unwrap();
     std::process::exit(status.into());
 }
@@ -162,10 +162,7 @@ fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
     ] {
         let args =
             Cli::try_parse_from(["own_world", world, "--no-ui", "--method", method]).unwrap().train;
-        let error = format!(
-            "{:?}",
-            setup::prepare(&args.request(), &registry(), &Job::default()).err().unwrap()
-        );
+        let error = format!("{:?}", prepare(&args, &registry(), &Job::default()).err().unwrap());
         let error =
             error.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");
         assert!(expected.iter().all(|part| error.contains(part)), "{error}");

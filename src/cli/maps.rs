@@ -3,11 +3,13 @@
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 
 use super::values::{counts, output, parse_radius, reals};
-use crate::host::setup::THRESHOLD;
 use gdg::map::{FORMATS, MapFormat, MapScale, RANDOM_SIZES, RandomMapKind, Reading};
+
+/// The option for maps that are images.
+pub const THRESHOLD: &str = "--threshold";
 
 /// The option that is not only for maps.
 pub const GOAL_RADIUS: &str = "--goal-radius";
@@ -70,8 +72,8 @@ pub struct MapsArgs {
     pub command: Option<MapsCommand>,
 
     /// Print a random map of this kind as plain ASCII
-    #[arg(long, value_name = "KIND", value_enum)]
-    pub random: Option<MapKindArg>,
+    #[arg(long, value_name = "KIND", value_parser = kinds())]
+    pub random: Option<RandomMapKind>,
 
     /// Cells along each side of the random map [default: 44 for maze, 101 for city, 33 for
     /// perfect]. Perfect mazes of an even size end at the edge of the map instead of a wall
@@ -119,30 +121,17 @@ pub struct ConvertArgs {
     pub map: MapArgs,
 }
 
-/// [`RandomMapKind`] on the command line.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum MapKindArg {
-    /// Rooms of 4 by 4 cells with thin walls, connected by doors
-    Maze,
-    /// Streets between blocks, about a third of them closed
-    City,
-    /// A perfect maze: corridors and walls one cell wide, one path between any two cells
-    Perfect,
-}
-
 /// Returns the parser of the cells along each side of a random map.
 fn sides() -> impl Fn(&str) -> Result<u16, String> + Clone + Send + Sync + 'static {
     counts(*RANDOM_SIZES.start() as u64..=*RANDOM_SIZES.end() as u64)
 }
 
-impl From<MapKindArg> for RandomMapKind {
-    fn from(arg: MapKindArg) -> Self {
-        match arg {
-            MapKindArg::Maze => Self::Maze,
-            MapKindArg::City => Self::City,
-            MapKindArg::Perfect => Self::Perfect,
-        }
-    }
+fn kinds() -> impl TypedValueParser<Value = RandomMapKind> {
+    let values = RandomMapKind::ALL.map(|kind| PossibleValue::new(kind.name()).help(kind.about()));
+    PossibleValuesParser::new(values).try_map(|name| {
+        let mut all = RandomMapKind::ALL.into_iter();
+        all.find(|kind| kind.name() == name).ok_or("there is no such kind")
+    })
 }
 
 /// Returns the parser of a format's name.

@@ -41,9 +41,10 @@ pub struct BaseArgs {
     pub config: Option<PathBuf>,
 }
 
-impl From<RunArgs> for RunChoice {
-    fn from(RunArgs { method, base: BaseArgs { preset, config }, set }: RunArgs) -> Self {
-        Self { method, preset, config, set }
+impl RunArgs {
+    pub fn choice(&self) -> RunChoice {
+        let Self { method, base: BaseArgs { preset, config }, set } = self.clone();
+        RunChoice { method, preset, config, set }
     }
 }
 

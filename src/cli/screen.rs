@@ -8,7 +8,7 @@ use crate::host::logging::LogLevel;
 use crate::tui::{InterfaceOptions, Marker};
 
 /// Options of the interface.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct InterfaceArgs {
     /// Configuration file for theme, keys etc., instead of the default one
     #[arg(long, value_name = "FILE")]

@@ -8,20 +8,18 @@ use super::gym::GymArgs;
 use super::maps::GOAL_RADIUS;
 use super::screen::InterfaceArgs;
 use super::values::{
-    counts, edits, output, parse_minutes, parse_seconds, parse_share, parse_threads,
+    EditAt, counts, edits, output, parse_minutes, parse_seconds, parse_share, parse_threads,
 };
 use super::{MapArgs, RunArgs};
 use crate::headless;
 use crate::host::logging::LogLevel;
-use crate::host::setup::{EditAt, Request};
 use gdg::learn::Threads;
-use gdg::train::Limits;
 
 /// The map to train on unless another is given.
 const DEFAULT_MAP: &str = "fourrooms";
 
 /// Options of a training run.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct TrainArgs {
     /// Built-in map, map file (gdg-tui maps --help lists the formats), or world: fetch-reach, or a
     /// Gymnasium environment, gym:ID or gym:PACKAGE:ID [default: fourrooms]
@@ -144,38 +142,11 @@ impl TrainArgs {
 
     /// Returns the options given for maps. The goal radius of an environment in Python is not a
     /// map's.
-    fn map_options(&self) -> Vec<&'static str> {
+    pub fn map_options(&self) -> Vec<&'static str> {
         let mut given = self.reading.given();
         let is_python = self.map().to_str().is_some_and(|name| name.starts_with("gym:"));
         given.retain(|option| !is_python || self.resume.is_some() || *option != GOAL_RADIUS);
         given
-    }
-
-    /// Returns the run to begin or to resume.
-    pub fn request(&self) -> Request {
-        Request {
-            map: self.map().to_owned(),
-            named_map: self.map.is_some(),
-            reading: (&self.reading).into(),
-            map_options: self.map_options(),
-            python_options: self.gym.given(),
-            run: self.run.clone().into(),
-            seed: self.seed,
-            resume: self.resume.clone(),
-            edits: self.edit_at.clone(),
-            scenario: self.scen.clone(),
-            data: self.data.clone(),
-            threads: self.threads,
-            save: self.save.clone(),
-            table: self.csv.clone(),
-            overwrite: self.overwrite,
-            limits: Limits {
-                updates: self.max_updates,
-                seconds: self.max_seconds,
-                episodes: self.max_episodes,
-                env_steps: None,
-            },
-        }
     }
 
     /// Returns the options of a run without the interface.

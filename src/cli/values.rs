@@ -7,7 +7,6 @@ use std::path::PathBuf;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap_lex::OsStrExt as _;
 
-use crate::host::setup::EditAt;
 use gdg::learn::Threads;
 use gdg::text::{NumberError, parse_count, parse_real};
 
@@ -35,6 +34,14 @@ pub fn output() -> impl TypedValueParser<Value = PathBuf> {
         }
         Ok(PathBuf::from(name))
     })
+}
+
+/// A change of the map to another one.
+#[derive(Clone, Debug)]
+pub struct EditAt {
+    /// Number of updates after which to switch.
+    pub updates: u64,
+    pub file: PathBuf,
 }
 
 /// Returns the parser of `UPDATES:FILE`.

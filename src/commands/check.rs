@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use miette::{Report, miette};
 
 use super::output::{OrFail, Outcome, print_safely};
+use crate::host::EXIT_NOT_REACHED;
 use crate::host::maps::{doubts, find_map, unconnected_parts};
 use crate::host::report::from_map_error;
-use crate::host::status::EXIT_NOT_REACHED;
 use crate::host::waiting::Waiting;
 use gdg::files::has_extension;
 use gdg::job::Job;
@@ -18,9 +18,6 @@ use gdg::train::Registry;
 
 /// Prints the facts about a map or scenario file, or a built-in map; the exit status says whether
 /// `strict` finds a fault.
-///
-/// # Errors
-/// Returns what is wrong with the file.
 pub fn run(
     file: &Path,
     map_file: Option<&Path>,

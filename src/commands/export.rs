@@ -35,9 +35,6 @@ fn export(
 }
 
 /// Writes the transitions of a checkpoint's replay buffer.
-///
-/// # Errors
-/// The checkpoint cannot be read, has no transitions, or the file exists or cannot be written.
 pub fn data(args: &ExportArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     export(args, ".npz", registry, |trainer| {
         trainer.check_data().into_diagnostic()?;
@@ -51,9 +48,6 @@ pub fn data(args: &ExportArgs, registry: &Arc<Registry>) -> Result<String, Repor
 }
 
 /// Writes the policy of a checkpoint.
-///
-/// # Errors
-/// The checkpoint cannot be read, has no actor or no plans, or the file exists or cannot be written.
 pub fn policy(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     export(&args.export, ".policy.safetensors", registry, |trainer| {
         let writing = Waiting::on("writing the policy");

@@ -41,9 +41,6 @@ fn list() -> String {
 }
 
 /// Prints the table of built-in maps, or a random map, or converts one.
-///
-/// # Errors
-/// Standard output cannot be written, or the map cannot be converted.
 pub fn run(args: &MapsArgs, registry: &Registry) -> Outcome {
     if let Some(MapsCommand::Convert(args)) = &args.command {
         return print_safely(&convert(args, registry).or_bad_input()?);
@@ -51,7 +48,7 @@ pub fn run(args: &MapsArgs, registry: &Registry) -> Outcome {
     match args.random {
         None => print(&list()),
         Some(kind) => {
-            print(&print_ascii(&map::random(kind.into(), args.size.map(usize::from), args.seed)))
+            print(&print_ascii(&map::random(kind, args.size.map(usize::from), args.seed)))
         }
     }
 }

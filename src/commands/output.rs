@@ -4,7 +4,7 @@ use std::path::Path;
 
 use miette::{Report, miette};
 
-use crate::host::status::{EXIT_BAD_INPUT, EXIT_FAILURE};
+use crate::host::{EXIT_BAD_INPUT, EXIT_FAILURE};
 use gdg::files;
 use gdg::printing::print_text;
 use gdg::text::sanitized_lines;
@@ -23,15 +23,9 @@ pub type Outcome = Result<u8, Failure>;
 /// Gives an error the exit status of its cause.
 pub trait OrFail<T> {
     /// Marks an error as bad input.
-    ///
-    /// # Errors
-    /// The same error, with that exit status.
     fn or_bad_input(self) -> Result<T, Failure>;
 
     /// Marks an error as a failure while running.
-    ///
-    /// # Errors
-    /// The same error, with that exit status.
     fn or_failure(self) -> Result<T, Failure>;
 }
 
@@ -46,9 +40,6 @@ impl<T> OrFail<T> for Result<T, Report> {
 }
 
 /// Writes a file and returns a line that says where.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<String, Report> {
     files::write_atomically(path, bytes).map_err(|error| {
         miette!(
@@ -61,17 +52,11 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<String, Report> {
 }
 
 /// Prints text that may quote user input, made safe to display, to standard output.
-///
-/// # Errors
-/// See [`print`].
 pub fn print_safely(text: &str) -> Outcome {
     print(&sanitized_lines(text))
 }
 
 /// Prints to standard output. An early close (`| head`) is not an error.
-///
-/// # Errors
-/// Standard output cannot be written.
 pub fn print(text: &str) -> Outcome {
     let printed = print_text(text);
     printed.map_err(|error| Report::msg(error).wrap_err("standard output")).or_failure()?;

@@ -6,14 +6,12 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
 
-use super::output::Failure;
-use super::output::{OrFail, Outcome, print, print_safely};
+use super::output::{Failure, OrFail, Outcome, print, print_safely};
+use super::prepare;
 use super::screen::obstacle;
-use crate::cli::Cli;
-use crate::cli::RunsArgs;
+use crate::cli::{Cli, RunsArgs, TrainArgs};
 use crate::experiment::runs::{Dated, Reader, table};
 use crate::host::runs::SAVES;
-use crate::host::setup;
 use crate::host::waiting::Waiting;
 use crate::tui::{self, ComparisonOptions, Contender, Opened, Opener, RunsScreen};
 use gdg::learn::Threads;
@@ -23,9 +21,6 @@ use gdg::text::escape_json_line;
 use gdg::train::Registry;
 
 /// Shows the runs of folders: on a terminal as a screen, otherwise as a table or as JSON.
-///
-/// # Errors
-/// A folder cannot be read, or the screen cannot be shown.
 pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
     for folder in args.folders.iter().filter(|folder| !is_missing_default(folder)) {
         let unreadable = |error| {
@@ -106,12 +101,12 @@ fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> 
     use clap::Parser;
     let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().or_failure()?.train;
     train.log_level = args.screen.log_level;
-    let (request, registry) = (train.request(), super::train::registry_for(&train, registry));
+    let registry = super::train::registry_for(&train, registry);
     Ok(Arc::new(move |wish, progress| match wish.beside {
         None => {
             let resume = Some(Some(wish.file));
-            let request = setup::Request { resume, ..request.clone() };
-            let mut setup = setup::prepare(&request, &registry, progress)?;
+            let args = TrainArgs { resume, ..train.clone() };
+            let mut setup = prepare::prepare(&args, &registry, progress)?;
             setup.warnings.extend(wish.warning);
             Ok(Opened::Run(Box::new(setup)))
         }

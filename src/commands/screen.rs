@@ -1,28 +1,28 @@
-//! Shared code of commands that open the interface.
+//! Commands that open the interface: `gdg-tui tour`, `gdg-tui compare`, and what is common to them.
 
 use std::io::IsTerminal;
+use std::sync::Arc;
 
 use miette::{Report, miette};
 
 use super::output::{OrFail, Outcome};
-use crate::cli::ScreenArgs;
+use crate::cli::{CompareArgs, ScreenArgs, TourArgs};
 use crate::host::logging;
+use crate::host::waiting::Waiting;
 use crate::tui::{self, PreparedInterface};
 use gdg::text::{sanitized_lines, terminal_obeys_escapes};
+use gdg::train::Registry;
 
 /// The error without a terminal.
-pub struct Refusal {
+struct Refusal {
     /// What is wrong.
-    pub problem: &'static str,
+    problem: &'static str,
     /// What works without a terminal.
-    pub help: &'static str,
+    help: &'static str,
 }
 
 /// Prepares and runs a view that needs a terminal.
-///
-/// # Errors
-/// There is no terminal, or preparing or running the view fails.
-pub fn watch<T>(
+fn watch<T>(
     args: &ScreenArgs,
     refusal: &Refusal,
     prepare: impl FnOnce() -> Result<T, Report>,
@@ -48,4 +48,27 @@ pub fn obstacle() -> Option<String> {
         term => format!("TERM={}", sanitized_lines(term)),
     };
     (!terminal_obeys_escapes()).then(|| format!("the terminal cannot draw it ({})", of_kind()))
+}
+
+/// Shows the guided tour.
+pub fn tour(args: &TourArgs, registry: &Arc<Registry>) -> Outcome {
+    let refusal = Refusal {
+        problem: "a tour is something to watch: it needs a terminal",
+        help: "gdg-tui --no-ui trains without one",
+    };
+    watch(&args.screen, &refusal, || tui::prepare_tour(args.threads, registry), tui::take_tour)
+}
+
+/// Shows two methods side by side.
+pub fn compare(args: &CompareArgs, registry: &Arc<Registry>) -> Outcome {
+    let refusal = Refusal {
+        problem: "a comparison is something to watch: it needs a terminal",
+        help: "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one",
+    };
+    let options = args.options();
+    let prepare = || {
+        let opening = Waiting::on("opening both runs");
+        tui::prepare_comparison(&options, registry, &opening)
+    };
+    watch(&args.screen, &refusal, prepare, tui::compare)
 }

@@ -8,24 +8,21 @@ use gdg::printing::eprint_line;
 use gdg::train::{Registry, print_settings};
 
 use super::output::{OrFail, Outcome, print};
+use super::prepare;
 use super::screen::obstacle;
 use crate::cli::{Cli, TrainArgs};
 use crate::headless;
 use crate::host::setup::Setup;
 use crate::host::waiting::Waiting;
-use crate::host::{logging, maps, setup};
+use crate::host::{logging, maps};
 use crate::tui;
 
 /// Trains, or prints what it would train with.
-///
-/// # Errors
-/// The arguments are invalid, or training or saving fails.
 pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
     let registry = &registry_for(args, registry);
-    let request = args.request();
     if args.print_config {
-        let opening = Waiting::on(setup::opening(&request));
-        let settings = setup::settings_to_print(&request, registry, &opening);
+        let opening = Waiting::on(prepare::opening(args));
+        let settings = prepare::settings_to_print(args, registry, &opening);
         drop(opening);
         let settings = settings.or_bad_input()?;
         return print(&print_settings(&settings));
@@ -38,8 +35,8 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
     if args.resume.is_none() {
         check_for_command(args.map(), registry)?;
     }
-    let opening = Waiting::on(setup::opening(&request));
-    let setup = setup::prepare(&request, registry, &opening);
+    let opening = Waiting::on(prepare::opening(args));
+    let setup = prepare::prepare(args, registry, &opening);
     drop(opening);
     let setup = setup.or_bad_input()?;
     if with_ui {

@@ -9,7 +9,7 @@ use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use super::folder::Folder;
 use super::runner::run_open;
 use super::spec::{JobResult, JobSpec};
-use crate::host::status::{EXIT_FAILURE, EXIT_NOT_REACHED};
+use crate::host::{EXIT_FAILURE, EXIT_NOT_REACHED};
 use gdg::printing::{eprint_line, print_text};
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
 use gdg::train::{Evaluation, Registry};

@@ -1,64 +1,23 @@
-//! Prepares a run from the command line, for all front ends.
-
-mod choice;
-mod data;
-mod edits;
+//! Runs to train: what they are made of, and how they begin.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::host::maps::{self, find_map, known_name};
-use crate::host::outputs::{refuse_existing, refuse_input, save_to};
-use crate::host::report::{from_checkpoint_error, from_data_error, from_map_error};
-use crate::host::runs::{self, SAVES};
-use gdg::env::{Environment, Goals, PointMaze, Restart, maze};
-use gdg::files;
+use crate::host::maps::{find_map, known_name};
+use crate::host::report::{from_config_error, from_data_error, from_map_error};
+use gdg::env::{Environment, Goals, PointMaze, Restart};
 use gdg::job::Job;
 use gdg::learn::Threads;
-use gdg::map::{self, Grid, MapError, MapFormat, Reading};
+use gdg::map::{Grid, MapError, Reading};
 use gdg::text::sanitized;
-use gdg::train::{self, Limits, Registry, Run, SaveTo, Settings, TrainError, Trainer};
+use gdg::train::{
+    self, Dataset, LeftOut, Limits, Method, Overrides, Preset, Registry, Run, SaveTo, Settings,
+    TrainError, Trainer,
+};
 
-pub use choice::{RunChoice, run, settings, settings_of, split_prefix};
-pub use data::learn_from;
-use edits::load_edits;
-pub use edits::{Edit, EditAt};
-
-/// The option for maps that are images.
-pub const THRESHOLD: &str = "--threshold";
-
-/// A run to begin or to resume.
-#[derive(Clone, Debug)]
-pub struct Request {
-    pub map: PathBuf,
-    pub reading: Reading,
-    /// The options given for that, and those given for environments in Python.
-    pub map_options: Vec<&'static str>,
-    /// See `map_options`.
-    pub python_options: Vec<&'static str>,
-    /// Whether the user has named it.
-    pub named_map: bool,
-    pub run: RunChoice,
-    pub seed: u64,
-    /// Whether to resume: from the newest checkpoint, or from this one.
-    pub resume: Option<Option<PathBuf>>,
-    /// Changes of the map.
-    pub edits: Vec<EditAt>,
-    pub scenario: Option<PathBuf>,
-    /// Recorded transitions to learn from.
-    pub data: Option<PathBuf>,
-    /// Threads that share the work of each update.
-    pub threads: Threads,
-    pub save: Option<PathBuf>,
-    pub table: Option<PathBuf>,
-    /// Whether existing files are replaced.
-    pub overwrite: bool,
-    /// Limits of the run; seconds count from where it begins or resumes.
-    pub limits: Limits,
-}
-
+/// A run that is ready to be trained.
 pub struct Setup {
     pub trainer: Trainer,
     pub edits: Vec<Edit>,
@@ -73,219 +32,67 @@ pub struct Setup {
     pub warnings: Vec<String>,
 }
 
-/// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or
-/// those of `request`. Says how far it is to `progress`.
-pub fn settings_to_print(
-    request: &Request,
-    registry: &Arc<Registry>,
-    progress: &Job,
-) -> Result<Settings, Report> {
-    let resumed = resumed_file(request, registry)?;
-    check_options(request, resumed.as_deref(), registry)?;
-    match resumed {
-        // Nothing is run that a checkpoint names.
-        Some(path) => Ok(train::load_with(&path, &registry.clone().only_reading(), 1, progress)
-            .map_err(from_checkpoint_error)?
-            .run()
-            .settings
-            .clone()),
-        None => settings(&request.run, &request.map, registry),
+/// A scheduled change of the world.
+pub struct Edit {
+    /// Number of updates after which to apply it.
+    pub updates: u64,
+    pub world: Box<dyn Environment>,
+}
+
+/// Which method to train, and with which settings.
+#[derive(Clone, Debug)]
+pub struct RunChoice {
+    pub method: Method,
+    /// The preset to start from; otherwise that of the method.
+    pub preset: Option<Preset>,
+    pub config: Option<PathBuf>,
+    /// Changes of single settings, `NAME=VALUE`.
+    pub set: Vec<String>,
+}
+
+impl RunChoice {
+    /// Returns the preset to start from, with a learner of `registry`.
+    pub fn preset(&self, registry: &Registry) -> Preset {
+        self.preset.unwrap_or_else(|| registry.preset_of(&self.method))
     }
 }
 
-/// Returns what takes time in [`prepare`], as in "opening the run".
-pub fn opening(request: &Request) -> &'static str {
-    match (&request.resume, &request.data) {
-        (Some(_), _) => "opening the run",
-        (None, Some(_)) => "reading the data",
-        (None, None) => "opening the world",
+/// Returns the settings of `choice` for a run in the world that `world` opens: a map or a world
+/// of `registry`.
+pub fn settings(choice: &RunChoice, world: &Path, registry: &Registry) -> Result<Settings, Report> {
+    let defaults =
+        registry.world_opened_by(known_name(world)).map_or(&[][..], |kind| kind.defaults);
+    let overrides = Overrides { defaults, config: choice.config.as_deref(), set: &choice.set };
+    train::settings_from(choice.preset(registry), &overrides).map_err(from_config_error)
+}
+
+/// Splits `PREFIX:NAME=VALUE`, a setting of one of several runs; the prefix is `None` if there is
+/// none.
+pub fn split_prefix(setting: &str) -> (Option<&str>, &str) {
+    match setting.split_once(':') {
+        Some((prefix, setting)) if !prefix.contains('=') => (Some(prefix), setting),
+        _ => (None, setting),
     }
 }
 
-/// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from
-/// `registry`; says how far it is to `progress`.
-pub fn prepare(
-    request: &Request,
-    registry: &Arc<Registry>,
-    progress: &Job,
-) -> Result<Setup, Report> {
-    let threads = request.threads;
-    // Checked before training: otherwise, what was learned might be impossible to save.
-    let resumed = resumed_file(request, registry)?;
-    let save = request
-        .save
-        .as_deref()
-        .map(|path| save_to(path, resumed.as_deref(), request.overwrite))
-        .transpose()?;
-    if let Some(path) = &request.table {
-        // A resumed run continues its own table.
-        refuse_existing(path, request.overwrite || resumed.is_some())?;
-        refuse_input("--csv", path, inputs(request, resumed.as_deref()))?;
-        files::check_writable(path).map_err(|error| {
-            let help = "give --csv a file in a writable folder";
-            miette!(help = help, "{}: a table cannot be written here: {error}", path.display())
-        })?;
-    }
-    check_options(request, resumed.as_deref(), registry)?;
-    let (mut trainer, warning) = match &resumed {
-        Some(path) => {
-            let loaded = train::load_with(path, registry, threads, progress);
-            (loaded.map_err(from_checkpoint_error)?, None)
-        }
-        None => begin_run(request, registry, progress)?,
-    };
-    trainer.check_data().map_err(from_data_error)?;
-    if resumed.is_some() && request.data.is_some() && !trainer.reads_data() {
-        let help = "leave --data out, or begin a run with it";
-        return Err(miette!(
-            help = help,
-            "--data: the checkpoint contains its transitions and reads no file"
-        ));
-    }
-    let mut warnings = Vec::from_iter(warning);
-    if let Some(path) = resumed.as_deref().filter(|path| files::is_in_use(path)) {
-        let file = sanitized(&path.to_string_lossy());
-        warnings.push(format!(
-            "{file}: another program still trains this run: this is a copy, as last saved, and is \
-             saved to another name"
-        ));
-    }
-    warnings.extend(trainer.world().take_warnings());
-    if let Some(path) = &request.scenario {
-        let maze =
-            PointMaze::downcast_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
-        warnings.extend(load_scenario(path, maze, resumed.is_some())?);
-    }
-    let edits = load_edits(request, &trainer)?;
-    let worlds = std::iter::once(trainer.world()).chain(edits.iter().map(|edit| &*edit.world));
-    let mazes = worlds.filter_map(PointMaze::downcast_ref);
-    warnings.extend(mazes.flat_map(|maze| maps::warnings(maze.map())));
-    let limits = Limits {
-        seconds: request.limits.seconds.map(|more| trainer.seconds() + more),
-        ..request.limits
-    };
-    Ok(Setup { trainer, edits, threads, limits, save, resumed, warnings })
+/// Returns the settings in `set` that apply to the run called `name`, without their prefixes.
+pub fn settings_of(name: &str, set: &[String]) -> Vec<String> {
+    let split = set.iter().map(|setting| split_prefix(setting));
+    split
+        .filter(|(prefix, _)| prefix.is_none_or(|prefix| prefix == name))
+        .map(|(_, own)| own.to_owned())
+        .collect()
 }
 
-/// Checks that the world of `request`, or of the checkpoint `resumed`, takes the options given.
-fn check_options(
-    request: &Request,
-    resumed: Option<&Path>,
+/// Returns the run of `choice` and `seed` in the world that `world` opens.
+pub fn run(
+    choice: &RunChoice,
+    world: &Path,
     registry: &Registry,
-) -> Result<(), Report> {
-    let kind = match resumed {
-        // A file that cannot be read gets an error of its own.
-        Some(file) => train::describe(file).map(|found| registry.world(&found.world).copied()),
-        None => Ok(registry.world_without_file(known_name(&request.map)).copied()),
-    };
-    if let (Some(option), Ok(kind)) = (request.python_options.first(), &kind)
-        && kind.is_none_or(|kind| kind.open.is_none())
-    {
-        let help = format!("leave {option} out, or give gym:ID or gym:PACKAGE:ID");
-        return Err(miette!(help = help, "{option} applies only to environments in Python"));
-    }
-    let scenario = request.scenario.as_ref().map(|_| "--scen");
-    let edit = request.edits.first().map(|_| "--edit-at");
-    if let (Some(option), Ok(Some(kind))) = (scenario.or(edit), &kind)
-        && kind.name != maze::KIND.name
-    {
-        return Err(not_a_maze(option));
-    }
-    // Maps that replace the checkpoint's may be images.
-    let applies = |option: &&&str| **option == THRESHOLD && !request.edits.is_empty();
-    match (request.map_options.iter().find(|option| !applies(option)), resumed, kind) {
-        (Some(option), Some(_), _) => {
-            let help = format!("leave {option} out: it is as it was");
-            Err(miette!(help = help, "{option}: a checkpoint contains its world and its scale"))
-        }
-        (Some(option), None, Ok(Some(_))) => Err(not_a_maze(option)),
-        _ => Ok(()),
-    }
-}
-
-fn begin_run(
-    request: &Request,
-    registry: &Arc<Registry>,
-    progress: &Job,
-) -> Result<(Trainer, Option<String>), Report> {
-    let run = self::run(&request.run, &request.map, registry, request.seed)?;
-    if let Some(file) = &request.data {
-        data::check(file, progress)?;
-    }
-    let world = open_world(&request.map, &request.reading, &run, registry)?;
-    if request.data.is_none() && run.settings.train.offline_updates > 0 {
-        let help = "give --data FILE, or leave offline_updates out";
-        return Err(miette!(help = help, "offline_updates: without --data, agents always act"));
-    }
-    let mut trainer = begin(run, &*world, registry, request.threads)?;
-    let data = request.data.as_deref();
-    let warning = data.map_or(Ok(None), |file| learn_from(&mut trainer, file, progress))?;
-    Ok((trainer, warning))
-}
-
-/// Gives `maze` the tasks of a scenario; returns a warning if that names another map. The map of a
-/// resumed run may have been edited, which may make paths longer.
-fn load_scenario(
-    path: &Path,
-    maze: &mut PointMaze,
-    resumed: bool,
-) -> Result<Option<String>, Report> {
-    let scenario = map::read_scenario(path).map_err(from_map_error)?;
-    let tasks = scenario.tasks(maze.map()).map_err(from_map_error)?;
-    if !resumed {
-        scenario.check_lengths(&tasks, maze.map()).map_err(from_map_error)?;
-    }
-    maze.set_scenario(tasks);
-    let other = scenario.other_map(maze.map());
-    Ok(other.map(|problem| format!("warning: {}: {problem}", sanitized(&path.to_string_lossy()))))
-}
-
-/// Returns the checkpoint that `--resume` asks for: the given file, or the newest, of a map if one
-/// is named.
-fn resumed_file(request: &Request, registry: &Registry) -> Result<Option<PathBuf>, Report> {
-    let Some(given) = &request.resume else { return Ok(None) };
-    let map = request.named_map.then_some(&request.map);
-    let name = match (given, map) {
-        (Some(_), Some(map)) => {
-            let map = map.display();
-            let help = format!(
-                "give --resume FILE alone, or {map} --resume for the newest checkpoint of {map}"
-            );
-            return Err(miette!(
-                help = help,
-                "a map and --resume FILE: a checkpoint contains its map"
-            ));
-        }
-        (Some(file), None) => {
-            let name = known_name(file);
-            let is_name =
-                map::builtin(name).is_some() || registry.world_without_file(name).is_some();
-            let is_map = || MapFormat::by_name(file).is_some();
-            if train::is_checkpoint(file) || !is_name && !is_map() {
-                return Ok(Some(file.clone()));
-            }
-            Some(file.clone())
-        }
-        (None, map) => map.cloned(),
-    };
-    let title = name.map(|name| title_of(&name, registry)).transpose()?;
-    let newest = runs::newest(Path::new(SAVES), title.as_deref());
-    newest.map(|found| Some(found.file)).ok_or_else(|| {
-        let of = title.map_or(String::new(), |title| format!(" of {title}"));
-        let help = "gdg-tui runs FOLDER lists a folder's checkpoints; give one with --resume FILE";
-        miette!(help = help, "--resume: there is no checkpoint{of} in {SAVES}/")
-    })
-}
-
-/// Returns the title of the world called `name`, as in its checkpoints.
-fn title_of(name: &Path, registry: &Registry) -> Result<String, Report> {
-    let given = known_name(name);
-    match registry.world_without_file(given).map(|kind| kind.create) {
-        Some(Some(create)) => Ok(create().title().to_owned()),
-        // Its argument ends with its title.
-        Some(None) => Ok(given.rsplit(':').next().unwrap_or_default().to_owned()),
-        None => Ok(find_map(name, &Reading::default(), registry)?.name().to_owned()),
-    }
+    seed: u64,
+) -> Result<Run, Report> {
+    let settings = settings(choice, world, registry)?;
+    Ok(Run { method: choice.method.clone(), preset: choice.preset(registry), seed, settings })
 }
 
 /// Begins `run` in `world`, if it fits into memory.
@@ -302,19 +109,6 @@ pub fn begin(
         other => Report::msg(other),
     })?;
     Trainer::new(run, world, registry, threads).into_diagnostic()
-}
-
-/// Opens the world called `name`: a kind that needs no file, or the maze on that map.
-fn open_world(
-    name: &Path,
-    reading: &Reading,
-    run: &Run,
-    registry: &Registry,
-) -> Result<Box<dyn Environment>, Report> {
-    if let Some(opened) = registry.open(known_name(name)) {
-        return opened.into_diagnostic();
-    }
-    open_maze(name, reading, run, registry).map(|maze| Box::new(maze) as _)
 }
 
 /// Opens the maze on the built-in map or the map file called `name`.
@@ -349,23 +143,58 @@ pub fn maze_on(map: Arc<Grid>, called: &str, run: &Run) -> Result<PointMaze, Rep
     Ok(PointMaze::new(map, 0))
 }
 
-fn not_a_maze(option: &str) -> Report {
-    miette!(help = "give a map", "{option} applies only to maps")
+/// Stages of beginning a run with data: the file is checked, the world opened, the data read and
+/// learned from.
+const BEGIN_STAGES: usize = 4;
+
+/// Share of recorded transitions that are impossible on the map from which on they may be of
+/// another one.
+const OF_ANOTHER_MAP: f64 = 0.05;
+
+/// Checks the file with the recorded transitions, before the world is opened, which may take a
+/// minute.
+pub fn check_data(file: &Path, progress: &Job) -> Result<(), Report> {
+    progress.begin(0, BEGIN_STAGES);
+    Dataset::check_file(file, progress).map_err(from_data_error)?;
+    progress.begin(1, BEGIN_STAGES);
+    Ok(())
 }
 
-fn inputs<'a>(request: &'a Request, resumed: Option<&'a Path>) -> impl Iterator<Item = &'a Path> {
-    let map = request.named_map.then_some(request.map.as_path());
-    let edits = request.edits.iter().map(|edit| edit.file.as_path());
-    [
-        map,
-        request.scenario.as_deref(),
-        request.data.as_deref(),
-        request.run.config.as_deref(),
-        resumed,
-    ]
-    .into_iter()
-    .flatten()
-    .chain(edits)
+/// Has `trainer` learn from the recorded transitions in `file`; returns a warning if some of them
+/// are left out, and says how far it is to `progress`.
+pub fn learn_from(
+    trainer: &mut Trainer,
+    file: &Path,
+    progress: &Job,
+) -> Result<Option<String>, Report> {
+    progress.begin(2, BEGIN_STAGES);
+    let data = Dataset::read(file, trainer.world(), progress).map_err(from_data_error)?;
+    progress.begin(3, BEGIN_STAGES);
+    let LeftOut { impossible, by_chance } = trainer.learn_from(&data, progress);
+    let (all, file) = (data.source().transitions, sanitized(&file.to_string_lossy()));
+    if 2 * impossible > all {
+        let help = "give the data of this world: positions in its unit, on this map";
+        return Err(miette!(
+            help = help,
+            "{file}: {impossible} of {all} transitions are impossible on this map"
+        ));
+    }
+    let of_another = OF_ANOTHER_MAP * all as f64;
+    let impossible_as = if impossible as f64 > of_another {
+        "impossible on this map: the data may be of another map, or of another version of it"
+    } else {
+        "impossible on this map"
+    };
+    let reasons = [
+        (impossible, impossible_as),
+        (by_chance, "they lead far, and not always to the same place"),
+    ];
+    let left_out: Vec<String> = reasons
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, why)| format!("{count} of {all} transitions are left out: {why}"))
+        .collect();
+    Ok((!left_out.is_empty()).then(|| format!("warning: {file}: {}", left_out.join("; "))))
 }
 
 /// Returns the requested number of parallel jobs, else the number of cores.

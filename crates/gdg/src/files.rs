@@ -1,7 +1,6 @@
 //! File access: regular files only, within size limits, replaced atomically.
 
 mod kind;
-mod lock;
 mod read;
 mod write;
 
@@ -10,11 +9,10 @@ use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
 
 pub use kind::{Format, Mismatch, Wanted};
-pub use lock::{LockFile, is_in_use, mark_in_use, while_locked};
 pub use read::{FileFacts, open, open_or_create, read, read_text};
 pub use write::{
-    check_name, check_replaceable, check_writable, unused_path, write_atomically, write_to_unused,
-    write_unlinked,
+    LockFile, check_name, check_replaceable, check_writable, is_in_use, mark_in_use, unused_path,
+    while_locked, write_atomically, write_to_unused, write_unlinked,
 };
 
 use crate::text::beginning;

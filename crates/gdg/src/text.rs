@@ -4,14 +4,13 @@
 //! its title, reverse the text direction. All external text passes through here before it is
 //! displayed.
 
-mod columns;
 mod excerpt;
-mod nearest;
 mod number;
 
-pub use columns::{aligned, display_width, fitted, padded};
+use unicode_truncate::UnicodeTruncateStr;
+use unicode_width::UnicodeWidthStr;
+
 pub use excerpt::{Excerpt, SourceLine, line_and_column};
-pub use nearest::nearest;
 pub use number::{NumberError, parse_count, parse_real};
 
 /// Returns whether a character does anything but display itself.
@@ -66,13 +65,10 @@ pub fn grouped(n: u64) -> String {
     groups.join(",")
 }
 
-/// Returns whether a terminal supports escape sequences, given the variable `TERM`, which Windows
-/// does not set.
+/// Returns whether a terminal supports escape sequences, given the variable `TERM`.
 pub fn obeys_escapes(term: Option<&str>) -> bool {
-    match term {
-        None | Some("") => cfg!(windows),
-        Some(term) => term != "unknown" && !term.starts_with("dumb"),
-    }
+    let none = |term: &str| term.is_empty() || term == "unknown" || term.starts_with("dumb");
+    term.is_some_and(|term| !none(term))
 }
 
 /// Returns whether the program's terminal supports escape sequences.
@@ -125,6 +121,65 @@ pub fn safe_file_name(name: &str) -> String {
     if kept.is_empty() { "unnamed".to_owned() } else { kept.to_owned() }
 }
 
+/// Returns the columns that `text` takes on a terminal.
+pub fn display_width(text: &str) -> usize {
+    text.width()
+}
+
+/// Pads `text` with blanks to at least this display width, in columns.
+pub fn padded(text: &str, columns: usize) -> String {
+    format!("{text}{}", " ".repeat(columns.saturating_sub(display_width(text))))
+}
+
+/// Truncates `text` to fit, with dots if something is missing.
+pub fn fitted(text: &str, columns: usize) -> String {
+    const DOTS: &str = "...";
+    if display_width(text) <= columns {
+        return text.to_owned();
+    }
+    let (dots, room) =
+        if columns > DOTS.len() { (DOTS, columns - DOTS.len()) } else { ("", columns) };
+    format!("{}{dots}", text.unicode_truncate(room).0)
+}
+
+/// Returns the lines of a table with aligned columns; the last one may have any width.
+pub fn aligned(rows: &[Vec<String>]) -> String {
+    const GAP: usize = 2;
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let of = |column: usize| {
+        rows.iter()
+            .filter(move |row| row.len() > column + 1)
+            .map(move |row| display_width(&row[column]))
+    };
+    let widths: Vec<usize> =
+        (0..columns).map(|column| of(column).max().unwrap_or(0) + GAP).collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).map(|(cell, width)| padded(cell, *width));
+        format!("{}\n", cells.collect::<String>().trim_end())
+    };
+    rows.iter().map(line).collect()
+}
+
+/// Minimum similarity of a suggestion; 1 for equal names.
+const LEAST_LIKENESS: f64 = 0.75;
+
+/// Of two names, one this many times as long as the other is no form of it. Comparing long names
+/// takes time that grows with the product of their lengths.
+const MOST_TIMES_AS_LONG: usize = 4;
+
+/// Returns the known name most similar to `typed`, ignoring case, if any is similar enough.
+pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let typed = typed.to_lowercase();
+    let likeness = |name: &str| strsim::jaro_winkler(&name.to_lowercase(), &typed);
+    let most = known
+        .into_iter()
+        .filter(|name| typed.len() <= MOST_TIMES_AS_LONG * name.len())
+        .filter(|name| name.len() <= MOST_TIMES_AS_LONG * typed.len())
+        .map(|name| (likeness(name), name))
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    most.filter(|(likeness, _)| *likeness > LEAST_LIKENESS).map(|(_, name)| name)
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -171,6 +226,37 @@ mod tests {
         ] {
             assert_eq!(safe_file_name(name), expected, "{name:?}");
         }
+    }
+
+    /// Wide, combining and joined characters, and their columns.
+    const TEXTS: [(&str, usize); 4] = [
+        ("maze", 4),
+        ("\u{8ff7}\u{5bae}", 4),
+        ("e\u{301}te\u{301}", 3),
+        ("\u{1f468}\u{200d}\u{1f469}\u{200d}\u{1f467}", 2),
+    ];
+
+    #[test]
+    fn columns_are_counted_as_terminals_do() {
+        for (text, columns) in TEXTS {
+            assert_eq!(display_width(text), columns, "{text}");
+            assert_eq!(display_width(&padded(text, 9)), 9, "{text}");
+            assert_eq!(fitted(text, columns), text);
+            assert!((0..columns).all(|room| display_width(&fitted(text, room)) <= room), "{text}");
+        }
+        assert_eq!(fitted("abcdefgh", 6), "abc...");
+    }
+
+    #[test]
+    fn names_are_suggested_whatever_their_letters() {
+        let known = ["trap", "city", "fourrooms"];
+        assert_eq!(
+            ["TRAP", "Citty", "for-rooms"].map(|typed| nearest(typed, known)),
+            [Some("trap"), Some("city"), Some("fourrooms")]
+        );
+        assert_eq!(nearest("zzz", known), None);
+        assert_eq!(nearest("foo", ["fourier_octaves"]), None, "much longer");
+        assert_eq!(nearest(&"trap".repeat(10_000_000), known), None);
     }
 
     proptest! {

@@ -2,8 +2,11 @@
 
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::Path;
 use std::time::SystemTime;
+
+use nix::fcntl::OFlag;
 
 use crate::text::line_and_column;
 
@@ -45,16 +48,9 @@ pub fn open_or_create(path: &Path) -> Result<File> {
 
 /// Opens a path whose type has been checked, following a symbolic link only if `follows_links`.
 /// Does not block if a FIFO has replaced the file since the check.
-#[cfg_attr(not(unix), expect(unused_variables, reason = "only Unix has these flags"))]
 fn open_with(path: &Path, options: &mut OpenOptions, follows_links: bool) -> Result<File> {
-    #[cfg(unix)]
-    {
-        use nix::fcntl::OFlag;
-        let flags =
-            if follows_links { OFlag::O_NONBLOCK } else { OFlag::O_NONBLOCK | OFlag::O_NOFOLLOW };
-        std::os::unix::fs::OpenOptionsExt::custom_flags(options, flags.bits());
-    }
-    let file = options.open(path)?;
+    let follow = if follows_links { OFlag::empty() } else { OFlag::O_NOFOLLOW };
+    let file = options.custom_flags((OFlag::O_NONBLOCK | follow).bits()).open(path)?;
     ensure_regular_file(file.metadata()?.file_type())?;
     Ok(file)
 }
@@ -104,18 +100,12 @@ pub(super) fn ensure_regular_file(kind: FileType) -> Result<()> {
     if kind.is_dir() {
         return Err(Error::new(ErrorKind::IsADirectory, "is a directory"));
     }
-    #[cfg(unix)]
-    let kind_name = {
-        use std::os::unix::fs::FileTypeExt;
-        match kind {
-            kind if kind.is_fifo() => "a FIFO",
-            kind if kind.is_socket() => "a socket",
-            kind if kind.is_symlink() => "a symbolic link",
-            _ => "a device",
-        }
+    let kind_name = match kind {
+        kind if kind.is_fifo() => "a FIFO",
+        kind if kind.is_socket() => "a socket",
+        kind if kind.is_symlink() => "a symbolic link",
+        _ => "a device",
     };
-    #[cfg(not(unix))]
-    let kind_name = "something else";
     Err(Error::new(ErrorKind::InvalidInput, format!("is {kind_name}, not a regular file")))
 }
 
@@ -133,11 +123,7 @@ impl FileFacts {
     /// Returns those of the file at `path`, if there is one.
     pub fn of(path: &Path) -> Option<Self> {
         let facts = std::fs::metadata(path).ok()?;
-        #[cfg(unix)]
-        let inode = std::os::unix::fs::MetadataExt::ino(&facts);
-        #[cfg(not(unix))]
-        let inode = 0;
-        Some(Self { bytes: facts.len(), modified: facts.modified().ok(), inode })
+        Some(Self { bytes: facts.len(), modified: facts.modified().ok(), inode: facts.ino() })
     }
 }
 
@@ -157,7 +143,6 @@ mod tests {
         assert!(read_text(&path, 9).expect_err("no text").to_string().contains("line 1, column 3"));
     }
 
-    #[cfg(unix)]
     #[test]
     fn fifos_and_devices_are_refused_without_blocking() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -172,7 +157,6 @@ mod tests {
         );
     }
 
-    #[cfg(unix)]
     #[test]
     fn what_is_opened_for_writing_keeps_its_contents_and_no_link_is_followed() {
         let folder = tempfile::tempdir().expect("a folder");
