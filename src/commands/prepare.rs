@@ -71,9 +71,6 @@ pub fn prepare(
             miette!(help = help, "{}: a table cannot be written here: {error}", path.display())
         })?;
     }
-    if let Some(path) = &args.interface.record {
-        refuse_input("--record", path, inputs(args, resumed.as_deref()))?;
-    }
     check_options(args, resumed.as_deref(), registry)?;
     let (mut trainer, warning) = match &resumed {
         Some(path) => {
