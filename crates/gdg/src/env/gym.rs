@@ -13,6 +13,7 @@ mod options;
 mod pool;
 #[cfg_attr(not(unix), path = "gym/no_process.rs")]
 mod process;
+mod requests;
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -6,8 +6,9 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::GymOptions;
-use super::messages::{Begun, Description};
+use super::messages::Description;
 use super::process::Worker;
+use super::requests::Begun;
 use crate::env::{EnvError, MAX_MAGNITUDE, Spec, Walls};
 use crate::store::StoreError;
 
