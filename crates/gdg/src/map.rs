@@ -11,12 +11,12 @@ mod formats;
 mod grid;
 mod half_cells;
 mod load;
+mod ogbench;
 mod random;
 mod scale;
 mod scenario;
 mod text;
 
-pub use builtin::Ogbench;
 pub use builtin::{BUILTIN, builtin};
 pub use diameter::Diameter;
 pub use distance::{Components, StepSearch};
@@ -29,6 +29,7 @@ pub use load::{
     Reading, agents_of, format_for, load_map, load_map_as, load_map_like, load_scenario, parse_map,
     parse_scenario_bytes, read_scenario,
 };
+pub use ogbench::Ogbench;
 pub use random::{RANDOM_SIZES, RandomMapKind, random, with_start};
 pub use scale::MapScale;
 pub use scenario::{Scenario, ScenarioTask};

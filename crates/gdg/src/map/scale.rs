@@ -3,8 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::builtin::Ogbench;
 use super::grid::{Cell, Grid, is_size, size_limits};
+use super::ogbench::Ogbench;
 use super::text::{MapError, MapResult};
 
 /// How the cells of a map relate to the maze that it was read from and to the body that moves there.
