@@ -7,8 +7,8 @@ use std::sync::Arc;
 use gdg::draw::{Raster, TextPixel, paint_text, positions_along, text_size};
 use gdg::map::Cell;
 
-use super::characters::shade;
-use super::contours::Label;
+use ratatui::layout::Rect;
+
 use super::raster::MapFrame;
 use super::theme::{Rgb, Theme, blend, contour, ink, lightness};
 
@@ -497,4 +497,54 @@ impl Canvas {
 pub fn text_width(text: &str, height: f32) -> f32 {
     let [columns, rows] = text_size(text, false);
     height / rows as f32 * columns as f32
+}
+
+/// The value of a contour line, written in a gap of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Label {
+    pub text: String,
+    /// Its middle, width and height in pixels.
+    pub middle: [f32; 2],
+    pub size: [f32; 2],
+    /// Its direction: to the right in characters.
+    pub along: [f32; 2],
+    /// The characters that it covers, unless it is in a picture.
+    pub area: Rect,
+}
+
+impl Label {
+    /// Returns the angle of the text, clockwise in rad; it is never upside down.
+    pub fn angle(&self) -> f32 {
+        let [x, y] = self.along;
+        if x < 0.0 { (-y).atan2(-x) } else { y.atan2(x) }
+    }
+
+    /// Returns whether a point in pixels lies in the gap.
+    pub fn contains(&self, at: [f32; 2]) -> bool {
+        let ([x, y], [across, down]) =
+            ([at[0] - self.middle[0], at[1] - self.middle[1]], self.along);
+        2.0 * (x * across + y * down).abs() < self.size[0]
+            && 2.0 * (y * across - x * down).abs() < self.size[1]
+    }
+
+    /// Returns the points within, about a pixel of the field apart.
+    pub fn points(&self, apart: f32) -> impl Iterator<Item = [f32; 2]> {
+        let counts = self.size.map(|side| (side / apart).ceil().max(1.0) as usize);
+        let at = move |i: usize, n: usize, side: f32| side * ((i as f32 + 0.5) / n as f32 - 0.5);
+        (0..counts[0] * counts[1]).map(move |i| {
+            let by = at(i % counts[0], counts[0], self.size[0]);
+            let aside = at(i / counts[0], counts[1], self.size[1]);
+            let ([x, y], [dx, dy]) = (self.middle, self.along);
+            [x + by * dx - aside * dy, y + by * dy + aside * dx]
+        })
+    }
+}
+
+/// Free ground without colours, from near (or good) to far.
+pub const SHADES: [char; 4] = [' ', '\u{2591}', '\u{2592}', '\u{2593}'];
+
+/// Returns the character that stands for a share (from 0 to 1) of the largest value without
+/// colours.
+pub fn shade(share: f32) -> char {
+    SHADES[((share.clamp(0.0, 1.0) * SHADES.len() as f32) as usize).min(SHADES.len() - 1)]
 }

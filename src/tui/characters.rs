@@ -4,8 +4,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 use ratatui::style::{Color, Modifier, Style};
 
-use super::canvas::{Canvas, Ground, Sign};
-use super::contours::Label;
+use super::canvas::{Canvas, Ground, Label, SHADES, Sign};
 use super::marker::Marker;
 use super::theme::{ColourDepth, Rgb, Theme, ink, rgb_of_indexed};
 
@@ -14,9 +13,6 @@ const MAX_PIXELS: usize = 8;
 
 /// A wall without colours.
 pub const WALL_MARK: char = '#';
-
-/// Free ground without colours, from near (or good) to far.
-pub const SHADES: [char; 4] = [' ', '\u{2591}', '\u{2592}', '\u{2593}'];
 
 /// An unvisited cell without colours.
 pub const UNVISITED_MARK: char = '/';
@@ -159,12 +155,6 @@ fn mark_rank(mark: char) -> u8 {
         WALL_MARK => 2,
         _ => 3,
     }
-}
-
-/// Returns the character that stands for a share (from 0 to 1) of the largest value without
-/// colours.
-pub fn shade(share: f32) -> char {
-    SHADES[((share.clamp(0.0, 1.0) * SHADES.len() as f32) as usize).min(SHADES.len() - 1)]
 }
 
 /// Reduces a character's pixels to two colours; returns a mask of the pixels in front (bit 0 is the

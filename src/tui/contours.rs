@@ -2,7 +2,7 @@
 
 use ratatui::layout::Rect;
 
-use super::canvas::{Canvas, Ground, text_width};
+use super::canvas::{Canvas, Ground, Label, text_width};
 use super::theme::Theme;
 use gdg::draw::{contour_interval, contour_paths};
 
@@ -38,47 +38,6 @@ const STEP: f32 = 3.0;
 /// Values beside a wall are continued into it if they differ by at most this many intervals:
 /// otherwise they belong to different sides of it.
 const MAX_JUMP: f32 = 1.5;
-
-/// The value of a contour line, written in a gap of it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Label {
-    pub text: String,
-    /// Its middle, width and height in pixels.
-    pub middle: [f32; 2],
-    pub size: [f32; 2],
-    /// Its direction: to the right in characters.
-    along: [f32; 2],
-    /// The characters that it covers, unless it is in a picture.
-    pub area: Rect,
-}
-
-impl Label {
-    /// Returns the angle of the text, clockwise in rad; it is never upside down.
-    pub fn angle(&self) -> f32 {
-        let [x, y] = self.along;
-        if x < 0.0 { (-y).atan2(-x) } else { y.atan2(x) }
-    }
-
-    /// Returns whether a point in pixels lies in the gap.
-    fn contains(&self, at: [f32; 2]) -> bool {
-        let ([x, y], [across, down]) =
-            ([at[0] - self.middle[0], at[1] - self.middle[1]], self.along);
-        2.0 * (x * across + y * down).abs() < self.size[0]
-            && 2.0 * (y * across - x * down).abs() < self.size[1]
-    }
-
-    /// Returns the points within, about a pixel of the field apart.
-    fn points(&self, apart: f32) -> impl Iterator<Item = [f32; 2]> {
-        let counts = self.size.map(|side| (side / apart).ceil().max(1.0) as usize);
-        let at = move |i: usize, n: usize, side: f32| side * ((i as f32 + 0.5) / n as f32 - 0.5);
-        (0..counts[0] * counts[1]).map(move |i| {
-            let by = at(i % counts[0], counts[0], self.size[0]);
-            let aside = at(i / counts[0], counts[1], self.size[1]);
-            let ([x, y], [dx, dy]) = (self.middle, self.along);
-            [x + by * dx - aside * dy, y + by * dy + aside * dx]
-        })
-    }
-}
 
 /// Returns the common interval of the lines of `fields`, each with the length of its rows; `before`
 /// if that is nearly right.

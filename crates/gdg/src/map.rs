@@ -6,6 +6,8 @@
 mod builtin;
 mod diameter;
 mod distance;
+mod enlarge;
+mod file;
 mod flood;
 mod formats;
 mod grid;

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use crate::tui::canvas::shade;
 use crate::tui::canvas::{Canvas, Ground};
-use crate::tui::characters::{CUT_OFF_MARK, UNVISITED_MARK, WALL_MARK, shade};
+use crate::tui::characters::{CUT_OFF_MARK, UNVISITED_MARK, WALL_MARK};
 use crate::tui::theme::{ColourDepth, Rgb, Theme, blend};
 use gdg::viewer::Field;
 

@@ -9,7 +9,8 @@ use ratatui::widgets::Paragraph;
 
 use super::ground::MAX_SHOWN_ERROR;
 use crate::tui::action::Action;
-use crate::tui::characters::{CANDIDATE_MARK, SHADES, UNVISITED_MARK};
+use crate::tui::canvas::SHADES;
+use crate::tui::characters::{CANDIDATE_MARK, UNVISITED_MARK};
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::screen::Screen;

@@ -1,15 +1,15 @@
 //! Loads maps and scenarios from files.
 
-use std::io::ErrorKind;
 use std::path::Path;
 
+use super::file::read;
 use super::formats::{FORMATS, MapFormat, Source, THRESHOLD, has_agents};
-use super::grid::{Grid, MAX_CELLS, size_limits};
+use super::grid::Grid;
 use super::scale::MapScale;
 use super::scenario::{Scenario, ScenarioTask, is_scenario};
 use super::text::Text;
 use super::text::{MapError, MapResult};
-use crate::files::{self, Format, Mismatch, Wanted};
+use crate::files::{Format, Mismatch, Wanted};
 
 /// Parses a map in any of the [`FORMATS`](super::FORMATS). Errors refer to it as `file`, whose stem becomes the map's name.
 ///
@@ -196,26 +196,4 @@ fn explained(path: &Path, error: Box<MapError>, wanted: &Wanted) -> Box<MapError
     let instead =
         |Mismatch { problem, help }| MapError::whole_file(&path.to_string_lossy(), problem, help);
     wanted.mismatch(path).map_or(error, instead)
-}
-
-/// Size limit of a map or scenario file: room for the cells, line endings and a header.
-const MAX_BYTES: u64 = 4 * MAX_CELLS as u64;
-
-/// Reads a file that should contain a `kind`: a map, a scenario or an image.
-pub(super) fn read(path: &Path, kind: &str) -> MapResult<Vec<u8>> {
-    files::read(path, MAX_BYTES).map_err(|error| {
-        let help = format!("give a {kind} file");
-        let (problem, help) = match error.kind() {
-            ErrorKind::IsADirectory => ("is a directory".to_owned(), help),
-            ErrorKind::FileTooLarge => {
-                let help = match kind {
-                    "map" => size_limits(),
-                    _ => help,
-                };
-                (format!("the file is too large for a {kind}"), help)
-            }
-            _ => (format!("cannot be read: {error}"), help),
-        };
-        MapError::whole_file(&path.to_string_lossy(), problem, help)
-    })
 }

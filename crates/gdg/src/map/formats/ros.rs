@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use super::super::file::read as read_file;
 use super::super::grid::{Cell, Grid};
-use super::super::load::read as read_file;
 use super::super::text::Text;
 use super::super::text::{MapError, MapResult};
 use super::image::Image;
