@@ -286,7 +286,6 @@ pub struct Caption {
     pub seen: bool,
 }
 
-/// The step shown.
 #[derive(Clone, Debug)]
 pub struct ShownStep {
     pub step: usize,

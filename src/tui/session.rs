@@ -222,7 +222,6 @@ impl Session {
 
 /// Actions.
 impl Session {
-    /// Performs an action.
     pub fn act(&mut self, action: Action) {
         let Some(binding) = binding_of(action) else { return };
         if !self.scene.offers(action) {

@@ -1,6 +1,5 @@
 //! The tools of the map editor.
 
-/// A drawing tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tool {
     #[default]

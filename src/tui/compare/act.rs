@@ -49,7 +49,9 @@ impl Comparison {
                 self.show_field(*field);
             }
             Some(Choice::Export(kind)) => self.export(*kind),
-            _ => {}
+            // Other dialogs are the first side's.
+            Some(choice) => self.sessions[0].choose(choice.clone()),
+            None => {}
         }
     }
 

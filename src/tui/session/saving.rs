@@ -57,7 +57,6 @@ pub struct Saver {
     pub offers: bool,
 }
 
-/// The progress of quitting.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum QuitState {
     No,

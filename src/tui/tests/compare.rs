@@ -337,6 +337,18 @@ fn the_editor_draws_by_keyboard_on_both() {
     assert!(comparison.is_done());
 }
 
+#[test]
+fn a_drawn_map_can_be_given_up() {
+    let mut comparison = stopped_comparison();
+    draw(&mut comparison, 80, 24);
+    type_text(&mut comparison, "ex");
+    press(&mut comparison, KeyCode::Esc);
+    press(&mut comparison, KeyCode::Char('q'));
+    assert!(!comparison.is_done());
+    press(&mut comparison, KeyCode::Char('n'));
+    assert!(comparison.is_done());
+}
+
 fn stage_films(comparison: &mut App, updates: [&[u64]; 2]) {
     for (side, updates) in updates.into_iter().enumerate() {
         let app = &comparison.apps()[side].screen.snapshot.clone();

@@ -42,7 +42,6 @@ const BACK: f32 = 1.3;
 /// Cells between points of a line that captions do not cover.
 const SPACING: f32 = 2.0;
 
-/// A step.
 pub struct Step {
     pub title: &'static str,
     /// Seconds to read it after its subject has been seen, and until it ends anyway.
@@ -63,7 +62,6 @@ const fn step(
     Step { title, reading_secs, limit_secs, enter, look }
 }
 
-/// All steps.
 pub const STEPS: &[Step] = &[
     step("No reward", [8.0, 8.0], |tour, cx| tour.aim_at(GOAL_AT_WALL, cx), wandering),
     step("D bends", [7.0, 25.0], |_, _| {}, bending),
