@@ -145,7 +145,10 @@ impl Serialize for Store {
         let numbers: BTreeMap<_, _> = self
             .numbers
             .iter()
-            .map(|(name, own)| (name, Bytes(planes::of(own, averaged(name, own, &self.numbers)))))
+            .map(|(name, own)| {
+                let near = averaged(name, own.len(), &self.numbers);
+                (name, Bytes(planes::of(own, near)))
+            })
             .collect();
         let values: BTreeMap<_, _> =
             self.values.iter().map(|(name, value)| (name, Bytes(value))).collect();
@@ -160,8 +163,8 @@ impl<'de> Deserialize<'de> for Store {
         let mut store = Self::default();
         for (name, Bytes(bytes)) in numbers {
             // A name without this ending comes earlier.
-            let empty = vec![0.0; bytes.len() / 4];
-            let own = planes::numbers(bytes, averaged(&name, &empty, &store.numbers));
+            let near = averaged(&name, bytes.len() / 4, &store.numbers);
+            let own = planes::numbers(bytes, near);
             store.numbers.insert(name, own);
         }
         store.values =
@@ -170,10 +173,14 @@ impl<'de> Deserialize<'de> for Store {
     }
 }
 
-/// Returns the numbers that those called `name` are the running average of.
-fn averaged<'a>(name: &str, own: &[f32], all: &'a BTreeMap<String, Vec<f32>>) -> Option<&'a [f32]> {
+/// Returns the numbers that the `count` ones called `name` are the running average of.
+fn averaged<'a>(
+    name: &str,
+    count: usize,
+    all: &'a BTreeMap<String, Vec<f32>>,
+) -> Option<&'a [f32]> {
     let of = all.get(name.strip_suffix(AVERAGE)?)?;
-    (of.len() == own.len()).then_some(of)
+    (of.len() == count).then_some(of)
 }
 
 /// Bytes that are written at once, not one by one.
@@ -243,30 +250,6 @@ pub mod planes {
 /// Returns a value in postcard's form.
 pub(crate) fn to_bytes(value: &impl Serialize) -> postcard::Result<Vec<u8>> {
     postcard::to_extend(value, Vec::new())
-}
-
-/// What is shared, as if it were not.
-pub mod shared {
-    use std::sync::Arc;
-
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    /// # Errors
-    /// The serializer's.
-    pub fn serialize<T: Serialize, S: Serializer>(
-        shared: &Arc<T>,
-        to: S,
-    ) -> Result<S::Ok, S::Error> {
-        (**shared).serialize(to)
-    }
-
-    /// # Errors
-    /// The deserializer's.
-    pub fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
-        from: D,
-    ) -> Result<Arc<T>, D::Error> {
-        T::deserialize(from).map(Arc::new)
-    }
 }
 
 /// Maps differences that are small, of either sign, to small numbers: 0, -1, 1, -2 ... to

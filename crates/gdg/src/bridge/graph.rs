@@ -15,7 +15,7 @@ use super::settings::{BridgeSettings, EDGES_PER_CANDIDATE, late_after};
 use crate::env::Spec;
 use crate::job::Job;
 use crate::learn::{Policy, Scratch};
-use crate::store::{StoreError, planes, shared};
+use crate::store::{StoreError, planes};
 
 /// A directed edge between two candidates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,7 +65,6 @@ impl From<WalkRecord> for EdgeStatus {
 /// A [`BridgeGraph`] in a checkpoint.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StoredGraph {
-    #[serde(with = "shared")]
     candidates: Arc<Candidates>,
     /// Source and target of each edge.
     from: Vec<u32>,

@@ -15,7 +15,6 @@ use crate::env::Spec;
 use crate::job::Job;
 use crate::learn::data::batch::{Batch, BatchSampler};
 use crate::learn::learner::{LearnerKind, TrainingData};
-use crate::learn::networks::dense::NetworkState;
 use crate::learn::networks::export::CriticsExport;
 use crate::learn::networks::network::Network;
 use crate::learn::networks::policy::{Nets, Scratch};
@@ -159,15 +158,6 @@ impl Gdg {
     /// Returns candle's error if a tensor operation fails.
     pub fn with_nets<R>(&self, averaged: bool, use_nets: impl FnOnce(Nets) -> R) -> Result<R> {
         self.training.with_nets(averaged, use_nets)
-    }
-
-    /// Returns the state of each network, by name: critics, model, actor.
-    ///
-    /// # Errors
-    /// Returns candle's error if a tensor operation fails.
-    pub fn networks_state(&self) -> Result<Vec<(String, NetworkState)>> {
-        let state = |(name, network): (&str, &Network)| Ok((name.to_owned(), network.state()?));
-        self.training.named().map(state).collect()
     }
 }
 

@@ -119,25 +119,6 @@ pub fn is_checkpoint(path: &Path) -> bool {
     read_start(path).is_ok_and(|(start, _)| content::is_start_of_checkpoint(&start))
 }
 
-/// Like [`describe`], but reads the whole file, and finds out whether it is damaged and what it
-/// needs is in `registry`.
-///
-/// # Errors
-/// The checkpoint cannot be loaded.
-pub fn examine(path: &Path, registry: &Registry) -> Result<Description, CheckpointError> {
-    let found = describe(path)?;
-    let bytes = read(path).map_err(|problem| unreadable(path, &problem))?;
-    content::check(&bytes, most_bytes()).map_err(|e| unreadable(path, &e.to_string()))?;
-    if registry.world(&found.world).is_none() {
-        return Err(unreadable(
-            path,
-            &format!("is of the world {:?}, which this program lacks", found.world),
-        ));
-    }
-    registry.learner(&found.run.method.learner).map_err(|e| unreadable(path, &e.to_string()))?;
-    Ok(found)
-}
-
 /// Reads a safetensors file up to the end of its header, which may be truncated.
 fn read_start(path: &Path) -> std::io::Result<(Vec<u8>, Metadata)> {
     let mut file = files::open(path)?;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::evaluate::Evaluation;
 use super::score::Success;
 use crate::env::Spec;
-use crate::store::{StoreError, shared};
+use crate::store::StoreError;
 
 /// Initial number of updates between two points of the curves.
 const POINT_EVERY_UPDATES: u64 = 50;
@@ -73,9 +73,7 @@ pub struct Notes {
 pub struct History {
     /// Updates between two points.
     every: u64,
-    #[serde(with = "shared")]
     points: Arc<Vec<CurvePoint>>,
-    #[serde(with = "shared")]
     evaluations: Arc<Vec<(u64, Evaluation)>>,
     /// When these were made.
     moments: Vec<Moment>,

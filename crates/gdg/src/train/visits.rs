@@ -5,11 +5,11 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::env::{Environment, Explored, GoalSpace, Scene};
-use crate::store::{StoreError, shared};
+use crate::store::StoreError;
 
 /// Visits to each place; empty if the world has no places.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Visits(#[serde(with = "shared")] Arc<Vec<u32>>);
+pub struct Visits(Arc<Vec<u32>>);
 
 impl Visits {
     /// Returns no visits to any place of `world`.

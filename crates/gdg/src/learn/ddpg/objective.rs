@@ -97,16 +97,7 @@ impl Policy for Nets<'_> {
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        let width = self.shapes.actor.outputs;
-        scratch.for_pairs(
-            &self.shapes.encoder,
-            states,
-            goals,
-            out,
-            width,
-            |pairs, out, [ws, _]| {
-                ws.actions(&self.shapes.encoder, &self.shapes.actor, self.actor, pairs, out);
-            },
-        );
+        let Shapes { encoder, actor, .. } = self.shapes;
+        scratch.actions(encoder, actor, self.actor, [states, goals], out);
     }
 }

@@ -154,16 +154,7 @@ impl Policy for Nets<'_> {
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        let shapes = &self.objective.shapes;
-        scratch.for_pairs(
-            &shapes.encoder,
-            states,
-            goals,
-            out,
-            shapes.actor.outputs,
-            |pairs, out, [ws, _]| {
-                shapes.actions(self.actor, pairs, out, ws);
-            },
-        );
+        let Shapes { encoder, actor, .. } = &self.objective.shapes;
+        scratch.actions(encoder, actor, self.actor, [states, goals], out);
     }
 }

@@ -3,6 +3,7 @@
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::features::{Pairs, SharedFeatures, Workspace};
 use crate::learn::networks::lookahead::{LookaheadBuffers, improve_rows};
+use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::shapes::{Shapes, Workspaces};
 
@@ -41,6 +42,20 @@ impl Scratch {
             encoder.plain_pairs(states, goals, plain);
             compute(Pairs { plain, states, goals }, out, [ws, second]);
         }
+    }
+
+    /// Computes the actions mu(s, g) of an `actor` of these sizes, `out` `(rows, action_dim)`.
+    pub(in crate::learn) fn actions(
+        &mut self,
+        encoder: &Encoder,
+        sizes: &Mlp,
+        actor: Weights,
+        [states, goals]: [&[f32]; 2],
+        out: &mut [f32],
+    ) {
+        self.for_pairs(encoder, states, goals, out, sizes.outputs, |pairs, out, [ws, _]| {
+            ws.actions(encoder, sizes, actor, pairs, out);
+        });
     }
 }
 
@@ -152,17 +167,8 @@ impl Policy for Nets<'_> {
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        let width = self.shapes.actor.outputs;
-        scratch.for_pairs(
-            &self.shapes.encoder,
-            states,
-            goals,
-            out,
-            width,
-            |pairs, out, [ws, _]| {
-                self.shapes.actions(self.actor, pairs, out, ws);
-            },
-        );
+        let Shapes { encoder, actor, .. } = self.shapes;
+        scratch.actions(encoder, actor, self.actor, [states, goals], out);
     }
 
     fn improve_actions(

@@ -137,15 +137,6 @@ pub fn from_bytes(bytes: &[u8], most: u64) -> Result<(Texts, Vec<u8>), ContentEr
     if packed.is_empty() { Ok((texts, state)) } else { Err(ContentError::Packed) }
 }
 
-/// Checks the bytes of a checkpoint file as [`from_bytes`] does, but unpacks nothing: what was
-/// damaged has another checksum, which is found out much faster.
-///
-/// # Errors
-/// The bytes are not a valid checkpoint, or it needs more memory.
-pub fn check(bytes: &[u8], most: u64) -> Result<(), ContentError> {
-    checked(bytes, most).map(drop)
-}
-
 /// Returns the texts in a checkpoint's bytes, whose checksum is right, the length of its state, and
 /// that packed.
 fn checked(bytes: &[u8], most: u64) -> Result<(Texts, u64, &[u8]), ContentError> {
@@ -264,7 +255,7 @@ mod tests {
             let bytes = checkpoint(length);
             let (texts, found) = from_bytes(&bytes, u64::MAX).expect("its own bytes");
             assert!(found == state(length) && texts["about"] == "a \"run\"", "{length}");
-            assert!(check(&bytes, u64::MAX).is_ok() && is_start_of_checkpoint(&bytes));
+            assert!(checked(&bytes, u64::MAX).is_ok() && is_start_of_checkpoint(&bytes));
         }
         assert!(checkpoint(300_000).len() < 250_000, "parts that are not random are packed");
         let progress = Job::default();
@@ -276,7 +267,7 @@ mod tests {
     #[test]
     fn what_takes_too_much_memory_is_refused_before_it_is_unpacked() {
         let bytes = checkpoint(300_000);
-        for result in [check(&bytes, 100), from_bytes(&bytes, 100).map(drop)] {
+        for result in [checked(&bytes, 100).map(drop), from_bytes(&bytes, 100).map(drop)] {
             assert!(matches!(result, Err(ContentError::TooLarge(300_000, 100))));
         }
         // 50 MB of zeros in one part, which should have 64 KB.
@@ -318,9 +309,9 @@ mod tests {
             for bits in [1, 0x80, 0xff] {
                 let mut bytes = good.clone();
                 bytes[at] ^= bits;
-                assert!(check(&bytes, u64::MAX).is_err(), "byte {at}");
+                assert!(checked(&bytes, u64::MAX).is_err(), "byte {at}");
             }
-            assert!(check(&good[..at], u64::MAX).is_err(), "cut off at {at}");
+            assert!(checked(&good[..at], u64::MAX).is_err(), "cut off at {at}");
         }
     }
 

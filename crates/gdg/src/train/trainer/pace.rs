@@ -4,8 +4,8 @@ use super::Trainer;
 use crate::train::graphs::ACTIVATION_DIVISOR;
 use crate::train::run::{Counters, Limits};
 
-/// Updates with a bridge graph take about so many times as long as those before there is one: 1.4 to
-/// 1.9 times as long, measured on the four rooms, the city and the arm.
+/// How much longer an update takes once there is a bridge graph: 1.4 to 1.9 times, measured on the
+/// four rooms, the city and the arm.
 const SLOWDOWN: f64 = 1.6;
 
 /// Counters and seconds at the first update in this process, or with these settings, or the first one
@@ -37,7 +37,8 @@ impl Pace {
         (done > 0.0 && seconds > 0.0).then(|| done / seconds)
     }
 
-    /// Returns how long it takes what would take so many `seconds` at the pace so far.
+    /// Converts `seconds` at the pace so far to seconds with the slower updates that a bridge graph
+    /// brings.
     fn slowed(&self, seconds: f64) -> f64 {
         let rate = self.per_second(|counters| counters.updates);
         match (self.quick_updates, rate) {
