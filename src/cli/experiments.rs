@@ -9,7 +9,7 @@ use super::MapArgs;
 use super::method::{BaseArgs, MethodParser, methods_help};
 use super::values::{counts, output, parse_share};
 use crate::experiment::figures::{self, Budget, DataFolder, FIGURES};
-use crate::experiment::jobs::Running;
+use crate::experiment::jobs::JobOptions;
 use crate::experiment::suite;
 use crate::experiment::variants::{Ablation, Variation};
 use crate::host::setup::{RunChoice, parallel_jobs};
@@ -78,11 +78,11 @@ pub struct RunningArgs {
 }
 
 impl RunningArgs {
-    fn of_command(self, name: &str) -> Running {
+    fn of_command(self, name: &str) -> JobOptions {
         let Self { out, jobs, list, job, collect, no_keep, require_success } = self;
         let out = out.unwrap_or_else(|| Path::new("saves").join(name));
         let parallel = parallel_jobs(jobs);
-        Running { out, parallel, list, job, collect, keep: !no_keep, require_success }
+        JobOptions { out, parallel, list, job, collect, keep: !no_keep, require_success }
     }
 }
 

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use miette::{Report, miette};
 
-use super::jobs::{Jobs, Running, print_raw, warn_if_short};
+use super::jobs::{JobOptions, Jobs, print_raw, warn_if_short};
 use super::plan::{Length, Plan};
 use super::spec::{JobResult, JobSpec, JobWorld};
 use crate::host::report::from_config_error;
@@ -44,7 +44,7 @@ pub struct Options {
     pub data: DataFolder,
     /// Changes of settings of all methods, or of one, `[METHOD:]NAME=VALUE`.
     pub set: Vec<String>,
-    pub running: Running,
+    pub running: JobOptions,
 }
 
 /// Figures, ready to be reproduced.
@@ -80,7 +80,7 @@ pub fn prepare<'a>(
     };
     let chosen: Vec<&'static Figure> = FIGURES.iter().filter(is_chosen).collect();
     check_prefixes(&options.set, &chosen)?;
-    let Running { collect, list, .. } = options.running;
+    let JobOptions { collect, list, .. } = options.running;
     if !collect {
         let entries = chosen.iter().flat_map(|figure| figure.methods);
         let datasets: Vec<&str> = entries.filter_map(|entry| entry.dataset).collect();

@@ -19,7 +19,7 @@ const SHORT: f64 = 0.1;
 
 /// Which jobs run, how, and where.
 #[derive(Clone, Debug)]
-pub struct Running {
+pub struct JobOptions {
     /// Folder of jobs and results.
     pub out: PathBuf,
     /// Jobs at the same time.
@@ -41,7 +41,7 @@ pub struct Jobs<'a> {
     pub all: Vec<JobSpec>,
     pub folder: Folder,
     registry: &'a Arc<Registry>,
-    running: &'a Running,
+    running: &'a JobOptions,
 }
 
 impl<'a> Jobs<'a> {
@@ -49,7 +49,7 @@ impl<'a> Jobs<'a> {
     /// and that their results and `files` can be written.
     pub fn new(
         jobs: impl IntoIterator<Item = JobSpec>,
-        running: &'a Running,
+        running: &'a JobOptions,
         registry: &'a Arc<Registry>,
         files: &[&str],
     ) -> Result<Self, Report> {
@@ -89,7 +89,7 @@ impl<'a> Jobs<'a> {
     /// Lists the jobs; or runs those without a result and, unless single ones were named, calls
     /// `report` with the names of those that have none yet. Returns the exit status.
     pub fn run(&self, report: impl FnOnce(&[&str]) -> Result<(), Report>) -> Result<u8, Report> {
-        let Running { parallel, list, collect, keep, .. } = *self.running;
+        let JobOptions { parallel, list, collect, keep, .. } = *self.running;
         if list {
             return print(&self.list()).map(|()| 0);
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
-use super::jobs::{Jobs, Running, print, warn_if_short};
+use super::jobs::{JobOptions, Jobs, print, warn_if_short};
 use super::plan::Plan;
 use super::plot::{self, By, Drawn};
 use super::report::{CURVES, Row, report, rows, table};
@@ -43,7 +43,7 @@ pub struct Options {
     pub variation: Variation,
     /// Whether the table is printed as Markdown.
     pub markdown: bool,
-    pub running: Running,
+    pub running: JobOptions,
 }
 
 /// Default budgets: maximum number of free cells, and updates.

@@ -57,8 +57,8 @@ pub struct EngineLink {
 }
 
 impl EngineLink {
-    /// Links to an engine that receives `commands`, publishes `snapshots` and tells `job` what it
-    /// is doing.
+    /// Links to an engine: sends it `commands`, follows its `snapshots`, and sees in `job` what it
+    /// does.
     pub fn new(
         commands: SyncSender<Command>,
         snapshots: watch::Receiver<Arc<Snapshot>>,

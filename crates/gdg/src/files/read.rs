@@ -1,4 +1,4 @@
-//! Reads regular files of bounded size, and tells files apart.
+//! Reads regular files of bounded size, and knows when one has been replaced since.
 
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};

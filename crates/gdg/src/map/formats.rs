@@ -205,8 +205,8 @@ fn marks(grid: &Grid) -> impl Iterator<Item = impl Iterator<Item = Mark> + '_> +
     })
 }
 
-/// Returns what tells `grid` apart from other maps of its name: its size, its goal radius, and a
-/// checksum of its cells, goals and scale. Starts do not count: they may have been drawn at random.
+/// Returns a fingerprint that differs between maps of one name: size, goal radius, and a checksum of
+/// cells, goals and scale. Starts do not count: they may have been drawn at random.
 pub fn fingerprint(grid: &Grid) -> String {
     let text = print_ascii(&grid.with_marks(Vec::new(), grid.goals().to_vec()));
     let scale = grid.scale();

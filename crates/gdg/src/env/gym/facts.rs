@@ -47,8 +47,8 @@ const LEAST_CHANGE_RADII: f32 = 0.05;
 /// radii across: smaller ones are learned faster without.
 const POSITIONS_RADII: f32 = 12.0;
 
-/// A goal radius has at least this many of the smallest differences between numbers.
-const LEAST_TOLD_APART: f32 = 16.0;
+/// A goal radius spans at least this many steps of single precision.
+const LEAST_RESOLVED: f32 = 16.0;
 
 /// Radii along different axes that differ by more than this share are not those of a ball.
 const BALL_TOLERANCE: f64 = 0.05;
@@ -151,15 +151,15 @@ pub fn find(
     Ok(found)
 }
 
-/// Says why single precision cannot tell goals apart, if it cannot.
+/// Says why single precision is too coarse for the goals, if it is.
 fn too_fine(spec: &Spec) -> Option<String> {
     let size = |i: &usize| spec.state_centre[*i].abs() + spec.state_half_range[*i];
     let most = spec.achieved.iter().map(size).fold(0.0, f32::max);
-    let told_apart = most * f32::EPSILON;
-    (spec.goal_radius < LEAST_TOLD_APART * told_apart).then(|| {
+    let resolved = most * f32::EPSILON;
+    (spec.goal_radius < LEAST_RESOLVED * resolved).then(|| {
         format!(
-            "its goals are as large as {most}, where single precision tells apart what differs by \
-             {told_apart}, and the goal radius is {}: subtract an origin in the environment",
+            "its goals reach {most}, where single precision resolves {resolved}, and the goal radius \
+             is {}: subtract an origin in the environment",
             spec.goal_radius
         )
     })
