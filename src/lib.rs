@@ -5,8 +5,8 @@
 //! # The layout
 //!
 //! * [`host`]: what the program needs of the machine: terminal, signals, files, saved runs.
-//! * [`figure`]: curves and maps at the size of print, as SVG, PNG and PDF.
-//! * [`headless`] (one run), [`tui`] (one run, or two side by side) and [`experiment`] (many runs in
+//! * `figure`: curves and maps at the size of print, as SVG, PNG and PDF.
+//! * [`headless`] (one run), [`tui`] (one run, or two side by side) and `experiment` (many runs in
 //!   parallel, whose results are kept: benchmark suites, the paper's figures) are the front ends.
 //! * [`cli`] parses the command line into what they need; [`commands`] has a file for each command.
 //!
