@@ -119,6 +119,8 @@ fn redraw(job: &Job, bar: ProgressBar, end: &Receiver<()>) {
         bar.tick();
     }
     bar.finish_and_clear();
+    // Standard output, which has a queue of its own, does not overtake this.
+    gdg::printing::stderr().flush_briefly();
 }
 
 fn describe(job: &Job, began: Instant) -> String {
