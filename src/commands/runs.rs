@@ -4,13 +4,13 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use miette::{IntoDiagnostic, Report, miette};
+use miette::{IntoDiagnostic, miette};
 
 use super::output::{Failure, OrFail, Outcome, print, print_safely};
 use super::prepare;
 use super::screen::obstacle;
 use crate::cli::{Cli, RunsArgs, TrainArgs};
-use crate::experiment::runs::{Dated, Reader, table};
+use crate::experiment::runs::{Reader, SavedRun, table};
 use crate::host::runs::SAVES;
 use crate::host::waiting::Waiting;
 use crate::tui::{self, ComparisonOptions, Contender, Opened, Opener, RunsScreen};
@@ -30,8 +30,8 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
         std::fs::read_dir(folder).map_err(unreadable).or_bad_input()?;
     }
     if args.json {
-        let lines = read(&args.folders).iter().map(json).collect::<Result<String, Report>>();
-        return print(&lines.or_bad_input()?);
+        let line = |run: &Arc<SavedRun>| escape_json_line(&run.json().to_string()) + "\n";
+        return print(&read(&args.folders).iter().map(line).collect::<String>());
     }
     if obstacle().is_none() {
         return show(args, registry);
@@ -52,7 +52,7 @@ fn is_missing_default(folder: &Path) -> bool {
 }
 
 /// Reads the runs of folders; says on standard error what is left out.
-fn read(folders: &[PathBuf]) -> Vec<Dated> {
+fn read(folders: &[PathBuf]) -> Vec<Arc<SavedRun>> {
     let reading = Waiting::on("reading the runs");
     reading.begin(0, 1);
     let found = Reader::new(folders).read(|[file, files], _| {
@@ -60,16 +60,8 @@ fn read(folders: &[PathBuf]) -> Vec<Dated> {
         ControlFlow::Continue(())
     });
     drop(reading);
-    for (path, problem) in found.problems {
-        eprint_line(&format!("{}: {problem}: left out", path.display()));
-    }
-    found.runs.iter().filter_map(|(run, _)| run.note()).for_each(|note| eprint_line(&note));
-    found.runs
-}
-
-fn json((run, written): &Dated) -> Result<String, Report> {
-    let line = serde_json::to_string(&run.line(*written)).into_diagnostic()?;
-    Ok(escape_json_line(&line) + "\n")
+    found.runs.iter().filter_map(|run| run.note()).for_each(|note| eprint_line(&note));
+    found.runs.into_iter().filter(|run| !run.is_damaged()).collect()
 }
 
 /// Shows the list, and what is opened in it, in turns.

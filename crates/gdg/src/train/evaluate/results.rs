@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::train::score::{DistanceScore, Score, Success};
 
 /// Results of one evaluation.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// Score of the actor alone.
     pub greedy: Score,
