@@ -41,7 +41,7 @@ Examples:
   gdg-tui --no-ui my.map --scen my.scen --max-seconds 120 --save a.safetensors
   gdg-tui --resume                           resume the run that was saved last
   gdg-tui --resume saves/my.safetensors      resume where that run stopped
-  gdg-tui runs                               all runs: resume, compare, plot
+  gdg-tui runs                               all runs: resume, compare
   gdg-tui fetch-reach --method gdg           a 7-joint arm reaches for points
   gdg-tui --no-ui gym:gymnasium_robotics:PointMaze_UMaze-v3    in Python
   gdg-tui compare gdg-bridge gdg             with bridge points and without
