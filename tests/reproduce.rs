@@ -85,12 +85,7 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
     let whole = place.run(&args);
     assert_eq!(whole.status, Some(0), "{}", whole.err);
     let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
-    has_parts(
-        &report,
-        &[
-            "gdg-tui reproduce all --budget quick",
-        ],
-    );
+    has_parts(&report, &["gdg-tui reproduce all --budget quick"]);
     has_parts(
         &report,
         &[
@@ -107,7 +102,10 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
         &["fig3: City: success over training", "success rate over environment steps"],
     );
 
-    has_parts(&report, &["1.00 from (environment steps) |", "| GDG, distance | converges like DDPG | "]);
+    has_parts(
+        &report,
+        &["1.00 from (environment steps) |", "| GDG, distance | converges like DDPG | "],
+    );
 
     let (data, figures) = (place.files("out/data"), place.files("out/figures"));
     for figure in FIGURES {

@@ -208,15 +208,21 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
         ("D error", error, format!(" (at update {at})")),
         (state, walk.steps.to_string(), shortest),
     ];
-    let mut lines: Vec<Line> = Vec::new();
-    for (name, value, aside) in facts {
-        let value = Span::styled(value, if name == "success" { BOLD } else { Style::new() });
+    let fact = |(name, value, aside): &(&str, String, String)| {
+        let value =
+            Span::styled(value.clone(), if *name == "success" { BOLD } else { Style::new() });
         let name = Span::styled(format!(" {name} "), DIM);
-        let fact = Line::from(vec![name, value, Span::styled(aside, DIM)]);
-        let has_room = |line: &&mut Line| line.width() + 1 + fact.width() <= usize::from(width);
-        match lines.last_mut().filter(has_room) {
-            Some(line) => line.spans.extend([Span::raw(" ")].into_iter().chain(fact.spans)),
-            None => lines.push(fact),
+        Line::from(vec![name, value, Span::styled(aside.clone(), DIM)])
+    };
+    // Two a line, so that those of both sides line up.
+    let mut lines: Vec<Line> = Vec::new();
+    for pair in facts.chunks(2) {
+        let [mut first, second] = [&pair[0], &pair[1]].map(fact);
+        if first.width() + 1 + second.width() <= usize::from(width) {
+            first.spans.extend([Span::raw(" ")].into_iter().chain(second.spans));
+            lines.push(first);
+        } else {
+            lines.extend([first, second]);
         }
     }
     lines

@@ -216,7 +216,7 @@ fn begin(
 const INTRODUCTION: &str = "Two methods, A and B, train on the same map with the same seed. \
      Colours show the distance D that each has learned; @ walks to G with what it has learned so \
      far, in both from the same start. Click on either map to set the goal of both. The editor \
-     draws walls and closes doors on both. Nothing is saved but maps.";
+     draws walls and closes doors on both. Only maps are saved.";
 
 /// Returns the text that begins the help, given the sides' titles and what is to be explained.
 pub fn introduction(sides: [(&str, Option<&str>); 2]) -> String {

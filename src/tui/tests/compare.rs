@@ -333,7 +333,7 @@ fn the_editor_draws_by_keyboard_on_both() {
     press(&mut comparison, KeyCode::Esc);
     press(&mut comparison, KeyCode::Char('u'));
     assert!(maps(&mut comparison).iter().all(|map| map.is_free(goal)), "also with a closed editor");
-    type_text(&mut comparison, "ex");
+    type_text(&mut comparison, "e1x");
     press(&mut comparison, KeyCode::Esc);
     press(&mut comparison, KeyCode::Char('q'));
     assert!(!comparison.is_done());
