@@ -42,7 +42,7 @@ fn runs_of_every_kind_are_lines_of_json() {
     command.args(["runs", ".", "--json"]);
     let done = ran(command);
     assert_eq!(done.status, Some(0), "{}", done.err);
-    has_parts(&done.err, &["./damaged.jsonl: ", ": left out"]);
+    has_parts(&done.err, &["./damaged.jsonl:1: not a record", ": left out"]);
     let lines: Vec<Value> =
         done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let found = |file: &str| lines.iter().find(|run| run["file"] == file).unwrap();

@@ -37,7 +37,7 @@ const PROGRAM: [Room; 7] = [
     ("host", 1_450),
     ("figure", 1_100),
     ("headless", 1_100),
-    ("experiment", 6_250),
+    ("experiment", 5_600),
     ("tui", 24_700),
     ("cli", 1_350),
     ("commands", 1_150),

@@ -162,9 +162,11 @@ impl History {
         &self.evaluations
     }
 
-    /// Returns when the evaluation after `updates` was made, if there was one.
-    pub fn moment(&self, updates: u64) -> Option<Moment> {
-        self.moments.iter().rev().find(|made| made.updates == updates).copied()
+    /// Returns when an evaluation was made. There may be several before the first update.
+    pub fn moment(&self, i: usize) -> Option<Moment> {
+        let (updates, _) = self.evaluations.get(i)?;
+        let own = self.moments.get(i).filter(|_| self.moments.len() == self.evaluations.len());
+        own.or_else(|| self.moments.iter().rev().find(|made| made.updates == *updates)).copied()
     }
 
     /// Returns the methods used.
