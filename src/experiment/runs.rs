@@ -293,8 +293,8 @@ pub fn runs(paths: &[PathBuf], progress: &Job) -> Result<(Vec<SavedRun>, Vec<Str
     let all = found.runs.into_iter().map(Arc::unwrap_or_clone);
     let (damaged, mut runs): (Vec<SavedRun>, Vec<SavedRun>) = all.partition(SavedRun::is_damaged);
     // What is named is not left out.
-    for SavedRun { source, problem, .. } in damaged.iter().filter(|run| paths.contains(&run.source))
-    {
+    let named = damaged.iter().find(|run| paths.contains(&run.source));
+    if let Some(SavedRun { source, problem, .. }) = named {
         if !source.is_dir() {
             file(source)?;
         }

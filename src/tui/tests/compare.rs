@@ -345,8 +345,9 @@ fn the_editor_draws_by_keyboard_on_both() {
 fn both_look_back() {
     let mut comparison = staged(80, 24);
     for side in 0..2 {
-        let app = &mut comparison.apps()[side];
-        let snapshot = Snapshot { film: film(app, &[1, 2_500]), ..(*app.screen.snapshot).clone() };
+        let film = film(comparison.apps()[side], &[1, 2_500]);
+        let snapshot = (*comparison.apps()[side].screen.snapshot).clone();
+        let snapshot = Snapshot { film, ..snapshot };
         comparison.follow(side, &Arc::new(snapshot), &View::default());
     }
     for (key, expected) in [('[', Some(2_500)), ('[', Some(1)), (']', Some(2_500)), ('\x1b', None)]
