@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::measure::Measured;
-use super::plan::{Length, Plan};
+use super::plan::{JobData, Length, Plan};
 use crate::host::maps::find_map;
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Grid, MapScale, Reading, fingerprint, print_ascii, with_start};
@@ -151,6 +151,7 @@ impl JobSpec {
             world: self.world.name().to_owned(),
             map: MapFacts::of(&self.world),
             updates: self.plan.length.amount(),
+            data: self.plan.data.clone(),
             seconds: 0.0,
             evaluations: Vec::new(),
             measured: None,
@@ -206,6 +207,9 @@ pub struct JobResult {
     #[serde(flatten)]
     pub map: Option<MapFacts>,
     pub updates: u64,
+    /// What it learned from instead of acting.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub data: Option<JobData>,
     /// Training time, without evaluation.
     pub seconds: f64,
     /// Oldest first.

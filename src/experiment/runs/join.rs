@@ -25,22 +25,21 @@ pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
     kept.map(|(run, _)| run).collect()
 }
 
-/// Joins records that were resumed from others, whatever checkpoints they name.
+/// Joins records that were resumed from others, whatever checkpoints they name. What several were
+/// resumed from is part of each.
 pub fn join_resumed(runs: &[SavedRun]) -> Vec<SavedRun> {
-    let mut joined: Vec<(usize, SavedRun)> = Vec::new();
-    let mut parts: Vec<(usize, &SavedRun)> = runs.iter().enumerate().collect();
-    parts.sort_by_key(|(_, run)| run.place());
-    for (i, run) in parts {
-        let before = joined.iter_mut().find(|(_, part)| run.is_resumed_from(part));
-        if let Some((_, part)) = before.filter(|(_, part)| part.settings == run.settings) {
-            let before = std::mem::replace(part, run.clone());
-            part.continue_from(before);
-        } else {
-            joined.push((i, run.clone()));
+    let mut order: Vec<usize> = (0..runs.len()).collect();
+    order.sort_by_key(|i| runs[*i].place());
+    let (mut joined, mut is_part) = (runs.to_vec(), vec![false; runs.len()]);
+    for (n, i) in order.iter().enumerate() {
+        let before = order[..n].iter().rfind(|before| runs[*i].is_resumed_from(&runs[**before]));
+        if let Some(before) = before {
+            let part = joined[*before].clone();
+            joined[*i].continue_from(part);
+            is_part[*before] = true;
         }
     }
-    joined.sort_by_key(|(i, _)| *i);
-    joined.into_iter().map(|(_, run)| run).collect()
+    joined.into_iter().zip(is_part).filter(|(_, is_part)| !is_part).map(|(run, _)| run).collect()
 }
 
 /// Returns, for each run that is part of another, the index of that one.
@@ -86,7 +85,7 @@ impl SavedRun {
         let fingerprints = self.fingerprint.as_ref().zip(other.fingerprint.as_ref());
         let has_same_map = safe_file_name(&self.map) == safe_file_name(&other.map)
             && fingerprints.is_none_or(|(own, other)| own == other);
-        (&self.method, self.seed) == (&other.method, other.seed)
+        (&self.method, &self.settings, self.seed) == (&other.method, &other.settings, other.seed)
             && (has_same_map || self.is_edited() || other.is_edited())
     }
 
@@ -203,6 +202,7 @@ mod tests {
         let (second, third) = (part("2.jsonl", 2, &[3, 4, 5]), part("3.jsonl", 4, &[5, 6]));
         let other = run(Kind::Checkpoint, "saves/b.safetensors", 0, &[1]);
         let replaced = SavedRun { seed: 4, ..checkpoint(&[1]) };
+        let set = SavedRun { settings: vec!["n_step=1".to_owned()], ..first.clone() };
         let of_job = |kind, end| run(kind, &format!("jobs/a.{end}"), 0, &[4]);
         let job =
             [(Kind::Records, "jsonl"), (Kind::Result, "json"), (Kind::Checkpoint, "safetensors")]
@@ -214,6 +214,11 @@ mod tests {
             (&[&first, &other], &["1.jsonl [] 1.0 2.0", "saves/b.safetensors [] 1.0"]),
             (&[&first, &replaced], &["1.jsonl [] 1.0 2.0", "saves/a.safetensors [] 1.0"]),
             (&job.each_ref(), &["jobs/a.json [jobs/a.jsonl jobs/a.safetensors] 4.0"]),
+            // One with other settings has, and is resumed.
+            (
+                &[&set, &part("2.jsonl", 0, &[2]), &saved, &part("3.jsonl", 2, &[3])],
+                &["1.jsonl [] 1.0 2.0", "3.jsonl [2.jsonl saves/a.safetensors] 1.0 2.0 3.2"],
+            ),
             // A run that began anew has replaced the file.
             (
                 &[&first, &saved, &part("2.jsonl", 0, &[3])],

@@ -8,7 +8,7 @@ use miette::{Report, miette};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::{EDITED, HELP, SavedRun, State, unreadable, with_preset};
+use super::{EDITED, HELP, SavedRun, State, facts, unreadable};
 use crate::experiment::spec::{EvaluationAt, setting_text};
 use gdg::files::{Format, Mismatch, Wanted, open};
 use gdg::text::sanitized;
@@ -64,19 +64,16 @@ impl SavedRun {
         let Start { world, fingerprint, map, gym, data, method, preset, settings, seed, .. } =
             start;
         let named =
-            |facts: &Option<Value>, key| Some(facts.as_ref()?.get(key)?.as_str()?.to_owned());
-        // Seeds are those of one thing only if they learned and were evaluated on the same.
-        let data = data.map(|data| format!("data={:08x}", data.checksum));
-        let scenario = named(&map, "scenario").map(|tasks| format!("scenario={tasks}"));
+            |known: &Option<Value>, key| Some(known.as_ref()?.get(key)?.as_str()?.to_owned());
+        let (data, scenario) = (data.map(|data| data.checksum), named(&map, "scenario"));
         let map = named(&map, "name").or_else(|| named(&gym, "id"));
         let settings = settings.iter().map(|(name, value)| setting_text(name, value));
-        let settings = settings.chain(data).chain(scenario);
         Self {
             source: source.to_owned(),
             map: map.unwrap_or(world),
             fingerprint,
             method,
-            settings: with_preset(&preset, settings),
+            settings: facts(&preset, settings, data, scenario),
             seed,
             begun: start.updates,
             resumed: start.resumed.map(|path| found_from(source, path)),

@@ -6,10 +6,12 @@ use serde::{Deserialize, Serialize};
 
 use super::recovery::LastGood;
 use super::{Result, Trainer};
+use crate::env::Recorded;
 use crate::job::Job;
 use crate::learn::Threads;
 use crate::settings::Setting;
 use crate::store::{Store, StoreError};
+use crate::train::dataset::DataSource;
 use crate::train::error::TrainError;
 use crate::train::film::Film;
 use crate::train::graphs::Graphs;
@@ -41,6 +43,12 @@ pub struct About {
     pub title: String,
     /// What tells its world apart from others of its title.
     pub fingerprint: Option<String>,
+    /// What it learns from besides acting, or instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub data: Option<DataSource>,
+    /// What tells the tasks of its evaluations apart, if they were given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenario: Option<String>,
     /// Method, preset, seed and settings.
     pub run: Run,
     /// Updates done by a learner.
@@ -76,6 +84,8 @@ impl Trainer {
             world: self.world().kind().to_owned(),
             title: self.world().title().to_owned(),
             fingerprint: self.world().fingerprint(),
+            data: self.data().cloned(),
+            scenario: self.world().abilities().recorded.and_then(Recorded::scenario),
             run: self.run.clone(),
             updates: self.learned_updates(),
             success: self.history.success(),
