@@ -9,6 +9,7 @@ mod runs;
 mod screen;
 mod train;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::CommandFactory;
@@ -17,6 +18,8 @@ use miette::Report;
 use crate::cli::{Cli, Command, ReproduceArgs, SuiteArgs, completions};
 use crate::experiment::{figures, plot, suite};
 use crate::host::logging::{self, LogLevel};
+use crate::host::maps::known_name;
+use gdg::env::GymOptions;
 use gdg::train::{Registry, reference_page};
 pub use output::{Failure, Outcome};
 use output::{OrFail, print, print_safely};
@@ -47,7 +50,14 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
 /// Trains on every map, and reports.
 fn suite(args: SuiteArgs, registry: &Arc<Registry>) -> Outcome {
     logging::start(LogLevel::Info);
-    suite::prepare(&args.into(), registry).or_bad_input()?.run().or_failure()
+    let is_world = |name: &&PathBuf| registry.world_without_file(known_name(name)).is_some();
+    let others = args.maps.iter().filter(is_world);
+    if let Some(option) = others.flat_map(|name| args.reading.only_for_maps(name)).next() {
+        return Err(prepare::not_a_maze(option)).or_bad_input();
+    }
+    let gym = GymOptions { goal_radius: args.reading.goal_radius, ..GymOptions::default() };
+    let registry = registry.clone().with_gym(gym);
+    suite::prepare(&args.into(), &registry).or_bad_input()?.run().or_failure()
 }
 
 /// Trains what the figures need, and draws them.

@@ -225,6 +225,9 @@ fn sweeps_ablations_and_other_worlds_are_lists_of_jobs() {
     for variant in ["gdg-bridge default", "gdg-bridge no distillation", "sorb method sorb"] {
         assert!(components.iter().any(|line| line.contains(variant)), "{variant}: {components:?}");
     }
+    let refused = place.run(&["fetch-reach", "--goal-radius", "2", "--list"]);
+    assert_eq!(refused.status, Some(2));
+    has_parts(&refused.err, &["--goal-radius applies only to maps"]);
     let mut command = program_in(place.0.path());
     command.args(["suite", "fetch-reach", "trap", "--method", "gdg", "--sweep", "tau=0.01,0.02"]);
     command.args(["--budget", "300", "--eval-tasks", "1", "--out", "out"]).args(SMALL);

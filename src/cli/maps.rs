@@ -1,6 +1,6 @@
 //! Options of `gdg-tui maps`, and how maps are read.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
@@ -10,9 +10,6 @@ use gdg::map::{FORMATS, MapFormat, MapScale, RANDOM_SIZES, RandomMapKind, Readin
 
 /// The option for maps that are images.
 pub const THRESHOLD: &str = "--threshold";
-
-/// The option that is not only for maps.
-pub const GOAL_RADIUS: &str = "--goal-radius";
 
 /// How the file of a map is read.
 #[derive(Clone, Debug, Args)]
@@ -38,12 +35,14 @@ pub struct MapArgs {
 }
 
 impl MapArgs {
-    /// Returns the options that were given.
-    pub fn given(&self) -> Vec<&'static str> {
+    /// Returns the options given that are only for maps: the goal radius of an environment in
+    /// Python is not a map's.
+    pub fn only_for_maps(&self, world: &Path) -> Vec<&'static str> {
+        let is_python = world.to_str().is_some_and(|name| name.starts_with("gym:"));
         let all = [
             (self.cell.is_some(), "--cell"),
             (self.margin.is_some(), "--margin"),
-            (self.goal_radius.is_some(), GOAL_RADIUS),
+            (self.goal_radius.is_some() && !is_python, "--goal-radius"),
             (self.threshold.is_some(), THRESHOLD),
         ];
         all.into_iter().filter(|(given, _)| *given).map(|(_, option)| option).collect()

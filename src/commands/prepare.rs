@@ -300,7 +300,7 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     Ok(edits)
 }
 
-fn not_a_maze(option: &str) -> Report {
+pub fn not_a_maze(option: &str) -> Report {
     miette!(help = "give a map", "{option} applies only to maps")
 }
 

@@ -82,7 +82,7 @@ pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<Row>, Vec<Report>) {
             rows[at].results.push(result);
         }
     }
-    let maps = rows.iter().map(|row| (&*row.about.world, row.about.fingerprint()));
+    let maps = rows.iter().map(|row| (&*row.about.world, row.about.fingerprint.as_deref()));
     let names = told_apart(&maps.collect::<Vec<_>>());
     rows.iter_mut().zip(names).for_each(|(row, name)| row.map = name);
     (rows, problems)
@@ -95,7 +95,7 @@ impl Row {
             let (method, preset) = (of.method.clone(), of.preset);
             (of.world.clone(), method, of.variant.clone(), preset, of.settings.clone(), of.updates)
         };
-        let fingerprints = self.about.fingerprint().zip(result.fingerprint());
+        let fingerprints = self.about.fingerprint.as_ref().zip(result.fingerprint.as_ref());
         fingerprints.is_none_or(|(own, other)| own == other) && facts(&self.about) == facts(result)
     }
 
@@ -216,7 +216,7 @@ pub fn report(rows: &[Row], folder: &Folder, caption: Option<&str>) -> String {
             out += &format!("\n## {}\n", markdown(&row.map));
         }
         last = Some(&row.map);
-        let size = row.about.fingerprint().and_then(|facts| facts.split(", ").next());
+        let size = row.about.fingerprint.as_ref().and_then(|facts| facts.split(", ").next());
         let size = size.map_or(String::new(), |size| format!("{size}, "));
         let cells = row.about.map.as_ref().map(|map| format!("{} free cells, ", map.free_cells));
         let (cells, updates) = (cells.unwrap_or_default(), row.about.updates);

@@ -115,7 +115,7 @@ impl SavedRun {
             source,
             kind: Kind::Result,
             end: Some(State::Done),
-            fingerprint: result.fingerprint().map(str::to_owned),
+            fingerprint: result.fingerprint,
             map: result.world,
             method: result.method.name(),
             variant: result.variant,

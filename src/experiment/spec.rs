@@ -31,8 +31,13 @@ pub enum JobWorld {
         /// Whether that start was drawn, as the map itself has none.
         start_drawn: bool,
     },
-    /// A world that needs no file, by the name that opens it.
-    Named(String),
+    /// A world that needs no file.
+    Named {
+        /// The name that opens it.
+        name: String,
+        /// What tells it apart from others of its name, as other versions of its package.
+        fingerprint: Option<String>,
+    },
 }
 
 impl JobWorld {
@@ -42,35 +47,43 @@ impl JobWorld {
         Self::Maze { start_drawn, map: Arc::new(with_start(map.clone(), seed)) }
     }
 
-    /// Returns the world that `name` opens, if it opens one without a map.
-    pub fn named(name: &str, registry: &Registry) -> Option<Self> {
-        let kind = registry.world_opened_by(name)?;
-        (kind.create.is_some() || kind.open.is_some()).then(|| Self::Named(name.to_owned()))
+    /// Opens the world called `name`, if it needs no map.
+    pub fn named(name: &str, registry: &Registry) -> Result<Option<Self>, Report> {
+        let world = registry.open(name).transpose().into_diagnostic()?;
+        let named = |fingerprint| Self::Named { name: name.to_owned(), fingerprint };
+        Ok(world.map(|world| named(world.fingerprint())))
     }
 
     pub fn find(name: &str, seed: u64, registry: &Registry) -> Result<Self, Report> {
         let map = || find_map(Path::new(name), &Reading::default(), registry);
-        Self::named(name, registry).map_or_else(|| Ok(Self::maze(&map()?, seed)), Ok)
+        Self::named(name, registry)?.map_or_else(|| Ok(Self::maze(&map()?, seed)), Ok)
     }
 
     pub fn name(&self) -> &str {
         match self {
             Self::Maze { map, .. } => map.name(),
-            Self::Named(name) => name,
+            Self::Named { name, .. } => name,
         }
     }
 
     pub fn map(&self) -> Option<&Arc<Grid>> {
         match self {
             Self::Maze { map, .. } => Some(map),
-            Self::Named(_) => None,
+            Self::Named { .. } => None,
+        }
+    }
+
+    fn fingerprint(&self) -> Option<String> {
+        match self {
+            Self::Maze { map, .. } => Some(fingerprint(map)),
+            Self::Named { fingerprint, .. } => fingerprint.clone(),
         }
     }
 
     pub fn create(&self, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
         match self {
             Self::Maze { map, .. } => Ok(Box::new(PointMaze::new(map.clone(), 0))),
-            Self::Named(name) => match registry.open(name) {
+            Self::Named { name, .. } => match registry.open(name) {
                 Some(opened) => opened.into_diagnostic(),
                 None => Err(miette!("{name}: this build has no such world")),
             },
@@ -81,7 +94,7 @@ impl JobWorld {
         match self {
             Self::Maze { map, .. } => PointMaze::downcast_ref(world)
                 .is_some_and(|maze| content(maze.map()) == content(map)),
-            Self::Named(name) => match name.split_once(':') {
+            Self::Named { name, .. } => match name.split_once(':') {
                 Some((kind, argument)) => world.kind() == kind && argument.ends_with(world.title()),
                 None => world.kind() == name,
             },
@@ -115,7 +128,8 @@ impl JobSpec {
     /// Creates the job of `run` in `world`; `label` becomes part of its name.
     pub fn new(world: JobWorld, label: &str, run: Run, plan: Plan) -> Result<Self, Report> {
         let version = (env!("CARGO_PKG_VERSION"), RESULTS_VERSION);
-        let content = world.map().map_or(String::new(), |map| content(map));
+        let named = || world.fingerprint().unwrap_or_default();
+        let content = world.map().map_or_else(named, |map| content(map));
         let determines = (version, world.name(), content, &run, &plan);
         let mut determines = serde_json::to_value(determines).into_diagnostic()?;
         // The order in which settings are listed means nothing.
@@ -150,6 +164,7 @@ impl JobSpec {
             seed: self.run.seed,
             world: self.world.name().to_owned(),
             map: MapFacts::of(&self.world),
+            fingerprint: self.world.fingerprint(),
             updates: self.plan.length.amount(),
             data: self.plan.data.clone(),
             seconds: 0.0,
@@ -206,6 +221,9 @@ pub struct JobResult {
     pub world: String,
     #[serde(flatten)]
     pub map: Option<MapFacts>,
+    /// What tells the map or world apart from others of its name; the first part is a map's size.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fingerprint: Option<String>,
     pub updates: u64,
     /// What it learned from instead of acting.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -226,9 +244,6 @@ pub struct MapFacts {
     pub starts: Vec<[usize; 2]>,
     /// Whether the start was drawn, as the map itself has none.
     pub start_drawn: bool,
-    /// What tells the map apart from others of its name; the first part is its size.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fingerprint: Option<String>,
 }
 
 impl MapFacts {
@@ -238,7 +253,6 @@ impl MapFacts {
             free_cells: map.free_count(),
             starts: map.starts().iter().map(|start| [start.x, start.y]).collect(),
             start_drawn: *start_drawn,
-            fingerprint: Some(fingerprint(map)),
         })
     }
 }
@@ -258,11 +272,6 @@ pub struct EvaluationAt {
 }
 
 impl JobResult {
-    /// Returns what tells its map apart from others of its name, if that is known.
-    pub fn fingerprint(&self) -> Option<&str> {
-        self.map.as_ref()?.fingerprint.as_deref()
-    }
-
     pub fn last(&self) -> Option<&Evaluation> {
         self.evaluations.last().map(|at| &at.evaluation)
     }
@@ -337,6 +346,15 @@ mod tests {
             job("...\n", run(2), plan),
         ]);
         others.for_each(|other| assert_ne!(other.key, one.key));
+        let named = |fingerprint: &str| {
+            let (name, fingerprint) = ("gym:mine:A-v0".to_owned(), Some(fingerprint.to_owned()));
+            let world = JobWorld::Named { name, fingerprint };
+            JobSpec::new(world, "gdg", run(1), Plan::suite(100, 2)).expect("a job")
+        };
+        assert_ne!(named("mine 1").key, named("mine 2").key);
+        let written = serde_json::to_string(&named("mine 1").open_result()).expect("JSON");
+        let result: JobResult = serde_json::from_str(&written).expect("a result");
+        assert_eq!((result.map, result.fingerprint.as_deref()), (None, Some("mine 1")));
     }
 
     #[test]

@@ -13,7 +13,7 @@ use super::runs::SavedRun;
 use super::spec::{JobSpec, JobWorld};
 use super::variants::{Variation, variants};
 use crate::figure::Format;
-use crate::host::maps::{find_map, warn, warnings};
+use crate::host::maps::{find_map, known_name, warn, warnings};
 use crate::host::report::from_map_error;
 use crate::host::setup::{self, RunChoice};
 use crate::host::waiting::Waiting;
@@ -87,7 +87,7 @@ pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<
 /// What is trained on, before seeds draw starts.
 enum World {
     Map(Grid),
-    Named(String),
+    Named(JobWorld),
 }
 
 impl World {
@@ -99,13 +99,13 @@ impl World {
 
     /// Returns the name that determines which settings differ from the preset's.
     fn opened_by(&self) -> &Path {
-        Path::new(if let Self::Named(name) = self { &**name } else { maze::KIND.name })
+        Path::new(if let Self::Named(world) = self { world.name() } else { maze::KIND.name })
     }
 
     fn with_start(&self, seed: u64) -> JobWorld {
         match self {
             Self::Map(map) => JobWorld::maze(map, seed),
-            Self::Named(name) => JobWorld::Named(name.clone()),
+            Self::Named(world) => world.clone(),
         }
     }
 }
@@ -113,8 +113,11 @@ impl World {
 /// Returns the world, the built-in map or the map file called `name`, or all `.map` files of that
 /// folder, sorted by name; all `.txt` files if it has none. Hidden files are left out.
 fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<World>, Report> {
-    if let Some(JobWorld::Named(name)) = name.to_str().and_then(|n| JobWorld::named(n, registry)) {
-        return Ok(vec![World::Named(name)]);
+    let opening = Waiting::on("opening the world");
+    let named = JobWorld::named(known_name(name), registry)?;
+    drop(opening);
+    if let Some(world) = named {
+        return Ok(vec![World::Named(world)]);
     }
     if !name.is_dir() || name.to_str().is_some_and(|name| builtin(name).is_some()) {
         let map = find_map(name, reading, registry)?;
