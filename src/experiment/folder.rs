@@ -99,8 +99,7 @@ impl Folder {
             ));
         }
         names.iter().map(|name| self.0.join(name)).try_for_each(|path| {
-            let checked = files::check_replaceable(&path);
-            checked.and_then(|()| files::check_writable(&path)).map_err(|error| {
+            files::check_writable(&path).map_err(|error| {
                 let (help, path) = ("give --out a writable folder", path.display());
                 miette!(help = help, "{path}: results cannot be saved here: {error}")
             })
@@ -123,7 +122,7 @@ impl Folder {
 
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Report> {
         let path = self.path(name);
-        let written = files::write_unlinked(&path, bytes).into_diagnostic();
+        let written = files::write_atomically(&path, bytes).into_diagnostic();
         written.wrap_err_with(|| path.display().to_string())
     }
 
@@ -194,7 +193,7 @@ impl Folder {
     /// Checks that the job's result, checkpoint and picture can be written.
     pub fn check_result_writable(&self, job: &JobSpec) -> Result<(), Report> {
         let check = |path: PathBuf, what: &str| {
-            files::check_replaceable(&path).map_err(|error| {
+            files::check_name(&path).map_err(|error| {
                 let path = path.display();
                 miette!(help = MOVE_AWAY, "{path}: the {what} cannot be saved: {error}")
             })

@@ -89,6 +89,7 @@
 //! or without evaluations, resumed or not. Each purpose has its own random stream; a batch is split
 //! into parts that do not depend on the number of threads and are summed in order.
 #![warn(missing_docs)]
+#![allow(clippy::missing_errors_doc, reason = "errors say what is wrong")]
 
 pub mod bridge;
 pub mod draw;
