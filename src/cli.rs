@@ -1,34 +1,23 @@
 //! The command line.
 
-mod compare;
 mod completions;
 mod experiments;
-mod export;
-mod gym;
 mod maps;
-mod method;
-mod runs;
 mod screen;
-mod tour;
 mod train;
 mod values;
 
 use std::path::PathBuf;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::experiment::plot;
 
-pub use compare::CompareArgs;
 pub use completions::completions;
 pub use experiments::{ReproduceArgs, SuiteArgs};
-pub use export::{ExportArgs, ExportPolicyArgs};
 pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand, THRESHOLD};
-pub use method::RunArgs;
-pub use runs::RunsArgs;
-pub use screen::ScreenArgs;
-pub use tour::TourArgs;
+pub use screen::{CompareArgs, RunsArgs, ScreenArgs, TourArgs};
 pub use train::TrainArgs;
 pub use values::EditAt;
 
@@ -57,19 +46,14 @@ or by the interface; the same signal again exits without saving).";
 #[derive(Debug, Parser)]
 #[command(version, about, after_help = EXAMPLES, args_conflicts_with_subcommands = true, allow_negative_numbers = true)]
 pub struct Cli {
-    /// Subcommand; trains if there is none.
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// Options of a training run.
     #[command(flatten)]
     pub train: TrainArgs,
 }
 
 impl Cli {
-    /// Parses the arguments of the process.
-    ///
-    /// # Errors
-    /// The error, or the requested help, to be printed.
+    /// Parses the arguments of the process; help that is asked for is an error, too.
     pub fn from_arguments() -> Result<Self, clap::Error> {
         // Of all commands: `--margin -1` is a wrong number, not an unknown option.
         let command = Self::command().mut_subcommands(|each| each.allow_negative_numbers(true));
@@ -132,8 +116,30 @@ pub enum Command {
         /// Exit with status 3 if a marked goal cannot be reached, or a start is cut off, and say where
         #[arg(long)]
         strict: bool,
-        /// How the map is read.
         #[command(flatten)]
         reading: MapArgs,
     },
+}
+
+/// What is exported, and where to.
+#[derive(Debug, Args)]
+pub struct ExportArgs {
+    /// Checkpoint to read
+    pub checkpoint: PathBuf,
+    /// Output file [default: CHECKPOINT with another extension]
+    #[arg(long, value_name = "FILE", value_parser = values::output())]
+    pub out: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct ExportPolicyArgs {
+    #[command(flatten)]
+    pub export: ExportArgs,
+    /// Also write what plans need: critics, dynamics model, bridge candidates and edges. The Python
+    /// module gdg_tui then follows bridges as this program does
+    #[arg(long)]
+    pub plans: bool,
 }

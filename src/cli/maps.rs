@@ -63,7 +63,6 @@ impl From<&MapArgs> for Reading {
     }
 }
 
-/// Options of `gdg-tui maps`.
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true, after_help = formats_help())]
 pub struct MapsArgs {
@@ -92,7 +91,6 @@ pub enum MapsCommand {
     Convert(ConvertArgs),
 }
 
-/// Options of `gdg-tui maps convert`.
 #[derive(Debug, Args)]
 #[command(after_help = formats_help(), allow_negative_numbers = true)]
 pub struct ConvertArgs {
@@ -116,7 +114,6 @@ pub struct ConvertArgs {
     #[arg(long)]
     pub overwrite: bool,
 
-    /// How the map is read.
     #[command(flatten)]
     pub map: MapArgs,
 }

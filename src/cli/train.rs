@@ -1,19 +1,23 @@
 //! Options of a training run.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::Args;
 
-use super::gym::GymArgs;
+use super::MapArgs;
 use super::maps::GOAL_RADIUS;
 use super::screen::InterfaceArgs;
 use super::values::{
-    EditAt, counts, edits, output, parse_minutes, parse_seconds, parse_share, parse_threads,
+    EditAt, MethodParser, counts, edits, methods_help, output, parse_minutes, parse_seconds,
+    parse_share, parse_threads, parse_timeout, preset_parser,
 };
-use super::{MapArgs, RunArgs};
 use crate::headless;
 use crate::host::logging::LogLevel;
+use crate::host::setup::RunChoice;
+use gdg::env::GymOptions;
 use gdg::learn::Threads;
+use gdg::train::{METHODS, Method, Preset};
 
 /// The map to train on unless another is given.
 const DEFAULT_MAP: &str = "fourrooms";
@@ -30,7 +34,6 @@ pub struct TrainArgs {
     #[arg(long, conflicts_with_all = ["ui_config", "marker"])]
     pub no_ui: bool,
 
-    /// Method and settings.
     #[command(flatten)]
     pub run: RunArgs,
 
@@ -111,7 +114,6 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE|MAP", num_args = 0..=1, conflicts_with_all = ["method", "preset", "seed", "config", "set"])]
     pub resume: Option<Option<PathBuf>>,
 
-    /// Options of the interface.
     #[command(flatten)]
     pub interface: InterfaceArgs,
 
@@ -125,11 +127,9 @@ pub struct TrainArgs {
     pub require_success: Option<f64>,
 
     // Last, since their headings hold for all that follows.
-    /// How the map is read.
     #[command(flatten)]
     pub reading: MapArgs,
 
-    /// Options of environments in Python.
     #[command(flatten)]
     pub gym: GymArgs,
 }
@@ -158,6 +158,89 @@ impl TrainArgs {
             table: self.csv.clone(),
             overwrite: self.overwrite,
             require_success: self.require_success,
+        }
+    }
+}
+
+/// Method and settings of a run.
+#[derive(Clone, Debug, Args)]
+pub struct RunArgs {
+    /// Learner and planner: one of these methods, or LEARNER+PLANNER
+    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
+    pub method: Method,
+
+    #[command(flatten)]
+    pub base: BaseArgs,
+
+    /// Change one setting (repeatable)
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// What the settings of a run are based on.
+#[derive(Clone, Debug, Args)]
+pub struct BaseArgs {
+    /// Preset to start from [default: tuned for ddpg, her and ddpg-distance, otherwise default]
+    #[arg(long, value_parser = preset_parser())]
+    pub preset: Option<Preset>,
+
+    /// Settings file: a JSON object as printed by --print-config
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+}
+
+impl RunArgs {
+    pub fn choice(&self) -> RunChoice {
+        let Self { method, base: BaseArgs { preset, config }, set } = self.clone();
+        RunChoice { method, preset, config, set }
+    }
+}
+
+/// Options of environments in Python.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Gymnasium environments")]
+pub struct GymArgs {
+    /// Python interpreter of gym:ID [default: that of the active virtual environment, else python3]
+    #[arg(long, value_name = "PATH")]
+    pub python: Option<PathBuf>,
+
+    /// Components of the observation that form the goal, from 0, where there is no achieved_goal
+    /// (OGBench) [default: 0,1]
+    #[arg(long, value_name = "I,J,...", value_delimiter = ',', conflicts_with = "resume")]
+    pub goal: Option<Vec<u16>>,
+
+    /// Python processes that the agents' environments are spread over [default: 1]
+    #[arg(long, value_name = "K", value_parser = counts::<u16>(1..=256))]
+    pub workers: Option<u16>,
+
+    /// Longest time in seconds that an environment may take to open, to begin an episode or to step
+    /// [default: 60]
+    #[arg(long, value_name = "S", value_parser = parse_timeout)]
+    pub env_timeout: Option<f64>,
+}
+
+impl GymArgs {
+    /// Returns the options that were given.
+    pub fn given(&self) -> Vec<&'static str> {
+        let all = [
+            (self.python.is_some(), "--python"),
+            (self.goal.is_some(), "--goal"),
+            (self.workers.is_some(), "--workers"),
+            (self.env_timeout.is_some(), "--env-timeout"),
+        ];
+        all.into_iter().filter(|(given, _)| *given).map(|(_, option)| option).collect()
+    }
+
+    /// Returns the options of environments whose goals are reached within `goal_radius`.
+    pub fn options(&self, goal_radius: Option<f32>) -> GymOptions {
+        let default = GymOptions::default();
+        GymOptions {
+            python: self.python.clone(),
+            goal: self.goal.as_ref().map(|goal| goal.iter().map(|i| usize::from(*i)).collect()),
+            goal_radius,
+            workers: self.workers.map_or(default.workers, usize::from),
+            timeout: self.env_timeout.map_or(default.timeout, Duration::from_secs_f64),
+            ..default
         }
     }
 }

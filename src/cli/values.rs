@@ -4,11 +4,15 @@ use std::ffi::OsStr;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
-use clap::builder::{OsStringValueParser, TypedValueParser};
+use clap::Arg;
+use clap::builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue};
 use clap_lex::OsStrExt as _;
 
-use gdg::learn::Threads;
-use gdg::text::{NumberError, parse_count, parse_real};
+use gdg::bridge::Planner;
+use gdg::learn::{LEARNERS, Threads};
+use gdg::text::{NumberError, nearest, parse_count, parse_real};
+use gdg::train::{METHODS, Method, Preset};
 
 /// Returns the parser of a count within `range`, as people write them: 60000, 60_000, 60,000, 6e4.
 pub fn counts<T: TryFrom<u64> + Clone + Send + Sync + 'static>(
@@ -110,4 +114,64 @@ fn number(text: &str, range: RangeInclusive<f64>, expected: &str) -> Result<f64,
         Ok(_) | Err(NumberError::NoNumber) => Err(format!("expected {expected}")),
         Err(error) => Err(error.to_string()),
     }
+}
+
+/// Parses a method and lists the named ones.
+#[derive(Clone)]
+pub struct MethodParser;
+
+impl TypedValueParser for MethodParser {
+    type Value = Method;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&Arg>,
+        value: &OsStr,
+    ) -> Result<Method, clap::Error> {
+        if let Some(method) = value.to_str().and_then(|text| text.parse().ok()) {
+            return Ok(method);
+        }
+        // Gives an error that suggests the nearest name.
+        let named = PossibleValuesParser::new(METHODS.map(|named| named.name))
+            .parse_ref(command, arg, value);
+        let name = named.map_err(|mut error| {
+            let list = |names: Vec<&str>| names.join(", ");
+            let tip = format!(
+                "any other method is LEARNER+PLANNER; learners: {}; planners: {}",
+                list(LEARNERS.iter().map(|kind| kind.name).collect()),
+                list(Planner::ALL.iter().map(|planner| planner.name()).collect())
+            );
+            if let Some(known) =
+                value.to_str().and_then(|typed| nearest(typed, METHODS.map(|named| named.name)))
+            {
+                error.insert(ContextKind::SuggestedValue, ContextValue::String(known.to_owned()));
+            }
+            error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+            error
+        })?;
+        Ok(name.parse().unwrap_or_default())
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(METHODS.iter().map(|named| PossibleValue::new(named.name).help(named.about))))
+    }
+}
+
+/// Returns the long help of `--method`, which lists learners and planners.
+pub fn methods_help() -> String {
+    let list = |entries: Vec<(&str, &str)>| {
+        entries.iter().map(|(name, about)| format!("  {name:<13} {about}\n")).collect::<String>()
+    };
+    format!(
+        "Learner and planner: one of these methods, or LEARNER+PLANNER\n\nLearners:\n{}\nPlanners:\n{}",
+        list(LEARNERS.iter().map(|kind| (kind.name, kind.about)).collect()),
+        list(Planner::ALL.iter().map(|planner| (planner.name(), planner.about())).collect())
+    )
+}
+
+/// Returns the parser of presets.
+pub fn preset_parser() -> impl TypedValueParser<Value = Preset> {
+    let values = Preset::ALL.map(|preset| PossibleValue::new(preset.name()).help(preset.about()));
+    PossibleValuesParser::new(values).map(|name| Preset::named(&name).unwrap_or(Preset::Default))
 }
