@@ -1,6 +1,5 @@
 //! The command line.
 
-mod completions;
 mod experiments;
 mod maps;
 mod screen;
@@ -10,16 +9,21 @@ mod values;
 use std::path::PathBuf;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Arg, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::Shell;
 
 use crate::experiment::plot;
+use gdg::map::BUILTIN;
+use gdg::train::Registry;
 
-pub use completions::completions;
 pub use experiments::{ReproduceArgs, SuiteArgs};
 pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand, THRESHOLD};
 pub use screen::{CompareArgs, RunsArgs, ScreenArgs, TourArgs};
 pub use train::TrainArgs;
 pub use values::EditAt;
+
+/// The program's name on the command line.
+const PROGRAM: &str = "gdg-tui";
 
 const EXAMPLES: &str = "\
 Examples:
@@ -102,7 +106,7 @@ pub enum Command {
     Completions {
         /// The shell
         #[arg(value_enum)]
-        shell: clap_complete::Shell,
+        shell: Shell,
     },
     /// Print the manual page
     Man,
@@ -142,4 +146,47 @@ pub struct ExportPolicyArgs {
     /// module gdg_tui then follows bridges as this program does
     #[arg(long)]
     pub plans: bool,
+}
+
+/// Returns the script that completes the command line in `shell`.
+pub fn completions(shell: Shell) -> String {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut completed(), PROGRAM, &mut script);
+    let script = String::from_utf8_lossy(&script);
+    match shell {
+        // clap_complete names the function of a program with a hyphen in one way, and refers to its
+        // commands in another.
+        Shell::Bash => {
+            script.replace(&PROGRAM.replace('-', "__subcmd__"), &PROGRAM.replace('-', "__"))
+        }
+        // The first word may also be a file.
+        Shell::Zsh => {
+            let commands = format!("_describe -t commands '{PROGRAM} commands' commands \"$@\"\n");
+            script.replace(&commands, &format!("{commands}    _files\n"))
+        }
+        _ => script.into_owned(),
+    }
+}
+
+/// Returns the command line for completion. Maps and worlds become commands with the options of
+/// training, as scripts accept either a command or a value as the first word, not both.
+fn completed() -> clap::Command {
+    let cli = Cli::command();
+    let options: Vec<Arg> =
+        cli.get_arguments().filter(|arg| !arg.is_positional()).cloned().collect();
+    let registry = Registry::builtin();
+    let worlds = registry
+        .worlds()
+        .iter()
+        .filter(|kind| kind.create.is_some())
+        .map(|kind| (kind.name, "world"));
+    let maps = BUILTIN.iter().map(|(name, _)| (*name, "built-in map"));
+    let trained = maps
+        .chain(worlds)
+        .map(|(name, about)| clap::Command::new(name).about(about).args(&options));
+    clap::Command::new(PROGRAM)
+        .args(&options)
+        .subcommands(cli.get_subcommands().cloned())
+        .subcommands(trained)
+        .disable_help_subcommand(true)
 }

@@ -7,7 +7,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 
 use super::MapArgs;
 use super::train::BaseArgs;
-use super::values::{MethodParser, counts, methods_help, output, parse_share};
+use super::values::{MethodParser, counts, methods_help, output, shares};
 use crate::experiment::figures::{self, Budget, DataFolder, FIGURES};
 use crate::experiment::jobs::JobOptions;
 use crate::experiment::suite;
@@ -73,7 +73,7 @@ pub struct RunningArgs {
     pub no_keep: bool,
 
     /// Exit with status 3 unless every run's final success rate is at least X
-    #[arg(long, value_name = "X", value_parser = parse_share)]
+    #[arg(long, value_name = "X", value_parser = shares())]
     pub require_success: Option<f64>,
 }
 

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PossibleValue, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
 use clap::{Arg, Args};
+use log::LevelFilter;
 
 use super::MapArgs;
-use super::values::{MethodParser, counts, parse_threads};
-use crate::host::logging::LogLevel;
+use super::values::{MethodParser, counts, log_levels, parse_threads};
 use crate::host::runs::SAVES;
 use crate::tui::{ComparisonOptions, Contender, InterfaceOptions, Marker};
 use gdg::files::has_extension;
@@ -37,8 +37,8 @@ pub struct ScreenArgs {
     pub interface: InterfaceArgs,
 
     /// Minimum severity written to the log file; the help screen (?) shows its path
-    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
-    pub log_level: LogLevel,
+    #[arg(long, value_name = "LEVEL", default_value = "info", value_parser = log_levels())]
+    pub log_level: LevelFilter,
 }
 
 impl InterfaceArgs {

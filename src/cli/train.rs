@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use log::LevelFilter;
 
 use super::MapArgs;
 use super::maps::GOAL_RADIUS;
 use super::screen::InterfaceArgs;
 use super::values::{
-    EditAt, MethodParser, counts, edits, methods_help, output, parse_minutes, parse_seconds,
-    parse_share, parse_threads, parse_timeout, preset_parser,
+    EditAt, MethodParser, counts, edits, log_levels, methods_help, output, parse_threads,
+    preset_parser, reals, shares,
 };
 use crate::headless;
-use crate::host::logging::LogLevel;
 use crate::host::setup::RunChoice;
 use gdg::env::GymOptions;
 use gdg::learn::Threads;
@@ -52,7 +52,7 @@ pub struct TrainArgs {
 
     /// Stop after S seconds of training, not counting evaluation; counted from where a resumed run
     /// goes on
-    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    #[arg(long, value_name = "S", value_parser = reals(0.0..=1e9, "a number of seconds from 0 to 1e9"))]
     pub max_seconds: Option<f64>,
 
     /// Stop after N episodes, counted from the start of training
@@ -93,7 +93,7 @@ pub struct TrainArgs {
 
     /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface:
     /// see autosave_minutes]
-    #[arg(long, value_name = "MINUTES", value_parser = parse_minutes, requires = "no_ui")]
+    #[arg(long, value_name = "MINUTES", value_parser = reals(0.0..=1e6, "a number of minutes, 0 for none"), requires = "no_ui")]
     pub save_every: Option<f64>,
 
     /// Replace existing files: tables and, with --save, checkpoints of other runs
@@ -106,8 +106,8 @@ pub struct TrainArgs {
     pub csv: Option<PathBuf>,
 
     /// Minimum severity written to the log file; the help screen (?) shows its path
-    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
-    pub log_level: LogLevel,
+    #[arg(long, value_name = "LEVEL", default_value = "info", value_parser = log_levels())]
+    pub log_level: LevelFilter,
 
     /// Resume from a checkpoint, which contains its map and settings: from FILE; else from the
     /// newest in saves/, of the map if one is named, before or after (city --resume, --resume city)
@@ -123,7 +123,7 @@ pub struct TrainArgs {
     pub print_config_template: bool,
 
     /// Exit with status 3 unless the final evaluation's success rate is at least X
-    #[arg(long, value_name = "X", value_parser = parse_share)]
+    #[arg(long, value_name = "X", value_parser = shares())]
     pub require_success: Option<f64>,
 
     // Last, since their headings hold for all that follows.
@@ -215,7 +215,7 @@ pub struct GymArgs {
 
     /// Longest time in seconds that an environment may take to open, to begin an episode or to step
     /// [default: 60]
-    #[arg(long, value_name = "S", value_parser = parse_timeout)]
+    #[arg(long, value_name = "S", value_parser = reals(0.1..=1e6, "a number of seconds from 0.1 to 1e6"))]
     pub env_timeout: Option<f64>,
 }
 
@@ -232,12 +232,12 @@ impl GymArgs {
     }
 
     /// Returns the options of environments whose goals are reached within `goal_radius`.
-    pub fn options(&self, goal_radius: Option<f32>) -> GymOptions {
+    pub fn options(&self, goal_radius: Option<f64>) -> GymOptions {
         let default = GymOptions::default();
         GymOptions {
             python: self.python.clone(),
             goal: self.goal.as_ref().map(|goal| goal.iter().map(|i| usize::from(*i)).collect()),
-            goal_radius,
+            goal_radius: goal_radius.map(|radius| radius as f32),
             workers: self.workers.map_or(default.workers, usize::from),
             timeout: self.env_timeout.map_or(default.timeout, Duration::from_secs_f64),
             ..default

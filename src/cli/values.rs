@@ -8,6 +8,7 @@ use clap::Arg;
 use clap::builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
 use clap_lex::OsStrExt as _;
+use log::LevelFilter;
 
 use gdg::bridge::Planner;
 use gdg::learn::{LEARNERS, Threads};
@@ -62,15 +63,21 @@ fn parse_edit_at(text: &OsStr) -> Result<EditAt, String> {
     Ok(EditAt { updates, file: PathBuf::from(file) })
 }
 
-/// Returns the parser of a number within `range`.
+/// Returns the parser of a number within `range`; errors say what is `expected`.
 pub fn reals(
-    range: RangeInclusive<f32>,
-) -> impl Fn(&str) -> Result<f32, String> + Clone + Send + Sync + 'static {
-    move |text| {
-        let (least, most) = (*range.start(), *range.end());
-        let expected = format!("a number from {least} to {most}");
-        number(text, f64::from(least)..=f64::from(most), &expected).map(|number| number as f32)
+    range: RangeInclusive<f64>,
+    expected: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    move |text| match parse_real(text) {
+        Ok(number) if range.contains(&number) => Ok(number),
+        Ok(_) | Err(NumberError::NoNumber) => Err(format!("expected {expected}")),
+        Err(error) => Err(error.to_string()),
     }
+}
+
+/// Returns the parser of a share of a whole.
+pub fn shares() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    reals(0.0..=1.0, "a fraction from 0 to 1, e.g. 0.95")
 }
 
 /// Parses how many threads share an update.
@@ -80,40 +87,6 @@ pub fn parse_threads(text: &str) -> Result<Threads, String> {
     }
     let number = counts::<usize>(1..=256)(text).map_err(|error| format!("{error}, or auto"))?;
     Ok(Threads::Fixed(number))
-}
-
-/// Parses a time in seconds.
-pub fn parse_seconds(text: &str) -> Result<f64, String> {
-    number(text, 0.0..=1e9, "a number of seconds from 0 to 1e9")
-}
-
-/// Parses the distance below which a goal is reached.
-pub fn parse_radius(text: &str) -> Result<f32, String> {
-    number(text, 1e-9..=1e9, "a distance from 1e-9 to 1e9").map(|radius| radius as f32)
-}
-
-/// Parses how long to wait for an environment, in seconds.
-pub fn parse_timeout(text: &str) -> Result<f64, String> {
-    number(text, 0.1..=1e6, "a number of seconds from 0.1 to 1e6")
-}
-
-/// Parses a time in minutes.
-pub fn parse_minutes(text: &str) -> Result<f64, String> {
-    number(text, 0.0..=1e6, "a number of minutes, 0 for none")
-}
-
-/// Parses a share of a whole.
-pub fn parse_share(text: &str) -> Result<f64, String> {
-    number(text, 0.0..=1.0, "a fraction from 0 to 1, e.g. 0.95")
-}
-
-/// Parses a number within `range`; the error says what is `expected`.
-fn number(text: &str, range: RangeInclusive<f64>, expected: &str) -> Result<f64, String> {
-    match parse_real(text) {
-        Ok(number) if range.contains(&number) => Ok(number),
-        Ok(_) | Err(NumberError::NoNumber) => Err(format!("expected {expected}")),
-        Err(error) => Err(error.to_string()),
-    }
 }
 
 /// Parses a method and lists the named ones.
@@ -168,6 +141,12 @@ pub fn methods_help() -> String {
         list(LEARNERS.iter().map(|kind| (kind.name, kind.about)).collect()),
         list(Planner::ALL.iter().map(|planner| (planner.name(), planner.about())).collect())
     )
+}
+
+/// Returns the parser of how severe a message must be for the log file.
+pub fn log_levels() -> impl TypedValueParser<Value = LevelFilter> {
+    let levels = ["off", "error", "warn", "info", "debug"];
+    PossibleValuesParser::new(levels).map(|level| level.parse().unwrap_or(LevelFilter::Info))
 }
 
 /// Returns the parser of presets.

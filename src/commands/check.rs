@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use miette::{Report, miette};
 
-use super::output::{OrFail, Outcome, print_safely};
+use super::{Outcome, bad_input, print_safely};
 use crate::host::EXIT_NOT_REACHED;
 use crate::host::maps::{doubts, find_map, unconnected_parts};
 use crate::host::report::from_map_error;
@@ -25,7 +25,7 @@ pub fn run(
     strict: bool,
     registry: &Registry,
 ) -> Outcome {
-    let (text, grid) = checked(file, map_file, reading, registry).or_bad_input()?;
+    let (text, grid) = checked(file, map_file, reading, registry).map_err(bad_input)?;
     let faults = if strict { faults(&grid) } else { Vec::new() };
     let lines: String = faults.iter().map(|fault| format!("fault:      {fault}\n")).collect();
     print_safely(&(text + &lines))?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Report, miette};
 use parking_lot::Mutex;
 
@@ -16,10 +16,10 @@ use super::plan::Length;
 use super::spec::JobSpec;
 use crate::headless::{Saver, evaluate, save_interval};
 use crate::host::outputs::{elsewhere, save_elsewhere};
-use crate::host::progress_bar::{self, duration};
 use crate::host::report::print_error;
 use crate::host::setup::{begin, learn_from};
 use crate::host::signals::TerminationSignal;
+use crate::host::waiting::{duration, progress_bar};
 use gdg::files::check_writable;
 use gdg::printing::eprint_line;
 use gdg::text::{counted, sanitized};
@@ -327,11 +327,8 @@ struct State {
 
 impl Progress {
     pub fn new(jobs: usize) -> Self {
-        let bar = ProgressBar::with_draw_target(Some(BAR_PARTS), progress_bar::target());
         let template = "{bar:32} {percent:>3} %  {msg}  {elapsed_precise} so far";
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style);
-        }
+        let bar = progress_bar(Some(BAR_PARTS), template);
         let now = Instant::now();
         Self {
             bar,

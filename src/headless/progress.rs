@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use super::updates_per_second;
-use crate::host::progress_bar::{self, duration};
+use crate::host::waiting::{duration, progress_bar};
 use gdg::train::{Limits, Trainer};
 
 /// Parts that the bar is divided into.
@@ -31,16 +31,12 @@ impl Progress {
     /// Creates the progress of a run that has been trained for `seconds` before.
     pub fn new(limits: &Limits, eval_every_updates: Option<u64>, seconds: f64) -> Self {
         let ends = *limits != Limits::default();
-        let length = ends.then_some(BAR_PARTS as u64);
-        let bar = ProgressBar::with_draw_target(length, progress_bar::target());
         let template = if ends {
             "{bar:32} {percent:>3} %  {msg}"
         } else {
             "{spinner} {msg}  {elapsed_precise}"
         };
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style);
-        }
+        let bar = progress_bar(ends.then_some(BAR_PARTS as u64), template);
         Self {
             bar,
             limits: *limits,

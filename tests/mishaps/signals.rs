@@ -80,12 +80,9 @@ fn suite(folder: &Path, errors: Stdio) -> Child {
 
 #[test]
 fn every_signal_that_would_end_the_program_saves_the_run() {
-    let batch_systems = ["USR1", "USR2", "XCPU"];
-    let clocks = ["ALRM", "VTALRM", "PROF"];
-    // SIGPWR, SIGIO, SIGSTKFLT and two real-time signals.
-    let of_linux =
-        if cfg!(target_os = "linux") { &["30", "29", "16", "34", "64"][..] } else { &[] };
-    for signal in batch_systems.iter().chain(&clocks).chain(of_linux) {
+    // Of batch systems, a clock, SIGPWR and a real-time signal.
+    let of_linux = if cfg!(target_os = "linux") { &["30", "64"][..] } else { &[] };
+    for signal in ["USR1", "XCPU", "ALRM"].iter().chain(of_linux) {
         let folder = folder();
         let mut run = RunningProgram::start(&mut headless(
             folder.path(),
@@ -100,19 +97,16 @@ fn every_signal_that_would_end_the_program_saves_the_run() {
 
 #[test]
 fn a_limit_of_cpu_time_saves_the_run() {
-    // The signal comes again and again, after every second of both threads; or not at all, unless
-    // asked for.
-    for limits in ["ulimit -S -t 2; ulimit -H -t 60", "ulimit -t 8"] {
-        let folder = folder();
-        let program =
-            headless(folder.path(), &["trap", "--save", "kept.safetensors", "--threads", "2"]);
-        let mut shell = Command::new("sh");
-        shell.args(["-c", &format!("{limits}; exec \"$0\" \"$@\"")]);
-        shell.arg(program.get_program()).args(program.get_args()).current_dir(folder.path());
-        shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
-        assert_eq!(outcome(&mut shell).0, 152, "{limits}");
-        assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0, "{limits}");
-    }
+    // The signal comes again and again, after every second of both threads.
+    let folder = folder();
+    let program =
+        headless(folder.path(), &["trap", "--save", "kept.safetensors", "--threads", "2"]);
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "ulimit -S -t 2; ulimit -H -t 60; exec \"$0\" \"$@\""]);
+    shell.arg(program.get_program()).args(program.get_args()).current_dir(folder.path());
+    shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    assert_eq!(outcome(&mut shell).0, 152);
+    assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
 }
 
 #[test]
