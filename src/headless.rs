@@ -65,8 +65,7 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
         }
     };
     let updates_before = setup.trainer.counters().updates;
-    let progress =
-        Progress::new(&setup.limits, options.eval_every_updates, setup.trainer.seconds());
+    let progress = Progress::new(&setup.limits, options.eval_every_updates);
     let mut run = HeadlessRun { setup, options, progress, saver, table, termination };
     let ended = run.run();
     // Saves what was learned, even after an error.

@@ -40,14 +40,18 @@ pub struct MapArgs {
 impl MapArgs {
     /// Returns the options that were given.
     pub fn given(&self) -> Vec<&'static str> {
-        let all = [
+        given([
             (self.cell.is_some(), "--cell"),
             (self.margin.is_some(), "--margin"),
             (self.goal_radius.is_some(), GOAL_RADIUS),
             (self.threshold.is_some(), THRESHOLD),
-        ];
-        all.into_iter().filter(|(given, _)| *given).map(|(_, option)| option).collect()
+        ])
     }
+}
+
+/// Returns the options that were given.
+pub fn given<const N: usize>(all: [(bool, &'static str); N]) -> Vec<&'static str> {
+    all.into_iter().filter(|(given, _)| *given).map(|(_, option)| option).collect()
 }
 
 impl From<&MapArgs> for Reading {

@@ -29,8 +29,11 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
         std::fs::read_dir(folder).map_err(unreadable).map_err(bad_input)?;
     }
     if args.json {
-        let lines = read(&args.folders).iter().map(json).collect::<Result<String, Report>>();
-        return print(&lines.map_err(bad_input)?);
+        let line = |(run, written): &Dated| {
+            Ok(escape_json_line(&serde_json::to_string(&run.line(*written))?) + "\n")
+        };
+        let lines = read(&args.folders).iter().map(line).collect::<serde_json::Result<String>>();
+        return print(&lines.into_diagnostic().map_err(bad_input)?);
     }
     if obstacle().is_none() {
         return show(args, registry);
@@ -64,11 +67,6 @@ fn read(folders: &[PathBuf]) -> Vec<Dated> {
     }
     found.runs.iter().filter_map(|(run, _)| run.note()).for_each(|note| eprint_line(&note));
     found.runs
-}
-
-fn json((run, written): &Dated) -> Result<String, Report> {
-    let line = serde_json::to_string(&run.line(*written)).into_diagnostic()?;
-    Ok(escape_json_line(&line) + "\n")
 }
 
 /// Shows the list, and what is opened in it, in turns.

@@ -15,11 +15,11 @@ type Room = (&'static str, usize);
 
 /// The library's modules: each depends only on those before it.
 const LIBRARY: [Room; 15] = [
-    ("text", 550),
+    ("text", 500),
     ("printing", 300),
     ("faults", 140),
     ("job", 350),
-    ("files", 950),
+    ("files", 900),
     ("store", 350),
     ("settings", 500),
     ("map", 4_950),
@@ -34,13 +34,13 @@ const LIBRARY: [Room; 15] = [
 
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 7] = [
-    ("host", 1_450),
+    ("host", 1_300),
     ("figure", 1_100),
-    ("headless", 1_000),
+    ("headless", 900),
     ("experiment", 6_250),
     ("tui", 24_700),
-    ("cli", 1_250),
-    ("commands", 1_150),
+    ("cli", 1_200),
+    ("commands", 1_050),
 ];
 
 /// What lies beside the modules.
