@@ -118,7 +118,7 @@ fn redraw(job: &Job, bar: &ProgressBar, end: &Receiver<()>) {
     }
     bar.finish_and_clear();
     // Standard output, which has a queue of its own, does not overtake this.
-    gdg::printing::stderr().flush_briefly();
+    printing::stderr().flush_briefly();
 }
 
 fn describe(job: &Job, began: Instant) -> String {
