@@ -88,7 +88,7 @@ const UNPACK: Advice = Advice::Instead("unpack it first, and give the file withi
 const NUMPY: Advice = Advice::First("its arrays have to be written in another format");
 
 /// First bytes of files of other programs.
-const FOREIGN: [(&[u8], &str, Advice); 14] = [
+const FOREIGN: [(&[u8], &str, Advice); 15] = [
     (b"\x89PNG", "an image (PNG)", Advice::None),
     (b"\xff\xd8\xff", "an image (JPEG)", Advice::None),
     (b"GIF8", "an image (GIF)", Advice::None),
@@ -103,6 +103,11 @@ const FOREIGN: [(&[u8], &str, Advice); 14] = [
     (b"\xfd7zXZ", "a compressed file or archive (XZ)", UNPACK),
     (b"\x28\xb5\x2f\xfd", "a compressed file or archive (ZSTD)", UNPACK),
     (b"PK\x03\x04", "a compressed file or archive (ZIP)", UNPACK),
+    (
+        b"\0\x05\x16\x07",
+        "what macOS notes about another file",
+        Advice::Instead("give the file without ._ in its name"),
+    ),
 ];
 
 /// Returns what a file with these first bytes is, or `None` if that is unknown.
@@ -179,12 +184,6 @@ fn own_text(start: &[u8]) -> Option<Kind> {
             ),
         ),
         _ if text.starts_with('<') => ("XML", Format::Foreign, Advice::None),
-        _ if text.starts_with('{')
-            && has("\"version\"")
-            && (has("\"width\"") || has("\"term\"")) =>
-        {
-            ("a screen recording", Format::Foreign, Advice::First("asciinema play FILE shows it"))
-        }
         _ if text.starts_with('{') => ("JSON", Format::Json, Advice::None),
         _ if text.starts_with('[')
             && text[1..].trim_start().starts_with(['[', '{', '"', '0', '1']) =>
@@ -216,7 +215,6 @@ mod tests {
             (&zip("arr_0.npy"), "an archive of NumPy arrays"),
             (b"\n<!DOCTYPE html>\n<title>", "a web page"),
             (b"<?xml version=\"1.0\"?><Error>", "XML"),
-            (b"{\"version\":2,\"width\":4}", "a screen recording"),
             (b"{\"tau\": 1}", "JSON"),
             (b"[[1, 0]]", "JSON"),
             (b"\x02\0\0\0\0\0\0\0{}", "a safetensors file"),

@@ -13,7 +13,7 @@ use same_file::Handle;
 use tempfile::NamedTempFile;
 
 use super::read::{ensure_regular_file, open_or_create};
-use super::{MAX_NAME_BYTES, TEMP_AFFIXES, beside, numbered, resolve_links};
+use super::{MAX_NAME_BYTES, TEMP_AFFIXES, numbered, resolve_links};
 
 /// An unlocked temporary file older than this was left by a killed program.
 const STALE_AFTER: Duration = Duration::from_secs(5);
@@ -232,9 +232,9 @@ impl Drop for LockFile {
 pub fn while_locked<T>(path: &Path, replace: impl FnOnce() -> T) -> Option<T> {
     let file = resolve_links(path).unwrap_or_else(|_| path.to_owned());
     // Named like a temporary file: one that a killed program leaves is removed by the next that
-    // writes.
-    let (prefix, suffix) = TEMP_AFFIXES;
-    let file = beside(&file, prefix, &format!(".lock{suffix}"));
+    // writes. A checksum, as names may be too long for more.
+    let name = crc32fast::hash(file.file_name().unwrap_or_default().as_encoded_bytes());
+    let file = file.with_file_name(format!("{}{name:08x}.lock{}", TEMP_AFFIXES.0, TEMP_AFFIXES.1));
     let began = Instant::now();
     loop {
         match LockFile::try_at(&file) {
