@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use miette::{IntoDiagnostic, Report, miette};
+use miette::{IntoDiagnostic, miette};
 
 use super::train::{obstacle, registry_for};
 use super::{Failure, Outcome, bad_input, failure, prepare, print, print_safely};
