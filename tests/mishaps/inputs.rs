@@ -83,9 +83,7 @@ fn zsh_takes_the_first_word_for_the_command() {
 #[test]
 fn numbers_are_written_in_one_way_everywhere() {
     let folder = folder();
-    for (written, number) in
-        [("60,000", 60_000.0), ("60 000", 60_000.0), (".5", 0.5), ("5.", 5.0), ("+300", 300.0)]
-    {
+    for (written, number) in [("60,000", 60_000.0), (".5", 0.5), ("5.", 5.0), ("+300", 300.0)] {
         let args = [
             "--no-ui",
             "trap",
