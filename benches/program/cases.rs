@@ -9,7 +9,7 @@ use super::baseline::Baseline;
 use super::{built_in, median, on, time_us, trainer};
 use gdg::bridge::{BridgeGraph, BridgeSettings, Candidates, Walker};
 use gdg::env::{Environment, PointMaze};
-use gdg::learn::{Batch, Gdg, LearnSettings, Learner, Profile, Scratch, Stage};
+use gdg::learn::{Batch, GDG, LearnSettings, Learner, NetworkLearner, Profile, Scratch, Stage};
 use gdg::map::Grid;
 use gdg::train::{Preset, Tick, TrainError};
 
@@ -61,6 +61,7 @@ fn batch(rows: usize, side: f32) -> Batch {
         from,
         actions,
         next,
+        ..Batch::default()
     }
 }
 
@@ -107,8 +108,8 @@ fn update(
         Arc::new(Grid::new("100", 100, vec![true; 10_000], Vec::new(), Vec::new())),
         1,
     );
-    let fused = Gdg::new(world.spec(), &settings, 1, &mut rng())?;
-    let together = Gdg::new(world.spec(), &settings, threads, &mut rng())?;
+    let fused = NetworkLearner::new(GDG, world.spec(), &settings, 1, &mut rng())?;
+    let together = NetworkLearner::new(GDG, world.spec(), &settings, threads, &mut rng())?;
     let mut plain = Baseline::new(&settings)?;
     let batch = batch(rows, 100.0);
     let (mut of_plain, mut of_fused, mut of_together) = (Vec::new(), Vec::new(), Vec::new());
@@ -150,8 +151,8 @@ pub fn default_update(threads: usize, runs: usize) -> Result<String, TrainError>
     let map = Grid::new("open", SIDE, vec![true; SIDE * SIDE], Vec::new(), Vec::new());
     let world = PointMaze::new(Arc::new(map), 1);
     let kernels = LearnSettings::default();
-    let learners =
-        [1, threads].map(|threads| Gdg::new(world.spec(), &kernels, threads, &mut rng()));
+    let learners = [1, threads]
+        .map(|threads| NetworkLearner::new(GDG, world.spec(), &kernels, threads, &mut rng()));
     let [one, all] = learners;
     let learners = [one?, all?];
     let batch = Batch { greedy_targets: true, ..batch(kernels.batch_size, SIDE as f32) };
@@ -219,7 +220,7 @@ pub fn other() -> Result<String, TrainError> {
     let mut world = PointMaze::new(map.clone(), 32);
     let mut rng = rng();
     (0..32).for_each(|i| world.restart(i, &mut rng));
-    let learner = Gdg::new(world.spec(), &LearnSettings::default(), 1, &mut rng)?;
+    let learner = NetworkLearner::new(GDG, world.spec(), &LearnSettings::default(), 1, &mut rng)?;
     let policy = learner.policy(true)?;
     let mut scratch = Scratch::default();
     let timed = |what, runs: usize, work: &mut dyn FnMut()| {
