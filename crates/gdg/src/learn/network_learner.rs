@@ -48,7 +48,6 @@ pub struct Variant {
     /// with each other's networks.
     prefix: &'static str,
     critics: Critics,
-    /// Whether goals are relabelled.
     hindsight: bool,
     acting: Acting,
 }
@@ -179,7 +178,6 @@ impl NetworkLearner {
         &self.training
     }
 
-    /// Draws the batch of an update.
     fn sample(&mut self, data: TrainingData) -> candle_core::Result<()> {
         let Self { variant, sampler, scratch, training } = self;
         let batch = &mut *training.batch().write();

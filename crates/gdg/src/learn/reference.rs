@@ -31,17 +31,14 @@ impl Net {
     }
 }
 
-/// Returns numbers in f64.
 pub fn wide(numbers: &[f32]) -> Row {
     numbers.iter().map(|number| f64::from(*number)).collect()
 }
 
-/// Returns row `i` of some numbers.
 fn row(numbers: &[f32], i: usize, width: usize) -> Row {
     wide(&numbers[i * width..(i + 1) * width])
 }
 
-/// Returns a perceptron's outputs.
 pub fn mlp(shape: &Mlp, parameters: &[f64], x: &[f64]) -> Row {
     let mut h = x.to_vec();
     for layer in 0..shape.layers {
@@ -157,7 +154,6 @@ impl<'a> Reference<'a> {
         own.reduce(|a, b| a.max(b) - below * (a - b).abs()).expect("a critic")
     }
 
-    /// Returns Q(s, a, g) by a critic.
     fn value(&self, critic: &Net, state: &[f64], action: &[f64], goal: &[f64]) -> f64 {
         let x = [self.pair_inputs(critic, state, goal), action.to_vec()].concat();
         mlp(&self.shapes.critic, &critic.0[0], &x)[0]
@@ -168,7 +164,6 @@ impl<'a> Reference<'a> {
         mlp(&self.shapes.actor, &actor.0[0], &self.pair_inputs(actor, state, goal))
     }
 
-    /// Returns mu(s, g).
     pub fn action(&self, state: &[f64], goal: &[f64]) -> Row {
         self.outputs(&self.actor, state, goal).into_iter().map(f64::tanh).collect()
     }
@@ -231,7 +226,6 @@ impl<'a> Reference<'a> {
         (0..batch.len()).map(target).collect()
     }
 
-    /// Returns a critic's loss.
     pub fn critic_loss(&self, critic: &Net, batch: &Batch, targets: &[f64]) -> f64 {
         let scale = |d: f64| match self.shapes.loss {
             LossScale::Squared => d,
@@ -268,7 +262,6 @@ impl<'a> Reference<'a> {
         })
     }
 
-    /// Returns a model's loss.
     pub fn model_loss(&self, model: &Net, batch: &Batch) -> f64 {
         let errors = (0..batch.len()).flat_map(|i| self.model_errors(model, batch, i));
         errors.map(|(error, bounded)| bounded * (2.0 * error - bounded)).sum::<f64>()

@@ -27,7 +27,6 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// Creates the features that `settings` specify for an environment of `spec`.
     pub fn new(spec: &Spec, settings: &LearnSettings) -> Self {
         let dims = spec.goal_dim();
         let is_encoded = (1..=3).contains(&dims) && !settings.grid_cells.is_empty();
@@ -61,28 +60,23 @@ impl Encoder {
         self.spec.goal_dim() * 2 * self.octaves
     }
 
-    /// Returns the width of a plain state row.
     pub fn plain_state_width(&self) -> usize {
         self.spec.state_dim() + self.goal_features()
     }
 
-    /// Returns the width of the goal's part of a plain pair row.
     pub fn plain_goal_width(&self) -> usize {
         self.spec.goal_dim() + self.goal_features()
     }
 
-    /// Returns the width of a plain pair row.
     pub fn plain_pair_width(&self) -> usize {
         let offset = self.spec.goal_dim() * self.relative.len();
         self.plain_state_width() + self.plain_goal_width() + offset
     }
 
-    /// Returns the width of a pair row with the grid encodings of state and goal.
     pub fn pair_width(&self) -> usize {
         self.plain_pair_width() + 2 * self.grid_width()
     }
 
-    /// Returns the width of a state row with its grid encoding.
     pub fn state_width(&self) -> usize {
         self.plain_state_width() + self.grid_width()
     }
@@ -93,40 +87,32 @@ impl Encoder {
         for (i, u) in scaled.iter_mut().enumerate() {
             *u = self.spec.scaled(i, state[i]);
         }
-        if self.octaves > 0 {
-            for (i, out) in
-                self.spec.achieved.iter().zip(fourier.chunks_exact_mut(2 * self.octaves))
-            {
-                octaves(scaled[*i], out);
-            }
+        for (k, i) in self.spec.achieved.iter().enumerate() {
+            octaves(scaled[*i], &mut fourier[2 * self.octaves * k..][..2 * self.octaves]);
         }
     }
 
     /// Writes the part of plain pair rows that depends on `goal` alone, after that of the state.
-    pub fn plain_goal(&self, goal: &[f32], row: &mut [f32]) {
+    fn plain_goal(&self, goal: &[f32], row: &mut [f32]) {
         let (scaled, fourier) = row.split_at_mut(self.spec.goal_dim());
         self.scaled_goal(goal, scaled);
-        if self.octaves > 0 {
-            for (u, out) in scaled.iter().zip(fourier.chunks_exact_mut(2 * self.octaves)) {
-                octaves(*u, out);
-            }
+        for (k, u) in scaled.iter().enumerate() {
+            octaves(*u, &mut fourier[2 * self.octaves * k..][..2 * self.octaves]);
         }
     }
 
     /// Writes the last part of plain pair rows, the offset of `goal` from `state`.
-    pub fn plain_offset(&self, state: &[f32], goal: &[f32], row: &mut [f32]) {
-        if !self.relative.is_empty() {
-            let difference = goal.iter().zip(self.spec.achieved(state)).map(|(g, s)| g - s);
-            for (d, out) in difference.zip(row.chunks_exact_mut(self.relative.len())) {
-                for (out, rate) in out.iter_mut().zip(&self.relative) {
-                    *out = (d * rate).tanh();
-                }
+    fn plain_offset(&self, state: &[f32], goal: &[f32], row: &mut [f32]) {
+        let mut out = row.iter_mut();
+        for (g, s) in goal.iter().zip(self.spec.achieved(state)) {
+            for (rate, out) in self.relative.iter().zip(&mut out) {
+                *out = ((g - s) * rate).tanh();
             }
         }
     }
 
     /// Writes the goal scaled to [-1, 1].
-    pub fn scaled_goal(&self, goal: &[f32], out: &mut [f32]) {
+    fn scaled_goal(&self, goal: &[f32], out: &mut [f32]) {
         for ((out, g), i) in out.iter_mut().zip(goal).zip(&self.spec.achieved) {
             *out = self.spec.scaled(*i, *g);
         }
@@ -134,7 +120,7 @@ impl Encoder {
 
     /// Writes the achieved goal of `state` scaled to [-1, 1]: the position that its grid encoding
     /// reads.
-    pub fn scaled_achieved(&self, state: &[f32], out: &mut [f32]) {
+    fn scaled_achieved(&self, state: &[f32], out: &mut [f32]) {
         for (out, i) in out.iter_mut().zip(&self.spec.achieved) {
             *out = self.spec.scaled(*i, state[*i]);
         }
@@ -160,9 +146,7 @@ impl Encoder {
 
     /// Adds the last of `places` once more.
     pub fn locate_again(&self, places: &mut GridReads) {
-        if let Some(grid) = &self.grid {
-            grid.locate_again(places);
-        }
+        self.grid.iter().for_each(|grid| grid.locate_again(places));
     }
 
     /// Writes the encoding of the position at row `i` of `places`.
@@ -366,6 +350,9 @@ impl Workspace {
 /// Writes `sin(pi 2^l u), cos(pi 2^l u)` for l = 0, 1, ..., each from the previous one by the
 /// double-angle formulas.
 fn octaves(u: f32, out: &mut [f32]) {
+    if out.is_empty() {
+        return;
+    }
     let (mut sin, mut cos) = (PI * u).sin_cos();
     for pair in out.chunks_exact_mut(2) {
         pair[0] = sin;

@@ -14,9 +14,7 @@ const MAX_CORNERS: usize = 1 << 19;
 /// Geometry of the tables; positions are scaled to [-1, 1] along every axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridShape {
-    /// Axes of a position.
     pub dims: usize,
-    /// The resolutions.
     pub levels: Vec<Level>,
 }
 
@@ -54,7 +52,6 @@ pub const LINE: usize = 4 * CHANNELS;
 pub struct LazyAverageView<'a> {
     /// Update as of which each corner's average is stored, `(corners)`.
     pub stored: &'a [u32],
-    /// Updates done so far.
     pub now: u32,
     /// `decay[k] = (1 - tau)^k`; 0 beyond its end.
     pub decay: &'a [f32],
@@ -137,12 +134,10 @@ impl GridShape {
         Self { dims, levels }
     }
 
-    /// Returns the number of corners in all levels.
     pub fn corners(&self) -> usize {
         self.levels.last().map_or(0, |l| l.first + l.corners.pow(self.dims as u32))
     }
 
-    /// Returns the width of an encoded position.
     pub fn width(&self) -> usize {
         self.levels.len() * CHANNELS
     }

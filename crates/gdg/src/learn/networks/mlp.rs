@@ -50,7 +50,6 @@ pub struct GradientRequest<'a> {
 }
 
 impl Mlp {
-    /// Returns the length of the flat parameter vector.
     pub fn parameters(&self) -> usize {
         self.output_bias().end
     }
@@ -63,7 +62,6 @@ impl Mlp {
         start..start + self.layer_inputs(layer) * self.hidden
     }
 
-    /// Returns the range of hidden layer `layer`'s biases.
     pub fn bias(&self, layer: usize) -> Range<usize> {
         let end = self.weights(layer).end;
         end..end + self.hidden
@@ -75,13 +73,11 @@ impl Mlp {
         start..start + self.outputs * self.hidden
     }
 
-    /// Returns the range of the output layer's biases.
     pub fn output_bias(&self) -> Range<usize> {
         let end = self.output_weights().end;
         end..end + self.outputs
     }
 
-    /// Returns the number of inputs of hidden layer `layer`.
     pub fn layer_inputs(&self, layer: usize) -> usize {
         if layer == 0 { self.inputs } else { self.hidden }
     }

@@ -19,12 +19,10 @@ use crate::store::{Store, StoreError};
 /// A network's weights as slices, for the kernels.
 #[derive(Clone, Copy)]
 pub struct Weights<'a> {
-    /// Flat parameters of the MLP.
     pub dense: &'a [f32],
     /// Its hidden weights packed for matrix products; averages are packed for the forward pass
     /// only.
     pub packed: &'a Packed,
-    /// The grid encoding's table.
     pub table: Option<TableView<'a>>,
 }
 
@@ -162,7 +160,6 @@ struct DenseState {
     average: Option<(Vec<f32>, Packed)>,
 }
 
-/// Parameters locked for reading.
 struct DenseGuard<'a> {
     numbers: RwLockReadGuard<'a, Storage>,
     training: RwLockReadGuard<'a, DenseState>,
@@ -197,7 +194,6 @@ impl Dense {
         Ok(Self { mlp, var, training: RwLock::new(training) })
     }
 
-    /// Returns the number of updates done.
     pub fn steps(&self) -> u64 {
         self.training.read().steps
     }
@@ -339,7 +335,6 @@ struct TableState {
     sums: Vec<[f32; CHANNELS]>,
 }
 
-/// A table locked for reading.
 struct TableGuard<'a> {
     decay: &'a [f32],
     lines: RwLockReadGuard<'a, Storage>,
@@ -469,7 +464,6 @@ impl Table {
         Ok(())
     }
 
-    /// Returns whether this row is part of the state.
     fn has_row(&self, name: &str) -> bool {
         name != AVERAGE || !self.decay.is_empty()
     }

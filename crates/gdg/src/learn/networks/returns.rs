@@ -48,7 +48,6 @@ pub struct Returns {
     pub discount: f32,
     /// Least possible sum.
     pub lowest: f32,
-    /// Length of a typical step.
     step_length: f32,
 }
 

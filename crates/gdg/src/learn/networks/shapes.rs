@@ -24,7 +24,6 @@ pub enum Critics {
 #[derive(Clone, Debug)]
 pub struct Shapes {
     pub encoder: Encoder,
-    /// Prefix of the networks' names in checkpoints.
     pub prefix: &'static str,
     /// Number of critics; 0 where D is given.
     pub critics: usize,
@@ -52,7 +51,6 @@ pub struct Shapes {
     pub unblock_actor: bool,
     /// Actions that lookahead tries besides the actor's, `(actions, action_dim)`.
     pub tried_actions: Vec<f32>,
-    /// Length of a typical step.
     pub step_length: f32,
 }
 
@@ -78,7 +76,6 @@ pub struct Workspaces {
 }
 
 impl Shapes {
-    /// Returns the shapes of the networks that `settings` specify.
     pub fn new(
         spec: &Spec,
         settings: &LearnSettings,
@@ -314,7 +311,6 @@ pub fn softplus(z: f32) -> f32 {
     z.max(0.0) + (-z.abs()).exp().ln_1p()
 }
 
-/// Returns the slope of [`softplus`].
 pub fn sigmoid(z: f32) -> f32 {
     1.0 / (1.0 + (-z).exp())
 }

@@ -22,12 +22,10 @@ fn part_rows(batch: usize) -> usize {
     batch.div_ceil(PARTS).max(MIN_PART_ROWS)
 }
 
-/// Returns the number of parts of a batch.
 pub fn parts_of(batch: usize) -> usize {
     batch.div_ceil(part_rows(batch))
 }
 
-/// Returns the rows of a batch that belong to part number `part`.
 pub fn rows_of_part(batch: usize, part: usize) -> Range<usize> {
     let size = part_rows(batch);
     part * size..((part + 1) * size).min(batch)
@@ -56,7 +54,6 @@ pub struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    /// Returns the rows of part number `part`.
     pub fn new(shapes: &Shapes, batch: &'a Batch, part: usize) -> Self {
         let spec = &shapes.encoder.spec;
         let rows = rows_of_part(batch.len(), part);
@@ -194,7 +191,6 @@ pub struct Buffers {
     pub plain_ahead: SharedFeatures,
     pub targets: Vec<f32>,
     pub after_actor: Vec<f32>,
-    /// Of the passes through the networks.
     pub networks: Workspaces,
     /// D(s, g) of each row, then the bound of its actor's outputs.
     pub before: Vec<f32>,

@@ -118,12 +118,10 @@ impl Training {
         &self.shared.shapes
     }
 
-    /// Returns all networks with their names in checkpoints.
     pub fn named(&self) -> impl DoubleEndedIterator<Item = (&str, &Network)> {
         self.shared.networks.iter().map(|(plan, network)| (plan.name.as_str(), network))
     }
 
-    /// Returns network number `k`.
     pub fn network(&self, k: usize) -> &Network {
         &self.shared.networks[k].1
     }
@@ -189,17 +187,14 @@ impl Training {
 }
 
 impl Shared {
-    /// Returns the actor's number.
     fn actor(&self) -> usize {
         self.networks.len() - 1
     }
 
-    /// Returns the number of tasks of the first phase.
     fn gradient_tasks(&self) -> usize {
         self.touched.len() + self.parts.len()
     }
 
-    /// Locks all networks for reading.
     fn lock(&self) -> Vec<LockedNetwork<'_>> {
         self.networks.iter().map(|(_, network)| network.lock()).collect()
     }
