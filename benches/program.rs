@@ -103,7 +103,7 @@ fn updates(threads: usize, runs: usize) -> Result<String> {
     for (name, side, settings) in published.into_iter().chain([default]) {
         let map = Grid::new("open", side, vec![true; side * side], Vec::new(), Vec::new());
         let world = PointMaze::new(map.into(), 1);
-        let learner = |threads| Gdg::new(world.spec(), &settings, threads, &mut rng());
+        let learner = |threads| NetworkLearner::new(GDG, world.spec(), &settings, threads, &mut rng());
         let greedy_targets = side == 32;
         let batch = Batch { greedy_targets, ..batch(settings.batch_size, side as f32) };
         let mut profile = Profile::default();

@@ -78,7 +78,7 @@ Examples:
 
 On a terminal, a screen: / filters by words, s sorts, Space marks runs, whose curves and \
 settings are then shown together, also while they grow; Enter resumes, c compares (q leads back \
-to the list), p plots, Delete deletes; ? lists all keys. Elsewhere, a table. --json writes one \
+to the list), Delete deletes; ? lists all keys. Elsewhere, a table. --json writes one \
 JSON object per run and line, of checkpoints, results and records alike.
 
 Exit status: 0 success; 2 bad usage or input; 128 + its number after a signal.";
