@@ -36,7 +36,6 @@ const EVALUATE_EVERY_UPDATES: u64 = 500;
 /// watch.
 const IDLE_UPDATES_PER_SECOND: f64 = 200.0;
 
-/// Polling interval for a running evaluation while training is paused.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Time without progress after which a stopping trainer counts as hung. Updates of the largest
@@ -92,18 +91,12 @@ pub struct Engine {
 
 impl Engine {
     /// Starts training up to `limits`.
-    ///
-    /// # Errors
-    /// The learner fails, or the thread cannot be started.
     pub fn start(trainer: Trainer, limits: Limits) -> Result<Self, TrainError> {
         Self::resume(trainer, limits, None, [])
     }
 
     /// Like [`Self::start`], for a run loaded from `file`; runs the commands `at_first` before the
     /// first update.
-    ///
-    /// # Errors
-    /// See [`Self::start`].
     pub fn resume(
         mut trainer: Trainer,
         limits: Limits,
@@ -197,7 +190,6 @@ struct Worker {
     evaluation_is_due: bool,
     /// The pause after an evaluation, as a multiple of its duration.
     evaluation_pause: u32,
-    /// The followed agent.
     follow: Option<usize>,
     /// Earliest time of the next update, if speed is limited.
     next_update_at: Option<Instant>,
@@ -257,7 +249,6 @@ impl Worker {
         self.current.phase = Phase::Failed(format!("an internal error ended {activity}; {state}"));
     }
 
-    /// Reports a rollback to earlier networks, if there was one.
     fn report_recovery(&mut self) {
         if let Some(recovery) = self.trainer.take_recovery() {
             self.on_recovery(recovery);
@@ -323,7 +314,6 @@ impl Worker {
         self.start_due_evaluation()
     }
 
-    /// Returns the maximum updates per second, if limited.
     fn pace(&self) -> Option<f64> {
         self.current.speed.or((!self.trainer.learns()).then_some(IDLE_UPDATES_PER_SECOND))
     }
@@ -370,7 +360,6 @@ impl Worker {
         self.execute(command);
     }
 
-    /// Reports what a step has done.
     fn report_step(&mut self) {
         let counters = self.trainer.counters();
         let text = match &self.current.phase {
@@ -393,14 +382,12 @@ impl Worker {
             Notice { number: self.current.notice.number + 1, text, is_error: false };
     }
 
-    /// Notifies the user of something that went wrong.
     fn report(&mut self, text: String) {
         self.notify(text);
         self.current.notice.is_error = true;
     }
 }
 
-/// Converts the result of a receive with a timeout to that of a non-blocking one.
 fn as_try_recv(command: Result<Command, RecvTimeoutError>) -> Result<Command, TryRecvError> {
     command.map_err(|e| match e {
         RecvTimeoutError::Timeout => TryRecvError::Empty,
@@ -416,7 +403,6 @@ mod tests {
     use super::*;
     use crate::env::Environment;
 
-    /// Starts a small run with these commands before the first update.
     fn started(at_first: impl IntoIterator<Item = Command>) -> Engine {
         let trainer = crate::train::small_run("gdg-bridge", 1);
         Engine::resume(trainer, Limits::default(), None, at_first).expect("a thread")

@@ -12,7 +12,6 @@ use parking_lot::Mutex;
 
 use crate::faults;
 
-/// How often to look whether a thread has ended.
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
 /// Time between two notices of work that takes a while.
@@ -190,7 +189,6 @@ impl Drop for Part {
 /// done at once.
 pub struct Running<T> {
     job: Job,
-    /// The number of notices so far.
     told: u32,
     thread: Option<JoinHandle<Option<T>>>,
     done: Option<T>,
@@ -241,9 +239,6 @@ impl<T: Send + 'static> Running<T> {
     }
 
     /// Waits for the result.
-    ///
-    /// # Errors
-    /// Its thread has panicked.
     pub fn join(mut self) -> std::thread::Result<T> {
         let done = self.thread.take().map_or(Ok(None), JoinHandle::join)?;
         let none = || Box::new("a job without a result") as Box<dyn std::any::Any + Send>;
@@ -251,9 +246,6 @@ impl<T: Send + 'static> Running<T> {
     }
 
     /// Waits for the result, or says what has failed because of an internal error.
-    ///
-    /// # Errors
-    /// Its thread has panicked.
     pub fn finish(self) -> Result<T, String> {
         let job = self.job.clone();
         self.join().map_err(|_| format!("{} failed with an internal error", job.what()))

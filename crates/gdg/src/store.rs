@@ -43,7 +43,6 @@ impl StoreError {
         Self::Inconsistent(message.into())
     }
 
-    /// Creates an error about a value that cannot be read.
     pub(crate) fn unreadable(name: &str, why: impl std::fmt::Display) -> Self {
         Self::Unreadable { name: name.to_owned(), why: why.to_string() }
     }
@@ -56,9 +55,6 @@ impl Store {
     }
 
     /// Returns the numbers called `name`.
-    ///
-    /// # Errors
-    /// They are missing.
     pub fn numbers(&self, name: &str) -> Result<&[f32], StoreError> {
         self.numbers
             .get(name)
@@ -67,9 +63,6 @@ impl Store {
     }
 
     /// Adds a value, replacing one of the same name.
-    ///
-    /// # Errors
-    /// Postcard cannot express it.
     pub fn put(&mut self, name: &str, value: &impl Serialize) -> Result<(), StoreError> {
         let bytes = to_bytes(value).map_err(|e| StoreError::unreadable(name, e))?;
         self.values.insert(name.to_owned(), bytes);
@@ -77,9 +70,6 @@ impl Store {
     }
 
     /// Returns the value called `name`.
-    ///
-    /// # Errors
-    /// It is missing or not a `T`.
     pub fn get<T: DeserializeOwned>(&self, name: &str) -> Result<T, StoreError> {
         let (value, rest) = postcard::take_from_bytes(self.bytes(name)?)
             .map_err(|e| StoreError::unreadable(name, e))?;
@@ -96,17 +86,11 @@ impl Store {
     }
 
     /// Returns the text called `name`.
-    ///
-    /// # Errors
-    /// It is missing or not a text.
     pub fn text(&self, name: &str) -> Result<&str, StoreError> {
         str::from_utf8(self.bytes(name)?).map_err(|e| StoreError::unreadable(name, e))
     }
 
     /// Adds a value as JSON, for types that postcard does not know.
-    ///
-    /// # Errors
-    /// JSON cannot express it.
     pub fn put_json(&mut self, name: &str, value: &impl Serialize) -> Result<(), StoreError> {
         let text = serde_json::to_string(value).map_err(|e| StoreError::unreadable(name, e))?;
         self.put_text(name, text);
@@ -114,9 +98,6 @@ impl Store {
     }
 
     /// Returns the value added by [`Self::put_json`].
-    ///
-    /// # Errors
-    /// It is missing or not a `T`.
     pub fn json<T: DeserializeOwned>(&self, name: &str) -> Result<T, StoreError> {
         serde_json::from_str(self.text(name)?).map_err(|e| StoreError::unreadable(name, e))
     }
@@ -205,14 +186,10 @@ pub mod planes {
 
     use super::{Bytes, from_zigzag, zigzag};
 
-    /// # Errors
-    /// The serializer's.
     pub fn serialize<S: Serializer>(numbers: &[f32], to: S) -> Result<S::Ok, S::Error> {
         to.serialize_bytes(&of(numbers, None))
     }
 
-    /// # Errors
-    /// The deserializer's.
     pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<f32>, D::Error> {
         Bytes::deserialize(from).map(|Bytes(bytes)| numbers(bytes, None))
     }
@@ -233,7 +210,6 @@ pub mod planes {
         planes
     }
 
-    /// Returns the numbers with these `planes`.
     pub(super) fn numbers(planes: &[u8], near: Option<&[f32]>) -> Vec<f32> {
         let count = planes.len() / 4;
         let number = |i: usize| {
@@ -247,7 +223,6 @@ pub mod planes {
     }
 }
 
-/// Returns a value in postcard's form.
 pub(crate) fn to_bytes(value: &impl Serialize) -> postcard::Result<Vec<u8>> {
     postcard::to_extend(value, Vec::new())
 }
@@ -258,7 +233,6 @@ pub(crate) fn zigzag(difference: u32) -> u32 {
     difference << 1 ^ (difference.cast_signed() >> 31).cast_unsigned()
 }
 
-/// Reverses [`zigzag`].
 pub(crate) fn from_zigzag(number: u32) -> u32 {
     number >> 1 ^ (number & 1).wrapping_neg()
 }

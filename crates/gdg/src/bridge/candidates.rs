@@ -78,7 +78,6 @@ pub struct Candidates {
     #[serde(skip)]
     window: usize,
     spacing: f32,
-    /// Initial spacing.
     #[serde(skip)]
     least_spacing: f32,
     /// Distance that candidates keep from each other even where walls separate them.
@@ -90,19 +89,14 @@ pub struct Candidates {
     /// The candidates as goals. Shared with frozen copies until the next change.
     #[serde(skip)]
     goal_index: Arc<GoalIndex>,
-    /// The ids, in ascending order.
     ids: Vec<u32>,
-    /// The next candidate's id.
     next_id: u32,
     /// Observed paths from each candidate. Frozen copies share the rows that have not changed
     /// since.
     #[serde(with = "rows")]
     paths: Vec<Arc<KnownPaths>>,
-    /// Each agent's recent visits.
     visits: Vec<VecDeque<Visit>>,
-    /// Steps in each agent's episode so far.
     clocks: Vec<u32>,
-    /// Outcomes of walks between candidates, by D.
     hops: HopOutcomes,
 }
 
@@ -118,9 +112,7 @@ pub struct WalkRecord {
 /// A visit of an agent to a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Visit {
-    /// Step within the episode.
     step: u32,
-    /// The candidate's index.
     candidate: u32,
     /// Whether the agent was at the candidate itself, not only near it.
     exact: bool,
@@ -231,13 +223,11 @@ impl Candidates {
         self.ids[i]
     }
 
-    /// Returns the index of the candidate with this id, unless it has retired.
     pub(super) fn index_of(&self, id: u32) -> Option<usize> {
         self.ids.binary_search(&id).ok()
     }
 
-    /// Returns the outcomes of walks from candidate `from` to candidate `to`.
-    pub fn walk_record(&self, from: usize, to: usize) -> WalkRecord {
+    pub(crate) fn walk_record(&self, from: usize, to: usize) -> WalkRecord {
         self.paths[from].practice.get(&self.ids[to]).copied().unwrap_or_default()
     }
 
@@ -267,7 +257,6 @@ impl Candidates {
         self.spacing
     }
 
-    /// Returns the distance within which an agent counts as being at a candidate.
     fn near_radius(&self) -> f32 {
         (self.spacing / 4.0).clamp(0.5 * self.spec.goal_radius, self.spec.goal_radius)
     }
@@ -331,7 +320,6 @@ impl Candidates {
         self.goal_index.nearest(&self.achieved(state)).unwrap_or((0, f32::INFINITY))
     }
 
-    /// Returns the goal that `state` achieves.
     fn achieved(&self, state: &[f32]) -> Vec<f32> {
         self.spec.achieved(state).collect()
     }
@@ -396,9 +384,6 @@ impl Candidates {
     }
 
     /// Continues with the candidates of a checkpoint, of as many agents.
-    ///
-    /// # Errors
-    /// They were saved with other sizes, or hold numbers out of range.
     pub fn restore(&mut self, stored: Self) -> Result<(), StoreError> {
         let Self { spacing, is_open, states, ids, next_id, paths, visits, clocks, hops, .. } =
             stored;
@@ -456,7 +441,6 @@ pub(super) mod tests {
         (spec, BridgeSettings { candidates, ..BridgeSettings::default() })
     }
 
-    /// Walks one agent along the line from 0 to `end`, half a goal radius per step.
     fn walk(candidates: &mut Candidates, end: f32) {
         for step in 0..=(2.0 * end) as usize {
             let at = [0.5 * step as f32, 0.5];
@@ -465,7 +449,6 @@ pub(super) mod tests {
         candidates.end_episode(0);
     }
 
-    /// Returns candidates on the line after a walk from 0 to `end`, with their spec and settings.
     pub fn walked(candidates: usize, end: f32) -> (Spec, BridgeSettings, Candidates) {
         let (spec, settings) = line(candidates);
         let mut candidates = Candidates::new(&spec, 1, &settings);
@@ -473,7 +456,6 @@ pub(super) mod tests {
         (spec, settings, candidates)
     }
 
-    /// Walks an agent back and forth along a corridor at `y`, several times.
     pub fn walk_corridor(candidates: &mut Candidates, y: f32, xs: Range<i32>) {
         for _ in 0..30 {
             xs.clone()
@@ -595,7 +577,6 @@ pub(super) mod tests {
         crate::store::to_bytes(candidates).expect("numbers")
     }
 
-    /// Returns the `fresh` ones with what a checkpoint keeps of `candidates`.
     pub fn restored(candidates: &Candidates, mut fresh: Candidates) -> Candidates {
         let stored = postcard::from_bytes(&bytes(candidates)).expect("their own bytes");
         fresh.restore(stored).expect("their own state");

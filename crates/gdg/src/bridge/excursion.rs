@@ -28,12 +28,10 @@ pub(crate) const MIN_STRIDE: f32 = 0.5;
 /// excursion, short enough to set out at once when a door opens.
 pub(crate) const SHARE_ROUNDS: u32 = 1_000;
 
-/// One agent's excursion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Excursion {
     /// Steps left unless it finds a new place; `None` before the first step.
     left: Option<u32>,
-    /// The action that it holds.
     held: Option<Held>,
 }
 
@@ -58,9 +56,7 @@ pub struct Excursions {
     /// Steps for which an action is held.
     #[serde(skip)]
     held_steps: u32,
-    /// Each agent's place, once known.
     at: Vec<Option<usize>>,
-    /// Each agent's excursion, if it is on one.
     under_way: Vec<Option<Excursion>>,
     spent: Spent,
 }
@@ -68,7 +64,6 @@ pub struct Excursions {
 /// How much of their time agents have spent on excursions lately.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Spent {
-    /// Mean share of agents on an excursion.
     share: f64,
     /// Number of rounds averaged, at most [`SHARE_ROUNDS`]; older ones fade.
     rounds: u32,
@@ -97,8 +92,7 @@ impl Excursions {
         self.spent.share < f64::from(share)
     }
 
-    /// Counts a round of steps of all agents.
-    pub fn count_steps(&mut self) {
+    pub(crate) fn count_steps(&mut self) {
         let on = self.under_way.iter().flatten().count() as f64 / self.under_way.len() as f64;
         self.spent.rounds = (self.spent.rounds + 1).min(SHARE_ROUNDS);
         self.spent.share += (on - self.spent.share) / f64::from(self.spent.rounds);
@@ -114,8 +108,7 @@ impl Excursions {
         self.under_way[agent] = None;
     }
 
-    /// Whether there are untried actions that may lead to new places.
-    pub fn has_frontier(&self) -> bool {
+    pub(crate) fn has_frontier(&self) -> bool {
         self.places.has_frontier()
     }
 
@@ -178,8 +171,7 @@ impl Excursions {
         true
     }
 
-    /// Ends all excursions.
-    pub fn end_all(&mut self) {
+    pub(crate) fn end_all(&mut self) {
         self.at.fill(None);
         self.under_way.fill(None);
     }
@@ -189,16 +181,12 @@ impl Excursions {
         self.places = before.places;
     }
 
-    /// Ends all excursions and forgets where actions lead, as the world has changed.
-    pub fn forget_outcomes(&mut self) {
+    pub(crate) fn forget_outcomes(&mut self) {
         self.places.forget_outcomes();
         self.end_all();
     }
 
     /// Continues with the excursions of a checkpoint, of as many agents in the same world.
-    ///
-    /// # Errors
-    /// They do not fit.
     pub fn restore(&mut self, spec: &Spec, stored: Self) -> Result<(), StoreError> {
         let Self { places, at, under_way, spent, .. } = stored;
         let places = places.restored(spec)?;
@@ -248,7 +236,6 @@ mod tests {
         (0..10).contains(&x) && (0..2 * floors - 1).contains(&y) && (y % 2 == 0 || connects)
     }
 
-    /// Moves `at` by `action`; a wall stops the component towards it.
     fn step(at: [f32; 2], action: [f32; 2], is_free: impl Fn([f32; 2]) -> bool) -> [f32; 2] {
         let x = Some([at[0] + action[0], at[1]]).filter(|to| is_free(*to)).unwrap_or(at);
         Some([x[0], x[1] + action[1]]).filter(|to| is_free(*to)).unwrap_or(x)

@@ -186,9 +186,6 @@ impl BridgeGraph {
     }
 
     /// Restores the graph that [`Self::stored`] returned.
-    ///
-    /// # Errors
-    /// It is not one with these settings.
     pub fn restored(
         spec: &Spec,
         settings: &BridgeSettings,
@@ -293,7 +290,6 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Adds the edges from candidate `from`.
     fn add(&mut self, from: usize, policy: &dyn Policy, scratch: &mut Scratch) {
         let (s, to) = (self.spec.state_dim(), self.nearest(from));
         let state = &self.candidates.states()[from * s..(from + 1) * s];
@@ -334,8 +330,6 @@ impl<'a> Rows<'a> {
         near
     }
 
-    /// Returns the edge between two candidates that is `distance` steps long by D, if it may be
-    /// used.
     fn edge(&self, from: usize, to: usize, distance: f32) -> Option<Edge> {
         let Self { settings, candidates, .. } = self;
         let Link { length, cost } = Link::new(settings, candidates, from, to, distance)?;
@@ -415,7 +409,6 @@ mod tests {
         Edge { from, to, distance: cost, length: cost, cost, status: EdgeStatus::Untried }
     }
 
-    /// Returns candidates in a row, each with an edge to the next; the last has no outgoing edge.
     fn row(cost: f32) -> BridgeGraph {
         let (spec, settings, candidates) = walked(20, 29.5);
         let length = 3.0 + settings.hop_steps_in(&spec);
@@ -425,7 +418,6 @@ mod tests {
         BridgeGraph::from_edges(&spec, &settings, candidates.frozen(), edges)
     }
 
-    /// Returns the first two candidates of a walk from left to right, and the settings.
     fn one_way() -> (Candidates, BridgeSettings) {
         let (_, settings, candidates) = walked(20, 3.5);
         assert_eq!((candidates.observed(0, 1), candidates.observed(1, 0)), (3, UNOBSERVED));

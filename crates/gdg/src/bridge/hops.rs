@@ -24,7 +24,6 @@ impl Default for HopOutcomes {
 }
 
 impl HopOutcomes {
-    /// Records the outcome of a hop that was `distance` steps long by D.
     pub fn record(&mut self, distance: f32, arrived: bool) {
         let counts = &mut self.counts[bin(distance)];
         *counts = counts.map(|count| HOP_FORGETTING * count);
@@ -47,12 +46,10 @@ impl HopOutcomes {
         failed / (arrived + 1.0)
     }
 
-    /// Returns the discounted numbers of arrivals and failures by length.
     pub fn counts(&self) -> &[[f32; 2]] {
         &self.counts
     }
 
-    /// Whether these numbers can be those of outcomes.
     pub(super) fn is_plausible(&self) -> bool {
         let most = 1.0 / (1.0 - HOP_FORGETTING) + 1.0;
         self.counts.as_flattened().iter().all(|count| (0.0..=most).contains(count))

@@ -34,7 +34,6 @@ pub enum Target {
 pub struct Walker {
     route: Route,
     target: Option<Target>,
-    /// Steps since the walk began.
     clock: u32,
     /// D to the target when it was chosen.
     distance: f32,
@@ -44,7 +43,6 @@ pub struct Walker {
     /// walk could oscillate between two waypoints forever. Infinite at the start and after a late
     /// target.
     remaining: f32,
-    /// Number of consecutive late targets.
     strikes: u32,
     /// Late targets, and the step until which each is banned.
     banned: Vec<(Target, u32)>,
@@ -68,7 +66,6 @@ pub struct Hop {
     pub arrived: bool,
 }
 
-/// The best next hop to a candidate.
 struct PlannedHop {
     candidate: usize,
     /// D to it.
@@ -110,9 +107,6 @@ impl Walker {
     }
 
     /// Continues a walk of a checkpoint on `graph`: finds the paths to its goal again.
-    ///
-    /// # Errors
-    /// The walk was on another graph.
     pub fn restore(&mut self, graph: &BridgeGraph) -> Result<(), StoreError> {
         let Route { goal, nearest, links, has_unverified_links, .. } = &mut self.route;
         let mut candidates = links.iter().map(|(i, _)| *i as usize).chain(*nearest).chain(self.at);
@@ -130,8 +124,7 @@ impl Walker {
         Ok(())
     }
 
-    /// Returns the hop between two candidates that ended with the latest step, if any.
-    pub fn finished_hop(&self) -> Option<Hop> {
+    pub(crate) fn finished_hop(&self) -> Option<Hop> {
         self.hop
     }
 
@@ -152,7 +145,6 @@ impl Walker {
         self.target
     }
 
-    /// Returns the position of `target`, `(goal_dim)`.
     fn target_position<'a>(&'a self, graph: &'a BridgeGraph, target: Target) -> &'a [f32] {
         match target {
             Target::Goal => &self.route.goal,

@@ -15,10 +15,8 @@ use crate::train::{
     memory,
 };
 
-/// Number of autosaved checkpoints to keep.
 const MAX_AUTOSAVES: usize = 3;
 
-/// Maximum number of settings that a notice of a change names.
 const MAX_NAMED_CHANGES: usize = 3;
 
 /// Makes a world from the run's, on the trainer's thread, as preparing a large map is slow.
@@ -56,7 +54,6 @@ pub enum Command {
     Load(PathBuf),
 }
 
-/// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 enum CommandError {
     /// An error from the trainer.
@@ -84,8 +81,6 @@ fn without_autosave_suffix(stem: &str) -> &str {
     }
 }
 
-/// Describes what differs between two runs: method, preset, and settings with their old and new
-/// values.
 fn changes(before: &Run, after: &Run) -> String {
     let (old, new) = (list_settings(&before.settings), list_settings(&after.settings));
     let settings = old.iter().zip(&new).filter(|(old, new)| old != new);
@@ -100,7 +95,6 @@ fn changes(before: &Run, after: &Run) -> String {
     if all.is_empty() { "changed".to_owned() } else { all.join(", ") }
 }
 
-/// Describes a command, to follow "waiting for".
 fn activity(command: &Command) -> &'static str {
     match command {
         Command::Save(..) | Command::Autosave(..) => "saving",
@@ -135,7 +129,6 @@ impl Worker {
         Ok(format!("{done}{}{removed}{warning}", change.summary))
     }
 
-    /// Continues with other settings and returns a notice that says what was kept.
     fn change(&mut self, run: Run) -> Result<String, CommandError> {
         memory::check(&run, self.trainer.world(), self.trainer.registry())?;
         let what = changes(self.trainer.run(), &run);
@@ -163,7 +156,6 @@ impl Worker {
         Ok(what + then)
     }
 
-    /// Switches to another run.
     fn switch_to(&mut self, trainer: Trainer) -> Result<(), TrainError> {
         (self.trainer, self.session) = (trainer, session());
         self.trainer.set_job(self.job.clone());
@@ -184,7 +176,6 @@ impl Worker {
         self.refresh_snapshot(true)
     }
 
-    /// Saves a checkpoint and returns a notice for the user.
     fn save(&mut self, to: SaveTo, notes: Notes) -> Result<String, CommandError> {
         // The front end may not know yet which file its previous save went to.
         let to = match (&self.new_file, to) {
@@ -332,7 +323,6 @@ impl Worker {
         self.publish();
     }
 
-    /// Starts a new run.
     fn start_run(&mut self, run: Run, world: &dyn Environment) -> Result<String, CommandError> {
         let progress = self.opening();
         let begin = || {

@@ -8,7 +8,6 @@ use crate::env::EnvError;
 use crate::job::{Job, Running};
 use crate::train::{Evaluation, Moment, TrainError};
 
-/// Tasks at each distance.
 const EVALUATION_TASKS: usize = 10;
 
 /// The pause after an evaluation, as a multiple of its duration: evaluations run beside training,
@@ -22,7 +21,6 @@ const MAX_AGE: Duration = Duration::from_secs(10);
 /// as long as the evaluation.
 const MAX_AGE_UPDATES: f64 = 1_500.0;
 
-/// An evaluation running on its own thread, of the networks as they were then.
 pub struct RunningEvaluation {
     made: Moment,
     running: Running<Result<Option<Evaluation>, EnvError>>,
@@ -44,7 +42,6 @@ impl Worker {
         Ok(true)
     }
 
-    /// Starts an evaluation if one is due, unless the latest one ended only recently.
     pub(super) fn start_due_evaluation(&mut self) -> Result<(), TrainError> {
         let is_time = self.next_evaluation_at.is_none_or(|at| Instant::now() >= at);
         if self.evaluation_is_due && is_time {
@@ -53,7 +50,6 @@ impl Worker {
         Ok(())
     }
 
-    /// Returns when the next evaluation comes.
     pub(super) fn next_evaluation(&self) -> NextEvaluation {
         if let Some(running) = &self.evaluation {
             return NextEvaluation::Running(running.running.job().since());
@@ -71,7 +67,6 @@ impl Worker {
         }
     }
 
-    /// Collects the evaluation if it has finished.
     pub(super) fn collect_evaluation(&mut self) {
         let Some(RunningEvaluation { made, running }) =
             self.evaluation.take_if(|e| e.running.is_finished())

@@ -8,7 +8,6 @@ use super::snapshot::{self, FollowedAgent, Networks};
 use crate::learn::Policy;
 use crate::train::{Counters, Limits, TrainError, Trainer};
 
-/// Interval between snapshots while training.
 const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
 
 /// Minimum interval between copies of networks and candidates for a snapshot. Copying blocks
@@ -21,7 +20,6 @@ const NETWORKS_PAUSE_FACTOR: u32 = 60;
 /// Number of recent states per agent in a snapshot.
 const TRAIL_STATES: usize = 8;
 
-/// Timing of the updates for the front end.
 pub struct PublishTimer {
     published: Instant,
     refresh_networks_at: Instant,
@@ -30,14 +28,12 @@ pub struct PublishTimer {
 }
 
 impl PublishTimer {
-    /// Creates a timer as of now.
     pub fn new(trainer: &Trainer) -> Self {
         let now = Instant::now();
         let rates_from = (trainer.seconds(), trainer.counters());
         Self { published: now, refresh_networks_at: now, rates_from }
     }
 
-    /// Whether the next snapshot is due.
     pub fn is_due(&self) -> bool {
         self.published.elapsed() >= SNAPSHOT_INTERVAL
     }
@@ -53,7 +49,6 @@ fn seconds_left(trainer: &Trainer, limits: &Limits, at_most: Option<f64>) -> Opt
 }
 
 impl Worker {
-    /// Updates the rates and the snapshot.
     pub(super) fn report_progress(&mut self, timer: &mut PublishTimer) -> Result<(), TrainError> {
         timer.published = Instant::now();
         let networks = timer.published >= timer.refresh_networks_at;
@@ -113,7 +108,6 @@ impl Worker {
         Ok(())
     }
 
-    /// Returns the state of the followed agent.
     fn followed(&mut self) -> Result<Option<FollowedAgent>, TrainError> {
         let (trainer, scratch) = (&self.trainer, &mut self.scratch);
         let rollout = trainer.rollout();

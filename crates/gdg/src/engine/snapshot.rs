@@ -155,7 +155,6 @@ pub struct Networks {
 }
 
 impl Networks {
-    /// Copies the current networks and candidates of `trainer`.
     pub(super) fn capture(trainer: &Trainer) -> Result<Arc<Self>, TrainError> {
         Ok(Arc::new(Self { policy: trainer.policy()?, candidates: trainer.candidates().frozen() }))
     }
@@ -187,7 +186,6 @@ pub(super) fn next_multiple(n: u64, of: u64) -> u64 {
     (n / of + 1) * of
 }
 
-/// Returns the states of acting agents.
 pub(super) fn agents(trainer: &Trainer) -> Vec<f32> {
     if trainer.acts() { trainer.world().states().to_vec() } else { Vec::new() }
 }
@@ -197,7 +195,6 @@ pub(super) fn data(trainer: &Trainer) -> Option<Arc<DataSource>> {
     trainer.data().filter(|_| !trainer.acts()).cloned().map(Arc::new)
 }
 
-/// Returns the places at the frontier that agents are heading for, concatenated.
 pub(super) fn frontier_goals(rollout: &Rollout) -> Arc<Vec<f32>> {
     let excursions = rollout.excursions();
     Arc::new(
@@ -207,9 +204,6 @@ pub(super) fn frontier_goals(rollout: &Rollout) -> Arc<Vec<f32>> {
 
 impl Snapshot {
     /// Captures the current state of `trainer`, as if training had just started.
-    ///
-    /// # Errors
-    /// The learner fails.
     pub fn capture(trainer: &Trainer) -> Result<Self, TrainError> {
         Ok(Self {
             run: Arc::new(trainer.run().clone()),

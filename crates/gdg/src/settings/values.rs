@@ -46,7 +46,6 @@ pub struct Values {
     condition: &'static str,
 }
 
-/// Kinds of values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Kind {
     /// True or false.
@@ -61,7 +60,6 @@ pub(crate) enum Kind {
     Numbers { max_len: usize, from: f32, to: f32 },
 }
 
-/// Which of its bounds a range of numbers excludes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Excluded {
     None,
@@ -71,48 +69,39 @@ pub(crate) enum Excluded {
 }
 
 impl Values {
-    /// True or false.
     pub(crate) const SWITCH: Self = Self::of(Kind::Switch);
 
     /// A number above 0, large enough to divide by.
     pub(crate) const POSITIVE: Self = Self::number(1e-38, 3e38);
 
-    /// A part of a whole.
     pub(crate) const FRACTION: Self = Self::measure("a fraction", 0.0, 1.0);
 
-    /// A probability.
     pub(crate) const PROBABILITY: Self = Self::measure("a probability", 0.0, 1.0);
 
     const fn of(kind: Kind) -> Self {
         Self { kind, or_auto: false, condition: "" }
     }
 
-    /// One of `words`.
     pub(crate) const fn word(words: &'static [&'static str]) -> Self {
         Self::of(Kind::Word(words))
     }
 
-    /// A whole number.
     pub(crate) const fn count(from: u64, to: u64) -> Self {
         Self::of(Kind::Count { from, to: Some(to) })
     }
 
-    /// A whole number without an upper bound.
     pub(crate) const fn count_from(from: u64) -> Self {
         Self::of(Kind::Count { from, to: None })
     }
 
-    /// A number from `from` to `to`, both included.
     pub(crate) const fn number(from: f32, to: f32) -> Self {
         Self::measure("a number", from, to)
     }
 
-    /// A number of steps from `from` to `to`, both included.
     pub(crate) const fn steps(from: f32, to: f32) -> Self {
         Self::measure("a number of steps", from, to)
     }
 
-    /// What `noun` names, from `from` to `to`, both included.
     pub(crate) const fn measure(noun: &'static str, from: f32, to: f32) -> Self {
         Self::of(Kind::Number { noun, from, to, excluded: Excluded::None })
     }
@@ -122,10 +111,8 @@ impl Values {
         Self::of(Kind::Number { noun: "a number", from: 0.0, to: 1.0, excluded })
     }
 
-    /// At most 16 scales of lengths.
     pub(crate) const SCALES: Self = Self::of(Kind::Numbers { max_len: 16, from: 0.01, to: 1e6 });
 
-    /// These values, or `"auto"`.
     pub(crate) const fn or_auto(self) -> Self {
         Self { or_auto: true, ..self }
     }

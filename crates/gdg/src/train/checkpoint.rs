@@ -29,7 +29,6 @@ use crate::text::{safe_file_name, sanitized, truncated};
 pub use content::ContentError;
 use content::{MAX_HEADER_BYTES, Texts};
 
-/// Names of what the metadata hold.
 const ABOUT: &str = "about";
 const HISTORY: &str = "history";
 
@@ -77,17 +76,11 @@ const CHECKPOINT: Wanted = Wanted {
 };
 
 /// Reads a checkpoint's summary without its state.
-///
-/// # Errors
-/// The file cannot be read or is not a checkpoint of this version.
 pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
     described(path).map(|(found, _)| found)
 }
 
 /// Reads a checkpoint's summary and history without its state or its world.
-///
-/// # Errors
-/// The file cannot be read or is not a checkpoint of this version.
 pub fn read_history(path: &Path) -> Result<(Description, History), CheckpointError> {
     let (found, texts) = described(path)?;
     let history = parsed(&texts, HISTORY).map_err(|e| unreadable(path, &e.to_string()))?;
@@ -107,7 +100,6 @@ fn described(path: &Path) -> Result<(Description, Texts), CheckpointError> {
     Ok((Description { file, about, bytes: facts.len(), written }, texts))
 }
 
-/// Parses what a checkpoint says about itself.
 fn parsed<T: DeserializeOwned>(texts: &Texts, name: &str) -> Result<T, StoreError> {
     let text = texts.get(name).ok_or_else(|| StoreError::Missing(name.to_owned()))?;
     serde_json::from_str(text).map_err(|e| StoreError::unreadable(name, e))
@@ -131,7 +123,6 @@ fn read_start(path: &Path) -> std::io::Result<(Vec<u8>, Metadata)> {
     Ok((start, facts))
 }
 
-/// Reads a whole checkpoint.
 fn read(path: &Path) -> Result<Vec<u8>, String> {
     files::read(path, most_bytes()).map_err(|e| format!("cannot be read: {e}"))
 }
@@ -209,7 +200,6 @@ struct FileIdentity {
 }
 
 impl FileIdentity {
-    /// Records the file at `path`, which has these facts and contents.
     fn record(path: &Path, facts: Option<FileFacts>, contents: u32) {
         if let (Ok(path), Some(facts)) = (path.canonicalize(), facts) {
             KNOWN_FILES.lock().insert(path, Self { facts, contents });
@@ -221,7 +211,6 @@ impl FileIdentity {
         path.canonicalize().ok().and_then(|path| KNOWN_FILES.lock().get(&path).copied())
     }
 
-    /// Whether the file at `path` is still this one.
     fn is_at(&self, path: &Path) -> bool {
         let found = FileFacts::of(path);
         found == Some(self.facts)
@@ -257,9 +246,6 @@ pub fn remove_own(path: &Path) {
 }
 
 /// Writes a checkpoint and returns its path. A crash leaves either the old or the new file.
-///
-/// # Errors
-/// The file system or the learner fails, or numbers are not finite.
 pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> {
     let failed = |problem: String| CheckpointError {
         file: to.path().to_owned(),
@@ -280,9 +266,6 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
 }
 
 /// Returns the bytes of a checkpoint file, and says how far it is.
-///
-/// # Errors
-/// The run cannot be expressed.
 pub fn to_bytes(saved: &Saved, progress: &Job) -> Result<Vec<u8>, StoreError> {
     let Saved { about, history, state } = saved;
     let text = |name: &str, value: serde_json::Result<String>| {
@@ -297,7 +280,6 @@ pub fn to_bytes(saved: &Saved, progress: &Job) -> Result<Vec<u8>, StoreError> {
     Ok(content::to_bytes(&texts.into(), &state, progress))
 }
 
-/// Writes a checkpoint's bytes and returns its path.
 fn write(to: &SaveTo, bytes: &[u8]) -> std::io::Result<PathBuf> {
     let contents = crc32fast::hash(bytes);
     let replace = |path: &PathBuf| {
@@ -325,9 +307,6 @@ fn write(to: &SaveTo, bytes: &[u8]) -> std::io::Result<PathBuf> {
 const LOAD_STAGES: usize = 3;
 
 /// Loads a run from a checkpoint.
-///
-/// # Errors
-/// The file cannot be read or is not a checkpoint of this program.
 pub fn load(
     path: &Path,
     registry: &Arc<Registry>,
@@ -337,9 +316,6 @@ pub fn load(
 }
 
 /// Like [`load`], and says how far it is.
-///
-/// # Errors
-/// See [`load`].
 pub fn load_with(
     path: &Path,
     registry: &Arc<Registry>,
@@ -372,9 +348,6 @@ pub enum LoadError {
 }
 
 /// Loads a run from a checkpoint's bytes.
-///
-/// # Errors
-/// The bytes are not a valid checkpoint, or their run cannot be resumed.
 pub fn from_bytes(
     bytes: &[u8],
     registry: &Arc<Registry>,
@@ -396,9 +369,6 @@ fn parse(
 }
 
 /// Reads the bytes of a checkpoint file.
-///
-/// # Errors
-/// They are not a valid checkpoint, or it needs more memory than there is.
 pub fn read_saved(bytes: &[u8]) -> Result<Saved, ContentError> {
     let (texts, state) = content::from_bytes(bytes, most_bytes())?;
     let state = postcard::from_bytes(&state).map_err(|e| StoreError::unreadable("state", e))?;

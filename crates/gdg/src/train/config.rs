@@ -41,10 +41,8 @@ pub struct ConfigError {
     pub excerpt: Option<Excerpt>,
 }
 
-/// Maximum length of a value quoted in an error, in characters.
 const MAX_QUOTED_CHARS: usize = 120;
 
-/// Maximum size of a settings file.
 const MAX_BYTES: u64 = 64 << 20;
 
 impl ConfigError {
@@ -57,13 +55,11 @@ impl ConfigError {
         format!("{}: {}", self.problem, self.help)
     }
 
-    /// Prefixes the error with `location`.
     fn at(mut self: Box<Self>, location: String) -> Box<Self> {
         self.location = location;
         self
     }
 
-    /// Adds the position in a file and an excerpt of it to the error.
     fn in_file(mut self: Box<Self>, file: &str, text: &str, span: Range<usize>) -> Box<Self> {
         let (excerpt, (line, column)) = Excerpt::from_span(file, text, span);
         self.excerpt = Some(excerpt);
@@ -73,10 +69,6 @@ impl ConfigError {
 
 /// Returns the settings of `preset` with `overrides` applied: first the world's defaults, if the
 /// preset adapts to the world, then the file, then the individual values.
-///
-/// # Errors
-/// The file cannot be read or is not a JSON object, a name is unknown, or a value has the wrong
-/// type or is out of range.
 pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, Box<ConfigError>> {
     let mut values = preset.settings().values();
     let defaults = if preset.adapts_to_world() { overrides.defaults } else { &[] };
@@ -115,9 +107,6 @@ fn apply_assignment(
 
 /// Returns the settings of `preset` overridden by `text`, the contents of a settings file called
 /// `file`.
-///
-/// # Errors
-/// See [`settings_from`].
 pub fn settings_from_text(
     preset: Preset,
     file: &str,
@@ -145,9 +134,6 @@ pub fn changed_from(settings: &Settings, base: &Settings) -> Map<String, Value> 
 }
 
 /// Returns `settings` with one of them changed, as by `--set`.
-///
-/// # Errors
-/// The name is unknown, or the value has the wrong type or is out of range.
 pub fn with_setting(
     settings: &Settings,
     name: &str,
@@ -203,7 +189,6 @@ fn as_number(setting: &Setting, value: &Value) -> Result<Value, Box<ConfigError>
     Err(ConfigError::new(problem, format!("{} must be {}", setting.name, setting.values)))
 }
 
-/// Parses a number of JSON.
 fn json_number(text: &str) -> Option<Value> {
     serde_json::from_str(text).ok().filter(Value::is_number)
 }
@@ -222,7 +207,6 @@ fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
     })
 }
 
-/// Sets one value and checks it on its own.
 fn apply(
     values: &mut Map<String, Value>,
     name: &str,

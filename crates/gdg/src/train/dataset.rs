@@ -18,7 +18,6 @@ use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes};
 use crate::store::StoreError;
 
-/// Names of the arrays.
 const STATES: &str = "observations";
 const ACTIONS: &str = "actions";
 const ENDS: &str = "terminals";
@@ -34,7 +33,6 @@ const MOST_NUMBERS: usize = 1 << 30;
 /// No file is packed more tightly than this: the limit of Deflate.
 const MOST_PACKED: u64 = 1_040;
 
-/// Bytes that are read at a time.
 const CHUNK: usize = 1 << 20;
 
 /// How far actions may lie beyond [-1, 1], by rounding.
@@ -84,9 +82,6 @@ impl Dataset {
     /// `timeouts` and `truncations` are further ends. The action of a row leads to the next one, or
     /// to that of `next_observations`, if they are there. States are in the unit of the world's
     /// records. Says how far it is, as one stage of `progress`.
-    ///
-    /// # Errors
-    /// It cannot be read, is no such file, or does not fit the world.
     pub fn read(file: &Path, world: &dyn Environment, progress: &Job) -> Result<Self, DataError> {
         let checked = checksum(file, [0, 2], progress)?;
         Self::read_checked(file, checked, world, 2, progress)
@@ -149,9 +144,6 @@ impl Dataset {
 
     /// Checks that a file can be read and has the arrays, without a world and without its numbers;
     /// returns its CRC-32. Says how far it is, as one stage of `progress`.
-    ///
-    /// # Errors
-    /// See [`Self::read`].
     pub fn check_file(file: &Path, progress: &Job) -> Result<u32, DataError> {
         let (checksum, facts) = checksum(file, [0, 1], progress)?;
         Arrays::open(file, facts).map_err(|problem| unfit(file, problem))?;
@@ -159,9 +151,6 @@ impl Dataset {
     }
 
     /// Reads the file that a run has learned from, or else `moved`, which must be the same.
-    ///
-    /// # Errors
-    /// See [`Self::read`]; or it is another file.
     pub fn reread(
         source: &DataSource,
         moved: Option<&Path>,
@@ -185,7 +174,6 @@ impl Dataset {
         &self.source
     }
 
-    /// Returns what tells whether the file is still the same.
     pub(super) fn facts(&self) -> Option<FileFacts> {
         self.facts
     }
@@ -242,9 +230,6 @@ impl Dataset {
 
 /// Returns the contents of an `.npz` file with all complete transitions of a replay buffer in
 /// `world`, as [`Dataset::read`] reads them. Says how far it is, as one stage of `progress`.
-///
-/// # Errors
-/// There are none, or no temporary file can be written.
 pub fn data_file(
     replay: &Replay,
     world: &dyn Environment,
@@ -293,7 +278,6 @@ fn checksum(
     Ok((read.map_err(unread)?, facts))
 }
 
-/// Returns the CRC-32 of all bytes; calls `tell` with how many have been read.
 fn checksum_of(mut bytes: impl Read, tell: impl Fn(u64)) -> io::Result<u32> {
     let (mut crc, mut done, mut chunk) = (Crc::new(), 0, vec![0; CHUNK]);
     tell(done);
@@ -312,7 +296,6 @@ fn checksum_of(mut bytes: impl Read, tell: impl Fn(u64)) -> io::Result<u32> {
     }
 }
 
-/// Checks the size of every number; the text says what it must be.
 fn check(
     name: &str,
     numbers: &[f32],
@@ -343,7 +326,6 @@ const CUT_OFF: &str = "is no .npz file of NumPy, or its end is missing";
 /// What is wrong with a file that another program has written over.
 const CHANGED: &str = "has changed while it was read";
 
-/// Says why an array cannot be read, and what to do in NumPy.
 fn unread_array(name: &str, error: &candle_core::Error) -> String {
     let said = error.to_string();
     if said.contains("fortran order") {
@@ -361,11 +343,9 @@ fn unread_array(name: &str, error: &candle_core::Error) -> String {
     format!("{name} cannot be read, as if the file were damaged: {said}")
 }
 
-/// The arrays of a file.
 struct Arrays<'a> {
     path: &'a Path,
     file: NpzTensors,
-    /// The length of the file.
     bytes: u64,
 }
 

@@ -46,9 +46,6 @@ impl EvaluationJob {
 
     /// Draws `per_group` tasks at each distance, independently of the number of earlier
     /// evaluations.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn tasks(&self, per_group: usize) -> Result<TaskSet, EnvError> {
         self.world.tasks(per_group, &mut self.task_rng.clone())
     }
@@ -56,9 +53,6 @@ impl EvaluationJob {
     /// Draws tasks like [`Self::tasks`] and evaluates on them; returns `None` once `job` is
     /// cancelled. Where the world fails, tries once more: a world in another process gets a new one, and
     /// the result is the same.
-    ///
-    /// # Errors
-    /// The world fails twice.
     pub fn evaluate(&self, per_group: usize, job: &Job) -> Result<Option<Evaluation>, EnvError> {
         let once = || self.run_unless(job, &self.tasks(per_group)?);
         once().or_else(|error| {
@@ -71,18 +65,12 @@ impl EvaluationJob {
     }
 
     /// Evaluates on `tasks` against ground truth.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn run(&self, tasks: &TaskSet) -> Result<Evaluation, EnvError> {
         let done = self.run_unless(&Job::default(), tasks)?;
         Ok(done.unwrap_or_else(|| unreachable!("nothing cancels it")))
     }
 
     /// Like [`Self::run`]; returns `None` once `job` is cancelled.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn run_unless(&self, job: &Job, tasks: &TaskSet) -> Result<Option<Evaluation>, EnvError> {
         crate::faults::point("evaluation");
         let (progress, stages) = (job, 1 + 2 * usize::from(self.candidates.is_some()));
@@ -125,7 +113,6 @@ impl EvaluationJob {
         }))
     }
 
-    /// Scores walking straight at the goals.
     fn straight_score(&self, tasks: &TaskSet) -> Result<Option<Score>, EnvError> {
         let (world, mut rng) = (&*self.world, self.rng.clone());
         let (Some(evaluated), Some(task)) = (world.abilities().evaluated, tasks.tasks.first())
@@ -165,9 +152,6 @@ impl EvaluationJob {
     }
 
     /// Walks `task` as in an evaluation, with planning if the method plans.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn walk(&self, task: &Task) -> Result<TaskWalk, EnvError> {
         let (graph, mut states) = (self.graph(&Job::default()), Vec::new());
         let tasks = std::slice::from_ref(task);
@@ -182,7 +166,6 @@ impl EvaluationJob {
         Ok(TaskWalk { plan, states, reached: runs.taken[0].is_some() })
     }
 
-    /// Returns how agents act, with planning over `graph` if there is one.
     fn actor<'a>(&'a self, graph: Option<&'a BridgeGraph>) -> Actor<'a> {
         let hold_steps = (self.acting == Acting::AtRandom).then_some(RANDOM_HOLD_STEPS);
         let guide = Guide { policy: &*self.policy, graph };
@@ -243,7 +226,6 @@ fn left_steps(to_goal: Option<u32>, is_reached: bool) -> Option<u32> {
     to_goal.map(|steps| if is_reached { 0 } else { steps })
 }
 
-/// Runs the world's default task.
 fn marked_task(
     world: &dyn Environment,
     mut truth: Option<&mut (dyn GroundTruth + '_)>,

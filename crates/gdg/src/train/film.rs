@@ -8,10 +8,8 @@ use serde::{Deserialize, Serialize};
 use crate::env::{Environment, MAX_PROBES, Probes, Spec};
 use crate::store::StoreError;
 
-/// Initial number of updates between two frames.
 const FRAME_EVERY_UPDATES: u64 = 250;
 
-/// Maximum number of frames.
 const MAX_FRAMES: usize = 64;
 
 /// Maximum number of agents in a frame; the others are left out.
@@ -20,7 +18,6 @@ const MAX_FILM_AGENTS: usize = 64;
 /// Positions in a file may lie this many times the range of states from its middle.
 const MAX_RANGES: f32 = 100.0;
 
-/// Value of an unknown distance.
 const UNKNOWN: u16 = u16::MAX;
 
 /// What was learned by one update.
@@ -137,9 +134,6 @@ impl Film {
     }
 
     /// Restores the film that [`Self::stored`] returned, of a world with `spec`.
-    ///
-    /// # Errors
-    /// It is out of range.
     pub fn restored(
         (every, frames): (u64, Vec<FilmFrame>),
         spec: &Spec,
@@ -209,7 +203,6 @@ mod tests {
         Probes { places: 4, place_of: vec![0, 2, 3], states: Vec::new(), goal: vec![1.5, 2.5] }
     }
 
-    /// Adds the frames that are due after updates `from` to `to` of which some are tried.
     fn go_on(film: &mut Film, from: u64, to: u64) {
         let tried = (from..=to).filter(|updates| *updates == 1 || updates.is_multiple_of(SPACING));
         for updates in tried {
@@ -220,7 +213,6 @@ mod tests {
         }
     }
 
-    /// Returns the film after `last` updates.
     fn film_after(last: u64) -> Film {
         let mut film = Film::default();
         go_on(&mut film, 1, last);

@@ -44,7 +44,6 @@ pub enum GraphSource {
     Edited(Arc<BridgeGraph>),
 }
 
-/// Inputs of a build.
 pub struct GraphJob {
     pub policy: Arc<dyn Policy>,
     pub candidates: Arc<Candidates>,
@@ -55,7 +54,6 @@ pub struct GraphJob {
     pub rng: ChaCha8Rng,
 }
 
-/// A graph and its distilled distances.
 #[derive(Clone)]
 pub struct BuiltGraph {
     /// Update at which the build began.
@@ -90,13 +88,11 @@ enum PendingGraph {
 struct Building {
     at: u64,
     job: Arc<GraphJob>,
-    /// What the thread leaves behind.
     result: Arc<OnceLock<BuiltGraph>>,
     running: Running<()>,
 }
 
 impl Building {
-    /// Starts `job` on a thread of its own.
     fn start(at: u64, job: GraphJob) -> Self {
         let job = Arc::new(job);
         let result = Arc::new(OnceLock::new());
@@ -125,14 +121,12 @@ impl Building {
     }
 }
 
-/// A graph in a checkpoint.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StoredBuild {
     /// Updates at which the build began and it takes effect.
     at: u64,
     due: u64,
     graph: StoredGraph,
-    /// The distances that have changed, if requested.
     changed: Option<ChangedDistances>,
     /// The longest distance along the graph before the edit that has changed it since, if any.
     edited: Option<f32>,
@@ -204,8 +198,6 @@ impl BuiltGraph {
         }
     }
 
-    /// # Errors
-    /// `stored` was not saved from a matching run.
     fn restore(
         spec: &Spec,
         settings: &BridgeSettings,
@@ -245,7 +237,6 @@ impl BuiltGraph {
 }
 
 impl Graphs {
-    /// Returns the current graph.
     pub fn current(&self) -> Option<&BuiltGraph> {
         self.current.as_ref()
     }
@@ -263,17 +254,14 @@ impl Graphs {
         self.current = Some(BuiltGraph::edited(at, graph, longest_steps));
     }
 
-    /// Returns whether a graph is being built or waits to take effect.
     pub fn has_next(&self) -> bool {
         self.next.is_some()
     }
 
-    /// Returns the update at which the next graph takes effect, if one is being built or waits.
     pub fn next_at(&self) -> Option<u64> {
         self.next.as_ref().map(|(due, _)| *due)
     }
 
-    /// Returns whether the next graph is due at update `now`.
     pub fn is_due(&self, now: u64) -> bool {
         self.next.as_ref().is_some_and(|(due, _)| *due <= now)
     }
@@ -296,7 +284,6 @@ impl Graphs {
         true
     }
 
-    /// Returns the current and the next graph, for a checkpoint.
     pub fn stored(&self) -> [Option<StoredBuild>; 2] {
         let next = self.next.as_ref().map(|(due, next)| match next {
             PendingGraph::Ready(built) => built.stored(*due),
@@ -307,9 +294,6 @@ impl Graphs {
 
     /// Restores the graphs that [`Self::stored`] returned; `rng` gives the RNG for the distilled
     /// distances of a build at an update.
-    ///
-    /// # Errors
-    /// They were not saved from a matching run.
     pub fn restored(
         spec: &Spec,
         settings: &BridgeSettings,

@@ -75,7 +75,6 @@ pub struct History {
     every: u64,
     points: Arc<Vec<CurvePoint>>,
     evaluations: Arc<Vec<(u64, Evaluation)>>,
-    /// When these were made.
     moments: Vec<Moment>,
     /// The methods used; only in runs whose method has changed.
     pub(super) methods: Methods,
@@ -179,9 +178,6 @@ impl History {
     }
 
     /// Checks a history read from a file.
-    ///
-    /// # Errors
-    /// A value is out of range.
     pub fn check(&self, spec: &Spec) -> Result<(), StoreError> {
         let Notes { log, goal } = &self.notes;
         let short = |entry: &LogEntry| {
@@ -221,7 +217,6 @@ impl LogEntry {
 /// Maximum number of stretches; beyond it, the oldest are forgotten.
 const MAX_STRETCHES: usize = 200;
 
-/// Maximum length of a method's name.
 const MAX_NAME_BYTES: usize = 200;
 
 /// A part of a run under one method.
@@ -305,7 +300,6 @@ impl Methods {
         self.index(updates) + 1 >= self.0.len()
     }
 
-    /// Returns whether the values are plausible.
     pub(super) fn is_sound(&self) -> bool {
         self.0.len() <= MAX_STRETCHES
             && self.0.is_sorted_by_key(|stretch| (stretch.from, stretch.learned))

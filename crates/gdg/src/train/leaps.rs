@@ -23,11 +23,9 @@ const SURE_COUNT: usize = 16;
 /// ... of which at least this share has led to the same place.
 const SURE_SHARE: f32 = 0.9;
 
-/// The leaps seen, in worlds whose goals are places.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Leaps(VecDeque<Leap>);
 
-/// The goals achieved before and after.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Leap {
     from: Vec<f32>,
@@ -35,12 +33,10 @@ struct Leap {
 }
 
 impl Leaps {
-    /// Returns whether there are none.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Returns whether these can be leaps of a world with `spec`.
     pub fn fit(&self, spec: &Spec) -> bool {
         let fits = |numbers: &[f32], length: usize| {
             numbers.len() == length && numbers.iter().all(|v| v.abs() <= MAX_MAGNITUDE)

@@ -61,7 +61,6 @@ pub fn available_bytes() -> u64 {
     system_memory().min(address_space_limit().map_or(u64::MAX, left))
 }
 
-/// Returns the most address space that this process may have, if it is limited.
 fn address_space_limit() -> Option<u64> {
     #[cfg(unix)]
     if let Ok((limit, _)) = nix::sys::resource::getrlimit(nix::sys::resource::Resource::RLIMIT_AS) {
@@ -70,13 +69,11 @@ fn address_space_limit() -> Option<u64> {
     None
 }
 
-/// Returns the free memory of the machine and its control groups.
 #[cfg(target_os = "linux")]
 fn system_memory() -> u64 {
     linux::free_memory(Path::new("/")).unwrap_or(u64::MAX)
 }
 
-/// Returns the free memory of the machine.
 #[cfg(not(target_os = "linux"))]
 fn system_memory() -> u64 {
     let mut system = sysinfo::System::new();
@@ -90,16 +87,12 @@ fn address_space() -> u64 {
     linux::address_space(Path::new("/"))
 }
 
-/// Returns 0: the size of the address space is unknown.
 #[cfg(all(unix, not(target_os = "linux")))]
 fn address_space() -> u64 {
     0
 }
 
 /// Checks that a run fits into memory.
-///
-/// # Errors
-/// The run needs more memory than is available, or its learner is not registered.
 pub fn check(run: &Run, world: &dyn Environment, registry: &Registry) -> Result<(), TrainError> {
     let parameters =
         (registry.learner(&run.method.learner)?.parameters)(world.spec(), &run.settings.learn);

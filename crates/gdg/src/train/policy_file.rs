@@ -17,7 +17,6 @@ use crate::store::StoreError;
 /// Name of the description in the file's metadata.
 pub(super) const POLICY_KEY: &str = "policy";
 
-/// An array of the file.
 struct Array {
     name: String,
     dtype: Dtype,
@@ -31,7 +30,6 @@ impl Array {
         Self { name: name.into(), dtype: Dtype::F32, shape: shape.to_vec(), bytes }
     }
 
-    /// Creates an array of counts or indices.
     fn u32(name: &str, values: impl ExactSizeIterator<Item = u32>) -> Self {
         let (name, shape) = (name.to_owned(), vec![values.len()]);
         Self { name, dtype: Dtype::U32, shape, bytes: values.flat_map(u32::to_le_bytes).collect() }
@@ -52,9 +50,6 @@ impl From<&NamedTensor> for Array {
 /// If `with_plans`, it also has what planned evaluations use: critics and model (see
 /// [`crate::learn::CriticsExport`]), the bridge candidates with the paths observed between them, and
 /// the edges of their graph; says how far that is, as one stage of `progress`.
-///
-/// # Errors
-/// The learner has no actor to export, or the method does not plan.
 pub fn policy_file(
     trainer: &Trainer,
     with_plans: bool,

@@ -104,9 +104,6 @@ impl Registry {
     }
 
     /// Opens the world called `name`, without agents; `None` unless it needs no file.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn open(&self, name: &str) -> Option<Result<Box<dyn Environment>, EnvError>> {
         let kind = self.world_without_file(name)?;
         match (name.split_once(':'), kind.open, kind.create) {
@@ -122,9 +119,6 @@ impl Registry {
     }
 
     /// Returns the learner kind called `name`.
-    ///
-    /// # Errors
-    /// No such learner is registered.
     pub fn learner(&self, name: &str) -> Result<&LearnerKind, TrainError> {
         let found = self.learners.iter().find(|kind| kind.name == name);
         found.ok_or_else(|| {
@@ -144,9 +138,6 @@ impl Registry {
     }
 
     /// Loads the world of the kind `name` saved in `store`, without agents.
-    ///
-    /// # Errors
-    /// The kind of world is not registered, the stored world is invalid, or the world fails.
     pub fn load_world(
         &self,
         name: &str,

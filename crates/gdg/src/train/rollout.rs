@@ -26,7 +26,6 @@ pub struct Agent {
     pub after_bridge: Option<Vec<f32>>,
     /// Steps of the episode so far.
     pub steps: u32,
-    /// Held random action and its remaining steps.
     held: Option<(Vec<f32>, u32)>,
     /// Step of the episode at which it gives up on its goal.
     give_up_at: u32,
@@ -55,7 +54,6 @@ struct Round {
     ended: Option<Vec<bool>>,
 }
 
-/// Inputs and outputs of a round of steps.
 pub struct StepContext<'a> {
     /// Whether episodes use bridge points and plans.
     pub bridges: bool,
@@ -90,7 +88,6 @@ pub struct Rollout {
     last_search: Option<Arc<SearchOutcome>>,
 }
 
-/// Result of one round of steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RoundResult {
     /// Episodes that ended.
@@ -101,9 +98,6 @@ pub struct RoundResult {
 
 impl Rollout {
     /// Places agents at random starts with random goals.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn new(mut env: Box<dyn Environment>, mut rng: ChaCha8Rng) -> Result<Self, EnvError> {
         let goal_dim = env.spec().goal_dim();
         let agents = (0..env.agents()).map(|i| {
@@ -135,8 +129,7 @@ impl Rollout {
         &*self.env
     }
 
-    /// Returns the environment mutably, to change its settings.
-    pub fn env_mut(&mut self) -> &mut dyn Environment {
+    pub(crate) fn env_mut(&mut self) -> &mut dyn Environment {
         &mut *self.env
     }
 
@@ -155,12 +148,10 @@ impl Rollout {
         }
     }
 
-    /// Returns the leaps seen.
     pub(super) fn leaps(&self) -> &Leaps {
         &self.leaps
     }
 
-    /// Returns the leaps seen, to add more.
     pub(super) fn leaps_mut(&mut self) -> &mut Leaps {
         &mut self.leaps
     }
@@ -170,27 +161,21 @@ impl Rollout {
         &self.excursions
     }
 
-    /// Returns the excursions, to keep what they have found.
     pub(super) fn into_excursions(self) -> Excursions {
         self.excursions
     }
 
-    /// Returns the excursions mutably, to restore or replace them.
     pub(super) fn excursions_mut(&mut self) -> &mut Excursions {
         &mut self.excursions
     }
 
-    /// Returns the latest bridge search.
-    pub fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
+    pub(crate) fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
         self.last_search.as_ref()
     }
 
     /// Chooses an action for every agent and begins a round of steps, which [`Self::finish`] ends.
     /// Returns whether the world computes it elsewhere, or `None` without a step if the actor's
     /// actions are not finite.
-    ///
-    /// # Errors
-    /// The world fails; no step is taken.
     pub fn begin(&mut self, context: &mut StepContext) -> Result<Option<bool>, EnvError> {
         // In this order, a plan that begins as an excursion ends has a waypoint at once.
         self.follow_excursions(context)?;
@@ -260,15 +245,12 @@ impl Rollout {
         }
     }
 
-    /// Whether a round of steps has begun whose outcome is not stored yet.
-    pub fn has_begun(&self) -> bool {
+    pub(crate) fn has_begun(&self) -> bool {
         self.round.is_some()
     }
 
     /// Waits for the round of steps begun, if there is one.
-    ///
-    /// # Errors
-    /// The world fails; the round is then as if it had not begun.
+    /// Where the world fails, the round is as if it had not begun.
     pub fn wait(&mut self) -> Result<(), EnvError> {
         let begun = self.round.take_if(|round| round.ended.is_none());
         let Some(mut round) = begun else { return Ok(()) };
@@ -283,9 +265,7 @@ impl Rollout {
     }
 
     /// Ends the round of steps begun, and stores its transitions in replay buffer and candidates.
-    ///
-    /// # Errors
-    /// The world fails. What is stored then holds no transition that has not happened, and the run
+    /// Where the world fails, what is stored holds no transition that has not happened, and the run
     /// can be saved; agents that could not restart are at the ends of their episodes.
     pub fn finish(&mut self, context: &mut StepContext) -> Result<RoundResult, EnvError> {
         self.wait()?;
@@ -395,9 +375,6 @@ impl Rollout {
 
     /// Moves all agents at their current states to another environment of the same kind, ending
     /// their episodes and starting new ones.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn enter_environment(
         &mut self,
         env: Box<dyn Environment>,
@@ -478,9 +455,6 @@ impl Rollout {
     }
 
     /// Saves everything that the next steps depend on.
-    ///
-    /// # Errors
-    /// It cannot be expressed.
     pub fn save(&self, store: &mut Store) -> Result<(), StoreError> {
         let states: Vec<f64> =
             (0..self.agents.len()).flat_map(|i| self.env.full_state(i)).collect();
@@ -496,9 +470,6 @@ impl Rollout {
     /// Restores what [`Self::save`] saved. In a world that cannot set full states, or failed before
     /// they were saved, the agents begin new episodes, and those in `replay` and `candidates` end
     /// where they were.
-    ///
-    /// # Errors
-    /// It does not match the number of agents or the environment, or the world fails.
     pub fn load(
         &mut self,
         store: &Store,

@@ -92,10 +92,6 @@ impl Counters {
     /// Exclusive upper bound of plausible counts.
     const MAX_COUNT: u64 = 1 << 53;
 
-    /// Checks counters read from a file.
-    ///
-    /// # Errors
-    /// A number is out of range.
     pub(super) fn check(&self) -> Result<(), StoreError> {
         let counts = [
             self.updates,
@@ -162,7 +158,6 @@ pub(crate) mod tests {
     use crate::env::PointMaze;
     use crate::train::Trainer;
 
-    /// Returns a run in the trap with small networks and a small graph.
     pub fn small_run(method: &str, threads: usize) -> Trainer {
         let mut settings = Settings::default();
         (settings.learn.hidden, settings.learn.batch_size) = (16, 64);

@@ -70,7 +70,6 @@ impl DistanceScore {
     }
 }
 
-/// Sums over tasks.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     tasks: usize,
@@ -82,7 +81,6 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds a task reached in `steps`, if it was.
     fn add(&mut self, task: &Task, steps: Option<u32>) {
         self.tasks += 1;
         let Some(steps) = steps else { return };

@@ -90,9 +90,6 @@ impl Session {
     }
 
     /// Runs one tick, unless training is to stop or has reached one of `limits`.
-    ///
-    /// # Errors
-    /// The learner fails, or the run has diverged with no rollbacks left.
     pub fn tick(
         &mut self,
         trainer: &mut Trainer,
@@ -175,7 +172,6 @@ mod tests {
         small_run("gdg", 1)
     }
 
-    /// Trains to the end; returns what was due after which update, and why training ended.
     fn course(
         session: &mut Session,
         trainer: &mut Trainer,

@@ -67,7 +67,6 @@ pub enum UpdateWhen {
     EpisodeEnd,
 }
 
-/// The longest episode, in steps.
 const MAX_EPISODE_STEPS: u32 = 60_000;
 
 /// The most environment steps per update: seconds of exploring.
@@ -76,7 +75,6 @@ const MAX_ENV_STEPS_PER_UPDATE: u64 = 1_000_000;
 /// The most environment steps before the first update: as many as the largest replay buffer holds.
 const MAX_LEARNING_STARTS: u64 = 100_000_000;
 
-/// Largest number of updates before agents act.
 const MAX_OFFLINE_UPDATES: u64 = 1_000_000_000;
 
 /// Automatic episodes are at least this long, in steps ...
@@ -175,9 +173,6 @@ impl Settings {
     }
 
     /// Checks every value's range and the constraints between settings.
-    ///
-    /// # Errors
-    /// The first setting that is out of range.
     pub fn validate(&self) -> Result<(), OutOfRange> {
         self.validate_ranges()?;
         demand(self.contradicting_goals().is_empty(), "goals")?;
@@ -185,9 +180,6 @@ impl Settings {
     }
 
     /// Checks every value's own range.
-    ///
-    /// # Errors
-    /// The first setting that is out of range.
     pub fn validate_ranges(&self) -> Result<(), OutOfRange> {
         let values = self.values();
         let is_valid = |setting: &Setting| setting.values.accept(&values[setting.name]);
@@ -238,7 +230,6 @@ impl Settings {
     }
 }
 
-/// Returns an error for `setting` unless its condition `holds`.
 fn demand(holds: bool, setting: &str) -> Result<(), OutOfRange> {
     Setting::named(setting).filter(|_| !holds).map_or(Ok(()), |setting| Err(OutOfRange(setting)))
 }

@@ -89,7 +89,6 @@ fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
 
 type Result<T> = std::result::Result<T, TrainError>;
 
-/// Creates a fresh learner for `run` in a world with `spec`.
 fn new_learner(
     run: &Run,
     spec: &Spec,
@@ -100,7 +99,6 @@ fn new_learner(
     Ok((kind.create)(spec, &run.settings.learn, threads, &mut stream(run.seed, Stream::Initial))?)
 }
 
-/// Forks and configures `world` for the agents of `run`.
 fn fork_world(run: &Run, world: &dyn Environment) -> Result<Box<dyn Environment>> {
     let has_task = || world.abilities().episodes.and_then(Episodes::default_task).is_some();
     if run.settings.train.goals == Goals::Map && !has_task() {
@@ -111,7 +109,6 @@ fn fork_world(run: &Run, world: &dyn Environment) -> Result<Box<dyn Environment>
     Ok(world)
 }
 
-/// Places new agents for `run` in a fork of `world`.
 fn new_rollout(run: &Run, world: &dyn Environment) -> Result<Rollout> {
     Ok(Rollout::new(fork_world(run, world)?, stream(run.seed, Stream::Explore))?)
 }
@@ -120,7 +117,6 @@ fn new_replay(run: &Run, spec: &Spec) -> Replay {
     Replay::new(ReplaySizes::of(spec), run.settings.train.agents, run.settings.learn.buffer_size)
 }
 
-/// Creates an empty set of candidates for the method's planner.
 fn new_candidates(run: &Run, spec: &Spec) -> Candidates {
     Candidates::new(spec, run.settings.train.agents, &run.bridge())
 }
@@ -128,9 +124,6 @@ fn new_candidates(run: &Run, spec: &Spec) -> Candidates {
 impl Trainer {
     /// Creates a new run in `world`. `threads` share the work of each update without changing its
     /// result.
-    ///
-    /// # Errors
-    /// The method's learner is not registered or cannot be created, or the world fails.
     pub fn new(
         run: Run,
         world: &dyn Environment,
@@ -293,10 +286,7 @@ impl Trainer {
     /// Runs one update if one is due, else one step of every agent; both if the world computes its
     /// steps elsewhere and an update is due afterwards, which then does not see the outcome of the
     /// step.
-    ///
-    /// # Errors
-    /// The learner fails, the run has diverged with no rollbacks left, or the world fails: the run
-    /// can then be saved.
+    /// Where it fails, the run can be saved.
     pub fn tick(&mut self) -> Result<Tick> {
         let began = Instant::now();
         self.job.beat();
@@ -346,7 +336,6 @@ impl Trainer {
         Ok(Tick::Step)
     }
 
-    /// Returns how many steps a round of all agents has.
     fn round_steps(&self) -> u64 {
         self.run.settings.train.agents as u64
     }
@@ -371,7 +360,6 @@ impl Trainer {
         Ok(Tick::Update)
     }
 
-    /// Waits for the round of steps begun, if there is one.
     fn wait_for_world(&mut self) -> Result<()> {
         if !self.rollout.has_begun() {
             return Ok(());
@@ -403,7 +391,6 @@ impl Trainer {
         }
     }
 
-    /// Calls `act` with the agents and their step context.
     fn with_step_context<R>(
         &mut self,
         mut act: impl FnMut(&mut Rollout, &mut StepContext) -> R,
@@ -428,7 +415,6 @@ impl Trainer {
         done.ok_or_else(|| LearnError::Other("the learner has shown no policy".into()).into())
     }
 
-    /// Learns from a batch.
     fn update(&mut self) -> Result<()> {
         // With data, updates are due without steps.
         let steps = self.run.settings.train.env_steps_per_update;
@@ -490,18 +476,12 @@ impl Trainer {
     }
 
     /// Returns a frozen copy of the networks for planning and evaluation.
-    ///
-    /// # Errors
-    /// The learner fails.
     pub fn policy(&self) -> Result<Arc<dyn Policy>> {
         Ok(self.learner.policy(self.run.settings.bridge.averaged_weights)?)
     }
 
     /// Draws `per_group` tasks at each distance for an evaluation of the current state,
     /// independently of the number of earlier evaluations.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn tasks(&self, per_group: usize) -> Result<TaskSet> {
         Ok(self.world().tasks(per_group, &mut self.evaluation_rng(1))?)
     }
@@ -514,9 +494,6 @@ impl Trainer {
     }
 
     /// Prepares an evaluation of the current state, which does not affect training.
-    ///
-    /// # Errors
-    /// The learner or the world fails.
     pub fn evaluation(&self) -> Result<EvaluationJob> {
         Ok(EvaluationJob {
             run: self.run.clone(),
@@ -532,9 +509,6 @@ impl Trainer {
     }
 
     /// Evaluates against ground truth.
-    ///
-    /// # Errors
-    /// The learner or the world fails.
     pub fn evaluate(&self, tasks: &TaskSet) -> Result<Evaluation> {
         Ok(self.evaluation()?.run(tasks)?)
     }

@@ -12,17 +12,14 @@ use crate::store::StoreError;
 pub struct Visits(Arc<Vec<u32>>);
 
 impl Visits {
-    /// Returns no visits to any place of `world`.
     pub fn none(world: &dyn Environment) -> Self {
         Self(Arc::new(vec![0; world.abilities().explored.map_or(0, Explored::places)]))
     }
 
-    /// Counts the agents' current places.
     pub fn count(&mut self, world: &dyn Environment) {
         self.add(world, world.states());
     }
 
-    /// Counts the places of states, `(states, state_dim)`.
     pub fn add(&mut self, world: &dyn Environment, states: &[f32]) {
         let Some(explored) = world.abilities().explored else { return };
         let visits = Arc::make_mut(&mut self.0);
@@ -45,7 +42,6 @@ impl Visits {
         world.abilities().explored.map(|explored| explored.coverage(&self.0))
     }
 
-    /// Returns what a front end draws of `world`.
     pub fn scene(&self, world: &dyn Environment) -> Scene {
         match world.abilities().drawn {
             Some(drawn) => drawn.scene(&self.0),
@@ -54,9 +50,6 @@ impl Visits {
     }
 
     /// Returns the visits in a checkpoint if they can be those to the places of `world`.
-    ///
-    /// # Errors
-    /// There are more or fewer.
     pub fn fitting(self, world: &dyn Environment) -> Result<Self, StoreError> {
         if self.0.len() == Self::none(world).0.len() {
             Ok(self)

@@ -21,7 +21,6 @@ impl Candidates {
         self.distances_from(region).into_iter().map(|distance| distance <= self.reach()).collect()
     }
 
-    /// Returns the straight-line distance of each candidate from `region`.
     fn distances_from(&self, region: &Region) -> Vec<f32> {
         let distance = |i| region.distance(self.goal_index.goal(i).iter().copied());
         (0..self.len()).map(distance).collect()
@@ -67,7 +66,6 @@ mod tests {
     use super::super::tests::{line, walk_corridor};
     use super::*;
 
-    /// Returns the edit of the places between `low` and `high`.
     fn edit(low: f32, high: f32) -> Region {
         let mut region = Region::nothing();
         region.add(&[low, 0.0], &[high, 1.0], 1.0);

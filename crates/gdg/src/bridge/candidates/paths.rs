@@ -49,7 +49,6 @@ impl Path {
         if confirmed || self.passes < DOUBT_PASSES { self.fewest } else { exact }
     }
 
-    /// Returns the path that this and one more trajectory to the same candidate have shown.
     fn and(&self, other: &Self) -> Self {
         Self {
             to: self.to,
@@ -70,7 +69,6 @@ pub(super) struct KnownPaths {
 }
 
 impl KnownPaths {
-    /// Records a path that one trajectory has shown.
     pub fn observe(this: &mut Arc<Self>, path: Path) {
         match this.observed.binary_search_by_key(&path.to, |path| path.to) {
             Ok(at) => {
@@ -84,14 +82,12 @@ impl KnownPaths {
         }
     }
 
-    /// Whether these can be the paths from candidate `from` of `count`.
     pub fn fit(&self, from: usize, count: usize) -> bool {
         self.observed.is_sorted_by(|a, b| a.to < b.to)
             && self.observed.iter().all(|path| path.to as usize != from)
             && self.observed.last().is_none_or(|last| (last.to as usize) < count)
     }
 
-    /// Returns the path to candidate `to`, if any trajectory has shown one.
     pub fn to(&self, to: u32) -> Option<&Path> {
         let at = self.observed.binary_search_by_key(&to, |path| path.to).ok()?;
         Some(&self.observed[at])

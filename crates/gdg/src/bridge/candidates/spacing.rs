@@ -16,7 +16,6 @@ pub(crate) const MAX_SPACING_SHARE: f32 = 0.45;
 /// necessary.
 const SPACING_GROWTH: f32 = 1.02;
 
-/// Factor by which it shrinks.
 const SPACING_SHRINKAGE: f32 = 1.1;
 
 /// Failures per arrival of hops, pooled over their lengths, above which candidates move closer
@@ -77,7 +76,6 @@ impl Candidates {
             > MANY_PATHS * self.target_count
     }
 
-    /// Whether known paths join most candidates that are close in a straight line.
     fn is_space_open(&self) -> bool {
         let reach = self.edge_cutoff_steps * self.spec.goal_radius;
         let ahead = |from: &u32| {
@@ -162,7 +160,6 @@ mod tests {
     /// The side of a square to walk in.
     const SIDE: u16 = 14;
 
-    /// Takes steps of up to half a unit at random in the square.
     fn wander(candidates: &mut Candidates, steps: usize) {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut at = [0.5f32, 0.5];
@@ -177,8 +174,6 @@ mod tests {
         }
     }
 
-    /// Returns candidates all over the square with many paths between them, and their spec and
-    /// settings.
     fn crowded_square() -> (Spec, BridgeSettings, Candidates) {
         let (spec, settings) = line(7);
         // Long paths, so that there are many along a corridor, too.

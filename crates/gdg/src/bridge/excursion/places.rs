@@ -22,7 +22,6 @@ const MEASURE_EVERY: usize = 512;
 /// Maximum length of a step with noise, in typical ones.
 const MAX_NOISE_STEPS: f32 = 2.0;
 
-/// Maximum number of places.
 pub(crate) const MAX_PLACES: usize = 200_000;
 
 /// Maximum number of actions to follow when looking up a place at the frontier.
@@ -76,7 +75,6 @@ enum Outcome {
 }
 
 impl Places {
-    /// Returns no places in a world with `spec`.
     pub fn new(spec: &Spec) -> Self {
         Self {
             actions: axis_actions(spec.action_dim),
@@ -92,12 +90,10 @@ impl Places {
         }
     }
 
-    /// Returns the number of places.
     pub fn len(&self) -> usize {
         self.ahead.len()
     }
 
-    /// Returns action `i`, `(action_dim)`.
     pub fn action(&self, i: usize) -> &[f32] {
         &self.actions[i * self.spec.action_dim..(i + 1) * self.spec.action_dim]
     }
@@ -171,7 +167,6 @@ impl Places {
         self.ahead[from] = self.least_ahead(from);
     }
 
-    /// Returns the difference of the coordinates of two places, `(goal_dim)`.
     fn offset(&self, from: usize, to: usize) -> Vec<i64> {
         let ends = self.key(from).iter().zip(self.key(to));
         ends.map(|(from, to)| i64::from(*to) - i64::from(*from)).collect()
@@ -207,7 +202,6 @@ impl Places {
         if self.to[at] == NOWHERE { self.enough_attempts } else { 2 * MIN_ATTEMPTS }
     }
 
-    /// Whether some action that may lead to a new place has not been tried.
     pub fn has_frontier(&self) -> bool {
         self.enough_attempts == MIN_ATTEMPTS
     }
@@ -244,7 +238,6 @@ impl Places {
             .unwrap_or(NO_FRONTIER)
     }
 
-    /// Returns the number of actions from `place` to the frontier, or [`NO_FRONTIER`].
     pub fn ahead(&self, place: usize) -> u32 {
         self.ahead[place]
     }
@@ -315,7 +308,6 @@ impl Places {
         best[rng.random_range(0..best.len())]
     }
 
-    /// Returns a random action.
     pub fn random_action(&self, rng: &mut ChaCha8Rng) -> usize {
         rng.random_range(0..self.action_count())
     }
@@ -345,10 +337,6 @@ impl Places {
         (self.enough_attempts, self.measure_in) = (MIN_ATTEMPTS, 0);
     }
 
-    /// Completes the places that a checkpoint keeps of a world with `spec`.
-    ///
-    /// # Errors
-    /// They have another length, or are out of range.
     pub fn restored(mut self, spec: &Spec) -> Result<Self, StoreError> {
         let fresh = Self::new(spec);
         let (count, actions, g) = (self.len(), fresh.action_count(), spec.goal_dim());
@@ -392,7 +380,6 @@ pub(super) mod tests {
         Spec { state_centre: vec![50.0; 2], ..line(1).0 }
     }
 
-    /// Visits the middles of cells `x` of a row and returns their places.
     fn row(places: &mut Places, x: std::ops::Range<i32>) -> Vec<usize> {
         x.map(|x| places.visit(&[x as f32 + 0.5, 0.5]).expect("there is room").0).collect()
     }

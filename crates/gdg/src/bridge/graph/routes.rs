@@ -23,7 +23,6 @@ pub const LINK_CANDIDATES: usize = 48;
 /// there is no other.
 pub(crate) const UNVERIFIED_FACTOR: f32 = 2.0;
 
-/// States per batch when composing distances.
 const DISTANCE_BATCH: usize = 64;
 
 /// A distance has changed if D is longer or shorter than its bound by more than this factor.
@@ -46,7 +45,6 @@ const BUCKETS: usize = u64::BITS as usize + 1;
 /// heap.
 struct RadixHeap {
     latest: u64,
-    /// Costs and candidates.
     buckets: [Vec<(u64, u32)>; BUCKETS],
 }
 
@@ -114,7 +112,6 @@ impl Route {
     }
 }
 
-/// A walk's options for its next hop.
 pub(in crate::bridge) struct HopOptions {
     /// Nearby candidates.
     pub candidates: Vec<FirstHop>,
@@ -124,7 +121,6 @@ pub(in crate::bridge) struct HopOptions {
     pub direct: Option<Link>,
 }
 
-/// A first hop to a candidate.
 pub(in crate::bridge) struct FirstHop {
     pub candidate: usize,
     /// D to it.
@@ -134,7 +130,6 @@ pub(in crate::bridge) struct FirstHop {
 }
 
 impl BridgeGraph {
-    /// Returns the overhead of passing a waypoint, in steps.
     pub(crate) fn hop_steps(&self) -> f32 {
         self.settings.hop_steps_in(&self.spec)
     }
@@ -194,12 +189,10 @@ impl BridgeGraph {
         nearby.into_iter().zip(distances).collect()
     }
 
-    /// Finds the shortest paths to candidate `i` as the goal.
     pub(super) fn route_to_candidate(&self, i: usize) -> Route {
         self.route_from_links(self.point(i), Some(i), vec![(i as u32, 0)])
     }
 
-    /// Finds the shortest paths to a goal with known last links.
     pub(in crate::bridge) fn route_from_links(
         &self,
         goal: &[f32],

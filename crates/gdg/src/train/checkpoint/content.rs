@@ -69,7 +69,6 @@ pub enum ContentError {
     Store(#[from] StoreError),
 }
 
-/// What a checkpoint says about itself, by name.
 pub type Texts = BTreeMap<String, String>;
 
 /// Returns the bytes of a checkpoint file, and says how much of the `state` is packed.
@@ -110,9 +109,6 @@ fn deflated(part: &[u8]) -> Option<Vec<u8>> {
 
 /// Returns the texts and the state in a checkpoint's bytes; the state takes at most `most` bytes of
 /// memory.
-///
-/// # Errors
-/// The bytes are not a valid checkpoint, or it needs more memory.
 pub fn from_bytes(bytes: &[u8], most: u64) -> Result<(Texts, Vec<u8>), ContentError> {
     let (texts, length, mut packed) = checked(bytes, most)?;
     let mut state = Vec::new();
@@ -154,7 +150,6 @@ fn checked(bytes: &[u8], most: u64) -> Result<(Texts, u64, &[u8]), ContentError>
     Ok((texts, length, packed))
 }
 
-/// The header of a safetensors file.
 #[derive(Deserialize)]
 struct Header {
     #[serde(rename = "__metadata__", default)]
@@ -163,7 +158,6 @@ struct Header {
 }
 
 impl Header {
-    /// Returns the name of the format if it is one of this program.
     fn format(&self) -> Option<&str> {
         let format = self.metadata.get(FORMAT_KEY)?;
         format.starts_with(FORMAT_PREFIX).then_some(format)
@@ -186,9 +180,6 @@ fn header(start: &[u8]) -> Result<&[u8], ContentError> {
 
 /// Returns the texts of a checkpoint of `size` bytes from its start, which contains the header.
 /// Tells a file that was cut off from a whole one.
-///
-/// # Errors
-/// It is not a checkpoint, of another version, or of another size.
 pub fn texts(start: &[u8], size: u64) -> Result<Texts, ContentError> {
     if size == 0 {
         return Err(ContentError::Empty);
@@ -242,7 +233,6 @@ mod tests {
         to_bytes(&texts_of("a \"run\""), &state(length), &Job::default())
     }
 
-    /// Corrects the checksum, as an attacker would.
     fn forged(mut bytes: Vec<u8>) -> Vec<u8> {
         bytes.truncate(bytes.len() - SUM_BYTES);
         bytes.extend(crc32fast::hash(&bytes).to_le_bytes());

@@ -21,14 +21,12 @@ pub struct Actor<'a> {
 }
 
 impl Actor<'_> {
-    /// Returns the number of steps within which the goal of `task` has to be reached.
     pub fn budget(&self, world: &dyn Environment, task: &Task) -> u32 {
         let own = || world.abilities().episodes.and_then(Episodes::episode_steps);
         self.max_steps.or_else(own).unwrap_or_else(|| task.budget())
     }
 }
 
-/// Outcomes of several tasks.
 pub struct TaskRuns {
     /// Steps per task; `None` if the goal was not reached in time.
     pub taken: Vec<Option<u32>>,
@@ -45,13 +43,11 @@ struct ActiveAgent<'a> {
 }
 
 impl ActiveAgent<'_> {
-    /// Returns the agent's range in an array with `width` numbers per agent.
     fn row(&self, width: usize) -> Range<usize> {
         width * self.index..width * (self.index + 1)
     }
 }
 
-/// Buffers with a row for each active agent.
 #[derive(Default)]
 struct Buffers {
     states: Vec<f32>,
@@ -60,7 +56,6 @@ struct Buffers {
     scratch: Scratch,
 }
 
-/// Runs all tasks, each until its goal is reached or its steps are used up.
 pub fn run_tasks(
     world: &dyn Environment,
     tasks: &[Task],
@@ -94,7 +89,6 @@ pub fn run_tasks_watched(
     Ok(TaskRuns { taken, env })
 }
 
-/// Runs tasks in lockstep.
 fn run_together(
     world: &dyn Environment,
     tasks: &[Task],

@@ -70,19 +70,16 @@ pub fn distance_error(
     Some(DistanceError { mape, near_mape, bias, spearman: spearman(&drawn, &true_steps), graph })
 }
 
-/// Returns the median of numbers that are positive, if there is one.
 fn median(mut numbers: Vec<f64>) -> Option<f64> {
     let middle = numbers.len() / 2;
     numbers.sort_by(f64::total_cmp);
     numbers.get(middle).copied().filter(|number| *number > 0.0 && number.is_finite())
 }
 
-/// Returns the true distance in steps above which an edge of this length is false.
 fn max_true_distance(length: f32) -> f32 {
     2.0 * length + 4.0
 }
 
-/// Counts candidates, edges and, by true distance, false edges.
 pub fn bridge_facts(
     graph: &BridgeGraph,
     truth: Option<&mut (dyn GroundTruth + '_)>,

@@ -9,12 +9,10 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::files;
 
-/// Size limit of the files read here.
 const MAX_BYTES: u64 = 16 << 20;
 
 /// A version of control groups.
 struct Version {
-    /// Where they are.
     mount: &'static str,
     /// Files with a group's limits, and with what it uses of them.
     limits: [(&'static str, &'static str); 2],
@@ -50,13 +48,11 @@ pub fn free_memory(root: &Path) -> Option<u64> {
     in_groups.chain(on_machine).min()
 }
 
-/// Returns the size of this process's address space, 0 if it is unknown.
 pub fn address_space(root: &Path) -> u64 {
     let status = read(&root.join("proc/self/status"));
     status.and_then(|status| kilobytes(&status, "VmSize:")).unwrap_or(0)
 }
 
-/// Returns the text of a file of the kernel.
 fn read(path: &Path) -> Option<String> {
     files::read(path, MAX_BYTES).ok().map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
 }

@@ -99,7 +99,6 @@ impl Rollout {
         Ok(())
     }
 
-    /// Returns `true` with a probability.
     fn chance(&mut self, probability: f32) -> bool {
         probability > 0.0 && self.rng.random::<f32>() < probability
     }
@@ -115,7 +114,6 @@ impl Rollout {
         agent.give_up_at = agent.steps.saturating_add(steps as u32);
     }
 
-    /// Runs the published search for a bridge point between agent `i` and its goal.
     fn search_bridge(&mut self, i: usize, context: &StepContext) -> Option<Vec<f32>> {
         let s = self.env.spec().state_dim();
         let (candidates, goal) = (&*context.candidates, &self.agents[i].goal);
@@ -133,7 +131,6 @@ impl Rollout {
         found
     }
 
-    /// Plans agent `i`'s path to its goal through the graph, if there is one.
     pub(super) fn plan(&mut self, i: usize, context: &StepContext) {
         let goal = &self.agents[i].goal;
         if let Some(walker) = context.guide.plan(goal, &mut self.scratch) {

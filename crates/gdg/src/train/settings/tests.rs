@@ -36,7 +36,6 @@ fn check(setting: &Setting, valid: &[Value], invalid: &[Value]) {
     }
 }
 
-/// Returns a number in single precision as JSON prints it.
 fn number(value: f32) -> Value {
     let text = serde_json::to_string(&value).unwrap_or_default();
     serde_json::from_str(&text).unwrap_or(Value::Null)

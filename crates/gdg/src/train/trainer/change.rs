@@ -26,7 +26,6 @@ const EDIT_STAGES: usize = 5;
 /// Parts of a change of settings: the learner, the agents with their candidates, the graph.
 const CHANGE_STAGES: usize = 3;
 
-/// How often to say how far the candidates are, in transitions.
 const TOLD_EVERY: usize = 1000;
 
 /// Result of a change of the world.
@@ -60,9 +59,7 @@ impl Trainer {
     /// Continues with the same networks in `world`, an edited version. Removes transitions that are
     /// no longer possible from the replay buffer, rebuilds bridge candidates and edges from the
     /// rest, and moves agents out of invalid positions.
-    ///
-    /// # Errors
-    /// `world` cannot replace the run's world; nothing has changed then.
+    /// Where it fails, nothing has changed.
     pub fn change_world(&mut self, world: &dyn Environment) -> Result<WorldChange> {
         self.check_data()?;
         let progress = self.job.part("applying the edit");
@@ -106,9 +103,7 @@ impl Trainer {
 
     /// Continues with other settings, method or preset. Keeps the replay buffer and all counters,
     /// and networks, agents and bridge graph where they fit.
-    ///
-    /// # Errors
-    /// The learner or the world fails; nothing has changed then.
+    /// Where it fails, nothing has changed.
     pub fn change_run(&mut self, run: Run) -> Result<KeptState> {
         self.check_data()?;
         let progress = self.job.part("changing settings");
@@ -167,7 +162,6 @@ impl Trainer {
         }
     }
 
-    /// Replaces the agents; keeps the replay buffer, reshaped if necessary.
     fn replace_agents(&mut self, rollout: Rollout, before: &Settings) {
         self.rollout.end_episodes(&mut self.replay);
         if !keeps_replay(before, &self.run.settings) {

@@ -14,7 +14,6 @@ use crate::train::dataset::{DataSource, Dataset};
 use crate::train::error::{DataError, TrainError};
 use crate::train::memory;
 
-/// Names in the store.
 const DATA: &str = "data";
 const REPLAY: &str = "replay";
 
@@ -113,9 +112,6 @@ impl Trainer {
     }
 
     /// Checks that the data of a resumed run are there.
-    ///
-    /// # Errors
-    /// They are not.
     pub fn check_data(&self) -> Result<()> {
         let Some(data) = self.data.as_ref().filter(|data| !data.acts) else { return Ok(()) };
         if let Some(error) = &data.missing {

@@ -15,12 +15,10 @@ use crate::train::graphs::{
 use crate::train::settings::Settings;
 
 impl Trainer {
-    /// Whether distances that may have changed are being relearned.
     pub(super) fn relearns(&self) -> bool {
         self.counters.updates <= self.counters.relearns_until
     }
 
-    /// Whether training uses bridge graphs.
     pub(super) fn needs_graph(&self) -> bool {
         let Settings { learn, bridge, .. } = &self.run.settings;
         let wanted = learn.distillation > 0.0 || bridge.planned_episodes > 0.0;

@@ -67,7 +67,6 @@ impl Pace {
 }
 
 impl Trainer {
-    /// Takes note of an update.
     pub(super) fn note_pace(&mut self) {
         let is_steady = self.graph().is_some() || !self.needs_graph();
         if self.paced_from.is_none_or(|from| is_steady && !from.is_steady) {

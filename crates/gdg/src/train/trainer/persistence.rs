@@ -51,9 +51,6 @@ pub struct About {
 
 impl Trainer {
     /// Returns everything needed to resume the run exactly where it stopped.
-    ///
-    /// # Errors
-    /// The learner fails, or numbers are not finite.
     pub fn save(&self) -> Result<Saved> {
         let mut state = Store::default();
         self.learner.save(&mut state)?;
@@ -85,9 +82,6 @@ impl Trainer {
 
     /// Restores the run that [`Self::save`] saved, and says how far it is, as one stage of
     /// `progress`.
-    ///
-    /// # Errors
-    /// The state is incomplete or inconsistent, or the run does not fit into memory.
     pub fn load(
         saved: Saved,
         registry: &Arc<Registry>,

@@ -17,7 +17,6 @@ pub(crate) const MAX_RECOVERIES: u32 = 3;
 /// Factor applied to the learning rates at each rollback.
 pub(crate) const LEARNING_RATE_FACTOR: f32 = 0.5;
 
-/// The last good networks.
 pub(super) struct LastGood {
     updates: u64,
     losses: [f64; 3],
@@ -49,7 +48,6 @@ impl std::fmt::Display for Recovery {
 }
 
 impl LastGood {
-    /// Copies the learner's state.
     pub fn capture(updates: u64, losses: [f64; 3], learner: &dyn Learner) -> Result<Self> {
         let mut store = Store::default();
         learner.save(&mut store)?;
@@ -68,9 +66,7 @@ impl Trainer {
     }
 
     /// Rolls back to good networks if an update's losses, or the weights after it, are not finite.
-    ///
-    /// # Errors
-    /// No rollbacks are left; the networks are good even then.
+    /// Fails where no rollbacks are left; the networks are good even then.
     pub(super) fn check_update(&mut self, losses: &Losses) -> Result<()> {
         let finite =
             [losses.critic, losses.model, losses.actor].iter().all(|loss| loss.is_finite());
@@ -85,17 +81,12 @@ impl Trainer {
     }
 
     /// Ensures before saving that the networks are finite, rolling back if necessary.
-    ///
-    /// # Errors
-    /// No rollbacks are left; the networks are good even then.
+    /// Fails where no rollbacks are left; the networks are good even then.
     pub fn ensure_finite(&mut self) -> Result<()> {
         if self.is_finite()? { Ok(()) } else { self.roll_back() }
     }
 
     /// Returns whether all numbers of the networks are finite.
-    ///
-    /// # Errors
-    /// The learner fails.
     pub fn is_finite(&self) -> Result<bool> {
         Ok(self.networks()?.is_finite())
     }
@@ -110,7 +101,6 @@ impl Trainer {
         Ok(())
     }
 
-    /// Returns a copy of the current networks.
     fn networks(&self) -> Result<LastGood> {
         LastGood::capture(self.counters.updates, self.counters.losses, &*self.learner)
     }
@@ -160,9 +150,6 @@ impl Trainer {
 
     /// Repairs what a panic in the middle of a tick may have left half done, so that the run can be
     /// saved.
-    ///
-    /// # Errors
-    /// The learner fails.
     pub fn repair_after_panic(&mut self) -> Result<()> {
         if std::mem::take(&mut self.in_update) {
             return self.restore_last_good();
