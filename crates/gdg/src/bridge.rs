@@ -9,17 +9,15 @@
 mod candidates;
 mod excursion;
 mod graph;
-mod guide;
-mod hops;
 mod planner;
-mod rules;
 mod search;
 mod settings;
 
 pub use candidates::{Candidates, UNOBSERVED, WalkRecord};
+pub(crate) use excursion::Excursion;
 pub use excursion::Excursions;
-pub use graph::{BridgeGraph, Edge, EdgeStatus, LINK_CANDIDATES, Route, StoredGraph};
-pub use guide::Guide;
-pub use planner::{Hop, Target, Walker};
+pub(crate) use graph::StoredGraph;
+pub use graph::{BridgeGraph, Edge, EdgeStatus, LINK_CANDIDATES, Route};
+pub use planner::{Guide, Hop, Target, Walker};
 pub use search::{BridgePoint, SearchOutcome, SearchSpace, search};
 pub use settings::{BridgeSettings, Planner, SEARCH_BUDGET};

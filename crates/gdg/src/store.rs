@@ -43,6 +43,11 @@ impl StoreError {
         Self::Inconsistent(message.into())
     }
 
+    /// Returns an error with this message unless contents are as they should be.
+    pub fn unless(holds: bool, message: &str) -> Result<(), Self> {
+        if holds { Ok(()) } else { Err(Self::inconsistent(message)) }
+    }
+
     pub(crate) fn unreadable(name: &str, why: impl std::fmt::Display) -> Self {
         Self::Unreadable { name: name.to_owned(), why: why.to_string() }
     }
@@ -181,7 +186,7 @@ impl<'de> Deserialize<'de> for Bytes<&'de [u8]> {
 
 /// Floats by planes: the lowest bytes of all of them, then the next higher ones, and so on. Most
 /// bits of a float are random, but its exponent is not: its plane can be packed.
-pub mod planes {
+pub(crate) mod planes {
     use serde::{Deserialize, Deserializer, Serializer};
 
     use super::{Bytes, from_zigzag, zigzag};

@@ -9,12 +9,11 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::hops::HopOutcomes;
 use super::settings::{BridgeSettings, MAX_FACTOR};
 use crate::env::Spec;
 use crate::learn::GoalIndex;
 use crate::store::{StoreError, planes};
-use paths::{AT_SHARE, KnownPaths, Path, rows};
+use paths::{AT_SHARE, HopOutcomes, KnownPaths, Path};
 pub(crate) use spacing::MAX_SPACING_SHARE;
 
 /// Step count between two candidates that no trajectory connected within the time window.
@@ -93,7 +92,6 @@ pub struct Candidates {
     next_id: u32,
     /// Observed paths from each candidate. Frozen copies share the rows that have not changed
     /// since.
-    #[serde(with = "rows")]
     paths: Vec<Arc<KnownPaths>>,
     visits: Vec<VecDeque<Visit>>,
     clocks: Vec<u32>,
@@ -273,7 +271,9 @@ impl Candidates {
         let latest = visits.back().map(|visit| (visit.candidate as usize, clock - visit.step));
         let (nearest, distance) = self.nearest(state);
         let mut near = (distance < self.near_radius()).then_some(nearest);
-        let spacing = self.spacing_of_newcomers();
+        // Of what others have to retire for, more is asked.
+        let makes_room = self.verified && self.len() >= self.max_count;
+        let spacing = if makes_room { NEWCOMER_FACTOR * self.spacing } else { self.spacing };
         let is_behind_a_wall = |(from, steps)| self.is_behind_a_wall(state, spacing, from, steps);
         if distance > spacing
             || (distance > self.min_spacing && latest.is_some_and(is_behind_a_wall))
@@ -322,16 +322,6 @@ impl Candidates {
 
     fn achieved(&self, state: &[f32]) -> Vec<f32> {
         self.spec.achieved(state).collect()
-    }
-
-    /// Returns the distance that a state must have from all candidates to become one: the spacing,
-    /// and more if others have to retire for it.
-    fn spacing_of_newcomers(&self) -> f32 {
-        if self.verified && self.len() >= self.max_count {
-            NEWCOMER_FACTOR * self.spacing
-        } else {
-            self.spacing
-        }
     }
 
     /// Whether trajectories show that `state` is far from all candidates within `spacing`:
@@ -402,19 +392,14 @@ impl Candidates {
             && paths.iter().enumerate().all(|(from, paths)| paths.fit(from, n))
             && [visits.len(), clocks.len()] == [self.clocks.len(); 2]
             && visits_fit;
-        if !fits {
-            return Err(StoreError::inconsistent(
-                "the stored bridge candidates do not fit these settings",
-            ));
-        }
+        StoreError::unless(fits, "the stored bridge candidates do not fit these settings")?;
         // The spacing never falls below its initial value; from far below, it would take hours to
         // grow.
-        let plausible = spacing >= 0.5 * self.least_spacing && spacing.is_finite();
-        if !(plausible && states.iter().all(|v| v.is_finite()) && hops.is_plausible()) {
-            return Err(StoreError::inconsistent(
-                "the stored bridge candidates contain values out of range",
-            ));
-        }
+        let plausible = spacing >= 0.5 * self.least_spacing
+            && spacing.is_finite()
+            && states.iter().all(|v| v.is_finite())
+            && hops.is_plausible();
+        StoreError::unless(plausible, "the stored bridge candidates contain values out of range")?;
         let mut goal_index = GoalIndex::new(&self.spec);
         for state in states.chunks_exact(self.spec.state_dim()) {
             goal_index.push(&self.achieved(state));
@@ -581,31 +566,5 @@ pub(super) mod tests {
         let stored = postcard::from_bytes(&bytes(candidates)).expect("their own bytes");
         fresh.restore(stored).expect("their own state");
         fresh
-    }
-
-    #[test]
-    fn candidates_of_other_sizes_or_out_of_range_are_refused() {
-        let (spec, settings, candidates) = walked(20, 29.5);
-        let refused = |change: &dyn Fn(&mut Candidates)| {
-            let mut changed = candidates.clone();
-            change(&mut changed);
-            Candidates::new(&spec, 1, &settings).restore(changed).is_err()
-        };
-        let path = |c: &mut Candidates, to| Arc::make_mut(&mut c.paths[0]).observed[0].to = to;
-        let visit = |step, candidate| Visit { step, candidate, exact: false };
-        assert!(!refused(&|_| {}));
-        assert!(refused(&|c| c.ids.swap(0, 1)) && refused(&|c| c.next_id = c.ids[1]));
-        assert!(refused(&|c| c.next_id = u32::MAX) && refused(&|c| c.states.clear()));
-        assert!(refused(&|c| drop(c.paths.pop())) && refused(&|c| c.clocks.clear()));
-        assert!(refused(&|c| path(c, 0)) && refused(&|c| path(c, 999)));
-        for visits in [[visit(0, 999); 2], [visit(2, 0), visit(1, 0)], [visit(4, 0); 2]] {
-            assert!(refused(&|c| {
-                (c.clocks[0], c.visits[0]) = (4, visits.into());
-            }));
-        }
-        for number in [f32::NAN, f32::INFINITY, 0.0, -1.0] {
-            assert!(refused(&|c| c.spacing = number));
-        }
-        assert!(refused(&|c| c.states[0] = f32::NAN) && refused(&|c| c.hops.spoil()));
     }
 }

@@ -28,8 +28,8 @@ pub(crate) const MIN_STRIDE: f32 = 0.5;
 /// excursion, short enough to set out at once when a door opens.
 pub(crate) const SHARE_ROUNDS: u32 = 1_000;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Excursion {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Excursion {
     /// Steps left unless it finds a new place; `None` before the first step.
     left: Option<u32>,
     held: Option<Held>,
@@ -52,12 +52,12 @@ struct Held {
 /// Tennenholtz 2002). This needs neither D nor the actor, which are not trained there yet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Excursions {
-    places: Places,
+    pub(crate) places: Places,
     /// Steps for which an action is held.
     #[serde(skip)]
     held_steps: u32,
     at: Vec<Option<usize>>,
-    under_way: Vec<Option<Excursion>>,
+    pub(crate) under_way: Vec<Option<Excursion>>,
     spent: Spent,
 }
 
@@ -81,11 +81,6 @@ impl Excursions {
         }
     }
 
-    /// Whether `agent` is on an excursion.
-    pub fn is_on(&self, agent: usize) -> bool {
-        self.under_way[agent].is_some()
-    }
-
     /// Whether agents have lately spent less than `share` of their steps on excursions. Counting
     /// goals would not do: on a large map, one goal takes many times as long as an excursion.
     pub fn are_due(&self, share: f32) -> bool {
@@ -98,24 +93,10 @@ impl Excursions {
         self.spent.share += (on - self.spent.share) / f64::from(self.spent.rounds);
     }
 
-    /// Starts an excursion of `agent` from where it is.
-    pub fn begin(&mut self, agent: usize) {
-        self.under_way[agent] = Some(Excursion { left: None, held: None });
-    }
-
-    /// Ends the excursion of `agent`, if it is on one.
-    pub fn end(&mut self, agent: usize) {
-        self.under_way[agent] = None;
-    }
-
-    pub(crate) fn has_frontier(&self) -> bool {
-        self.places.has_frontier()
-    }
-
     /// Returns the centre of the place at the frontier that `agent` is heading for, as a goal,
     /// `(goal_dim)`.
     pub fn destination(&self, agent: usize) -> Option<Vec<f32>> {
-        let at = self.at[agent].filter(|_| self.is_on(agent))?;
+        let at = self.at[agent].filter(|_| self.under_way[agent].is_some())?;
         Some(self.places.centre(self.places.frontier_from(at)?))
     }
 
@@ -155,13 +136,9 @@ impl Excursions {
             return false;
         };
         let held = excursion.held.unwrap_or_else(|| {
-            let random = rng.random::<f32>() < RANDOM_SHARE;
-            let chosen = if random {
-                self.places.random_action(rng)
-            } else {
-                self.places.action_ahead(at, rng)
-            };
-            Held { from: at, action: chosen, steps: 0 }
+            let is_random = rng.random::<f32>() < RANDOM_SHARE;
+            let action = self.places.choose_action(at, is_random, rng);
+            Held { from: at, action, steps: 0 }
         });
         excursion.held = Some(Held { steps: held.steps + 1, ..held });
         let stride = rng.random_range(MIN_STRIDE..=1.0);
@@ -174,11 +151,6 @@ impl Excursions {
     pub(crate) fn end_all(&mut self) {
         self.at.fill(None);
         self.under_way.fill(None);
-    }
-
-    /// Continues with the places of `before`, in the same world.
-    pub fn keep_places(&mut self, before: Self) {
-        self.places = before.places;
     }
 
     pub(crate) fn forget_outcomes(&mut self) {
@@ -199,15 +171,12 @@ impl Excursions {
             });
             held && excursion.left != Some(0)
         };
-        if at.len() != self.at.len()
-            || under_way.len() != at.len()
-            || !at.iter().flatten().all(known)
-            || !under_way.iter().flatten().all(fits)
-            || !(0.0..=1.0).contains(&spent.share)
-            || spent.rounds > SHARE_ROUNDS
-        {
-            return Err(StoreError::inconsistent("the stored excursions do not fit the agents"));
-        }
+        let all_fit = [at.len(), under_way.len()] == [self.at.len(); 2]
+            && at.iter().flatten().all(known)
+            && under_way.iter().flatten().all(fits)
+            && (0.0..=1.0).contains(&spent.share)
+            && spent.rounds <= SHARE_ROUNDS;
+        StoreError::unless(all_fit, "the stored excursions do not fit the agents")?;
         *self = Self { places, at, under_way, spent, ..*self };
         Ok(())
     }
@@ -255,9 +224,7 @@ mod tests {
             for (agent, at) in at.iter_mut().enumerate() {
                 visited.insert(at.map(|v| v.floor() as i32));
                 excursions.arrive(agent, at);
-                if !excursions.is_on(agent) {
-                    excursions.begin(agent);
-                }
+                excursions.under_way[agent].get_or_insert_default();
                 let mut action = [0.0; 2];
                 assert!(excursions.act(agent, &mut action, rng), "it is on an excursion");
                 *at = step(*at, action.map(|along| speed * along), |to| is_free(to, 6));
@@ -285,24 +252,6 @@ mod tests {
     }
 
     #[test]
-    fn excursions_continue_exactly_from_a_checkpoint() {
-        let mut excursions = Excursions::new(&plane(), 4);
-        let mut rng = ChaCha8Rng::seed_from_u64(2);
-        let mut at = [[0.5, 0.5]; 4];
-        explore(1.0, &mut excursions, &mut at, 50, &mut rng);
-        let bytes = crate::store::to_bytes(&excursions).expect("numbers");
-        let stored = || postcard::from_bytes(&bytes).expect("its own bytes");
-        let mut resumed = Excursions::new(&plane(), 4);
-        resumed.restore(&plane(), stored()).expect("its own state");
-        assert_eq!(resumed, excursions);
-        let (mut again, mut same) = (at, rng.clone());
-        explore(1.0, &mut excursions, &mut at, 50, &mut rng);
-        explore(1.0, &mut resumed, &mut again, 50, &mut same);
-        assert_eq!((resumed, again), (excursions, at));
-        assert!(Excursions::new(&plane(), 3).restore(&plane(), stored()).is_err(), "other agents");
-    }
-
-    #[test]
     fn excursions_take_their_share_of_steps_however_long_goals_are_pursued() {
         let mut excursions = Excursions::new(&plane(), 2);
         let (mut on, mut left) = ([0u32; 2], [0u32; 2]);
@@ -310,15 +259,12 @@ mod tests {
         for _ in 0..rounds {
             for agent in 0..2 {
                 if left[agent] == 0 {
-                    excursions.end(agent);
-                    left[agent] = 300;
-                    if excursions.are_due(0.2) {
-                        excursions.begin(agent);
-                        left[agent] = 20;
-                    }
+                    let is_due = excursions.are_due(0.2);
+                    excursions.under_way[agent] = is_due.then(Excursion::default);
+                    left[agent] = if is_due { 20 } else { 300 };
                 }
                 left[agent] -= 1;
-                on[agent] += u32::from(excursions.is_on(agent));
+                on[agent] += u32::from(excursions.under_way[agent].is_some());
             }
             excursions.count_steps();
         }

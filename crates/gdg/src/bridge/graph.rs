@@ -62,9 +62,8 @@ impl From<WalkRecord> for EdgeStatus {
     }
 }
 
-/// A [`BridgeGraph`] in a checkpoint.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct StoredGraph {
+pub(crate) struct StoredGraph {
     candidates: Arc<Candidates>,
     /// Source and target of each edge.
     from: Vec<u32>,
@@ -116,8 +115,7 @@ impl BridgeGraph {
             .unwrap_or_else(|| unreachable!("nothing cancels it"))
     }
 
-    /// Returns a graph without candidates.
-    pub fn empty(spec: &Spec, settings: &BridgeSettings) -> Self {
+    pub(crate) fn empty(spec: &Spec, settings: &BridgeSettings) -> Self {
         let candidates = Arc::new(Candidates::new(spec, 0, settings));
         Self::from_edges(spec, settings, candidates, Vec::new())
     }
@@ -125,7 +123,7 @@ impl BridgeGraph {
     /// Returns the graph of the current `candidates`: rebuilds the edges from those that are new or
     /// `is_due`, see [`Self::build`]; the others keep their D. Returns `None` once `job` is
     /// cancelled.
-    pub fn renewed(
+    pub(crate) fn renewed(
         &self,
         job: &Job,
         candidates: &Arc<Candidates>,
@@ -175,8 +173,8 @@ impl BridgeGraph {
         Self { spec, settings, candidates, edges, incoming, first, lengths }
     }
 
-    /// Returns the graph as a checkpoint keeps it.
-    pub fn stored(&self) -> StoredGraph {
+    /// Returns what a checkpoint keeps of the graph.
+    pub(crate) fn stored(&self) -> StoredGraph {
         StoredGraph {
             candidates: self.candidates.clone(),
             from: self.edges.iter().map(|edge| edge.from as u32).collect(),
@@ -185,8 +183,7 @@ impl BridgeGraph {
         }
     }
 
-    /// Restores the graph that [`Self::stored`] returned.
-    pub fn restored(
+    pub(crate) fn restored(
         spec: &Spec,
         settings: &BridgeSettings,
         stored: StoredGraph,
@@ -194,30 +191,23 @@ impl BridgeGraph {
         let StoredGraph { candidates: own, from, to, distances } = stored;
         let mut candidates = Candidates::new(spec, 0, settings);
         candidates.restore(Arc::unwrap_or_clone(own))?;
-        let misfit =
-            || StoreError::inconsistent("the stored bridge graph does not fit its candidates");
+        let misfit = "the stored bridge graph does not fit its candidates";
         let known = |i: &u32| (*i as usize) < candidates.len();
-        if from.len() != to.len()
-            || from.len() != distances.len()
-            || !from.iter().chain(&to).all(known)
-            || !from.is_sorted()
-        {
-            return Err(misfit());
-        }
-        if !distances.iter().all(|distance| (0.0..f32::INFINITY).contains(distance)) {
-            return Err(StoreError::inconsistent(
-                "the stored bridge graph has edges of impossible length",
-            ));
-        }
+        let fits = [to.len(), distances.len()] == [from.len(); 2]
+            && from.iter().chain(&to).all(known)
+            && from.is_sorted()
+            && distances.iter().all(|distance| (0.0..f32::INFINITY).contains(distance));
+        StoreError::unless(fits, misfit)?;
         let rows = Rows::new(spec, settings, &candidates);
         let edges = from.iter().zip(&to).zip(&distances).map(|((from, to), distance)| {
-            rows.edge(*from as usize, *to as usize, *distance).ok_or_else(misfit)
+            rows.edge(*from as usize, *to as usize, *distance)
+                .ok_or_else(|| StoreError::inconsistent(misfit))
         });
         let edges = edges.collect::<Result<_, _>>()?;
         Ok(Self::from_edges(spec, settings, Arc::new(candidates), edges))
     }
 
-    /// Returns all edges, sorted by source.
+    /// Returns the edges, sorted by source.
     pub fn edges(&self) -> &[Edge] {
         &self.edges
     }
@@ -233,7 +223,7 @@ impl BridgeGraph {
     }
 
     /// Returns candidate `i` as a state, `(state_dim)`.
-    pub fn candidate(&self, i: usize) -> &[f32] {
+    pub(super) fn candidate(&self, i: usize) -> &[f32] {
         let s = self.spec.state_dim();
         &self.candidates.states()[i * s..(i + 1) * s]
     }
@@ -456,50 +446,6 @@ mod tests {
         assert!(failures > 1.0, "{failures}");
         assert_eq!(link(4.5).cost, 4.5 + failures * late_after(4.5));
         assert_eq!((link(4.5).length, link(3.5).cost), (4.5, 3.5), "nor for other lengths");
-    }
-
-    #[test]
-    fn a_graph_is_restored_and_what_does_not_fit_is_refused() {
-        let (spec, settings, mut candidates) = walked(20, 29.5);
-        for arrived in [true, false, false, false] {
-            candidates.record_walk(candidates.id(0), candidates.id(1), 2.5, arrived);
-        }
-        let frozen = candidates.frozen();
-        let rows = Rows::new(&spec, &settings, &frozen);
-        let edges: Vec<Edge> = (1..frozen.len())
-            .flat_map(|i| [rows.edge(i - 1, i, 2.5), rows.edge(i - 1, i, 40.0)])
-            .flatten()
-            .collect();
-        assert!(edges.len() > 20 && edges[0].status == EdgeStatus::Demoted, "{edges:?}");
-        let graph = BridgeGraph::from_edges(&spec, &settings, frozen, edges);
-        let of = |stored: StoredGraph| BridgeGraph::restored(&spec, &settings, stored);
-        assert_eq!(of(graph.stored()).expect("its own").edges(), graph.edges());
-        let changes: [fn(&mut StoredGraph); 6] = [
-            |stored| stored.to[0] = 999,
-            |stored| stored.from.swap(0, 5),
-            |stored| stored.distances.clear(),
-            |stored| stored.distances[0] = f32::NAN,
-            |stored| stored.distances[0] = -1.0,
-            // Nothing has been observed.
-            |stored| (stored.from[0], stored.to[0]) = (0, 12),
-        ];
-        for (i, change) in changes.into_iter().enumerate() {
-            let mut stored = graph.stored();
-            change(&mut stored);
-            assert!(of(stored).is_err(), "{i}");
-        }
-    }
-
-    #[test]
-    fn routes_along_a_row_add_up_whatever_their_costs_and_edges_are_directed() {
-        for cost in [3.0, 4e6] {
-            let graph = row(cost);
-            let last = graph.candidates().len() - 1;
-            let route = graph.route_to_candidate(last);
-            assert!((0..last).all(|i| route.next[i] as usize == i + 1), "{:?}", route.next);
-            assert!((route.costs[0] / cost - last as f32).abs() < 0.5, "{:?}", route.costs);
-            assert!(graph.route_to_candidate(0).costs[1..].iter().all(|s| s.is_infinite()));
-        }
     }
 
     #[test]

@@ -1,10 +1,15 @@
-//! Walking to a goal through bridge points.
+//! Walking to a goal through bridge points: the same in exploration, evaluation and display.
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
-use super::graph::{BridgeGraph, FirstHop, HopOptions, LINK_CANDIDATES, Route, UNVERIFIED_FACTOR};
-use super::settings::{BAN_STEPS, late_after};
-use crate::learn::{Policy, Scratch};
+use super::candidates::UNOBSERVED;
+use super::graph::{
+    BridgeGraph, COST_UNITS_PER_STEP, FirstHop, HopOptions, LINK_CANDIDATES, OBSERVED_FACTOR,
+    OBSERVED_PENALTY_STEPS, OBSERVED_SLACK_STEPS, REVERSED_PENALTY_STEPS, Route, UNVERIFIED_FACTOR,
+};
+use super::settings::{BAN_STEPS, BridgeSettings, LATE_FACTOR, LATE_SLACK_STEPS, late_after};
+use crate::learn::{Policy, Scratch, look_ahead};
 use crate::store::StoreError;
 
 /// Number of consecutive late targets after which an agent counts as stuck.
@@ -66,26 +71,12 @@ pub struct Hop {
     pub arrived: bool,
 }
 
-struct PlannedHop {
-    candidate: usize,
-    /// D to it.
-    distance: f32,
-    /// Planning cost of the hop and the path from there to the goal.
-    total: f32,
-}
-
 impl Target {
     fn candidate(self) -> Option<usize> {
         match self {
             Self::Goal => None,
             Self::Candidate(i) => Some(i),
         }
-    }
-}
-
-impl From<Option<usize>> for Target {
-    fn from(candidate: Option<usize>) -> Self {
-        candidate.map_or(Self::Goal, Self::Candidate)
     }
 }
 
@@ -112,13 +103,12 @@ impl Walker {
         let mut candidates = links.iter().map(|(i, _)| *i as usize).chain(*nearest).chain(self.at);
         let mut targets = self.target.iter().chain(self.banned.iter().map(|(target, _)| target));
         let known = |i: usize| i < graph.candidates().len();
-        if !candidates.all(known) || !targets.all(|target| target.candidate().is_none_or(known)) {
-            return Err(StoreError::inconsistent("a stored walk does not fit its bridge graph"));
-        }
-        let finite = goal.iter().chain([&self.distance]).all(|v| v.is_finite());
-        if goal.len() != graph.spec().goal_dim() || !finite || self.remaining.is_nan() {
-            return Err(StoreError::inconsistent("a stored walk contains values out of range"));
-        }
+        let fits = candidates.all(known)
+            && targets.all(|target| target.candidate().is_none_or(known))
+            && goal.len() == graph.spec().goal_dim()
+            && goal.iter().chain([&self.distance]).all(|v| v.is_finite())
+            && !self.remaining.is_nan();
+        StoreError::unless(fits, "a stored walk does not fit its bridge graph")?;
         let route = graph.route_from_links(goal, *nearest, std::mem::take(links));
         self.route = Route { has_unverified_links: *has_unverified_links, ..route };
         Ok(())
@@ -167,8 +157,10 @@ impl Walker {
         self.banned.retain(|(_, until)| *until > clock);
         // An open loop continues its single plan from the waypoint reached.
         let on_plan = self.at.filter(|_| settings.open_loop);
-        let planned = on_plan
-            .map(|at| Target::from(Some(self.route.next[at] as usize).filter(|next| *next != at)));
+        let planned = on_plan.map(|at| match self.route.next[at] as usize {
+            last if last == at => Target::Goal,
+            next => Target::Candidate(next),
+        });
         let target = target.unwrap_or_else(|| {
             let (target, distance) = match planned {
                 Some(target) => {
@@ -254,10 +246,10 @@ impl Walker {
         }
         let direct = options.direct.filter(|_| self.is_allowed(Target::Goal));
         match (waypoint, direct) {
-            (Some(hop), Some(direct)) if direct.cost <= hop.total => {
+            (Some((_, total)), Some(direct)) if direct.cost <= total => {
                 (Target::Goal, options.to_goal)
             }
-            (Some(hop), _) => (Target::Candidate(hop.candidate), hop.distance),
+            (Some((hop, _)), _) => (Target::Candidate(hop.candidate), hop.distance),
             (None, Some(_)) => (Target::Goal, options.to_goal),
             (None, None) => {
                 (Target::Goal, options.to_goal.min(graph.settings().window_steps() as f32))
@@ -294,27 +286,27 @@ impl Walker {
             && !graph.spec().reached(state, graph.point(i))
     }
 
-    /// Returns the best hop to a candidate, if any may be used; only `verified` ones, or any.
-    fn best_waypoint(
+    /// Returns the best hop to a candidate, if any may be used, with the planning cost of the hop and
+    /// the path from there to the goal; only `verified` ones, or any.
+    fn best_waypoint<'a>(
         &self,
         state: &[f32],
-        options: &HopOptions,
+        options: &'a HopOptions,
         graph: &BridgeGraph,
         verified: bool,
-    ) -> Option<PlannedHop> {
+    ) -> Option<(&'a FirstHop, f32)> {
         let usable = options.candidates.iter().filter_map(|hop| {
             let cost = hop.link.map(|link| link.cost);
             let cost =
                 if verified { cost? } else { cost.unwrap_or(UNVERIFIED_FACTOR * hop.distance) };
-            let FirstHop { candidate, distance, .. } = *hop;
-            let total = cost + self.route.costs[candidate];
-            let usable = total.is_finite() && self.may_head_for(state, candidate, graph);
-            usable.then_some(PlannedHop { candidate, distance, total })
+            let total = cost + self.route.costs[hop.candidate];
+            let usable = total.is_finite() && self.may_head_for(state, hop.candidate, graph);
+            usable.then_some((hop, total))
         });
         // A stuck agent is where the actor makes no progress: take the shortest hop away from
         // there.
-        let key = |hop: &PlannedHop| {
-            if self.strikes >= MAX_STRIKES { hop.distance } else { hop.total }
+        let key = |(hop, total): &(&FirstHop, f32)| {
+            if self.strikes >= MAX_STRIKES { hop.distance } else { *total }
         };
         usable.min_by(|a, b| key(a).total_cmp(&key(b)))
     }
@@ -335,10 +327,104 @@ impl Walker {
     }
 }
 
+/// What agents choose their actions by. In each step, an agent takes an [aim](Self::aim) and
+/// [acts](Self::act) towards it.
+#[derive(Clone, Copy)]
+pub struct Guide<'a> {
+    /// The learned D and mu.
+    pub policy: &'a dyn Policy,
+    /// The graph to plan on; without one, agents head straight for their goals.
+    pub graph: Option<&'a BridgeGraph>,
+}
+
+impl<'a> Guide<'a> {
+    /// Begins a walk to `goal` `(goal_dim)`; `None` without a graph.
+    pub fn plan(&self, goal: &[f32], scratch: &mut Scratch) -> Option<Walker> {
+        Some(Walker::new(self.graph?.route(goal, self.policy, scratch)))
+    }
+
+    /// Advances the walk of an agent in `state` `(state_dim)`; returns what to give the actor as
+    /// goal: the next waypoint, or `goal` without a plan, `(goal_dim)`.
+    pub fn aim<'b>(
+        &self,
+        walker: Option<&'b mut Walker>,
+        state: &[f32],
+        goal: &'b [f32],
+        scratch: &mut Scratch,
+    ) -> &'b [f32]
+    where
+        'a: 'b,
+    {
+        match (walker, self.graph) {
+            (Some(walker), Some(graph)) => walker.step(state, graph, self.policy, scratch),
+            _ => goal,
+        }
+    }
+
+    /// Chooses the agents' `actions` `(agents, action_dim)` in `states` `(agents, state_dim)`
+    /// towards `aims` `(agents, goal_dim)`: the actor's, or those of one step of lookahead where an
+    /// agent's plan asks for it. `walkers` has the plan, if any, of each agent.
+    pub fn act<'b>(
+        &self,
+        walkers: impl Iterator<Item = Option<&'b Walker>>,
+        states: &[f32],
+        aims: &[f32],
+        actions: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        self.policy.actions(states, aims, actions, scratch);
+        if let Some(graph) = self.graph {
+            let looks_ahead =
+                |walker: Option<&Walker>| walker.is_some_and(|w| w.looks_ahead(graph));
+            let ahead: Vec<bool> = walkers.map(looks_ahead).collect();
+            look_ahead(self.policy, &ahead, states, aims, actions, scratch);
+        }
+    }
+}
+
+impl BridgeGraph {
+    /// Returns the settings and constants that a walk along this graph depends on, by name.
+    pub fn rules(&self) -> Value {
+        let BridgeSettings {
+            verify_edges,
+            keep_observed_edges,
+            edge_cutoff_steps,
+            open_loop,
+            progress_check,
+            lookahead,
+            ..
+        } = self.settings();
+        json!({
+            "verify_edges": verify_edges,
+            "keep_observed_edges": keep_observed_edges,
+            "edge_cutoff_steps": edge_cutoff_steps,
+            "hop_steps": self.hop_steps(),
+            "open_loop": open_loop,
+            "progress_check": progress_check,
+            "late_factor": LATE_FACTOR,
+            "late_slack_steps": LATE_SLACK_STEPS,
+            "ban_steps": BAN_STEPS,
+            "lookahead": lookahead,
+            "window_steps": self.settings().window_steps(),
+            "unobserved": UNOBSERVED,
+            "link_candidates": LINK_CANDIDATES,
+            "nearest_candidates": NEAREST_CANDIDATES,
+            "promising_candidates": PROMISING_CANDIDATES,
+            "max_strikes": MAX_STRIKES,
+            "ban_strikes": BAN_STRIKES,
+            "unverified_factor": UNVERIFIED_FACTOR,
+            "observed_factor": OBSERVED_FACTOR,
+            "observed_slack_steps": OBSERVED_SLACK_STEPS,
+            "observed_penalty_steps": OBSERVED_PENALTY_STEPS,
+            "reversed_penalty_steps": REVERSED_PENALTY_STEPS,
+            "cost_units_per_step": COST_UNITS_PER_STEP,
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bridge::BridgeSettings;
     use crate::bridge::candidates::Candidates;
     use crate::bridge::candidates::tests::{line, walked};
     use crate::env::Spec;
@@ -397,23 +483,6 @@ mod tests {
         }
         walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch);
         assert_eq!(walker.strikes, 1);
-    }
-
-    #[test]
-    fn each_waypoint_of_a_single_plan_has_its_own_deadline() {
-        let (spec, settings, candidates) = walked(200, 79.5);
-        let settings = BridgeSettings { open_loop: true, progress_check: true, ..settings };
-        let (graph, mut scratch) = (graph(&spec, &settings, &candidates), Scratch::default());
-        let (mut walker, mut at) =
-            (Walker::new(graph.route(&[79.0, 0.5], &Straight, &mut scratch)), 1.0);
-        let mut hops = 0;
-        while at < 79.0 {
-            let aim = walker.step(&[at, 0.5], &graph, &Straight, &mut scratch)[0];
-            hops += u32::from(walker.finished_hop().is_some_and(|hop| hop.arrived));
-            assert_eq!(walker.strikes, 0, "late at {at}, on the way to {aim}");
-            at += (aim - at).clamp(-1.0, 1.0);
-        }
-        assert!(hops > 5, "{hops}");
     }
 
     #[test]

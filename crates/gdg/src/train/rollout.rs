@@ -43,7 +43,7 @@ struct Plan {
 
 /// A round of steps whose outcome is not stored yet.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Round {
+pub(super) struct Round {
     /// States before it, `(agents, state_dim)`.
     before: Vec<f32>,
     /// `(agents, action_dim)`.
@@ -57,35 +57,29 @@ struct Round {
 pub struct StepContext<'a> {
     /// Whether episodes use bridge points and plans.
     pub bridges: bool,
-    /// How agents act.
     pub acting: Acting,
-    /// Steps per episode.
     pub episode_steps: u32,
-    /// All settings.
     pub settings: &'a Settings,
-    /// The current policy and bridge graph.
     pub guide: Guide<'a>,
-    /// Receives the transitions.
     pub replay: &'a mut Replay,
-    /// Receives visited states and the outcomes of hops between candidates.
     pub candidates: &'a mut Candidates,
 }
 
 /// Agents acting in an environment and storing their experience.
 pub struct Rollout {
-    env: Box<dyn Environment>,
+    pub(super) env: Box<dyn Environment>,
     agents: Vec<Agent>,
     plans: Vec<Option<Plan>>,
     rng: ChaCha8Rng,
     actions: Vec<f32>,
     goals: Vec<f32>,
-    round: Option<Round>,
+    pub(super) round: Option<Round>,
     /// A world with one agent, for the walks to near goals.
     aside: Option<Box<dyn Environment>>,
     scratch: Scratch,
-    excursions: Excursions,
-    leaps: Leaps,
-    last_search: Option<Arc<SearchOutcome>>,
+    pub(super) excursions: Excursions,
+    pub(super) leaps: Leaps,
+    pub(super) last_search: Option<Arc<SearchOutcome>>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -129,10 +123,6 @@ impl Rollout {
         &*self.env
     }
 
-    pub(crate) fn env_mut(&mut self) -> &mut dyn Environment {
-        &mut *self.env
-    }
-
     /// Returns the agents.
     pub fn agents(&self) -> &[Agent] {
         &self.agents
@@ -148,29 +138,9 @@ impl Rollout {
         }
     }
 
-    pub(super) fn leaps(&self) -> &Leaps {
-        &self.leaps
-    }
-
-    pub(super) fn leaps_mut(&mut self) -> &mut Leaps {
-        &mut self.leaps
-    }
-
     /// Returns the excursions beyond the frontier.
     pub fn excursions(&self) -> &Excursions {
         &self.excursions
-    }
-
-    pub(super) fn into_excursions(self) -> Excursions {
-        self.excursions
-    }
-
-    pub(super) fn excursions_mut(&mut self) -> &mut Excursions {
-        &mut self.excursions
-    }
-
-    pub(crate) fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
-        self.last_search.as_ref()
     }
 
     /// Chooses an action for every agent and begins a round of steps, which [`Self::finish`] ends.
@@ -190,7 +160,8 @@ impl Rollout {
         Ok(Some(elsewhere))
     }
 
-    /// Chooses actions: the actor's with noise, or a random direction held for several steps.
+    /// Chooses actions: the actor's with noise, a random direction held for several steps, or those
+    /// of an excursion.
     fn choose_actions(&mut self, context: &StepContext) {
         self.actions.resize(self.agents.len() * self.env.spec().action_dim, 0.0);
         if context.acting == Acting::Policy {
@@ -202,12 +173,6 @@ impl Rollout {
             });
             context.guide.act(walkers, env.states(), goals, actions, scratch);
         }
-        self.explore(context);
-    }
-
-    /// Replaces the actions of agents on an excursion or holding a random direction; adds noise to
-    /// the others.
-    fn explore(&mut self, context: &StepContext) {
         let settings = &context.settings.train;
         // With a mean hold of h steps, a fraction r of all steps is random if each free step begins
         // a hold with probability r / (r + (1 - r) h).
@@ -243,10 +208,6 @@ impl Rollout {
                 }
             }
         }
-    }
-
-    pub(crate) fn has_begun(&self) -> bool {
-        self.round.is_some()
     }
 
     /// Waits for the round of steps begun, if there is one.
@@ -289,31 +250,19 @@ impl Rollout {
             }
         }
         // The others' steps are kept even if one agent cannot go on.
-        let went_on: Vec<Result<(), EnvError>> = ended
-            .iter()
-            .enumerate()
-            .map(|(i, has_ended)| self.go_on(i, *has_ended, context, &mut result))
-            .collect();
-        went_on.into_iter().collect::<Result<(), EnvError>>()?;
-        Ok(result)
-    }
-
-    /// Ends the episode of agent `i` after a step if it is over, or its pursuit of a goal.
-    fn go_on(
-        &mut self,
-        i: usize,
-        has_ended: bool,
-        context: &mut StepContext,
-        round: &mut RoundResult,
-    ) -> Result<(), EnvError> {
-        self.agents[i].steps = self.agents[i].steps.saturating_add(1);
-        if self.agents[i].steps >= context.episode_steps || has_ended {
-            self.end_episode(i, context, round)
-        } else if self.excursions.is_on(i) {
-            Ok(())
-        } else {
-            self.end_pursuit(i, context, round)
+        let mut went_on = Ok(());
+        for (i, has_ended) in ended.into_iter().enumerate() {
+            self.agents[i].steps = self.agents[i].steps.saturating_add(1);
+            let own = if self.agents[i].steps >= context.episode_steps || has_ended {
+                self.end_episode(i, context, &mut result)
+            } else if self.excursions.under_way[i].is_some() {
+                Ok(())
+            } else {
+                self.end_pursuit(i, context, &mut result)
+            };
+            went_on = went_on.and(own);
         }
+        went_on.map(|()| result)
     }
 
     /// Ends the episode of agent `i` and starts the next one.
@@ -445,9 +394,9 @@ impl Rollout {
         }
         let s = self.env.spec().state_dim();
         for i in 0..self.agents.len() {
-            let was_on = self.excursions.is_on(i);
+            let was_on = self.excursions.under_way[i].is_some();
             self.excursions.arrive(i, &self.env.states()[i * s..(i + 1) * s]);
-            if was_on && !self.excursions.is_on(i) {
+            if was_on && self.excursions.under_way[i].is_none() {
                 self.choose_goal(i, context)?;
             }
         }
@@ -508,10 +457,7 @@ impl Rollout {
             && self.plans.iter().flatten().all(|plan| sound(&plan.goal, g))
             && round
             && self.leaps.fit(spec);
-        if !fits {
-            let problem = "the stored agents do not fit these settings";
-            return Err(StoreError::inconsistent(problem).into());
-        }
+        StoreError::unless(fits, "the stored agents do not fit these settings")?;
         for plan in self.plans.iter_mut().flatten() {
             let graph = graph
                 .ok_or_else(|| StoreError::inconsistent("a stored plan has no bridge graph"))?;

@@ -170,7 +170,7 @@ impl Trainer {
 
     /// Shares a job with those that wait for the trainer.
     pub fn set_job(&mut self, job: Job) {
-        self.rollout.env_mut().share_job(&job);
+        self.rollout.env.share_job(&job);
         self.job = job;
     }
 
@@ -201,7 +201,7 @@ impl Trainer {
 
     /// Returns the world mutably, to change its evaluation tasks.
     pub fn world_mut(&mut self) -> &mut dyn Environment {
-        self.rollout.env_mut()
+        &mut *self.rollout.env
     }
 
     /// Returns the specification of states, goals and actions.
@@ -268,7 +268,7 @@ impl Trainer {
 
     /// Returns the latest bridge search.
     pub fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
-        self.rollout.last_search()
+        self.rollout.last_search.as_ref()
     }
 
     /// Returns the first of `limits` that has been reached.
@@ -353,7 +353,7 @@ impl Trainer {
         let waited = self.wait_for_world();
         updated?;
         waited?;
-        if self.rollout.has_begun() {
+        if self.rollout.round.is_some() {
             self.finish_step()?;
         }
         self.film_learning()?;
@@ -361,7 +361,7 @@ impl Trainer {
     }
 
     fn wait_for_world(&mut self) -> Result<()> {
-        if !self.rollout.has_begun() {
+        if self.rollout.round.is_none() {
             return Ok(());
         }
         // Those in other processes may take long, or hang.

@@ -296,20 +296,19 @@ impl Places {
         }
     }
 
-    /// Returns an action at `place` that leads towards the frontier, the one with the fewest
-    /// attempts.
-    pub fn action_ahead(&self, place: usize, rng: &mut ChaCha8Rng) -> usize {
+    /// Returns an action at `place`: any, or one that leads towards the frontier, that with the
+    /// fewest attempts.
+    pub fn choose_action(&self, place: usize, is_random: bool, rng: &mut ChaCha8Rng) -> usize {
         let count = self.action_count();
+        if is_random {
+            return rng.random_range(0..count);
+        }
         let keys: Vec<(u32, u16)> = (0..count)
             .map(|action| (self.ahead_after(place, action), self.attempts[place * count + action]))
             .collect();
         let least = keys.iter().min();
         let best: Vec<usize> = (0..count).filter(|action| Some(&keys[*action]) == least).collect();
         best[rng.random_range(0..best.len())]
-    }
-
-    pub fn random_action(&self, rng: &mut ChaCha8Rng) -> usize {
-        rng.random_range(0..self.action_count())
     }
 
     /// Returns the place at the frontier that the known actions lead to from `place`, unless there
@@ -354,11 +353,9 @@ impl Places {
             let keys = self.keys.chunks_exact(g).enumerate();
             self.index = keys.map(|(i, key)| (Box::from(key), i as u32)).collect();
         }
-        if self.index.len() == count && fits {
-            Ok(Self { spec: fresh.spec, actions: fresh.actions, ..self })
-        } else {
-            Err(StoreError::inconsistent("the stored places do not fit this world"))
-        }
+        let fits = fits && self.index.len() == count;
+        StoreError::unless(fits, "the stored places do not fit this world")?;
+        Ok(Self { spec: fresh.spec, actions: fresh.actions, ..self })
     }
 }
 
@@ -407,7 +404,7 @@ pub(super) mod tests {
         assert_eq!(places.frontier_from(row[0]), Some(row[5]));
         assert_eq!(places.centre(row[5]), [5.5, 0.5]);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        assert!((0..20).all(|_| places.action_ahead(row[2], &mut rng) == right));
+        assert!((0..20).all(|_| places.choose_action(row[2], false, &mut rng) == right));
         assert!(places.has_frontier());
         block(&mut places, row[5], right);
         places.measure();
@@ -445,32 +442,5 @@ pub(super) mod tests {
         assert_eq!(outcomes(&places), [row[0], row[2]].map(Outcome::Place));
         places.doubt_noise();
         assert_eq!(outcomes(&places), [Outcome::Place(row[2]), Outcome::Unvisited]);
-    }
-
-    #[test]
-    fn places_are_restored_and_those_that_do_not_fit_refused() {
-        let mut places = Places::new(&plane());
-        let row = row(&mut places, -3..3);
-        places.record(row[0], 0, row[1]);
-        places.record(row[1], 2, row[1]);
-        let restored = |change: fn(&mut Places)| {
-            let bytes = crate::store::to_bytes(&places).expect("numbers");
-            let mut stored: Places = postcard::from_bytes(&bytes).expect("its own bytes");
-            change(&mut stored);
-            stored.restored(&plane())
-        };
-        assert_eq!(restored(|_| {}), Ok(places.clone()));
-        let changes: [fn(&mut Places); 7] = [
-            |places| places.to[3] = 99,
-            |places| places.to.clear(),
-            |places| places.keys.fill(0),
-            |places| places.ahead.push(0),
-            |places| places.moved[0] = i64::MAX,
-            |places| places.enough_attempts = 0,
-            |places| places.measure_in = usize::MAX,
-        ];
-        for (i, change) in changes.into_iter().enumerate() {
-            assert!(restored(change).is_err(), "{i}");
-        }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rand::RngExt;
 
 use super::{Plan, Rollout, StepContext};
-use crate::bridge::{SEARCH_BUDGET, SearchSpace, search};
+use crate::bridge::{Excursion, SEARCH_BUDGET, SearchSpace, search};
 use crate::env::{EnvError, EnvSettings, Goals, Restart};
 
 /// An agent gives up on a goal after this multiple of D to it ...
@@ -45,7 +45,7 @@ impl Rollout {
         self.choose_goal(i, context)?;
         if context.bridges
             && self.chance(context.settings.bridge.bridge_epsilon)
-            && !self.excursions.is_on(i)
+            && self.excursions.under_way[i].is_none()
             && let Some(point) = self.search_bridge(i, context)
         {
             let agent = &mut self.agents[i];
@@ -70,8 +70,9 @@ impl Rollout {
         }
         if context.bridges {
             let bridge = &context.settings.bridge;
-            if self.excursions.are_due(bridge.frontier_share(self.excursions.has_frontier())) {
-                self.excursions.begin(i);
+            if self.excursions.are_due(bridge.frontier_share(self.excursions.places.has_frontier()))
+            {
+                self.excursions.under_way[i] = Some(Excursion::default());
             } else if self.chance(bridge.planned_episodes) {
                 self.plan(i, context);
             }
@@ -143,7 +144,7 @@ impl Rollout {
         let agent = &mut self.agents[i];
         (agent.steps, agent.held, agent.after_bridge, agent.give_up_at) = (0, None, None, 0);
         self.plans[i] = None;
-        self.excursions.end(i);
+        self.excursions.under_way[i] = None;
         self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
     }
 }

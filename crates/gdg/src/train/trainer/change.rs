@@ -72,7 +72,7 @@ impl Trainer {
         self.visits.enter(self.rollout.env());
         let edited = self.rollout.env().abilities().editable;
         let (spec, region, leaps) =
-            (self.rollout.env().spec(), &change.region, self.rollout.leaps());
+            (self.rollout.env().spec(), &change.region, &self.rollout.leaps);
         let possible = |s: &[f32], a: &[f32], next: &[f32]| {
             edited.is_none_or(|e| e.is_possible(s, a, next)) && leaps.is_sure(spec, s, next)
         };
@@ -154,7 +154,7 @@ impl Trainer {
     fn fit_agents(&mut self, before: &Run, fresh: Option<Rollout>, progress: &Job) {
         let are_fresh = fresh.is_some();
         match fresh {
-            None => self.rollout.env_mut().configure(&self.run.settings.train.env()),
+            None => self.rollout.env.configure(&self.run.settings.train.env()),
             Some(rollout) => self.replace_agents(rollout, &before.settings),
         }
         if are_fresh || !self.run.bridge().makes_same_candidates(&before.bridge()) {
@@ -171,7 +171,7 @@ impl Trainer {
             self.own_replay();
         }
         let before = std::mem::replace(&mut self.rollout, rollout);
-        self.rollout.excursions_mut().keep_places(before.into_excursions());
+        self.rollout.excursions.places = before.excursions.places;
     }
 
     /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.

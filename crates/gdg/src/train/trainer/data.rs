@@ -71,7 +71,7 @@ impl Trainer {
     fn leave_out_leaps(&mut self) -> usize {
         let spec = self.rollout.env().spec().clone();
         let mut before: Option<Vec<f32>> = None;
-        let leaps = self.rollout.leaps_mut();
+        let leaps = &mut self.rollout.leaps;
         self.replay.visit_rows(|state, _, is_last| {
             if let Some(from) = &before {
                 leaps.note(&spec, from, state);
