@@ -3,11 +3,10 @@
 
 mod command;
 mod evaluation;
-mod publish;
 mod snapshot;
 
 use std::fs::File;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Deref};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,7 +24,7 @@ use crate::train::{
 };
 pub use command::{Command, MakeWorld};
 use evaluation::{EVALUATION_PAUSE_FACTOR, RunningEvaluation};
-use publish::PublishTimer;
+use snapshot::PublishTimer;
 pub use snapshot::{FollowedAgent, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
 
 /// Minimum updates between evaluations.
@@ -64,6 +63,11 @@ impl EngineLink {
         job: Job,
     ) -> Self {
         Self { commands, snapshots, job }
+    }
+
+    /// Returns the trainer's progress signal: whether it advances, and its current activity.
+    pub fn job(&self) -> &Job {
+        &self.job
     }
 
     /// Returns what the trainer is doing besides training.
@@ -138,21 +142,6 @@ impl Engine {
         self.link.clone()
     }
 
-    /// Queues a command like [`EngineLink::send`].
-    pub fn send(&self, command: Command) -> bool {
-        self.link.send(command)
-    }
-
-    /// Returns a receiver of the latest snapshot.
-    pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
-        self.link.snapshots()
-    }
-
-    /// Returns the trainer's progress signal: whether it advances, and its current activity.
-    pub fn job(&self) -> &Job {
-        &self.link.job
-    }
-
     /// Stops training and returns the trainer; waits as long as there is progress. `None` if its
     /// thread hangs or has panicked.
     pub fn stop(self) -> Option<Trainer> {
@@ -174,6 +163,14 @@ impl Engine {
             std::thread::sleep(Duration::from_millis(2));
         }
         self.thread.join().ok()
+    }
+}
+
+impl Deref for Engine {
+    type Target = EngineLink;
+
+    fn deref(&self) -> &EngineLink {
+        &self.link
     }
 }
 
@@ -225,7 +222,10 @@ impl Worker {
                 Ok(Err(error)) => self.current.phase = Phase::Failed(error.to_string()),
                 Err(_) => self.repair("training"),
             }
-            self.report_recovery();
+            self.trainer
+                .take_recovery()
+                .into_iter()
+                .for_each(|recovery| self.on_recovery(recovery));
             self.publish();
             // The run can still be saved or replaced by another one: commands are handled until the
             // front end disconnects.
@@ -247,12 +247,6 @@ impl Worker {
             _ => "saving may fail",
         };
         self.current.phase = Phase::Failed(format!("an internal error ended {activity}; {state}"));
-    }
-
-    fn report_recovery(&mut self) {
-        if let Some(recovery) = self.trainer.take_recovery() {
-            self.on_recovery(recovery);
-        }
     }
 
     fn on_recovery(&mut self, recovery: Recovery) {

@@ -48,10 +48,10 @@ pub use registry::Registry;
 pub use rollout::Rollout;
 #[cfg(test)]
 pub(crate) use run::tests::small_run;
-pub use run::{Counters, EndReason, Limits, Run, Tick};
+pub use run::{Counters, EndReason, Limits, Pace, Run, Tick};
 pub use score::{DistanceScore, Score, Success};
 pub use session::{Due, EvaluateAt, Schedule, Session};
 pub use settings::{OutOfRange, SETTINGS, Settings, TrainSettings, UpdateWhen};
 pub use trainer::{
-    About, KeptState, LeftOut, Pace, Recovery, Saved, Trainer, WorldChange, resets_networks,
+    About, KeptState, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks,
 };

@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use super::snapshot::{NextEvaluation, next_multiple};
-use super::{EVALUATE_EVERY_UPDATES, Worker};
+use super::Worker;
+use super::snapshot::NextEvaluation;
 use crate::env::EnvError;
 use crate::job::{Job, Running};
 use crate::train::{Evaluation, Moment, TrainError};
@@ -58,10 +58,7 @@ impl Worker {
             .next_evaluation_at
             .map_or(Duration::ZERO, |at| at.saturating_duration_since(Instant::now()));
         if rest.is_zero() {
-            NextEvaluation::AtUpdate(next_multiple(
-                self.trainer.counters().updates,
-                EVALUATE_EVERY_UPDATES,
-            ))
+            NextEvaluation::after(&self.trainer)
         } else {
             NextEvaluation::InSeconds(rest.as_secs_f64().ceil() as u64)
         }

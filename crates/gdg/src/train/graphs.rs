@@ -258,10 +258,6 @@ impl Graphs {
         self.next.is_some()
     }
 
-    pub fn next_at(&self) -> Option<u64> {
-        self.next.as_ref().map(|(due, _)| *due)
-    }
-
     pub fn is_due(&self, now: u64) -> bool {
         self.next.as_ref().is_some_and(|(due, _)| *due <= now)
     }

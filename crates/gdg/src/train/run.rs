@@ -134,6 +134,40 @@ pub struct Limits {
     pub env_steps: Option<u64>,
 }
 
+/// The mean pace of a run in this process.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// Counters and seconds of training at the first update that counts, and now.
+    pub(super) from: (Counters, f64),
+    pub(super) now: (Counters, f64),
+}
+
+impl Pace {
+    /// Returns how much of what `count` returns has come per second, if any has.
+    pub fn per_second(&self, count: impl Fn(&Counters) -> u64) -> Option<f64> {
+        let ((before, from), (after, now)) = (&self.from, &self.now);
+        let done = count(after).saturating_sub(count(before)) as f64;
+        let seconds = now - from;
+        (done > 0.0 && seconds > 0.0).then(|| done / seconds)
+    }
+
+    /// Returns the seconds of training until the first of `limits`, if that can be told: of
+    /// episodes it cannot, as they become shorter the more is learned.
+    pub fn seconds_left(&self, limits: &Limits) -> Option<f64> {
+        let (counters, seconds) = &self.now;
+        let until = |limit: Option<u64>, count: fn(&Counters) -> u64| {
+            let left = limit?.saturating_sub(count(counters)) as f64;
+            if left > 0.0 { Some(left / self.per_second(count)?) } else { Some(0.0) }
+        };
+        let all = [
+            limits.seconds.map(|limit| (limit - seconds).max(0.0)),
+            until(limits.updates, |counters| counters.updates),
+            until(limits.env_steps, |counters| counters.env_steps),
+        ];
+        all.into_iter().flatten().min_by(f64::total_cmp)
+    }
+}
+
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -194,5 +228,23 @@ pub(crate) mod tests {
         (run.preset, run.settings) = (Preset::Paper, Preset::Paper.settings());
         run.set_method(method("ddpg"), &registry);
         assert_eq!((run.preset, &run.settings), (Preset::Paper, &Preset::Paper.settings()));
+    }
+    #[test]
+    fn the_time_left_follows_from_the_mean_pace_since_the_first_update() {
+        let at = |updates, seconds| (Counters { updates, ..Counters::default() }, seconds);
+        // The warm-up took 60 s, and then 999 updates 10 s.
+        let pace = Pace { from: at(1, 60.0), now: at(1_000, 70.0) };
+        let updates = Limits { updates: Some(8_000), ..Limits::default() };
+        let episodes = Limits { episodes: Some(80), ..Limits::default() };
+        for (limits, left) in [
+            (updates, Some(7_000.0 / 99.9)),
+            (Limits { seconds: Some(100.0), ..updates }, Some(30.0)),
+            (Limits { updates: Some(500), ..updates }, Some(0.0)),
+            (episodes, None),
+        ] {
+            assert_eq!(pace.seconds_left(&limits), left, "{limits:?}");
+        }
+        let resumed = Pace { from: pace.now, ..pace };
+        assert_eq!(resumed.seconds_left(&updates), None, "nothing is known yet");
     }
 }

@@ -4,7 +4,6 @@
 mod change;
 mod data;
 mod graph;
-mod pace;
 mod persistence;
 mod recovery;
 
@@ -21,7 +20,7 @@ use super::graphs::{BuiltGraph, Graphs};
 use super::history::{History, Moment, Notes};
 use super::registry::Registry;
 use super::rollout::{Rollout, RoundResult, StepContext};
-use super::run::{Counters, EndReason, Limits, Run, Tick};
+use super::run::{Counters, EndReason, Limits, Pace, Run, Tick};
 use super::settings::UpdateWhen;
 use super::visits::Visits;
 use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
@@ -34,8 +33,6 @@ use crate::learn::{
 pub use change::{KeptState, WorldChange, resets_networks};
 use data::Data;
 pub use data::LeftOut;
-pub use pace::Pace;
-use pace::PacedFrom;
 pub use persistence::{About, Saved};
 use recovery::LastGood;
 pub use recovery::Recovery;
@@ -77,7 +74,9 @@ pub struct Trainer {
     recovery: Option<Recovery>,
     /// Whether an update is in progress: a panic during it leaves the networks partially updated.
     in_update: bool,
-    paced_from: Option<PacedFrom>,
+    /// Counters and seconds at the first update in this process, or with these settings, and then at
+    /// the first one with a bridge graph if the run needs one: whether no graph is still to come.
+    paced_from: Option<(Counters, f64, bool)>,
     job: Job,
 }
 
@@ -283,6 +282,13 @@ impl Trainer {
         reached.iter().find(|(is, _)| *is).map(|(_, reason)| *reason)
     }
 
+    /// Returns the pace of the run so far.
+    pub fn pace(&self) -> Pace {
+        let now = (self.counters, self.seconds);
+        let from = self.paced_from.map_or(now, |(counters, seconds, _)| (counters, seconds));
+        Pace { from, now }
+    }
+
     /// Runs one update if one is due, else one step of every agent; both if the world computes its
     /// steps elsewhere and an update is due afterwards, which then does not see the outcome of the
     /// step.
@@ -298,7 +304,10 @@ impl Trainer {
         }
         self.seconds += began.elapsed().as_secs_f64();
         if tick == Tick::Update {
-            self.note_pace();
+            let is_steady = self.graph().is_some() || !self.needs_graph();
+            if self.paced_from.is_none_or(|(.., was_steady)| is_steady && !was_steady) {
+                self.paced_from = Some((self.counters, self.seconds, is_steady));
+            }
         }
         Ok(tick)
     }
