@@ -6,7 +6,6 @@ mod dataset;
 mod error;
 mod evaluate;
 mod film;
-mod graphs;
 mod history;
 mod leaps;
 pub mod memory;

@@ -3,7 +3,7 @@
 
 mod change;
 mod data;
-mod graph;
+mod graphs;
 mod persistence;
 mod recovery;
 
@@ -16,7 +16,6 @@ use rand_chacha::ChaCha8Rng;
 use super::error::TrainError;
 use super::evaluate::{Evaluation, EvaluationJob};
 use super::film::Film;
-use super::graphs::{BuiltGraph, Graphs};
 use super::history::{History, Moment, Notes};
 use super::registry::Registry;
 use super::rollout::{Rollout, RoundResult, StepContext};
@@ -33,6 +32,7 @@ use crate::learn::{
 pub use change::{KeptState, WorldChange, resets_networks};
 use data::Data;
 pub use data::LeftOut;
+use graphs::{BuiltGraph, Graphs};
 pub use persistence::{About, Saved};
 use recovery::LastGood;
 pub use recovery::Recovery;
@@ -262,7 +262,7 @@ impl Trainer {
 
     /// Returns the bridge graph that agents plan on, once there is one.
     pub fn graph(&self) -> Option<&BridgeGraph> {
-        self.graphs.current().map(|built| &*built.graph)
+        self.graphs.current.as_ref().map(|built| &*built.graph)
     }
 
     /// Returns the latest bridge search.
@@ -395,8 +395,9 @@ impl Trainer {
         let own = self.world().abilities().episodes.and_then(Episodes::episode_steps);
         match (settings.train.episode_steps.given(), own) {
             (None, Some(of_world)) => of_world,
-            _ => settings
-                .episode_steps(self.graphs.current().map_or(0.0, |built| built.longest_steps)),
+            _ => settings.episode_steps(
+                self.graphs.current.as_ref().map_or(0.0, |built| built.longest_steps),
+            ),
         }
     }
 
@@ -406,7 +407,7 @@ impl Trainer {
     ) -> Result<R> {
         let episode_steps = self.episode_steps();
         let Self { rollout, learner, replay, candidates, run, graphs, .. } = self;
-        let graph = graphs.current().map(|built| &*built.graph);
+        let graph = graphs.current.as_ref().map(|built| &*built.graph);
         let (acting, settings) = (learner.acting(), &run.settings);
         let mut done = None;
         learner.with_policy(false, &mut |policy| {
@@ -438,7 +439,7 @@ impl Trainer {
         let (relearns, graph_finds_changed) = (self.relearns(), self.needs_graph());
         let Self { learner, replay, graphs, batch_rng, profile, job, .. } = self;
         let known =
-            graphs.current().and_then(|BuiltGraph { graph, distilled, changed, .. }| {
+            graphs.current.as_ref().and_then(|BuiltGraph { graph, distilled, changed, .. }| {
                 Some(KnownDistances {
                     states: graph.candidates().states(),
                     goals: graph.candidates().goal_index(),

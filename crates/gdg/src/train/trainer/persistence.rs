@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::recovery::LastGood;
 use super::{Result, Trainer};
 use crate::job::Job;
 use crate::learn::Threads;
@@ -12,7 +11,6 @@ use crate::settings::Setting;
 use crate::store::{Store, StoreError};
 use crate::train::error::TrainError;
 use crate::train::film::Film;
-use crate::train::graphs::Graphs;
 use crate::train::history::History;
 use crate::train::memory;
 use crate::train::registry::Registry;
@@ -101,25 +99,16 @@ impl Trainer {
         trainer.counters = state.get("counters")?;
         trainer.counters.check()?;
         trainer.seconds = state.get("seconds")?;
-        if !(0.0..1e12).contains(&trainer.seconds) {
-            return Err(StoreError::inconsistent("the stored training time is out of range").into());
-        }
+        let is_time = (0.0..1e12).contains(&trainer.seconds);
+        StoreError::unless(is_time, "the stored training time is out of range")?;
         trainer.learner.load(&state)?;
-        trainer.last_good = LastGood::capture(
-            trainer.counters.updates,
-            trainer.counters.losses,
-            &*trainer.learner,
-        )?;
-        if !trainer.last_good.is_finite() {
-            let problem = "its networks contain non-finite values: the run had diverged";
-            return Err(StoreError::inconsistent(problem).into());
-        }
+        trainer.last_good = trainer.networks()?;
+        let diverged = "its networks contain non-finite values: the run had diverged";
+        StoreError::unless(trainer.last_good.is_finite(), diverged)?;
         trainer.load_replay(&state, progress)?;
         trainer.candidates.restore(state.get("candidates")?)?;
-        let (bridge, stored) = (trainer.run.bridge(), state.get("graphs")?);
-        trainer.graphs =
-            Graphs::restored(trainer.spec(), &bridge, stored, |at| trainer.graph_rng(at))?;
-        let graph = trainer.graphs.current().map(|built| &*built.graph);
+        trainer.restore_graphs(state.get("graphs")?)?;
+        let graph = trainer.graphs.current.as_ref().map(|built| &*built.graph);
         trainer.rollout.load(&state, graph, &mut trainer.replay, &mut trainer.candidates)?;
         trainer.visits = state.get::<Visits>("visits")?.fitting(trainer.world())?;
         trainer.film = Film::restored(state.get("film")?, trainer.spec())?;

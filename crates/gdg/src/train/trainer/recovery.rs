@@ -2,11 +2,11 @@
 
 use serde::Serialize;
 
+use super::graphs::Graphs;
 use super::{Result, Trainer, new_learner};
 use crate::learn::{Learner, Losses};
 use crate::store::Store;
 use crate::train::error::TrainError;
-use crate::train::graphs::Graphs;
 
 /// Updates between checks of all weights; networks that pass are kept for rollback.
 pub(crate) const KEEP_EVERY_UPDATES: u64 = 2_000;
@@ -101,7 +101,7 @@ impl Trainer {
         Ok(())
     }
 
-    fn networks(&self) -> Result<LastGood> {
+    pub(super) fn networks(&self) -> Result<LastGood> {
         LastGood::capture(self.counters.updates, self.counters.losses, &*self.learner)
     }
 

@@ -11,11 +11,13 @@ use std::time::Duration;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, StoredGraph};
-use crate::env::Spec;
+use super::{Result, Stream, Trainer, stream};
+use crate::bridge::{BridgeGraph, Candidates, StoredGraph};
+use crate::env::Region;
 use crate::job::{Job, Running};
 use crate::learn::{ChangedDistances, DistancesByGoal, Policy, Scratch};
 use crate::store::StoreError;
+use crate::train::settings::Settings;
 
 /// Candidates per build to which graph distances are found: the more, the more far pairs of a batch
 /// have a waypoint for the actor. (With 32, 4 to 33 % of them had one on a map of 48,000 cells.)
@@ -74,7 +76,7 @@ pub struct BuiltGraph {
 /// The current graph and the next one.
 #[derive(Default)]
 pub struct Graphs {
-    current: Option<BuiltGraph>,
+    pub current: Option<BuiltGraph>,
     /// The update at which the next graph takes effect, and that graph.
     next: Option<(u64, PendingGraph)>,
 }
@@ -136,8 +138,8 @@ impl GraphJob {
     /// Builds the graph; returns `None` once `job` is cancelled.
     fn run(&self, at: u64, job: &Job) -> Option<BuiltGraph> {
         crate::faults::point("graph");
-        let (mut scratch, policy) = (Scratch::default(), &*self.policy);
-        let candidates = &self.candidates;
+        let (mut scratch, policy, candidates) =
+            (Scratch::default(), &*self.policy, &self.candidates);
         let stages = 1 + usize::from(self.finds_changed);
         job.begin(0, stages);
         let graph = match &self.source {
@@ -145,18 +147,14 @@ impl GraphJob {
             GraphSource::Renewed { before, round } => {
                 let is_due =
                     |i| (u64::from(candidates.id(i)) + round).is_multiple_of(RENEWAL_ROUNDS);
-                let s = &mut scratch;
-                Arc::new(before.renewed(job, candidates, is_due, policy, s)?)
+                Arc::new(before.renewed(job, candidates, is_due, policy, &mut scratch)?)
             }
         };
         let mut built = BuiltGraph::new(at, graph, &mut self.rng.clone());
-        if self.finds_changed {
+        if let Some(by_goal) = built.distilled.as_ref().filter(|_| self.finds_changed) {
             job.begin(1, stages);
-            if let Some(by_goal) = &built.distilled {
-                let graph = &built.graph;
-                let changed = graph.changed_distances(by_goal, policy, &mut scratch, job)?;
-                built.changed = Some(Arc::new(changed));
-            }
+            let changed = built.graph.changed_distances(by_goal, policy, &mut scratch, job)?;
+            built.changed = Some(Arc::new(changed));
         }
         Some(built)
     }
@@ -182,12 +180,6 @@ impl BuiltGraph {
         }
     }
 
-    /// Returns the `graph` that an edit has changed, without its distances. Episodes stay as long
-    /// as they were.
-    fn edited(at: u64, graph: Arc<BridgeGraph>, longest_steps: f32) -> Self {
-        Self { at, graph, distilled: None, longest_steps, edited: true, changed: None }
-    }
-
     fn stored(&self, due: u64) -> StoredBuild {
         StoredBuild {
             at: self.at,
@@ -197,71 +189,9 @@ impl BuiltGraph {
             edited: self.edited.then_some(self.longest_steps),
         }
     }
-
-    fn restore(
-        spec: &Spec,
-        settings: &BridgeSettings,
-        stored: StoredBuild,
-        mut rng: ChaCha8Rng,
-    ) -> Result<Self, StoreError> {
-        let graph = Arc::new(BridgeGraph::restored(spec, settings, stored.graph)?);
-        if let Some(longest_steps) = stored.edited {
-            if !(0.0..f32::INFINITY).contains(&longest_steps) {
-                return Err(StoreError::inconsistent(
-                    "the longest distance of the stored bridge graph is out of range",
-                ));
-            }
-            return Ok(Self::edited(stored.at, graph, longest_steps));
-        }
-        let count = graph.candidates().len();
-        if let Some(ChangedDistances { goals, lower, upper }) = &stored.changed
-            && (lower.len() != goals.len() * count
-                || upper.len() != lower.len()
-                || goals.iter().any(|goal| *goal as usize >= count)
-                || lower.iter().any(|steps| !steps.is_finite())
-                || upper.iter().any(|steps| !steps.is_finite() || *steps < 0.0))
-        {
-            return Err(StoreError::inconsistent(
-                "the stored changes of distances do not fit their bridge graph",
-            ));
-        }
-        let built = Self::new(stored.at, graph, &mut rng);
-        let places = built.distilled.as_ref().map_or(&[][..], |by_goal| by_goal.checked_places());
-        if stored.changed.as_ref().is_some_and(|changed| changed.goals != places) {
-            return Err(StoreError::inconsistent(
-                "the stored changes of distances are to other places than the bridge graph's",
-            ));
-        }
-        Ok(Self { changed: stored.changed.map(Arc::new), ..built })
-    }
 }
 
 impl Graphs {
-    pub fn current(&self) -> Option<&BuiltGraph> {
-        self.current.as_ref()
-    }
-
-    /// Starts a build at update `at` that takes effect `delay` updates later: on a thread of its
-    /// own or, where none can be started, at once.
-    pub fn start_build(&mut self, at: u64, delay: u64, job: GraphJob) {
-        let next = PendingGraph::Building(Building::start(at, job));
-        self.next = Some((at + delay.max(1), next));
-    }
-
-    /// Replaces the current graph with `graph`, the same one after an edit at update `at`.
-    pub fn edit(&mut self, at: u64, graph: Arc<BridgeGraph>) {
-        let longest_steps = self.current.as_ref().map_or(0.0, |built| built.longest_steps);
-        self.current = Some(BuiltGraph::edited(at, graph, longest_steps));
-    }
-
-    pub fn has_next(&self) -> bool {
-        self.next.is_some()
-    }
-
-    pub fn is_due(&self, now: u64) -> bool {
-        self.next.as_ref().is_some_and(|(due, _)| *due <= now)
-    }
-
     /// Returns the build of the next graph, if it goes on.
     pub fn building(&self) -> Option<&Job> {
         match &self.next {
@@ -287,23 +217,135 @@ impl Graphs {
         });
         [self.current.as_ref().map(|built| built.stored(built.at)), next]
     }
+}
 
-    /// Restores the graphs that [`Self::stored`] returned; `rng` gives the RNG for the distilled
-    /// distances of a build at an update.
-    pub fn restored(
-        spec: &Spec,
-        settings: &BridgeSettings,
-        [current, next]: [Option<StoredBuild>; 2],
-        rng: impl Fn(u64) -> ChaCha8Rng,
-    ) -> Result<Self, StoreError> {
-        let built = |stored: StoredBuild| {
-            let rng = rng(stored.at);
-            BuiltGraph::restore(spec, settings, stored, rng)
-        };
-        let ready = |stored: StoredBuild| {
+impl Trainer {
+    pub(super) fn relearns(&self) -> bool {
+        self.counters.updates <= self.counters.relearns_until
+    }
+
+    pub(super) fn needs_graph(&self) -> bool {
+        let Settings { learn, bridge, .. } = &self.run.settings;
+        let wanted = learn.distillation > 0.0 || bridge.planned_episodes > 0.0;
+        wanted && self.run.method.bridges()
+    }
+
+    /// Swaps in the next bridge graph if it is due, and starts another build if that is due.
+    pub(super) fn refresh_graph(&mut self) -> Result<()> {
+        if !self.needs_graph() {
+            return Ok(());
+        }
+        let now = self.counters.updates;
+        let is_due = self.graphs.next.as_ref().is_some_and(|(due, _)| *due <= now);
+        let building = self.graphs.building().filter(|_| is_due);
+        let _waiting = building.map(|job| self.job.add(job.clone()));
+        if self.graphs.activate_due(now) {
+            self.with_step_context(|rollout, context| rollout.replan(context))?;
+        }
+        let is_time = now.is_multiple_of(self.run.settings.bridge.graph_every_updates);
+        if is_time && self.graphs.next.is_none() {
+            self.candidates.adapt_spacing();
+            let round = now / self.run.settings.bridge.graph_every_updates;
+            let before = match self.graphs.current.as_ref() {
+                Some(built) => built.graph.clone(),
+                None => self.empty_graph(),
+            };
+            self.start_graph(ACTIVATION_DIVISOR, GraphSource::Renewed { before, round })?;
+        }
+        Ok(())
+    }
+
+    /// Adapts the bridge graph to an edit of the world in `region`: at once what depends on that
+    /// alone, and in the background its distances and those that have changed.
+    pub(super) fn edit_graph(&mut self, region: &Region) -> Result<()> {
+        let Some(current) = self.graphs.current.as_ref() else { return self.replace_graph() };
+        let (candidates, policy) = (self.candidates.frozen(), self.policy()?);
+        let near = candidates.near(region);
+        let mut scratch = Scratch::default();
+        let never = Job::default();
+        let graph = current.graph.renewed(&never, &candidates, |i| near[i], &*policy, &mut scratch);
+        let graph = Arc::new(graph.unwrap_or_else(|| unreachable!("nothing cancels it")));
+        // Its distances are not known yet. Episodes stay as long as they were.
+        self.graphs.current = Some(BuiltGraph {
+            at: self.counters.updates,
+            graph: graph.clone(),
+            distilled: None,
+            longest_steps: current.longest_steps,
+            edited: true,
+            changed: None,
+        });
+        self.start_graph(EDIT_ACTIVATION_DIVISOR, GraphSource::Edited(graph))
+    }
+
+    /// Restores what [`Graphs::stored`] returned.
+    pub(super) fn restore_graphs(&mut self, stored: [Option<StoredBuild>; 2]) -> Result<()> {
+        let [current, next] = stored;
+        self.graphs.current = current.map(|stored| self.restored_graph(stored)).transpose()?;
+        if let Some(stored) = next {
             let due = stored.due;
-            Ok::<_, StoreError>((due, PendingGraph::Ready(built(stored)?)))
+            let ready = PendingGraph::Ready(self.restored_graph(stored)?);
+            self.graphs.next = Some((due, ready));
+        }
+        Ok(())
+    }
+
+    fn restored_graph(&self, stored: StoredBuild) -> Result<BuiltGraph> {
+        let misfit = "the stored distances do not fit their bridge graph";
+        let StoredBuild { at, graph, changed, edited, .. } = stored;
+        let graph = Arc::new(BridgeGraph::restored(self.spec(), &self.run.bridge(), graph)?);
+        if let Some(longest_steps) = edited {
+            StoreError::unless((0.0..f32::INFINITY).contains(&longest_steps), misfit)?;
+            let (distilled, changed) = (None, None);
+            return Ok(BuiltGraph { at, graph, distilled, longest_steps, edited: true, changed });
+        }
+        let count = graph.candidates().len();
+        let built = BuiltGraph::new(at, graph, &mut self.graph_rng(at));
+        let places = built.distilled.as_ref().map_or(&[][..], |by_goal| by_goal.checked_places());
+        let fits = |ChangedDistances { goals, lower, upper }: &ChangedDistances| {
+            goals == places
+                && [lower.len(), upper.len()] == [goals.len() * count; 2]
+                && lower.iter().all(|steps| steps.is_finite())
+                && upper.iter().all(|steps| steps.is_finite() && *steps >= 0.0)
         };
-        Ok(Self { current: current.map(built).transpose()?, next: next.map(ready).transpose()? })
+        StoreError::unless(changed.as_ref().is_none_or(fits), misfit)?;
+        Ok(BuiltGraph { changed: changed.map(Arc::new), ..built })
+    }
+
+    /// Drops the bridge graph, and starts to build another one if needed.
+    pub(super) fn replace_graph(&mut self) -> Result<()> {
+        self.graphs = Graphs::default();
+        if self.needs_graph() {
+            let before = self.empty_graph();
+            self.start_graph(ACTIVATION_DIVISOR, GraphSource::Renewed { before, round: 0 })?;
+        }
+        Ok(())
+    }
+
+    fn empty_graph(&self) -> Arc<BridgeGraph> {
+        Arc::new(BridgeGraph::empty(self.spec(), &self.run.bridge()))
+    }
+
+    /// Starts building a bridge graph and finding the distances along it, which take effect after
+    /// the interval between builds divided by `activation_divisor`.
+    fn start_graph(&mut self, activation_divisor: u64, source: GraphSource) -> Result<()> {
+        let now = self.counters.updates;
+        let job = GraphJob {
+            policy: self.policy()?,
+            candidates: self.candidates.frozen(),
+            source,
+            finds_changed: self.relearns(),
+            rng: self.graph_rng(now),
+        };
+        let delay = self.run.settings.bridge.graph_every_updates / activation_divisor;
+        let next = PendingGraph::Building(Building::start(now, job));
+        self.graphs.next = Some((now + delay.max(1), next));
+        Ok(())
+    }
+
+    /// Returns the RNG for the distilled distances of a graph whose build began at update `at`.
+    fn graph_rng(&self, at: u64) -> ChaCha8Rng {
+        let mut rng = stream(self.run.seed, Stream::Graph);
+        rng.set_word_pos(u128::from(at) << 34);
+        rng
     }
 }
