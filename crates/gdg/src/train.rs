@@ -23,8 +23,8 @@ mod visits;
 
 pub use crate::settings::{Effect, Preset, Setting};
 pub use checkpoint::{
-    CheckpointError, Description, LoadError, SaveTo, describe, from_bytes, is_checkpoint, is_own,
-    load, load_with, read_history, read_saved, remove_own, save, to_bytes, with_changed_state,
+    CheckpointError, Description, SaveTo, describe, from_bytes, is_checkpoint, is_own, load,
+    load_with, read_history, read_saved, remove_own, save, to_bytes, with_changed_state,
 };
 pub use config::{
     ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from,

@@ -214,11 +214,11 @@ impl Worker {
         Ok(path)
     }
 
-    /// Returns a notice about a checkpoint, with what the world and recorded data warn of.
+    /// Returns a notice about a checkpoint, with what the world warns of.
     fn saved_text(&self, how: &str, path: &Path, why: &str) -> String {
         let at = grouped(self.trainer.learned_updates());
         let saved = format!("{how} {} at update {at}{why}", path.display());
-        let all = std::iter::once(saved).chain(self.trainer.take_warnings());
+        let all = std::iter::once(saved).chain(self.trainer.world().take_warnings());
         all.collect::<Vec<_>>().join("; ")
     }
 

@@ -26,7 +26,6 @@ use crate::job::Job;
 use crate::learn::Threads;
 use crate::store::StoreError;
 use crate::text::{safe_file_name, sanitized, truncated};
-pub use content::ContentError;
 use content::{MAX_HEADER_BYTES, Texts};
 
 const ABOUT: &str = "about";
@@ -92,7 +91,7 @@ fn described(path: &Path) -> Result<(Description, Texts), CheckpointError> {
         read_start(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     let read = || {
         let texts = content::texts(&start, facts.len())?;
-        Ok::<_, ContentError>((parsed::<About>(&texts, ABOUT)?, texts))
+        Ok::<_, StoreError>((parsed::<About>(&texts, ABOUT)?, texts))
     };
     let (mut about, texts) = read().map_err(|e| unreadable(path, &e.to_string()))?;
     (about.world, about.title) = (safe_file_name(&about.world), safe_file_name(&about.title));
@@ -331,20 +330,9 @@ pub fn load_with(
             FileIdentity::record(path, facts, crc32fast::hash(&bytes));
             Ok(trainer)
         }
-        Err(LoadError::Train(TrainError::Env(error))) => Err(without_world(path, &error)),
+        Err(TrainError::Env(error)) => Err(without_world(path, &error)),
         Err(error) => Err(unreadable(path, &error.to_string())),
     }
-}
-
-/// Why bytes cannot be loaded as a checkpoint.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadError {
-    /// They are not a checkpoint, or a damaged one.
-    #[error(transparent)]
-    Content(#[from] ContentError),
-    /// The run they hold cannot be resumed.
-    #[error(transparent)]
-    Train(#[from] TrainError),
 }
 
 /// Loads a run from a checkpoint's bytes.
@@ -352,7 +340,7 @@ pub fn from_bytes(
     bytes: &[u8],
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
-) -> Result<Trainer, LoadError> {
+) -> Result<Trainer, TrainError> {
     parse(bytes, registry, threads, &Job::default())
 }
 
@@ -361,7 +349,7 @@ fn parse(
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
     progress: &Job,
-) -> Result<Trainer, LoadError> {
+) -> Result<Trainer, TrainError> {
     progress.begin(1, LOAD_STAGES);
     let saved = read_saved(bytes)?;
     progress.begin(2, LOAD_STAGES);
@@ -369,7 +357,7 @@ fn parse(
 }
 
 /// Reads the bytes of a checkpoint file.
-pub fn read_saved(bytes: &[u8]) -> Result<Saved, ContentError> {
+pub fn read_saved(bytes: &[u8]) -> Result<Saved, StoreError> {
     let (texts, state) = content::from_bytes(bytes, most_bytes())?;
     let state = postcard::from_bytes(&state).map_err(|e| StoreError::unreadable("state", e))?;
     Ok(Saved { about: parsed(&texts, ABOUT)?, history: parsed(&texts, HISTORY)?, state })

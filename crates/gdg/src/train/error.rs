@@ -1,7 +1,5 @@
 //! Errors from starting, continuing or saving a run.
 
-use std::sync::Arc;
-
 use crate::env::EnvError;
 use crate::learn::LearnError;
 use crate::store::StoreError;
@@ -13,30 +11,13 @@ impl From<candle_core::Error> for TrainError {
 }
 
 /// Why a file of data cannot be learned from.
-#[derive(Debug, thiserror::Error)]
-pub enum DataError {
-    /// It cannot be read.
-    #[error("{file}: the data cannot be read: {error}: give --data FILE if they are elsewhere")]
-    Unread {
-        /// The file.
-        file: String,
-        /// Why.
-        error: std::io::Error,
-    },
-    /// It is no such file, or does not fit the world.
-    #[error("{file}: {problem}")]
-    Unfit {
-        /// The file.
-        file: String,
-        /// What is wrong, and what would be right.
-        problem: String,
-    },
-}
-
-impl From<DataError> for TrainError {
-    fn from(error: DataError) -> Self {
-        Self::Data(error.into())
-    }
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{file}: {problem}")]
+pub struct DataError {
+    /// The file.
+    pub file: String,
+    /// What is wrong, and what would be right.
+    pub problem: String,
 }
 
 /// An error that stops training or prevents it from starting.
@@ -53,7 +34,7 @@ pub enum TrainError {
     Store(#[from] StoreError),
     /// The data that a run learns from cannot be used.
     #[error(transparent)]
-    Data(Arc<DataError>),
+    Data(#[from] DataError),
     /// A world cannot replace the current one.
     #[error(transparent)]
     Env(#[from] EnvError),
@@ -83,8 +64,8 @@ pub enum TrainError {
     },
     /// The settings need more memory than is available.
     #[error(
-        "these settings need about {:.1} GB of memory, but {:.1} GB are available: reduce hidden, \
-         layers, batch_size, candidates or buffer_size",
+        "these settings need about {:.1} GB of memory, but {:.1} GB are available{by}: reduce \
+         hidden, layers, batch_size, candidates or buffer_size",
         *needed as f64 / 1e9,
         *available as f64 / 1e9
     )]
@@ -93,23 +74,8 @@ pub enum TrainError {
         needed: u64,
         /// Available memory in bytes.
         available: u64,
-    },
-    /// The settings need more address space than this process may have.
-    #[error(
-        "these settings need about {:.1} GB of memory and {:.1} GB of address space, but a limit \
-         allows {:.1} GB of the latter: raise it (ulimit -v shows it, in KiB), or reduce hidden, \
-         layers, batch_size, candidates or buffer_size",
-        *needed as f64 / 1e9,
-        *space as f64 / 1e9,
-        *limit as f64 / 1e9
-    )]
-    AddressSpace {
-        /// Estimated need of memory in bytes.
-        needed: u64,
-        /// Estimated need of address space in bytes.
-        space: u64,
-        /// The limit in bytes.
-        limit: u64,
+        /// What limits it, if not the machine.
+        by: &'static str,
     },
     /// The networks are not finite and must not overwrite a good checkpoint.
     #[error("the networks contain non-finite values")]

@@ -1,17 +1,14 @@
 //! Learning from recorded transitions instead of acting.
 
-use std::sync::Arc;
-
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::{Result, Stream, Trainer, stream};
-use crate::files::FileFacts;
 use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes};
 use crate::store::{Store, StoreError};
 use crate::train::dataset::{DataSource, Dataset};
-use crate::train::error::{DataError, TrainError};
+use crate::train::error::DataError;
 use crate::train::memory;
 
 const DATA: &str = "data";
@@ -25,12 +22,9 @@ pub(super) struct Data {
     acts: bool,
     /// Room in the replay buffer if a checkpoint contains it, as it is no longer what the file has.
     own_replay: Option<usize>,
-    /// What the file was like when it was read.
-    #[serde(skip)]
-    facts: Option<FileFacts>,
     /// Why no file can be read again.
     #[serde(skip)]
-    missing: Option<Arc<DataError>>,
+    missing: Option<DataError>,
 }
 
 /// Numbers of recorded transitions that are not learned from.
@@ -62,8 +56,7 @@ impl Trainer {
         self.revisit_everything(&Job::default());
         let source = data.source().clone();
         let own_replay = (removed > 0).then(|| self.replay.capacity());
-        let facts = data.facts();
-        self.data = Some(Data { source, acts: false, own_replay, facts, missing: None });
+        self.data = Some(Data { source, acts: false, own_replay, missing: None });
         LeftOut { impossible, by_chance }
     }
 
@@ -115,14 +108,14 @@ impl Trainer {
     pub fn check_data(&self) -> Result<()> {
         let Some(data) = self.data.as_ref().filter(|data| !data.acts) else { return Ok(()) };
         if let Some(error) = &data.missing {
-            return Err(TrainError::Data(error.clone()));
+            return Err(error.clone().into());
         }
         if self.replay.has_transitions() {
             return Ok(());
         }
         let file = data.source.file.to_string_lossy().into_owned();
         let problem = "no transition is left that the world allows".to_owned();
-        Err(DataError::Unfit { file, problem }.into())
+        Err(DataError { file, problem }.into())
     }
 
     /// Returns whether a checkpoint reads its transitions from the file.
@@ -160,28 +153,10 @@ impl Trainer {
         }
     }
 
-    /// Says what has become of the file that checkpoints would read their transitions from, if it
-    /// is no longer there: they contain the transitions then.
-    fn lost_data(&self) -> Option<String> {
-        let Data { source, facts, .. } = self.data.as_ref().filter(|_| self.reads_data())?;
-        let loss = source.loss((*facts)?)?;
-        let file = source.file.display();
-        Some(format!("warning: {file} {loss}: checkpoints contain the data from now on"))
-    }
-
-    /// Returns what to tell the user of when a checkpoint is saved: what the world warns of, once,
-    /// and that recorded data are lost.
-    pub fn take_warnings(&self) -> Vec<String> {
-        self.world().take_warnings().into_iter().chain(self.lost_data()).collect()
-    }
-
     /// Writes the replay buffer, or which file fills it.
     pub(super) fn save_replay(&self, store: &mut Store) -> Result<()> {
-        let has_file = self.reads_data() && self.lost_data().is_none();
-        let room = (!has_file).then(|| self.replay.capacity());
-        let data = self.data.clone();
-        store.put(DATA, &data.map(|data| Data { own_replay: data.own_replay.or(room), ..data }))?;
-        if !has_file {
+        store.put(DATA, &self.data)?;
+        if !self.reads_data() {
             store.put(REPLAY, &self.replay.stored())?;
         }
         Ok(())
@@ -198,9 +173,8 @@ impl Trainer {
                     Ok(read) => {
                         self.replay = self.replay_of(&read);
                         data.source = read.source().clone();
-                        data.facts = read.facts();
                     }
-                    Err(error) => data.missing = Some(Arc::new(error)),
+                    Err(error) => data.missing = Some(error),
                 }
             }
             other => {
