@@ -9,9 +9,7 @@ mod film;
 mod history;
 mod leaps;
 pub mod memory;
-mod method;
 mod policy_file;
-mod reference_page;
 mod registry;
 mod rollout;
 mod run;
@@ -27,8 +25,8 @@ pub use checkpoint::{
     load_with, read_history, read_saved, remove_own, save, to_bytes, with_changed_state,
 };
 pub use config::{
-    ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from,
-    settings_from_text, settings_in_world, with_setting,
+    ConfigError, Overrides, changed_from, list_settings, print_settings, reference_page,
+    settings_from, settings_from_text, settings_in_world, with_setting,
 };
 pub use dataset::{DataSource, Dataset, data_file};
 pub use error::{DataError, TrainError};
@@ -38,12 +36,10 @@ pub use evaluate::{
 };
 pub use film::{Film, FilmFrame};
 pub use history::{
-    CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Moment, Notes, Stretch, UsedMethod,
+    CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Moment, Notes, Stretch,
 };
-pub use method::{METHODS, Method, NamedMethod, UnknownMethod};
 pub use policy_file::policy_file;
-pub use reference_page::reference_page;
-pub use registry::Registry;
+pub use registry::{METHODS, Method, NamedMethod, Registry, UnknownMethod};
 pub use rollout::Rollout;
 #[cfg(test)]
 pub(crate) use run::tests::small_run;

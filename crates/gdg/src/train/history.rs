@@ -185,12 +185,10 @@ impl History {
         };
         let sound = self.every > 0
             && self.points.len() <= MAX_POINTS
-            && self.points.iter().all(|point| point.losses.iter().all(|loss| loss.is_finite()))
-            && self
-                .points
-                .iter()
-                .filter_map(|point| point.coverage)
-                .all(|share| (0.0..=1.0).contains(&share))
+            && self.points.iter().all(|CurvePoint { losses, coverage, .. }| {
+                losses.iter().all(|loss| loss.is_finite())
+                    && coverage.is_none_or(|share| (0.0..=1.0).contains(&share))
+            })
             && self.points.is_sorted_by_key(|point| point.updates)
             && self.evaluations.len() <= MAX_EVALUATIONS
             && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_finite())
@@ -203,7 +201,7 @@ impl History {
             && log.iter().all(short)
             && (goal.is_empty() || goal.len() == spec.goal_dim())
             && goal.iter().all(|coordinate| coordinate.is_finite());
-        if sound { Ok(()) } else { Err(StoreError::inconsistent("its history is out of range")) }
+        StoreError::unless(sound, "its history is out of range")
     }
 }
 
@@ -232,37 +230,23 @@ pub struct Stretch {
     pub learns: bool,
 }
 
-/// A method as a run uses it.
-#[derive(Clone, Debug)]
-pub struct UsedMethod {
-    /// Its name.
-    pub name: String,
-    /// Whether its learner learns.
-    pub learns: bool,
-}
-
-impl UsedMethod {
-    fn stretch(self, from: u64, learned: u64) -> Stretch {
-        Stretch { from, learned, method: self.name, learns: self.learns }
-    }
-}
-
 /// The methods of a run, in order. Empty if the method never changed.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Methods(Vec<Stretch>);
 
 impl Methods {
-    /// Records a change of the method after `updates`.
-    pub fn change(&mut self, updates: u64, before: UsedMethod, now: UsedMethod) {
-        let learned = self.learned(updates, before.learns);
+    /// Records a change of the method after `updates`: names, and whether their learners learn.
+    pub(super) fn change(&mut self, updates: u64, before: (String, bool), now: (String, bool)) {
+        let learned = self.learned(updates, before.1);
+        let stretch = |from, learned, (method, learns)| Stretch { from, learned, method, learns };
         if self.0.is_empty() {
-            self.0.push(before.stretch(0, 0));
+            self.0.push(stretch(0, 0, before));
         }
         // A method that ran for no update leaves no stretch.
         self.0.pop_if(|last| last.from == updates);
-        if self.0.last().is_none_or(|last| last.method != now.name) {
-            self.0.push(now.stretch(updates, learned));
+        if self.0.last().is_none_or(|last| last.method != now.0) {
+            self.0.push(stretch(updates, learned, now));
         }
         if self.0.len() > MAX_STRETCHES {
             self.0.remove(0);
@@ -331,16 +315,6 @@ mod tests {
     }
 
     #[test]
-    fn points_keep_the_coverage() {
-        let mut history = History::default();
-        history.add_point(POINT_EVERY_UPDATES, [1.0; 3], || Some(0.25));
-        history.add_point(POINT_EVERY_UPDATES + 1, [1.0; 3], || unreachable!("not a point"));
-        assert!(history.points().iter().map(|point| point.coverage).eq([Some(0.25)]));
-        history.add_point(2 * POINT_EVERY_UPDATES, [1.0; 3], || Some(1.5));
-        assert!(history.check(&spec()).is_err(), "more than everything");
-    }
-
-    #[test]
     fn edits_are_kept_once_an_update_and_the_oldest_are_dropped() {
         let mut history = History::default();
         let most = MAX_EDITS as u64;
@@ -349,26 +323,18 @@ mod tests {
         history.check(&spec()).expect("a sound history");
         let text = serde_json::to_string(&history).expect("JSON");
         assert_eq!(serde_json::from_str::<History>(&text).expect("a history"), history);
-        history.edits = vec![2, 1];
-        assert!(history.check(&spec()).is_err(), "not in order");
+        let refused = |change: fn(&mut History)| {
+            let mut history = history.clone();
+            change(&mut history);
+            history.check(&spec()).is_err()
+        };
+        assert!(refused(|history| history.edits = vec![2, 1]), "not in order");
+        assert!(refused(|history| history.notes.goal = vec![1.0]), "no place in the plane");
+        assert!(refused(|history| history.notes.goal = vec![1.0, f32::NAN]));
     }
 
-    #[test]
-    fn a_goal_is_kept_if_there_is_one_and_checked() {
-        let notes = Notes { log: vec![LogEntry::new(1.5, 2, "an event")], goal: vec![0.1, 2.5] };
-        let mut history = History { notes, ..History::default() };
-        let text = serde_json::to_string(&history).expect("JSON");
-        let read: History = serde_json::from_str(&text).expect("a history");
-        assert_eq!(read, history);
-        read.check(&spec()).expect("a place in the plane");
-        for goal in [vec![1.0], vec![1.0, f32::NAN], vec![1.0; 3]] {
-            history.notes.goal = goal;
-            assert!(history.check(&spec()).is_err(), "{:?}", history.notes.goal);
-        }
-    }
-
-    fn method(name: &str) -> UsedMethod {
-        UsedMethod { name: name.to_owned(), learns: name != "random" }
+    fn method(name: &str) -> (String, bool) {
+        (name.to_owned(), name != "random")
     }
 
     #[test]

@@ -4,8 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::config::{changed_from, list_settings, with_setting};
-use super::method::Method;
-use super::registry::Registry;
+use super::registry::{Method, Registry};
 use super::settings::Settings;
 use crate::bridge::BridgeSettings;
 use crate::settings::Preset;

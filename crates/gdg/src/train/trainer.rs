@@ -382,7 +382,7 @@ impl Trainer {
     fn finish_step(&mut self) -> Result<RoundResult> {
         self.wait_for_world()?;
         let round = self.with_step_context(Rollout::finish)??;
-        self.visits.count(self.rollout.env());
+        self.visits.add(self.rollout.env(), self.rollout.env().states());
         self.counters.env_steps += self.round_steps();
         self.counters.episodes += round.episodes;
         self.counters.goals_reached += round.reached;

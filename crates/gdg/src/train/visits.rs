@@ -16,10 +16,6 @@ impl Visits {
         Self(Arc::new(vec![0; world.abilities().explored.map_or(0, Explored::places)]))
     }
 
-    pub fn count(&mut self, world: &dyn Environment) {
-        self.add(world, world.states());
-    }
-
     pub fn add(&mut self, world: &dyn Environment, states: &[f32]) {
         let Some(explored) = world.abilities().explored else { return };
         let visits = Arc::make_mut(&mut self.0);
@@ -49,12 +45,9 @@ impl Visits {
         }
     }
 
-    /// Returns the visits in a checkpoint if they can be those to the places of `world`.
-    pub fn fitting(self, world: &dyn Environment) -> Result<Self, StoreError> {
-        if self.0.len() == Self::none(world).0.len() {
-            Ok(self)
-        } else {
-            Err(StoreError::inconsistent("the stored visits do not fit the map"))
-        }
+    /// Checks the visits of a checkpoint.
+    pub fn check(&self, world: &dyn Environment) -> Result<(), StoreError> {
+        let fits = self.0.len() == Self::none(world).0.len();
+        StoreError::unless(fits, "the stored visits do not fit the map")
     }
 }

@@ -12,7 +12,6 @@ use crate::learn::Replay;
 use crate::settings::Effect;
 use crate::store::Store;
 use crate::train::config::list_settings;
-use crate::train::history::UsedMethod;
 use crate::train::rollout::Rollout;
 use crate::train::run::Run;
 use crate::train::settings::{SETTINGS, Settings};
@@ -145,8 +144,9 @@ impl Trainer {
         Ok(KeptState { networks, agents })
     }
 
-    fn used_method(&self) -> UsedMethod {
-        UsedMethod { name: self.run.method.name(), learns: self.learns() }
+    /// Returns the name of the method, and whether its learner learns.
+    fn used_method(&self) -> (String, bool) {
+        (self.run.method.name(), self.learns())
     }
 
     /// Adapts world, agents, replay buffer and candidates to settings changed from `before`;

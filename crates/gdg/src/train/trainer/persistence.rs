@@ -10,14 +10,12 @@ use crate::learn::Threads;
 use crate::settings::Setting;
 use crate::store::{Store, StoreError};
 use crate::train::error::TrainError;
-use crate::train::film::Film;
 use crate::train::history::History;
 use crate::train::memory;
 use crate::train::registry::Registry;
 use crate::train::run::Run;
 use crate::train::score::Success;
 use crate::train::settings::OutOfRange;
-use crate::train::visits::Visits;
 
 /// A saved run.
 #[derive(Clone, Debug)]
@@ -63,7 +61,7 @@ impl Trainer {
         state.put("candidates", &self.candidates)?;
         state.put("graphs", &self.graphs.stored())?;
         state.put("visits", &self.visits)?;
-        state.put("film", &self.film.stored())?;
+        state.put("film", &self.film)?;
         state.put("counters", &self.counters)?;
         state.put("seconds", &self.seconds)?;
         state.put("batch_rng", &self.batch_rng)?;
@@ -110,8 +108,10 @@ impl Trainer {
         trainer.restore_graphs(state.get("graphs")?)?;
         let graph = trainer.graphs.current.as_ref().map(|built| &*built.graph);
         trainer.rollout.load(&state, graph, &mut trainer.replay, &mut trainer.candidates)?;
-        trainer.visits = state.get::<Visits>("visits")?.fitting(trainer.world())?;
-        trainer.film = Film::restored(state.get("film")?, trainer.spec())?;
+        trainer.visits = state.get("visits")?;
+        trainer.visits.check(trainer.world())?;
+        trainer.film = state.get("film")?;
+        trainer.film.check(trainer.spec())?;
         trainer.batch_rng = state.get("batch_rng")?;
         Ok(trainer)
     }
