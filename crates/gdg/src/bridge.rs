@@ -4,7 +4,7 @@
 //! between them; [`BridgeGraph`] connects them with edges that the critics propose and observed
 //! trajectories verify; [`Walker`] follows the graph to a goal, one waypoint at a time; [`Guide`]
 //! chooses actions by policy and walk; [`search()`] is the published search for a single bridge
-//! point. [`Excursions`] lead agents beyond the frontier of what has been visited.
+//! point. Excursions lead agents beyond the frontier of what has been visited.
 
 mod candidates;
 mod excursion;
@@ -13,11 +13,12 @@ mod planner;
 mod search;
 mod settings;
 
-pub use candidates::{Candidates, UNOBSERVED, WalkRecord};
-pub(crate) use excursion::Excursion;
-pub use excursion::Excursions;
-pub(crate) use graph::StoredGraph;
-pub use graph::{BridgeGraph, Edge, EdgeStatus, LINK_CANDIDATES, Route};
-pub use planner::{Guide, Hop, Target, Walker};
+pub use candidates::Candidates;
+pub(crate) use excursion::{Excursion, Excursions};
+pub use graph::{BridgeGraph, Edge, EdgeStatus};
+pub(crate) use graph::{LINK_CANDIDATES, StoredGraph};
+pub(crate) use planner::Hop;
+pub use planner::{Guide, Target, Walker};
 pub use search::{BridgePoint, SearchOutcome, SearchSpace, search};
 pub use settings::{BridgeSettings, Planner, SEARCH_BUDGET};
+pub(crate) use settings::{EXPLORED_SHARE, FRONTIER_SHARE};

@@ -2,7 +2,6 @@
 //! depend on any front end.
 
 mod command;
-mod evaluation;
 mod snapshot;
 
 use std::fs::File;
@@ -16,24 +15,37 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
-use crate::job::Job;
+use crate::env::EnvError;
+use crate::job::{Job, Running};
 use crate::learn::Scratch;
 use crate::text::grouped;
 use crate::train::{
-    Due, EndReason, EvaluateAt, Limits, Recovery, Schedule, Session, Tick, TrainError, Trainer,
+    Due, EndReason, EvaluateAt, Evaluation, Limits, Moment, Recovery, Schedule, Session, Tick,
+    TrainError, Trainer,
 };
 pub use command::{Command, MakeWorld};
-use evaluation::{EVALUATION_PAUSE_FACTOR, RunningEvaluation};
 use snapshot::PublishTimer;
 pub use snapshot::{FollowedAgent, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
 
-/// Minimum updates between evaluations.
 const EVALUATE_EVERY_UPDATES: u64 = 500;
 
 /// Maximum pace of a learner that does not learn, in updates counted per second, unless the user
 /// chooses another: at full speed, random steps would fill the replay buffer and be too fast to
 /// watch.
 const IDLE_UPDATES_PER_SECOND: f64 = 200.0;
+
+const EVALUATION_TASKS: usize = 10;
+
+/// The pause after an evaluation, as a multiple of its duration: evaluations run beside training,
+/// but on the same cores.
+const EVALUATION_PAUSE_FACTOR: u32 = 15;
+
+/// Results are replaced before they are older than this ...
+const MAX_AGE: Duration = Duration::from_secs(10);
+
+/// ... or than this many updates, whichever is later; but the pause after an evaluation is at least
+/// as long as the evaluation.
+const MAX_AGE_UPDATES: f64 = 1_500.0;
 
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
@@ -174,6 +186,11 @@ impl Deref for Engine {
     }
 }
 
+struct RunningEvaluation {
+    made: Moment,
+    running: Running<Result<Option<Evaluation>, EnvError>>,
+}
+
 struct Worker {
     trainer: Trainer,
     session: Session,
@@ -181,14 +198,11 @@ struct Worker {
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
     evaluation: Option<RunningEvaluation>,
-    /// Earliest start of the next evaluation.
     next_evaluation_at: Option<Instant>,
-    /// Whether an evaluation has become due since the latest one began.
     evaluation_is_due: bool,
     /// The pause after an evaluation, as a multiple of its duration.
     evaluation_pause: u32,
     follow: Option<usize>,
-    /// Earliest time of the next update, if speed is limited.
     next_update_at: Option<Instant>,
     /// Path requested by the latest fresh save, and the file it was written to.
     new_file: Option<(PathBuf, PathBuf)>,
@@ -198,7 +212,6 @@ struct Worker {
     scratch: Scratch,
 }
 
-/// Creates a session in which evaluations come regularly; everything else is a command.
 fn session() -> Session {
     let evaluate = EvaluateAt::EveryUpdates(EVALUATE_EVERY_UPDATES);
     Session::new(Schedule { evaluate, ..Schedule::default() })
@@ -259,7 +272,6 @@ impl Worker {
         self.publish.send_replace(Arc::new(self.current.clone()));
     }
 
-    /// Trains and runs commands until the front end disconnects.
     fn train(&mut self) -> Result<(), TrainError> {
         let mut timer = PublishTimer::new(&self.trainer);
         while self.process_commands() {
@@ -274,7 +286,18 @@ impl Worker {
                     continue;
                 }
             };
-            self.do_what_is_due()?;
+            while let Some(due) = self.session.next_due() {
+                match due {
+                    Due::Recovery(recovery) => self.on_recovery(recovery),
+                    Due::Evaluation => self.evaluation_is_due = true,
+                    Due::Progress | Due::Edit(_) | Due::Save => {}
+                }
+            }
+            // Unless the latest one ended only recently.
+            let is_time = self.next_evaluation_at.is_none_or(|at| Instant::now() >= at);
+            if self.evaluation_is_due && is_time {
+                self.start_evaluation()?;
+            }
             if tick == Tick::Update
                 && let Some(speed) = self.pace()
             {
@@ -294,18 +317,6 @@ impl Worker {
             }
         }
         Ok(())
-    }
-
-    /// Reports a rollback, and starts an evaluation unless the latest one ended only recently.
-    fn do_what_is_due(&mut self) -> Result<(), TrainError> {
-        while let Some(due) = self.session.next_due() {
-            match due {
-                Due::Recovery(recovery) => self.on_recovery(recovery),
-                Due::Evaluation => self.evaluation_is_due = true,
-                Due::Progress | Due::Edit(_) | Due::Save => {}
-            }
-        }
-        self.start_due_evaluation()
     }
 
     fn pace(&self) -> Option<f64> {
@@ -380,6 +391,71 @@ impl Worker {
         self.notify(text);
         self.current.notice.is_error = true;
     }
+}
+
+impl Worker {
+    /// Starts an evaluation of the current networks unless one is running; returns whether it did.
+    fn start_evaluation(&mut self) -> Result<bool, TrainError> {
+        if self.evaluation.is_some() {
+            return Ok(false);
+        }
+        let (evaluation, job) = (self.trainer.evaluation()?, Job::new("evaluating"));
+        self.current.evaluation_progress = job.clone();
+        self.current.next_evaluation = NextEvaluation::Running(job.since());
+        let work = move |job: &Job| evaluation.evaluate(EVALUATION_TASKS, job);
+        let running = Running::start("evaluation", job, work);
+        self.evaluation = Some(RunningEvaluation { made: self.trainer.moment(), running });
+        self.evaluation_is_due = false;
+        Ok(true)
+    }
+
+    fn next_evaluation(&self) -> NextEvaluation {
+        if let Some(running) = &self.evaluation {
+            return NextEvaluation::Running(running.running.job().since());
+        }
+        let rest = self
+            .next_evaluation_at
+            .map_or(Duration::ZERO, |at| at.saturating_duration_since(Instant::now()));
+        if rest.is_zero() {
+            NextEvaluation::after(&self.trainer)
+        } else {
+            NextEvaluation::InSeconds(rest.as_secs_f64().ceil() as u64)
+        }
+    }
+
+    fn collect_evaluation(&mut self) {
+        let Some(RunningEvaluation { made, running }) =
+            self.evaluation.take_if(|e| e.running.is_finished())
+        else {
+            return;
+        };
+        let updates = made.updates;
+        let now = Instant::now();
+        let pause =
+            pause_after(now - running.job().since(), self.evaluation_pause, self.current.rates.0);
+        self.next_evaluation_at = Some(now + pause);
+        match running.join() {
+            Ok(Ok(None)) => {}
+            Ok(Ok(Some(evaluation))) if evaluation.is_finite() => {
+                self.trainer.record_evaluation(made, evaluation);
+                self.current.evaluations = self.trainer.history().evaluations().clone();
+            }
+            Ok(Ok(_)) => self
+                .report(format!("the evaluation at update {updates} returned non-finite values")),
+            Ok(Err(error)) => self.report(format!("the evaluation at update {updates}: {error}")),
+            Err(_) => self.report("an evaluation failed with an internal error".to_owned()),
+        }
+        self.current.next_evaluation = self.next_evaluation();
+        self.publish();
+    }
+}
+
+/// Returns the pause after an evaluation that took `duration`: `factor` times as long, but so short
+/// that the next one, if it takes as long, ends before the result is too old at `rate` updates per
+/// second.
+fn pause_after(duration: Duration, factor: u32, rate: f64) -> Duration {
+    let age = Duration::try_from_secs_f64(MAX_AGE_UPDATES / rate).unwrap_or(MAX_AGE).max(MAX_AGE);
+    (factor * duration).min(age.saturating_sub(2 * duration).max(duration))
 }
 
 fn as_try_recv(command: Result<Command, RecvTimeoutError>) -> Result<Command, TryRecvError> {
@@ -464,5 +540,16 @@ mod tests {
             assert_eq!(engine.stop_unless_hung(limit).is_some(), moves);
             drop(release);
         }
+    }
+
+    #[test]
+    fn results_are_replaced_before_they_are_old_unless_that_takes_most_of_the_time() {
+        let pause = |seconds: f64, factor, rate| {
+            pause_after(Duration::from_secs_f64(seconds), factor, rate).as_secs_f64()
+        };
+        assert_eq!([0.2, 1.0, 4.0].map(|seconds| pause(seconds, 15, 200.0)), [3.0, 8.0, 4.0]);
+        assert_eq!(pause(1.0, 2, 200.0), 2.0, "the user wants them sooner");
+        assert_eq!(pause(4.0, 15, 50.0), 22.0, "1,500 updates take 30 seconds");
+        assert_eq!(pause(4.0, 15, 0.0), 4.0, "nothing is known of the speed");
     }
 }

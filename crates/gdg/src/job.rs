@@ -14,7 +14,6 @@ use crate::faults;
 
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
-/// Time between two notices of work that takes a while.
 const NOTICE_EVERY: Duration = Duration::from_secs(2);
 
 /// Something that takes long, such as a run. Clones share it.
@@ -23,7 +22,6 @@ pub struct Job(Arc<State>);
 
 #[derive(Debug)]
 struct State {
-    /// What it is, as in "reading a.map".
     what: Cow<'static, str>,
     since: Instant,
     /// The present stage, and the number of stages.
@@ -35,7 +33,6 @@ struct State {
     /// Rises while it moves.
     beats: AtomicU64,
     is_cancelled: AtomicBool,
-    /// What is being done as part of it.
     parts: Mutex<Vec<Job>>,
 }
 

@@ -161,14 +161,12 @@ pub struct Ablation {
     pub value: &'static str,
 }
 
-/// Returns an [`Ablation`] for an entry.
 #[expect(clippy::unnecessary_wraps, reason = "as the entry's field takes it")]
 pub(crate) const fn without(name: &'static str, value: &'static str) -> Option<Ablation> {
     Some(Ablation { name, value })
 }
 
 impl Setting {
-    /// Defaults for what an entry leaves out.
     pub(crate) const PLAIN: Self = Self {
         name: "",
         group: Group::Networks,
@@ -418,7 +416,6 @@ macro_rules! settings {
         }
 
         impl $name {
-            /// An entry for each field.
             #[allow(clippy::needless_update, reason = "an entry may give all there is")]
             pub(crate) const ENTRIES: &'static [$crate::settings::Setting] = &[
                 $($($crate::settings::Setting {

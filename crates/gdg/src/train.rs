@@ -29,24 +29,18 @@ pub use config::{
     settings_from, settings_from_text, settings_in_world, with_setting,
 };
 pub use dataset::{DataSource, Dataset, data_file};
-pub use error::{DataError, TrainError};
-pub use evaluate::{
-    BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome,
-    TaskWalk,
-};
+pub use error::TrainError;
+pub use evaluate::{EvaluationJob, TaskWalk};
 pub use film::{Film, FilmFrame};
-pub use history::{
-    CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Moment, Notes, Stretch,
-};
+pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Moment, Notes};
 pub use policy_file::policy_file;
-pub use registry::{METHODS, Method, NamedMethod, Registry, UnknownMethod};
-pub use rollout::Rollout;
+pub use registry::{METHODS, Method, NamedMethod, Registry};
 #[cfg(test)]
 pub(crate) use run::tests::small_run;
 pub use run::{Counters, EndReason, Limits, Pace, Run, Tick};
-pub use score::{DistanceScore, Score, Success};
-pub use session::{Due, EvaluateAt, Schedule, Session};
-pub use settings::{OutOfRange, SETTINGS, Settings, TrainSettings, UpdateWhen};
-pub use trainer::{
-    About, KeptState, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks,
+pub use score::{
+    BridgeFacts, DistanceError, DistanceScore, Evaluation, MarkedTask, Score, Success, TaskOutcome,
 };
+pub use session::{Due, EvaluateAt, Schedule, Session};
+pub use settings::{SETTINGS, Settings, TrainSettings};
+pub use trainer::{About, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};

@@ -1,6 +1,5 @@
 //! Bridge candidates, and the step counts that trajectories show between them.
 
-mod edit;
 mod paths;
 mod spacing;
 
@@ -58,7 +57,6 @@ pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
 pub struct Candidates {
     #[serde(skip)]
     spec: Spec,
-    /// Target number of candidates, and the hard limit.
     #[serde(skip)]
     target_count: usize,
     #[serde(skip)]
@@ -66,12 +64,10 @@ pub struct Candidates {
     /// Spacing beyond which only the hard limit counts.
     #[serde(skip)]
     max_spacing: f32,
-    /// Whether trajectories verify edges.
     #[serde(skip)]
     verified: bool,
     /// Whether space has turned out to be open.
     is_open: bool,
-    /// D below which there are edges, in steps.
     #[serde(skip)]
     edge_cutoff_steps: f32,
     #[serde(skip)]
@@ -98,16 +94,13 @@ pub struct Candidates {
     hops: HopOutcomes,
 }
 
-/// Outcomes of walks from one candidate to another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WalkRecord {
-    /// Number of walks that arrived in time.
     pub arrived: u16,
     /// Number of consecutive failures since the last arrival.
     pub failed: u16,
 }
 
-/// A visit of an agent to a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Visit {
     step: u32,
@@ -521,39 +514,22 @@ pub(super) mod tests {
         let settings = BridgeSettings { verify_edges: false, ..settings };
         let mut candidates = Candidates::new(&spec, 1, &settings);
         walk(&mut candidates, 15.0);
-        let [from, to] = [0, 1].map(|i| candidates.id(i));
+        let ids = candidates.ids.clone();
         let record = |arrived, failed| WalkRecord { arrived, failed };
-        (0..2).for_each(|_| candidates.record_walk(from, to, 2.0, false));
-        assert_eq!(
-            [(0, 1), (1, 0)].map(|(a, b)| candidates.walk_record(a, b)),
-            [record(0, 2), record(0, 0)]
-        );
-        candidates.record_walk(from, to, 2.0, true);
-        assert_eq!(candidates.walk_record(0, 1), record(1, 0));
-        candidates.record_walk(from, 12_345, 2.0, true);
-        candidates.record_walk(from, from, 2.0, true);
-        let records = |candidates: &Candidates| -> usize {
-            candidates.paths.iter().map(|paths| paths.practice.len()).sum()
-        };
-        assert_eq!(records(&candidates), 1, "neither loops nor unknown candidates");
-
-        let place = |id: u32, e: &Candidates| (0..e.len()).find(|i| e.id(*i) == id);
-        let before: Vec<(u32, f32)> =
-            (0..candidates.len()).map(|i| (candidates.id(i), candidates.points()[2 * i])).collect();
-        for (a, _) in &before {
-            before.iter().for_each(|(b, _)| candidates.record_walk(*a, *b, 2.0, true));
+        (0..2).for_each(|_| candidates.record_walk(ids[0], ids[1], 2.0, false));
+        let both = [(0, 1), (1, 0)].map(|(a, b)| candidates.walk_record(a, b));
+        assert_eq!(both, [record(0, 2), record(0, 0)]);
+        for a in &ids {
+            // Neither loops nor unknown candidates are recorded.
+            ids.iter().chain([&12_345]).for_each(|b| candidates.record_walk(*a, *b, 2.0, true));
         }
         // Far enough for more candidates than the target, so that some have to retire.
         walk(&mut candidates, 60.0);
-        let kept: Vec<(usize, f32)> =
-            before.iter().filter_map(|(id, at)| Some((place(*id, &candidates)?, *at))).collect();
-        assert!((2..before.len()).contains(&kept.len()), "{} stayed", kept.len());
-        for (i, at) in &kept {
-            assert_eq!(candidates.points()[2 * i], *at);
-            let others = kept.iter().filter(|(j, _)| j != i);
-            others.for_each(|(j, _)| assert!(candidates.walk_record(*i, *j).arrived > 0));
-        }
-        assert_eq!(records(&candidates), kept.len() * (kept.len() - 1));
+        let kept: Vec<usize> = ids.iter().filter_map(|id| candidates.index_of(*id)).collect();
+        assert!((2..ids.len()).contains(&kept.len()), "{} stayed", kept.len());
+        let records: usize = candidates.paths.iter().map(|paths| paths.practice.len()).sum();
+        assert_eq!(records, kept.len() * (kept.len() - 1));
+        assert_eq!(candidates.walk_record(kept[0], kept[1]), record(1, 0));
         let again = restored(&candidates, Candidates::new(&spec, 1, &settings));
         assert_eq!(bytes(&again), bytes(&candidates));
     }

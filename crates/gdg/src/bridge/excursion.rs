@@ -35,10 +35,8 @@ pub(crate) struct Excursion {
     held: Option<Held>,
 }
 
-/// An action held until it leads to another place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Held {
-    /// Place where it was chosen.
     from: usize,
     action: usize,
     steps: u32,
@@ -53,7 +51,6 @@ struct Held {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Excursions {
     pub(crate) places: Places,
-    /// Steps for which an action is held.
     #[serde(skip)]
     held_steps: u32,
     at: Vec<Option<usize>>,
@@ -61,7 +58,6 @@ pub struct Excursions {
     spent: Spent,
 }
 
-/// How much of their time agents have spent on excursions lately.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Spent {
     share: f64,
@@ -70,7 +66,6 @@ struct Spent {
 }
 
 impl Excursions {
-    /// Returns the state before the first step of `agents` agents in a world with `spec`.
     pub fn new(spec: &Spec, agents: usize) -> Self {
         Self {
             places: Places::new(spec),
@@ -158,7 +153,6 @@ impl Excursions {
         self.end_all();
     }
 
-    /// Continues with the excursions of a checkpoint, of as many agents in the same world.
     pub fn restore(&mut self, spec: &Spec, stored: Self) -> Result<(), StoreError> {
         let Self { places, at, under_way, spent, .. } = stored;
         let places = places.restored(spec)?;
@@ -182,7 +176,6 @@ impl Excursions {
     }
 }
 
-/// Returns the number of steps that cross a place by the smallest stride.
 fn held_steps(spec: &Spec) -> u32 {
     let [least, most] = HELD_STEPS;
     let steps = spec.goal_radius / (MIN_STRIDE * spec.largest_change());
@@ -191,65 +184,8 @@ fn held_steps(spec: &Spec) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
-
-    use rand::SeedableRng;
-
     use super::places::tests::plane;
     use super::*;
-
-    /// A corridor one unit wide: right, up, left, up, right and so on, `floors` times.
-    fn is_free([x, y]: [f32; 2], floors: i32) -> bool {
-        let (x, y) = (x.floor() as i32, y.floor() as i32);
-        let connects = if y.rem_euclid(4) == 1 { x == 9 } else { x == 0 };
-        (0..10).contains(&x) && (0..2 * floors - 1).contains(&y) && (y % 2 == 0 || connects)
-    }
-
-    fn step(at: [f32; 2], action: [f32; 2], is_free: impl Fn([f32; 2]) -> bool) -> [f32; 2] {
-        let x = Some([at[0] + action[0], at[1]]).filter(|to| is_free(*to)).unwrap_or(at);
-        Some([x[0], x[1] + action[1]]).filter(|to| is_free(*to)).unwrap_or(x)
-    }
-
-    /// Lets four agents explore a corridor where an action moves them by `speed`, and returns the
-    /// number of cells visited.
-    fn explore(
-        speed: f32,
-        excursions: &mut Excursions,
-        at: &mut [[f32; 2]; 4],
-        steps: usize,
-        rng: &mut ChaCha8Rng,
-    ) -> usize {
-        let mut visited = BTreeSet::new();
-        for _ in 0..steps {
-            for (agent, at) in at.iter_mut().enumerate() {
-                visited.insert(at.map(|v| v.floor() as i32));
-                excursions.arrive(agent, at);
-                excursions.under_way[agent].get_or_insert_default();
-                let mut action = [0.0; 2];
-                assert!(excursions.act(agent, &mut action, rng), "it is on an excursion");
-                *at = step(*at, action.map(|along| speed * along), |to| is_free(to, 6));
-            }
-        }
-        visited.len()
-    }
-
-    #[test]
-    fn a_winding_corridor_is_explored_to_its_end_by_slow_agents_that_hold_their_actions_too() {
-        let slow = Spec { change_scale: vec![0.2; 2], ..plane() };
-        assert_eq!(held_steps(&slow), 10);
-        // 65 cells in a row; random steps would take thousands to get to the end.
-        for (spec, speed, held, steps, expected) in [
-            (plane(), 1.0, held_steps(&plane()), 400, 65),
-            (slow.clone(), 0.2, 3, 1_500, 3),
-            (slow, 0.2, 10, 1_500, 65),
-        ] {
-            let mut excursions = Excursions::new(&spec, 4);
-            excursions.held_steps = held;
-            let mut rng = ChaCha8Rng::seed_from_u64(1);
-            let visited = explore(speed, &mut excursions, &mut [[0.5, 0.5]; 4], steps, &mut rng);
-            assert_eq!(visited, expected);
-        }
-    }
 
     #[test]
     fn excursions_take_their_share_of_steps_however_long_goals_are_pursued() {

@@ -73,7 +73,6 @@ pub(crate) struct StoredGraph {
     distances: Vec<f32>,
 }
 
-/// Cost multiplier of a demoted edge.
 pub(crate) const DEMOTED_FACTOR: f32 = 3.0;
 
 /// Snapshot of candidates and edges at one point in training.

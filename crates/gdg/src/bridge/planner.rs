@@ -53,7 +53,6 @@ pub struct Walker {
     banned: Vec<(Target, u32)>,
     /// The last candidate reached; `None` at the start and after a late target.
     at: Option<usize>,
-    /// The hop between two candidates that ended with the latest step.
     #[serde(skip)]
     hop: Option<Hop>,
 }

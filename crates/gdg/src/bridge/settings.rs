@@ -27,7 +27,6 @@ pub const SEARCH_BUDGET: usize = 64;
 pub(super) const LATE_FACTOR: f32 = 1.5;
 pub(super) const LATE_SLACK_STEPS: f32 = 6.0;
 
-/// Steps for which a late waypoint is banned; more if the agent is stuck.
 pub(super) const BAN_STEPS: u32 = 60;
 
 /// The automatic overhead of a waypoint is the steps that a goal radius takes, as D to it ends there,
@@ -145,49 +144,25 @@ settings! {
 }
 
 impl BridgeSettings {
-    /// Returns the settings that plan on the same candidates as SoRB does (Eysenbach et al. 2019,
-    /// algorithm 1 and section 3): edges wherever D is below the cut-off, one plan at the start.
     #[must_use]
-    fn sorb(&self) -> Self {
-        Self {
-            verify_edges: false,
-            keep_observed_edges: false,
-            progress_check: false,
-            open_loop: true,
-            hop_steps: Auto::Given(0.0),
-            planned_episodes: 0.0,
-            bridge_epsilon: 0.0,
-            lookahead: false,
-            frontier_epsilon: Auto::Given(self.frontier_epsilon.given().unwrap_or(0.0)),
-            ..self.clone()
-        }
-    }
-
-    /// Returns the settings as `planner` uses them.
-    #[must_use]
-    pub fn for_planner(&self, planner: Planner) -> Self {
+    pub(crate) fn for_planner(&self, planner: Planner) -> Self {
         match planner {
-            Planner::Sorb => self.sorb(),
             Planner::None | Planner::Bridges => self.clone(),
+            // Plans on the same candidates as SoRB does (Eysenbach et al. 2019, algorithm 1 and
+            // section 3): edges wherever D is below the cut-off, one plan at the start.
+            Planner::Sorb => Self {
+                verify_edges: false,
+                keep_observed_edges: false,
+                progress_check: false,
+                open_loop: true,
+                hop_steps: Auto::Given(0.0),
+                planned_episodes: 0.0,
+                bridge_epsilon: 0.0,
+                lookahead: false,
+                frontier_epsilon: Auto::Given(self.frontier_epsilon.given().unwrap_or(0.0)),
+                ..self.clone()
+            },
         }
-    }
-
-    /// Whether bridge candidates are the same with these settings as with `other`: compares all
-    /// that [`super::Candidates::new`] reads.
-    pub(crate) fn makes_same_candidates(&self, other: &Self) -> bool {
-        let read =
-            |s: &Self| (s.candidates, s.candidate_spacing, s.edge_cutoff_steps, s.verify_edges);
-        read(self) == read(other)
-    }
-
-    /// Returns the share of steps to spend on excursions beyond the frontier, given whether any
-    /// action is left to try.
-    pub fn frontier_share(&self, has_frontier: bool) -> f32 {
-        self.frontier_epsilon.given().unwrap_or(if has_frontier {
-            FRONTIER_SHARE
-        } else {
-            EXPLORED_SHARE
-        })
     }
 
     /// Returns the overhead of passing a waypoint in a world of `spec`, in steps.
@@ -211,7 +186,6 @@ impl BridgeSettings {
     }
 }
 
-/// Returns the steps after which a waypoint `distance` steps away by D is late.
 pub(super) fn late_after(distance: f32) -> f32 {
     LATE_FACTOR * distance + LATE_SLACK_STEPS
 }

@@ -54,7 +54,6 @@ pub enum Command {
     Load(PathBuf),
 }
 
-/// What to tell the user, or why the command failed.
 type Outcome = Result<String, Box<dyn Error>>;
 
 /// Parts of starting a run: its world is made, then its trainer, data are learned from, and its
@@ -96,8 +95,6 @@ fn activity(command: &Command) -> &'static str {
 }
 
 impl Worker {
-    /// Continues in an edited world and returns a notice for the user, which begins with what was
-    /// `done`.
     fn change_world(&mut self, world: &dyn Environment, done: &str) -> Outcome {
         let change = self.trainer.change_world(world)?;
         self.current.title = self.trainer.world().title().into();
@@ -214,7 +211,6 @@ impl Worker {
         Ok(path)
     }
 
-    /// Returns a notice about a checkpoint, with what the world warns of.
     fn saved_text(&self, how: &str, path: &Path, why: &str) -> String {
         let at = grouped(self.trainer.learned_updates());
         let saved = format!("{how} {} at update {at}{why}", path.display());
@@ -241,7 +237,6 @@ impl Worker {
         self.publish();
     }
 
-    /// Runs a command; returns what to tell the user, if anything.
     fn outcome(&mut self, command: Command) -> Result<Option<String>, Box<dyn Error>> {
         let text = match command {
             Command::Pause if self.current.phase.is_training() => {
@@ -318,7 +313,6 @@ impl Worker {
         Ok("started a new run".to_owned())
     }
 
-    /// Returns how far the opening of a run is, to be told.
     fn opening(&self) -> Job {
         self.job.latest_part().unwrap_or_default()
     }

@@ -57,7 +57,6 @@ pub enum NextEvaluation {
 }
 
 impl NextEvaluation {
-    /// Returns the next regular one.
     pub(super) fn after(trainer: &Trainer) -> Self {
         let every = EVALUATE_EVERY_UPDATES;
         Self::AtUpdate((trainer.counters().updates / every + 1) * every)
@@ -332,15 +331,7 @@ impl Snapshot {
 
     /// Returns the fraction of the world explored so far: the last of [`Self::coverage`].
     pub fn latest_coverage(&self) -> Option<f64> {
-        let point = self
-            .curve
-            .iter()
-            .rev()
-            .find_map(|point| Some((point.updates, f64::from(point.coverage?))));
-        let evaluated =
-            self.evaluations.iter().rev().find_map(|(updates, e)| Some((*updates, e.coverage?)));
-        // At the same update, the evaluation comes last.
-        point.into_iter().chain(evaluated).max_by_key(|(updates, _)| *updates).map(|(_, seen)| seen)
+        self.coverage().last().map(|(_, seen)| *seen)
     }
 }
 
@@ -350,10 +341,8 @@ const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
 /// training, so it is limited to one part in [`NETWORKS_PAUSE_FACTOR`] of the time.
 const MIN_NETWORKS_INTERVAL: Duration = Duration::from_millis(300);
 
-/// See [`MIN_NETWORKS_INTERVAL`].
 const NETWORKS_PAUSE_FACTOR: u32 = 60;
 
-/// Number of recent states per agent in a snapshot.
 const TRAIL_STATES: usize = 8;
 
 pub struct PublishTimer {

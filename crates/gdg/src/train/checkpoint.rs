@@ -20,7 +20,6 @@ use super::history::History;
 use super::memory;
 use super::registry::Registry;
 use super::trainer::{About, Saved, Trainer};
-use crate::env::EnvError;
 use crate::files::{self, FileFacts, Format, Mismatch, Wanted};
 use crate::job::Job;
 use crate::learn::Threads;
@@ -67,7 +66,6 @@ impl std::ops::Deref for Description {
     }
 }
 
-/// What is read as a checkpoint.
 const CHECKPOINT: Wanted = Wanted {
     name: "a checkpoint",
     help: "give a checkpoint saved by gdg-tui, e.g. saves/NAME.safetensors",
@@ -122,10 +120,6 @@ fn read_start(path: &Path) -> std::io::Result<(Vec<u8>, Metadata)> {
     Ok((start, facts))
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, String> {
-    files::read(path, most_bytes()).map_err(|e| format!("cannot be read: {e}"))
-}
-
 /// Returns the largest size for which there is memory: contents are briefly held twice, as bytes
 /// and as numbers.
 fn most_bytes() -> u64 {
@@ -144,15 +138,6 @@ fn unreadable(path: &Path, problem: &str) -> CheckpointError {
         file: path.to_owned(),
         problem: truncated(&found.problem, MAX_REASON_CHARS),
         help: found.help,
-    }
-}
-
-/// Returns the error about a sound checkpoint whose world fails.
-fn without_world(path: &Path, error: &EnvError) -> CheckpointError {
-    CheckpointError {
-        file: path.to_owned(),
-        problem: format!("cannot be resumed here: {error}"),
-        help: "the checkpoint itself is sound: resume it where its environment works".to_owned(),
     }
 }
 
@@ -190,11 +175,9 @@ impl SaveTo {
 /// by another program.
 static KNOWN_FILES: Mutex<BTreeMap<PathBuf, FileIdentity>> = Mutex::new(BTreeMap::new());
 
-/// Distinguishes a file from another one at the same path.
 #[derive(Clone, Copy)]
 struct FileIdentity {
     facts: FileFacts,
-    /// Checksum of its contents.
     contents: u32,
 }
 
@@ -302,7 +285,6 @@ fn write(to: &SaveTo, bytes: &[u8]) -> std::io::Result<PathBuf> {
     Ok(path)
 }
 
-/// Parts of loading: the file is read, its arrays are unpacked, and the run is put together.
 const LOAD_STAGES: usize = 3;
 
 /// Loads a run from a checkpoint.
@@ -324,13 +306,19 @@ pub fn load_with(
     progress.begin(0, LOAD_STAGES);
     let facts = FileFacts::of(path);
     let threads = threads.into();
-    let bytes = read(path).map_err(|problem| unreadable(path, &problem))?;
+    let bytes = files::read(path, most_bytes())
+        .map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     match parse(&bytes, registry, threads, progress) {
         Ok(trainer) => {
             FileIdentity::record(path, facts, crc32fast::hash(&bytes));
             Ok(trainer)
         }
-        Err(TrainError::Env(error)) => Err(without_world(path, &error)),
+        Err(TrainError::Env(error)) => Err(CheckpointError {
+            file: path.to_owned(),
+            problem: format!("cannot be resumed here: {error}"),
+            help: "the checkpoint itself is sound: resume it where its environment works"
+                .to_owned(),
+        }),
         Err(error) => Err(unreadable(path, &error.to_string())),
     }
 }

@@ -194,7 +194,6 @@ fn json_number(text: &str) -> Option<Value> {
     serde_json::from_str(text).ok().filter(Value::is_number)
 }
 
-/// Returns a value as a person writes it: words without quotes.
 fn shown(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
@@ -262,7 +261,6 @@ fn decimal_comma(value: &Value) -> &'static str {
     if value.as_str().is_some_and(is_number) { "; a point separates the fraction" } else { "" }
 }
 
-/// Returns the error for a value that a setting, called `name` by the user, cannot have.
 fn refused(name: &str, setting: &Setting, value: &Value) -> Box<ConfigError> {
     let shown = truncated(&value.to_string(), MAX_QUOTED_CHARS);
     let help = format!("{name} must be {}{}", setting.values, decimal_comma(value));
@@ -308,7 +306,6 @@ impl<'de> Deserialize<'de> for Entries<'de> {
     }
 }
 
-/// What is read as settings.
 const SETTINGS_FILE: Wanted = Wanted {
     name: "a settings file",
     help: "give a JSON file in the format of --print-config",
@@ -376,7 +373,6 @@ fn separates_digits(text: &str, offset: usize) -> bool {
         .any(|at| at > 0 && digit(at - 1) && separator(at) && digit(at + 1))
 }
 
-/// Returns the byte offset of a line and column (from 1), as counted by serde_json.
 fn offset_of(text: &str, line: usize, column: usize) -> usize {
     let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
     let mut offset = (start + column.saturating_sub(1)).min(text.len());

@@ -292,14 +292,11 @@ fn unfit(file: &Path, problem: String) -> DataError {
     DataError { file: file.to_string_lossy().into(), problem }
 }
 
-/// What is read as data.
 const DATA: Wanted =
     Wanted { name: "an .npz file of NumPy", help: "numpy.savez writes one", own: &[Format::Npz] };
 
-/// What is wrong with an archive that is recognised as one.
 const CUT_OFF: &str = "is no .npz file of NumPy, or its end is missing";
 
-/// What is wrong with a file that another program has written over.
 const CHANGED: &str = "has changed while it was read";
 
 fn unread_array(name: &str, error: &candle_core::Error) -> String {
@@ -326,7 +323,6 @@ struct Arrays<'a> {
 }
 
 impl<'a> Arrays<'a> {
-    /// Opens a file that has the arrays.
     fn open(path: &'a Path, facts: Option<FileFacts>) -> Result<Self, String> {
         let explained = |error| {
             log::debug!("{}: {error}", path.display());
@@ -360,7 +356,6 @@ impl<'a> Arrays<'a> {
         ))
     }
 
-    /// Returns the shape of an array, if the file can hold it.
     fn shape(&self, name: &str) -> Result<Vec<usize>, String> {
         if !self.has(name) {
             let mut names: Vec<&str> = self.file.names().into_iter().map(String::as_str).collect();
@@ -409,7 +404,6 @@ impl<'a> Arrays<'a> {
         }
     }
 
-    /// Returns whether each row is the last one of an episode by any of the arrays.
     fn ends(&self, rows: usize) -> Result<Vec<bool>, String> {
         let mut is_last = vec![false; rows];
         for name in [ENDS].into_iter().chain(OTHER_ENDS).filter(|name| self.has(name)) {

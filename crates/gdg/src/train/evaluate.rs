@@ -1,39 +1,36 @@
 //! Evaluation against the world's ground truth, on its own random stream.
 
-mod results;
 mod tasks;
-mod truth;
 
 use std::sync::Arc;
 
 use rand_chacha::ChaCha8Rng;
 
 use super::run::Run;
-use super::score::Score;
+use super::score::{
+    BridgeFacts, ComposedError, DistanceError, Evaluation, MarkedTask, Score, TaskOutcome, spearman,
+};
 use super::settings::RANDOM_HOLD_STEPS;
-use crate::bridge::{BridgeGraph, Candidates, Guide};
-use crate::env::{EnvError, Environment, Episodes, Evaluated, GroundTruth, Spec, Task, TaskSet};
+use crate::bridge::{BridgeGraph, Candidates, Edge, Guide, LINK_CANDIDATES};
+use crate::env::{
+    EnvError, Environment, Episodes, Evaluated, GroundTruth, NEAR_STEPS, Spec, Task, TaskSet,
+    TruePairs,
+};
 use crate::job::Job;
 use crate::learn::{Acting, Policy, Scratch};
-pub use results::{BridgeFacts, ComposedError, DistanceError, Evaluation, MarkedTask, TaskOutcome};
 use tasks::{Actor, run_tasks, run_tasks_watched};
-use truth::{bridge_facts, distance_error};
 
 /// A self-contained evaluation that can run at any time on any thread.
 pub struct EvaluationJob {
     pub(super) run: Run,
-    /// The world, without agents.
     pub(super) world: Box<dyn Environment>,
     pub(super) policy: Arc<dyn Policy>,
     pub(super) acting: Acting,
-    /// Candidates and observed paths between them, for methods that plan.
     pub(super) candidates: Option<Arc<Candidates>>,
     pub(super) coverage: Option<f64>,
     /// Steps within which every goal has to be reached, instead of the task's own budget.
     pub(super) max_steps: Option<u32>,
-    /// RNG for tasks.
     pub(super) task_rng: ChaCha8Rng,
-    /// RNG for everything else.
     pub(super) rng: ChaCha8Rng,
 }
 
@@ -185,7 +182,6 @@ pub struct TaskWalk {
     pub reached: bool,
 }
 
-/// Returns the waypoints from `start` to `goal`, the goal last; none without a graph.
 fn plan(guide: Guide, start: &[f32], goal: &[f32]) -> Vec<Vec<f32>> {
     let mut scratch = Scratch::default();
     let (Some(graph), Some(mut walker)) = (guide.graph, guide.plan(goal, &mut scratch)) else {
@@ -196,7 +192,6 @@ fn plan(guide: Guide, start: &[f32], goal: &[f32]) -> Vec<Vec<f32>> {
     waypoints.chain([goal.to_vec()]).collect()
 }
 
-/// Walks straight at the goal.
 struct Straight<'a> {
     spec: &'a Spec,
     world: &'a dyn Evaluated,
@@ -251,4 +246,98 @@ fn marked_task(
     };
     let greedy = journey(greedy)?;
     Ok(Some(MarkedTask { greedy, planned: planned.map(journey).transpose()? }))
+}
+
+/// Compares D, and D along `graph`, with ground truth, which is `in_steps` or proportional to
+/// them; returns `None` if there are no pairs.
+fn distance_error(
+    groups: &[TruePairs],
+    in_steps: bool,
+    policy: &dyn Policy,
+    graph: Option<&BridgeGraph>,
+) -> Option<DistanceError> {
+    if groups.iter().all(|group| group.steps.is_empty()) {
+        return None;
+    }
+    let (mut composed, mut scratch) = (Vec::new(), Scratch::default());
+    for TruePairs { goal, states, .. } in groups {
+        if let Some(graph) = graph {
+            let route = graph.route(goal, policy, &mut scratch);
+            composed.extend(graph.composed_distances(
+                states,
+                &route,
+                LINK_CANDIDATES,
+                policy,
+                &mut scratch,
+            ));
+        }
+    }
+    let mut truth: Vec<f64> =
+        groups.iter().flat_map(|group| &group.steps).map(|steps| f64::from(*steps)).collect();
+    let states: Vec<f32> = groups.iter().flat_map(|group| &group.states).copied().collect();
+    let goals: Vec<f32> =
+        groups.iter().flat_map(|group| group.goal.repeat(group.steps.len())).collect();
+    let mut learned = vec![0.0; truth.len()];
+    policy.distances(&states, &goals, &mut learned, &mut scratch);
+    if !in_steps {
+        let steps = median(learned.iter().zip(&truth).map(|(d, t)| f64::from(*d) / t).collect())?;
+        truth.iter_mut().for_each(|t| *t *= steps);
+    }
+    let near: Vec<bool> = groups.iter().flat_map(|group| &group.near).copied().collect();
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    // Relative errors of `distances`: over pairs drawn at random, and over pairs within
+    // `NEAR_STEPS`.
+    let errors = |distances: &[f32]| {
+        let pairs = distances
+            .iter()
+            .zip(&truth)
+            .zip(&near)
+            .map(|((d, t), near)| ((f64::from(*d) - t) / t, *t, *near));
+        let pairs: Vec<_> = pairs.collect();
+        let all =
+            |of: fn(f64) -> f64| mean(pairs.iter().filter(|p| !p.2).map(|p| of(p.0)).collect());
+        ComposedError {
+            mape: all(f64::abs),
+            near_mape: mean(
+                pairs.iter().filter(|p| p.1 <= f64::from(NEAR_STEPS)).map(|p| p.0.abs()).collect(),
+            ),
+            bias: all(|e| e),
+        }
+    };
+    let kept: Vec<usize> = (0..near.len()).filter(|i| !near[*i]).collect();
+    let (drawn, true_steps): (Vec<f64>, Vec<f64>) =
+        kept.iter().map(|i| (f64::from(learned[*i]), truth[*i])).unzip();
+    let ComposedError { mape, near_mape, bias } = errors(&learned);
+    let graph = graph.map(|_| errors(&composed));
+    Some(DistanceError { mape, near_mape, bias, spearman: spearman(&drawn, &true_steps), graph })
+}
+
+fn median(mut numbers: Vec<f64>) -> Option<f64> {
+    let middle = numbers.len() / 2;
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(middle).copied().filter(|number| *number > 0.0 && number.is_finite())
+}
+
+fn max_true_distance(length: f32) -> f32 {
+    2.0 * length + 4.0
+}
+
+fn bridge_facts(graph: &BridgeGraph, truth: Option<&mut (dyn GroundTruth + '_)>) -> BridgeFacts {
+    let false_edges = truth.map(|truth| {
+        let of_candidate = |edges: &[Edge]| {
+            let goals: Vec<f32> = edges.iter().flat_map(|e| graph.point(e.to)).copied().collect();
+            let longest = edges.iter().map(|e| max_true_distance(e.length)).fold(0.0, f32::max);
+            // No agent can stand where an edit has put a wall.
+            let Some(steps) = truth.steps(graph.point(edges[0].from), &goals, longest as u32)
+            else {
+                return 0;
+            };
+            let is_false = |(steps, edge): (Option<u32>, &Edge)| {
+                steps.is_none_or(|steps| steps as f32 > max_true_distance(edge.length))
+            };
+            steps.into_iter().zip(edges).filter(|pair| is_false(*pair)).count()
+        };
+        graph.edges().chunk_by(|a, b| a.from == b.from).map(of_candidate).sum()
+    });
+    BridgeFacts { candidates: graph.candidates().len(), edges: graph.edges().len(), false_edges }
 }

@@ -31,7 +31,6 @@ pub struct FilmFrame {
     pub goal: Vec<f32>,
     /// The places of the first agents, as goals, `(agents, goal_dim)`.
     pub agents: Vec<f32>,
-    /// Steps per unit of `values`.
     scale: f32,
     /// D of each place of [`Probes`], in units of `scale`.
     values: Vec<u16>,
@@ -63,7 +62,6 @@ impl FilmFrame {
 /// as often.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Film {
-    /// Updates between two new frames.
     every: u64,
     frames: Arc<Vec<Arc<FilmFrame>>>,
 }
@@ -128,7 +126,6 @@ impl Film {
         }
     }
 
-    /// Checks a film read from a file, of a world with `spec`.
     pub(super) fn check(&self, spec: &Spec) -> Result<(), StoreError> {
         let (every, frames) = (self.every, &self.frames);
         let places = frames.first().map_or(0, |frame| frame.places());
@@ -151,7 +148,6 @@ impl Film {
     }
 }
 
-/// Returns the frame of `distances` at `points`.
 fn frame(
     updates: u64,
     env_steps: u64,
@@ -184,7 +180,6 @@ fn is_near(spec: &Spec, at: &[f32]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::env::tests::positions;
 
     const SPACING: u64 = FRAME_EVERY_UPDATES;
 
@@ -192,19 +187,14 @@ mod tests {
         Probes { places: 4, place_of: vec![0, 2, 3], states: Vec::new(), goal: vec![1.5, 2.5] }
     }
 
-    fn go_on(film: &mut Film, from: u64, to: u64) {
-        let tried = (from..=to).filter(|updates| *updates == 1 || updates.is_multiple_of(SPACING));
-        for updates in tried {
+    fn film_after(last: u64) -> Film {
+        let mut film = Film::default();
+        for updates in std::iter::once(1).chain((SPACING..=last).step_by(SPACING as usize)) {
             if film.is_due(updates) {
                 let distances = [0.0, 1.0, updates as f32];
                 film.push(frame(updates, 7 * updates, &points(), &distances, vec![0.5, 1.5]));
             }
         }
-    }
-
-    fn film_after(last: u64) -> Film {
-        let mut film = Film::default();
-        go_on(&mut film, 1, last);
         film
     }
 
@@ -228,19 +218,6 @@ mod tests {
             assert!(gaps[0] <= 2 * gaps[gaps.len() - 1], "{last}: at most twice: {gaps:?}");
             assert!(last * SPACING - updates[updates.len() - 1] < 2 * film.every, "{last}");
         }
-    }
-
-    #[test]
-    fn a_film_is_the_same_after_a_break_and_begins_anew_in_another_world() {
-        let mut film = film_after(90 * SPACING);
-        let bytes = crate::store::to_bytes(&film).expect("numbers");
-        film = postcard::from_bytes(&bytes).expect("its own bytes");
-        film.check(&positions(&[(0.0, 1.0); 2])).expect("a film");
-        go_on(&mut film, 90 * SPACING + 1, 200 * SPACING);
-        assert_eq!(film, film_after(200 * SPACING));
-        let elsewhere = Probes { places: 9, ..points() };
-        film.push(frame(201 * SPACING, 0, &elsewhere, &[0.0; 3], Vec::new()));
-        assert_eq!(updates(&film), [201 * SPACING]);
     }
 
     #[test]

@@ -5,12 +5,10 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::evaluate::Evaluation;
-use super::score::Success;
+use super::score::{Evaluation, Success};
 use crate::env::Spec;
 use crate::store::StoreError;
 
-/// Initial number of updates between two points of the curves.
 const POINT_EVERY_UPDATES: u64 = 50;
 
 /// Maximum number of points; beyond it, every other point is dropped.
@@ -71,14 +69,12 @@ pub struct Notes {
 /// The history of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct History {
-    /// Updates between two points.
     every: u64,
     points: Arc<Vec<CurvePoint>>,
     evaluations: Arc<Vec<(u64, Evaluation)>>,
     moments: Vec<Moment>,
     /// The methods used; only in runs whose method has changed.
     pub(super) methods: Methods,
-    /// Updates after which the world was edited, each once.
     edits: Vec<u64>,
     /// State of the front end.
     #[serde(flatten)]
@@ -137,7 +133,6 @@ impl History {
         }
     }
 
-    /// Adds an edit of the world.
     pub(super) fn add_edit(&mut self, updates: u64) {
         if self.edits.last() != Some(&updates) {
             let surplus = (self.edits.len() + 1).saturating_sub(MAX_EDITS);
@@ -212,7 +207,6 @@ impl LogEntry {
     }
 }
 
-/// Maximum number of stretches; beyond it, the oldest are forgotten.
 const MAX_STRETCHES: usize = 200;
 
 const MAX_NAME_BYTES: usize = 200;
@@ -220,11 +214,9 @@ const MAX_NAME_BYTES: usize = 200;
 /// A part of a run under one method.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stretch {
-    /// Updates counted when it began.
     pub from: u64,
     /// Updates that a learner had done when it began.
     pub learned: u64,
-    /// The method.
     pub method: String,
     /// Whether its learner learns; if not, updates are counted when due but not done.
     pub learns: bool,

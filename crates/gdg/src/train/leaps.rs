@@ -123,13 +123,4 @@ mod tests {
         let spec = Spec { position_scale: None, ..spec };
         assert!(leaps.is_sure(&spec, &[0.0, 0.0], &[90.0, 0.0]));
     }
-
-    #[test]
-    fn only_the_latest_are_remembered() {
-        let (spec, mut leaps) = (spec(), Leaps::default());
-        for i in 0..=MOST_LEAPS {
-            leaps.note(&spec, &[i as f32, 0.0], &[0.0, 90.0]);
-        }
-        assert!(leaps.0.len() == MOST_LEAPS && leaps.0[0].from == [1.0, 0.0]);
-    }
 }

@@ -17,14 +17,12 @@ const PARAMETER_COPIES: u64 = 36;
 /// including all copies. Where there are more candidates, each has fewer paths.
 const BYTES_PER_CANDIDATE: u64 = 60_000;
 
-/// The program itself, its threads and buffers, and the places of excursions.
 const BASE_BYTES: u64 = 90 << 20;
 
 /// Address space that threads and allocators reserve but do not use; counts only where address
 /// space is limited.
 const RESERVED_BYTES: u64 = 600 << 20;
 
-/// Fraction of the free memory that a run may use.
 const MAX_MEMORY_SHARE: f64 = 0.9;
 
 /// Estimates the bytes that a run in `world` needs, including saving; `parameters` is the learner's
@@ -66,7 +64,6 @@ fn system_memory() -> u64 {
     system.available_memory()
 }
 
-/// Returns the address space that this process may still use, where that is limited.
 fn address_space_left() -> u64 {
     #[cfg(target_os = "linux")]
     if let Ok((limit, _)) = nix::sys::resource::getrlimit(nix::sys::resource::Resource::RLIMIT_AS)
@@ -98,13 +95,10 @@ mod linux {
 
     use crate::files;
 
-    /// Size limit of the files read here.
     const MAX_BYTES: u64 = 16 << 20;
 
-    /// A version of control groups.
     struct Version {
         mount: &'static str,
-        /// Files with a group's limits, and with what it uses of them.
         limits: [(&'static str, &'static str); 2],
         /// What the kernel takes back before it refuses memory, copies of files and its own caches:
         /// names in `memory.stat`.
@@ -174,7 +168,6 @@ mod linux {
                 .min()
         }
 
-        /// Returns the bytes that the group in `folder` may still use; `None` if it has no limit.
         fn free_in(&self, folder: &Path) -> Option<u64> {
             let number = |name: &str| read(&folder.join(name))?.trim().parse::<u64>().ok();
             let left = |(limit, usage)| Some(number(limit)?.saturating_sub(number(usage)?));

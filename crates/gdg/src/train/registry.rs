@@ -14,7 +14,6 @@ use crate::learn::{LEARNERS, LearnerKind};
 use crate::settings::Preset;
 use crate::store::{Store, StoreError};
 
-/// Name of the kind of world that maps are loaded into.
 const MAPS: &str = "maze";
 
 /// World and learner kinds by name: the built-in ones and those added by a program.
@@ -216,7 +215,6 @@ const fn named(
 #[error("unknown method {0:?}; {help}", help = method_names(LEARNERS.iter().map(|kind| kind.name)))]
 pub struct UnknownMethod(String);
 
-/// Lists all methods with these learners.
 fn method_names(learners: impl Iterator<Item = &'static str>) -> String {
     format!(
         "methods: {}, or LEARNER+PLANNER with a learner ({}) and a planner ({})",

@@ -17,21 +17,16 @@ use crate::env::{EnvError, Environment, Goals, MAX_MAGNITUDE};
 use crate::learn::{Acting, Replay, Scratch};
 use crate::store::{Store, StoreError};
 
-/// One agent's episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Agent {
-    /// Current goal.
     pub goal: Vec<f32>,
     /// Goal to pursue after `goal`, which is a bridge point while this is set.
     pub after_bridge: Option<Vec<f32>>,
-    /// Steps of the episode so far.
     pub steps: u32,
     held: Option<(Vec<f32>, u32)>,
-    /// Step of the episode at which it gives up on its goal.
     give_up_at: u32,
 }
 
-/// An agent's plan to a goal through the bridge graph; the agent pursues its waypoints.
 #[derive(Serialize, Deserialize)]
 struct Plan {
     walker: Walker,
@@ -41,12 +36,9 @@ struct Plan {
     disturbed: bool,
 }
 
-/// A round of steps whose outcome is not stored yet.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Round {
-    /// States before it, `(agents, state_dim)`.
     before: Vec<f32>,
-    /// `(agents, action_dim)`.
     actions: Vec<f32>,
     /// Whether the world computes it elsewhere, or when it is asked for the outcome.
     elsewhere: bool,
@@ -65,7 +57,6 @@ pub struct StepContext<'a> {
     pub candidates: &'a mut Candidates,
 }
 
-/// Agents acting in an environment and storing their experience.
 pub struct Rollout {
     pub(super) env: Box<dyn Environment>,
     agents: Vec<Agent>,
@@ -84,14 +75,11 @@ pub struct Rollout {
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RoundResult {
-    /// Episodes that ended.
     pub episodes: u64,
-    /// Goals reached.
     pub reached: u64,
 }
 
 impl Rollout {
-    /// Places agents at random starts with random goals.
     pub fn new(mut env: Box<dyn Environment>, mut rng: ChaCha8Rng) -> Result<Self, EnvError> {
         let goal_dim = env.spec().goal_dim();
         let agents = (0..env.agents()).map(|i| {
@@ -118,12 +106,10 @@ impl Rollout {
         })
     }
 
-    /// Returns the environment.
     pub fn env(&self) -> &dyn Environment {
         &*self.env
     }
 
-    /// Returns the agents.
     pub fn agents(&self) -> &[Agent] {
         &self.agents
     }
@@ -138,7 +124,6 @@ impl Rollout {
         }
     }
 
-    /// Returns the excursions beyond the frontier.
     pub fn excursions(&self) -> &Excursions {
         &self.excursions
     }
@@ -265,7 +250,6 @@ impl Rollout {
         went_on.map(|()| result)
     }
 
-    /// Ends the episode of agent `i` and starts the next one.
     fn end_episode(
         &mut self,
         i: usize,
@@ -342,7 +326,6 @@ impl Rollout {
         Ok(())
     }
 
-    /// Ends the episodes under way in the replay buffer, for agents that do not continue them.
     pub fn end_episodes(&self, replay: &mut Replay) {
         // A round whose outcome is not stored does not count.
         let states = self.round.as_ref().map_or(self.env.states(), |round| &round.before);
@@ -354,7 +337,6 @@ impl Rollout {
         }
     }
 
-    /// Replaces all existing plans after a change of graph.
     pub fn replan(&mut self, context: &StepContext) {
         for i in 0..self.plans.len() {
             if let Some(plan) = self.plans[i].take() {
@@ -387,7 +369,6 @@ impl Rollout {
         }
     }
 
-    /// Tells agents on an excursion where they are; those whose excursion ends get a goal.
     fn follow_excursions(&mut self, context: &StepContext) -> Result<(), EnvError> {
         if !context.bridges {
             return Ok(());
@@ -403,7 +384,6 @@ impl Rollout {
         Ok(())
     }
 
-    /// Saves everything that the next steps depend on.
     pub fn save(&self, store: &mut Store) -> Result<(), StoreError> {
         let states: Vec<f64> =
             (0..self.agents.len()).flat_map(|i| self.env.full_state(i)).collect();

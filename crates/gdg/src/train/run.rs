@@ -76,7 +76,6 @@ pub struct Counters {
     pub(super) relearns_until: u64,
     /// Environment steps at the latest change of the world.
     pub(super) changed_at_step: u64,
-    /// Running means of the losses.
     pub(super) losses: [f64; 3],
     /// Number of rollbacks to earlier networks.
     pub recoveries: u32,

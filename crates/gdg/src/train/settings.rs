@@ -41,7 +41,6 @@ pub struct Settings {
     pub train: TrainSettings,
 }
 
-/// A setting whose value is out of range.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("the setting {} is out of range", .0.name)]
 pub struct OutOfRange(pub &'static Setting);
@@ -61,7 +60,6 @@ impl Preset {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum UpdateWhen {
-    /// As soon as the agents have taken enough steps.
     Step,
     /// At the end of each episode, as in Algorithm 1.
     EpisodeEnd,
@@ -69,7 +67,6 @@ pub enum UpdateWhen {
 
 const MAX_EPISODE_STEPS: u32 = 60_000;
 
-/// The most environment steps per update: seconds of exploring.
 const MAX_ENV_STEPS_PER_UPDATE: u64 = 1_000_000;
 
 /// The most environment steps before the first update: as many as the largest replay buffer holds.
@@ -202,8 +199,7 @@ impl Settings {
             .collect()
     }
 
-    /// Returns the smallest buffer that holds an episode of every agent.
-    pub fn needed_buffer_size(&self) -> usize {
+    pub(crate) fn needed_buffer_size(&self) -> usize {
         self.train.agents.saturating_mul(self.min_episode_steps() as usize + 1)
     }
 
@@ -212,7 +208,6 @@ impl Settings {
         self.train.episode_steps.given().unwrap_or(MIN_EPISODE_STEPS)
     }
 
-    /// Returns the longest episode that fits into each agent's share of the replay buffer.
     fn max_episode_steps(&self) -> u32 {
         let share = (self.learn.buffer_size / self.train.agents).saturating_sub(1);
         u32::try_from(share).unwrap_or(u32::MAX).min(MAX_EPISODE_STEPS)
@@ -244,8 +239,6 @@ mod tests {
     use crate::settings::{Excluded, Kind};
     use crate::train::with_setting;
 
-    /// Returns the default settings with one value, as a file would have it; `None` if that has
-    /// another type.
     fn with(setting: &Setting, value: Value) -> Option<Settings> {
         let mut values = Settings::default().values();
         if setting.name == "goal_random" {
@@ -256,7 +249,6 @@ mod tests {
         serde_json::from_value(Value::Object(values)).ok()
     }
 
-    /// Checks that exactly the `valid` values are accepted, and that the field can hold them.
     fn check(setting: &Setting, valid: &[Value], invalid: &[Value]) {
         let accepted = |value: &Value| {
             let settings = with(setting, value.clone());

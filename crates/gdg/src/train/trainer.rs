@@ -5,7 +5,6 @@ mod change;
 mod data;
 mod graphs;
 mod persistence;
-mod recovery;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,12 +13,13 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::error::TrainError;
-use super::evaluate::{Evaluation, EvaluationJob};
+use super::evaluate::EvaluationJob;
 use super::film::Film;
 use super::history::{History, Moment, Notes};
 use super::registry::Registry;
 use super::rollout::{Rollout, RoundResult, StepContext};
 use super::run::{Counters, EndReason, Limits, Pace, Run, Tick};
+use super::score::Evaluation;
 use super::settings::UpdateWhen;
 use super::visits::Visits;
 use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
@@ -29,13 +29,12 @@ use crate::learn::{
     Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
     ReplaySizes, Scratch, Stage, Threads, TrainingData,
 };
-pub use change::{KeptState, WorldChange, resets_networks};
+pub use change::{WorldChange, resets_networks};
 use data::Data;
 pub use data::LeftOut;
 use graphs::{BuiltGraph, Graphs};
-pub use persistence::{About, Saved};
-use recovery::LastGood;
-pub use recovery::Recovery;
+use persistence::LastGood;
+pub use persistence::{About, Recovery, Saved};
 
 /// Losses are reported as running means over about this many updates.
 pub(crate) const LOSS_AVERAGE_UPDATES: f64 = 500.0;
@@ -112,10 +111,6 @@ fn new_rollout(run: &Run, world: &dyn Environment) -> Result<Rollout> {
     Ok(Rollout::new(fork_world(run, world)?, stream(run.seed, Stream::Explore))?)
 }
 
-fn new_replay(run: &Run, spec: &Spec) -> Replay {
-    Replay::new(ReplaySizes::of(spec), run.settings.train.agents, run.settings.learn.buffer_size)
-}
-
 fn new_candidates(run: &Run, spec: &Spec) -> Candidates {
     Candidates::new(spec, run.settings.train.agents, &run.bridge())
 }
@@ -135,7 +130,11 @@ impl Trainer {
         Ok(Self {
             visits: Visits::none(world),
             rollout,
-            replay: new_replay(&run, spec),
+            replay: Replay::new(
+                ReplaySizes::of(spec),
+                run.settings.train.agents,
+                run.settings.learn.buffer_size,
+            ),
             data: None,
             batch_rng: stream(run.seed, Stream::Batch),
             candidates: new_candidates(&run, spec),
@@ -265,8 +264,7 @@ impl Trainer {
         self.graphs.current.as_ref().map(|built| &*built.graph)
     }
 
-    /// Returns the latest bridge search.
-    pub fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
+    pub(crate) fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
         self.rollout.last_search.as_ref()
     }
 
@@ -312,8 +310,7 @@ impl Trainer {
         Ok(tick)
     }
 
-    /// Whether the next tick is an update.
-    pub fn is_update_due(&self) -> bool {
+    pub(crate) fn is_update_due(&self) -> bool {
         // Without a warm-up, an update can be due before any agent's second state is known.
         let owed = self.counters.owed_steps >= self.run.settings.train.env_steps_per_update;
         (owed || !self.acts()) && self.replay.has_transitions()
@@ -324,7 +321,10 @@ impl Trainer {
             self.roll_back()?;
             return Ok(Tick::Step);
         };
-        let learns = self.learns_from_round();
+        // Not during the warm-up.
+        let learns = self.data.is_some()
+            || self.counters.env_steps + self.round_steps()
+                > self.run.settings.train.learning_starts;
         let owed = self.counters.owed_steps + self.counters.deferred_steps + self.round_steps();
         let due = learns
             && self.run.settings.train.update_when == UpdateWhen::Step
@@ -347,12 +347,6 @@ impl Trainer {
 
     fn round_steps(&self) -> u64 {
         self.run.settings.train.agents as u64
-    }
-
-    /// Whether updates are owed for the next round: not during the warm-up.
-    fn learns_from_round(&self) -> bool {
-        self.counters.env_steps + self.round_steps() > self.run.settings.train.learning_starts
-            || self.data.is_some()
     }
 
     /// Runs an update while the world computes a round of steps, if it has begun one.
@@ -378,7 +372,6 @@ impl Trainer {
         Ok(self.rollout.wait()?)
     }
 
-    /// Ends the round of steps begun and counts it.
     fn finish_step(&mut self) -> Result<RoundResult> {
         self.wait_for_world()?;
         let round = self.with_step_context(Rollout::finish)??;

@@ -20,7 +20,6 @@ pub(super) const AT_SHARE: f32 = 0.3;
 /// end up to a goal radius off.
 const CONFIRMED_SLACK_STEPS: u16 = 3;
 
-/// The path from one candidate to another, as trajectories have shown it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Path {
     /// Index of the other candidate.

@@ -1,11 +1,12 @@
-//! How close together candidates lie.
+//! How close together candidates lie, and what they forget after an edit of the world.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
 use pathfinding::directed::dijkstra::dijkstra_reach;
 
-use super::{Candidates, KnownPaths, Path, Visit};
+use super::{Candidates, KnownPaths, Path, UNOBSERVED, Visit};
+use crate::env::Region;
 use crate::learn::GoalIndex;
 
 /// The spacing grows to at most this share of the edge cut-off: edges could hardly connect
@@ -30,8 +31,11 @@ pub(crate) const MANY_PATHS: usize = 200;
 /// the edge cut-off apart in a straight line. Unexplored space counts as walls.
 pub(crate) const OPEN_SHARE: f32 = 0.5;
 
-/// Number of candidates from which that share is computed.
 const JUDGED_CANDIDATES: usize = 64;
+
+/// Slack on the steps of a path, for both ends together: trajectories pass near candidates, not
+/// through them.
+const NEAR_STEPS: f32 = 2.0;
 
 impl Candidates {
     /// Whether the spacing has to grow before there can be another candidate.
@@ -39,8 +43,6 @@ impl Candidates {
         self.len() >= self.max_count || (!self.verified && self.exceeds_target())
     }
 
-    /// Whether there are as many candidates as there should be, and they may move apart to make
-    /// room.
     fn exceeds_target(&self) -> bool {
         self.len() >= self.target_count && self.spacing < self.max_spacing
     }
@@ -66,7 +68,6 @@ impl Candidates {
         }
     }
 
-    /// Whether there are too many observed paths for fast planning and candidates may move apart.
     fn is_crowded(&self) -> bool {
         self.exceeds_target() && self.has_many_paths()
     }
@@ -147,79 +148,63 @@ impl Candidates {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use rand::{RngExt, SeedableRng};
-    use rand_chacha::ChaCha8Rng;
+impl Candidates {
+    /// Returns the distance within which an edit of a region may affect paths from a candidate, in
+    /// the environment's unit of length. (The fastest agents move one goal radius per step.)
+    pub fn reach(&self) -> f32 {
+        (self.window as f32 + NEAR_STEPS) * self.spec.goal_radius
+    }
 
-    use super::super::tests::{line, restored, walk_corridor};
-    use super::*;
-    use crate::bridge::BridgeSettings;
-    use crate::env::Spec;
+    /// Returns which candidates are within [`Self::reach`] of `region`.
+    pub fn near(&self, region: &Region) -> Vec<bool> {
+        self.distances_from(region).into_iter().map(|distance| distance <= self.reach()).collect()
+    }
 
-    /// The side of a square to walk in.
-    const SIDE: u16 = 14;
+    fn distances_from(&self, region: &Region) -> Vec<f32> {
+        let distance = |i| region.distance(self.goal_index.goal(i).iter().copied());
+        (0..self.len()).map(distance).collect()
+    }
 
-    fn wander(candidates: &mut Candidates, steps: usize) {
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut at = [0.5f32, 0.5];
-        for _ in 0..steps / 4 {
-            let direction = [rng.random_range(-0.5..0.5f32), rng.random_range(-0.5..0.5f32)];
-            for _ in 0..4 {
-                let before = at;
-                at = [0, 1]
-                    .map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, f32::from(SIDE)));
-                candidates.visit(0, &at, &before);
+    /// Forgets, after an edit of `region`, the candidates that are not `valid` states and the
+    /// outcomes of walks that the edit may have affected; if the edit may have blocked paths, also
+    /// those that are long enough to have led through the region. Ends all episodes.
+    pub fn forget(&mut self, region: &Region, blocks: bool, valid: impl Fn(&[f32]) -> bool) {
+        (0..self.visits.len()).for_each(|agent| self.end_episode(agent));
+        let s = self.spec.state_dim();
+        let kept: Vec<usize> =
+            (0..self.len()).filter(|i| valid(&self.states[i * s..(i + 1) * s])).collect();
+        if kept.len() < self.len() {
+            self.keep(&kept);
+        }
+        let (distances, radius) = (self.distances_from(region), self.spec.goal_radius);
+        let reach = self.reach();
+        for (paths, from) in self.paths.iter_mut().zip(&distances) {
+            if *from > reach {
+                continue;
             }
-        }
-    }
-
-    fn crowded_square() -> (Spec, BridgeSettings, Candidates) {
-        let (spec, settings) = line(7);
-        // Long paths, so that there are many along a corridor, too.
-        let settings = BridgeSettings { edge_cutoff_steps: 30.0, ..settings };
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        wander(&mut candidates, 100_000);
-        (spec, settings, candidates)
-    }
-
-    /// Walks back and forth, several times, through a corridor that winds through the square:
-    /// corridor and walls are one unit wide, and at alternating ends the walls have a gap.
-    fn walk_winding_corridor(candidates: &mut Candidates) {
-        let mut places = Vec::new();
-        for y in (0..SIDE).step_by(2) {
-            let leads_right = y % 4 == 0;
-            places.extend((0..SIDE).map(|x| [if leads_right { x } else { SIDE - 1 - x }, y]));
-            places.push([if leads_right { SIDE - 1 } else { 0 }, y + 1]);
-        }
-        for _ in 0..30 {
-            let way = places.iter().chain(places.iter().rev());
-            way.for_each(|at| {
-                let at = at.map(|coordinate| f32::from(coordinate) + 0.5);
-                candidates.visit(0, &at, &at);
+            let is_out_of_reach =
+                |to: u32, steps: f32| from + distances[to as usize] > (steps + NEAR_STEPS) * radius;
+            let paths = Arc::make_mut(paths);
+            if blocks {
+                paths.observed.retain(|path| {
+                    let known = Some(path.steps()).filter(|steps| *steps != UNOBSERVED);
+                    is_out_of_reach(path.to, f32::from(known.unwrap_or(path.fewest)))
+                });
+            }
+            let ids = &self.ids;
+            paths.practice.retain(|id, _| {
+                let to = ids.binary_search(id);
+                to.is_ok_and(|to| is_out_of_reach(to as u32, self.window as f32))
             });
         }
     }
+}
 
-    #[test]
-    fn only_in_open_space_do_many_paths_drive_candidates_apart() {
-        let (spec, settings, mut open) = crowded_square();
-        let mut closed = Candidates::new(&spec, 1, &settings);
-        walk_winding_corridor(&mut closed);
-        for candidates in [&open, &closed] {
-            assert!(candidates.len() > 40 && candidates.has_many_paths(), "{}", candidates.len());
-        }
-        let before = [&open, &closed].map(|candidates| (candidates.len(), candidates.spacing()));
-        let mut restored = restored(&open, Candidates::new(&spec, 1, &settings));
-        for candidates in [&mut open, &mut restored] {
-            candidates.adapt_spacing();
-            assert!(candidates.spacing() > before[0].1 && candidates.len() < before[0].0);
-            assert!(!candidates.has_many_paths(), "{} candidates", candidates.len());
-        }
-        closed.adapt_spacing();
-        let least = settings.candidate_spacing * spec.goal_radius;
-        assert_eq!((closed.len(), closed.spacing()), (before[1].0, least));
-    }
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{line, restored, walk_corridor};
+    use super::*;
+    use crate::bridge::BridgeSettings;
 
     #[test]
     fn candidates_move_closer_together_where_many_walks_fail() {

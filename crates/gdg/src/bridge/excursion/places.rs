@@ -24,7 +24,6 @@ const MAX_NOISE_STEPS: f32 = 2.0;
 
 pub(crate) const MAX_PLACES: usize = 200_000;
 
-/// Maximum number of actions to follow when looking up a place at the frontier.
 const MAX_LOOKAHEAD: u32 = 2_000;
 
 /// Distance to the frontier where no known action leads there.
@@ -60,13 +59,10 @@ pub struct Places {
     ahead: Vec<u32>,
     /// Sum of the changes of coordinates that each action has brought, `(actions, goal_dim)`.
     moved: Vec<i64>,
-    /// Failed attempts after which an action counts as tried.
     enough_attempts: u16,
-    /// Arrivals until the distances to the frontier are computed again.
     measure_in: usize,
 }
 
-/// Where an action leads, as far as known or expected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
     Unvisited,
@@ -188,7 +184,6 @@ impl Places {
         along.is_some() && along != direction(&offset) && noise_steps <= MAX_NOISE_STEPS
     }
 
-    /// Returns the place that `action` is expected to lead to from `place`, if it has been visited.
     fn expected(&self, place: usize, action: usize) -> Option<usize> {
         let along = self.direction(action)?;
         let ends = self.key(place).iter().zip(along);

@@ -89,11 +89,9 @@ pub struct Route {
     /// The edge to that successor, as its place in the list of incoming edges.
     #[serde(skip)]
     pub(in crate::bridge) edges: Vec<u32>,
-    /// The candidate nearest to the goal by D.
     pub nearest: Option<usize>,
     /// Candidates linked to the goal, and the cost of each link in parts of a step.
     pub(in crate::bridge) links: Vec<(u32, u32)>,
-    /// Whether links that are not verified are among them.
     pub(in crate::bridge) has_unverified_links: bool,
 }
 
@@ -113,11 +111,9 @@ impl Route {
 }
 
 pub(in crate::bridge) struct HopOptions {
-    /// Nearby candidates.
     pub candidates: Vec<FirstHop>,
     /// D to the goal itself.
     pub to_goal: f32,
-    /// Going straight to the goal, if that may be planned.
     pub direct: Option<Link>,
 }
 
@@ -125,7 +121,6 @@ pub(in crate::bridge) struct FirstHop {
     pub candidate: usize,
     /// D to it.
     pub distance: f32,
-    /// The hop, if it may be planned.
     pub link: Option<Link>,
 }
 
@@ -424,7 +419,6 @@ impl BridgeGraph {
     }
 }
 
-/// Returns `cost`, in steps, as a whole number of [`COST_UNITS_PER_STEP`].
 pub(super) fn cost_units(cost: f32) -> u32 {
     (cost * COST_UNITS_PER_STEP) as u32
 }

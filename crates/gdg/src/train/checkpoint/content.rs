@@ -37,7 +37,6 @@ fn problem(what: impl Into<String>) -> StoreError {
     StoreError::inconsistent(what)
 }
 
-/// What is wrong if what follows is not as packed as the state says.
 const PACKED: &str = "is damaged: its state cannot be unpacked";
 const NO_HEADER: &str = "is not a safetensors file";
 const SIZE: &str = "is damaged: its size differs from what its header says";
@@ -73,7 +72,6 @@ pub fn to_bytes(texts: &Texts, state: &[u8], progress: &Job) -> Vec<u8> {
     bytes
 }
 
-/// Returns a part of the state deflated, if that is shorter.
 fn deflated(part: &[u8]) -> Option<Vec<u8>> {
     let mut encoder = DeflateEncoder::new(Vec::new(), Compression::fast());
     let short = encoder.write_all(part).and_then(|()| encoder.finish()).ok();

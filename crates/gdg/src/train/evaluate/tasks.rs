@@ -34,7 +34,6 @@ pub struct TaskRuns {
     pub env: Box<dyn Environment>,
 }
 
-/// An agent that has neither reached its goal nor used up its steps.
 struct ActiveAgent<'a> {
     index: usize,
     goal: &'a [f32],

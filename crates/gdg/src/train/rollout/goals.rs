@@ -5,7 +5,9 @@ use std::sync::Arc;
 use rand::RngExt;
 
 use super::{Plan, Rollout, StepContext};
-use crate::bridge::{Excursion, SEARCH_BUDGET, SearchSpace, search};
+use crate::bridge::{
+    EXPLORED_SHARE, Excursion, FRONTIER_SHARE, SEARCH_BUDGET, SearchSpace, search,
+};
 use crate::env::{EnvError, EnvSettings, Goals, Restart};
 
 /// An agent gives up on a goal after this multiple of D to it ...
@@ -70,8 +72,9 @@ impl Rollout {
         }
         if context.bridges {
             let bridge = &context.settings.bridge;
-            if self.excursions.are_due(bridge.frontier_share(self.excursions.places.has_frontier()))
-            {
+            let has_frontier = self.excursions.places.has_frontier();
+            let share = if has_frontier { FRONTIER_SHARE } else { EXPLORED_SHARE };
+            if self.excursions.are_due(bridge.frontier_epsilon.given().unwrap_or(share)) {
                 self.excursions.under_way[i] = Some(Excursion::default());
             } else if self.chance(bridge.planned_episodes) {
                 self.plan(i, context);
@@ -104,8 +107,6 @@ impl Rollout {
         probability > 0.0 && self.rng.random::<f32>() < probability
     }
 
-    /// Sets the step at which agent `i` gives up on its goal: most goals in unexplored parts cannot
-    /// be reached yet.
     pub(super) fn set_deadline(&mut self, i: usize, context: &StepContext) {
         let s = self.env.spec().state_dim();
         let agent = &mut self.agents[i];
@@ -139,7 +140,6 @@ impl Rollout {
         }
     }
 
-    /// Starts an episode from agent `i`'s current state to a random goal.
     pub(super) fn begin_episode(&mut self, i: usize) {
         let agent = &mut self.agents[i];
         (agent.steps, agent.held, agent.after_bridge, agent.give_up_at) = (0, None, None, 0);

@@ -3,12 +3,12 @@
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::recovery::LastGood;
+use super::persistence::LastGood;
 use super::{Result, Trainer, fork_world, new_candidates, new_learner, new_rollout};
 use crate::bridge::Candidates;
 use crate::env::{Change, EnvError, Environment, Region, Spec};
 use crate::job::Job;
-use crate::learn::Replay;
+use crate::learn::{Replay, ReplaySizes};
 use crate::settings::Effect;
 use crate::store::Store;
 use crate::train::config::list_settings;
@@ -45,7 +45,6 @@ pub struct WorldChange {
     pub transitions_restored: usize,
 }
 
-/// What was kept when a run's settings changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KeptState {
     /// Whether the networks were kept; otherwise they are fresh.
@@ -120,7 +119,9 @@ impl Trainer {
             }
         }
         let last_good = LastGood::capture(self.counters.updates, self.counters.losses, &*learner)?;
-        let agents = keeps_agents(&self.run.settings, &run.settings);
+        let kept = |s: &Settings| (s.train.restart, s.train.goals);
+        let agents = keeps_replay(&self.run.settings, &run.settings)
+            && kept(&self.run.settings) == kept(&run.settings);
         let fresh_agents = if agents { None } else { Some(new_rollout(&run, self.world())?) };
         let used_before = self.used_method();
         let before = std::mem::replace(&mut self.run, run);
@@ -133,7 +134,18 @@ impl Trainer {
         self.counters.recoveries = 0;
         self.paced_from = None;
         progress.begin(1, CHANGE_STAGES);
-        self.fit_agents(&before, fresh_agents, &progress);
+        match fresh_agents {
+            None => self.rollout.env.configure(&self.run.settings.train.env()),
+            Some(rollout) => self.replace_agents(rollout, &before.settings),
+        }
+        // All that makes candidates.
+        let read = |run: &Run| {
+            let s = run.bridge();
+            (s.candidates, s.candidate_spacing, s.edge_cutoff_steps, s.verify_edges)
+        };
+        if !agents || read(&self.run) != read(&before) {
+            self.rebuild_candidates(&progress);
+        }
         progress.begin(2, CHANGE_STAGES);
         let same_graph = self.run.bridge() == before.bridge()
             && self.run.method.planner == before.method.planner;
@@ -144,28 +156,18 @@ impl Trainer {
         Ok(KeptState { networks, agents })
     }
 
-    /// Returns the name of the method, and whether its learner learns.
     fn used_method(&self) -> (String, bool) {
         (self.run.method.name(), self.learns())
-    }
-
-    /// Adapts world, agents, replay buffer and candidates to settings changed from `before`;
-    /// replaces the agents by `fresh` ones, if there are any.
-    fn fit_agents(&mut self, before: &Run, fresh: Option<Rollout>, progress: &Job) {
-        let are_fresh = fresh.is_some();
-        match fresh {
-            None => self.rollout.env.configure(&self.run.settings.train.env()),
-            Some(rollout) => self.replace_agents(rollout, &before.settings),
-        }
-        if are_fresh || !self.run.bridge().makes_same_candidates(&before.bridge()) {
-            self.rebuild_candidates(progress);
-        }
     }
 
     fn replace_agents(&mut self, rollout: Rollout, before: &Settings) {
         self.rollout.end_episodes(&mut self.replay);
         if !keeps_replay(before, &self.run.settings) {
-            let mut replay = self.replay_for_agents();
+            // As the settings have it, with room for all that there is.
+            let kept = if self.data.is_some() { self.replay.capacity() } else { 0 };
+            let Settings { train, learn, .. } = &self.run.settings;
+            let room = learn.buffer_size.max(kept);
+            let mut replay = Replay::new(ReplaySizes::of(self.spec()), train.agents, room);
             self.replay.copy_episodes_into(&mut replay);
             self.replay = replay;
             self.own_replay();
@@ -233,16 +235,8 @@ fn revisit(
     (0..replay.agents()).for_each(|agent| candidates.end_episode(agent));
 }
 
-/// Whether the replay buffer can be kept as it is after a change of settings.
 fn keeps_replay(before: &Settings, now: &Settings) -> bool {
     now.train.agents == before.train.agents && now.learn.buffer_size == before.learn.buffer_size
-}
-
-/// Whether the agents can be kept after a change of settings.
-fn keeps_agents(before: &Settings, now: &Settings) -> bool {
-    keeps_replay(before, now)
-        && now.train.restart == before.train.restart
-        && now.train.goals == before.train.goals
 }
 
 /// Returns whether a change from one run to another gives up what the networks have learned.

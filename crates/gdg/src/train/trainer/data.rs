@@ -14,11 +14,9 @@ use crate::train::memory;
 const DATA: &str = "data";
 const REPLAY: &str = "replay";
 
-/// The data of a run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Data {
     source: DataSource,
-    /// Whether agents act as well.
     acts: bool,
     /// Room in the replay buffer if a checkpoint contains it, as it is no longer what the file has.
     own_replay: Option<usize>,
@@ -78,7 +76,6 @@ impl Trainer {
         self.replay.retain_possible(|s, _, next| (!is_sure(s, next)).then_some(false)).0
     }
 
-    /// Returns the replay buffer that holds `data`; goals are states of it, drawn at random.
     fn replay_of(&self, data: &Dataset) -> Replay {
         let (spec, mut rng) = (self.spec(), stream(self.run.seed, Stream::Data));
         let (editable, idle) = (self.world().abilities().editable, vec![0.0; spec.action_dim]);
@@ -139,14 +136,6 @@ impl Trainer {
         }
     }
 
-    /// Returns an empty replay buffer as the settings have it, with room for all that there is.
-    pub(super) fn replay_for_agents(&self) -> Replay {
-        let (settings, sizes) = (&self.run.settings, ReplaySizes::of(self.spec()));
-        let kept = if self.data.is_some() { self.replay.capacity() } else { 0 };
-        Replay::new(sizes, settings.train.agents, settings.learn.buffer_size.max(kept))
-    }
-
-    /// Takes note that the replay buffer is no longer what the file has.
     pub(super) fn own_replay(&mut self) {
         if let Some(data) = &mut self.data {
             data.own_replay = Some(self.replay.capacity());

@@ -38,7 +38,6 @@ pub(crate) const EDIT_ACTIVATION_DIVISOR: u64 = 2;
 /// A build updates D of the edges from one in this many candidates.
 pub(crate) const RENEWAL_ROUNDS: u64 = 2;
 
-/// Where the graph of a build comes from.
 pub enum GraphSource {
     /// From the graph before, or an empty one; the round says whose edges are due.
     Renewed { before: Arc<BridgeGraph>, round: u64 },
@@ -50,7 +49,6 @@ pub struct GraphJob {
     pub policy: Arc<dyn Policy>,
     pub candidates: Arc<Candidates>,
     pub source: GraphSource,
-    /// Whether to find the distances that have changed.
     pub finds_changed: bool,
     /// RNG for the distilled distances.
     pub rng: ChaCha8Rng,
@@ -64,7 +62,6 @@ pub struct BuiltGraph {
     pub graph: Arc<BridgeGraph>,
     /// Sample of its distances to distil; none if it found no paths, or after an edit.
     pub distilled: Option<Arc<DistancesByGoal>>,
-    /// The longest of these distances, or of those of the graph before an edit.
     pub longest_steps: f32,
     /// Whether an edit of the world has changed the graph since it was built: its distances are
     /// not known again until the next one.
@@ -86,7 +83,6 @@ enum PendingGraph {
     Ready(BuiltGraph),
 }
 
-/// A build in the background; dropping it ends the build.
 struct Building {
     at: u64,
     job: Arc<GraphJob>,
@@ -115,7 +111,6 @@ impl Building {
         self.result.get().cloned().unwrap_or_else(|| self.job.finish(self.at))
     }
 
-    /// Waits for the graph. If its thread panics, so does this one.
     fn join(self) -> BuiltGraph {
         let Self { at, job, result, running } = self;
         running.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
@@ -125,7 +120,6 @@ impl Building {
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StoredBuild {
-    /// Updates at which the build began and it takes effect.
     at: u64,
     due: u64,
     graph: StoredGraph,
@@ -135,7 +129,6 @@ pub struct StoredBuild {
 }
 
 impl GraphJob {
-    /// Builds the graph; returns `None` once `job` is cancelled.
     fn run(&self, at: u64, job: &Job) -> Option<BuiltGraph> {
         crate::faults::point("graph");
         let (mut scratch, policy, candidates) =
@@ -159,7 +152,6 @@ impl GraphJob {
         Some(built)
     }
 
-    /// Builds the graph even if the job has been cancelled.
     fn finish(&self, at: u64) -> BuiltGraph {
         self.run(at, &Job::default()).unwrap_or_else(|| unreachable!("nobody cancels it"))
     }
@@ -192,7 +184,6 @@ impl BuiltGraph {
 }
 
 impl Graphs {
-    /// Returns the build of the next graph, if it goes on.
     pub fn building(&self) -> Option<&Job> {
         match &self.next {
             Some((_, PendingGraph::Building(building))) => Some(building.running.job()),
@@ -200,7 +191,6 @@ impl Graphs {
         }
     }
 
-    /// Swaps in the next graph if it is due at update `now`; returns whether it was.
     pub fn activate_due(&mut self, now: u64) -> bool {
         let Some((_, next)) = self.next.take_if(|(due, _)| *due <= now) else { return false };
         self.current = Some(match next {
@@ -277,7 +267,6 @@ impl Trainer {
         self.start_graph(EDIT_ACTIVATION_DIVISOR, GraphSource::Edited(graph))
     }
 
-    /// Restores what [`Graphs::stored`] returned.
     pub(super) fn restore_graphs(&mut self, stored: [Option<StoredBuild>; 2]) -> Result<()> {
         let [current, next] = stored;
         self.graphs.current = current.map(|stored| self.restored_graph(stored)).transpose()?;
@@ -342,7 +331,6 @@ impl Trainer {
         Ok(())
     }
 
-    /// Returns the RNG for the distilled distances of a graph whose build began at update `at`.
     fn graph_rng(&self, at: u64) -> ChaCha8Rng {
         let mut rng = stream(self.run.seed, Stream::Graph);
         rng.set_word_pos(u128::from(at) << 34);
