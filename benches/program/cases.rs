@@ -243,21 +243,15 @@ pub fn other() -> Result<String, TrainError> {
     for (candidates, what) in
         [(500, "planning query, 500 candidates"), (1500, "planning query, 1500 candidates")]
     {
-        let (candidates, settings) = explored_candidates(&map, candidates);
-        let graph = BridgeGraph::build(
-            world.spec(),
-            &settings,
-            &candidates.frozen(),
-            &*policy,
-            &mut scratch,
-        );
+        let candidates = explored_candidates(&map, candidates);
+        let graph = BridgeGraph::build(&candidates.frozen(), &*policy, &mut scratch);
         all += &timed(what, 50, &mut || {
             let mut walker = Walker::new(graph.route(&[40.5, 200.5], &*policy, &mut scratch));
             walker.step(&[200.5, 40.5], &graph, &*policy, &mut scratch);
         });
     }
     // Asking for 500 candidates yields three times as many on this map.
-    let (candidates, _) = explored_candidates(&map, 500);
+    let candidates = explored_candidates(&map, 500);
     all += &timed("blocking training to build a graph of 1500 candidates", 20, &mut || {
         std::hint::black_box((learner.policy(true).is_ok(), candidates.frozen()));
     });
@@ -266,7 +260,7 @@ pub fn other() -> Result<String, TrainError> {
 }
 
 /// Collects about `candidates` candidates from random walks on the open map.
-fn explored_candidates(map: &Arc<Grid>, candidates: usize) -> (Candidates, BridgeSettings) {
+fn explored_candidates(map: &Arc<Grid>, candidates: usize) -> Candidates {
     let mut rng = rng();
     let mut world = PointMaze::new(map.clone(), 32);
     let settings = BridgeSettings { candidates, ..BridgeSettings::default() };
@@ -289,5 +283,5 @@ fn explored_candidates(map: &Arc<Grid>, candidates: usize) -> (Candidates, Bridg
             .for_each(|(i, state)| candidates.visit(i, state, state));
         world.step(&actions, &mut rng);
     }
-    (candidates, settings)
+    candidates
 }

@@ -62,54 +62,9 @@ impl Preset {
     }
 }
 
-/// A group of related settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Group {
-    /// The networks and their inputs.
-    Networks,
-    /// The critics' targets.
-    Targets,
-    /// Composition of a batch.
-    Batches,
-    /// Step sizes, update schedule and backend.
-    Optimiser,
-    /// Agents, episodes and the world.
-    Agents,
-    /// How agents explore.
-    Exploration,
-    /// Bridge candidates and the edges between them.
-    Bridges,
-    /// Execution of plans.
-    Planning,
-}
-
-impl Group {
-    /// All groups, in the order in which settings are listed.
-    pub const ALL: [Self; 8] = [
-        Self::Networks,
-        Self::Targets,
-        Self::Batches,
-        Self::Optimiser,
-        Self::Agents,
-        Self::Exploration,
-        Self::Bridges,
-        Self::Planning,
-    ];
-
-    /// Returns its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Networks => "networks",
-            Self::Targets => "targets",
-            Self::Batches => "batches",
-            Self::Optimiser => "optimiser",
-            Self::Agents => "agents",
-            Self::Exploration => "exploration",
-            Self::Bridges => "bridges",
-            Self::Planning => "planning",
-        }
-    }
-}
+/// The groups of settings, in the order in which they are listed.
+pub(crate) const GROUPS: [&str; 8] =
+    ["networks", "targets", "batches", "optimiser", "agents", "exploration", "bridges", "planning"];
 
 /// Effect of changing a setting during a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,7 +94,7 @@ pub struct Setting {
     /// Its name on the command line and in files.
     pub name: &'static str,
     /// The group it belongs to.
-    pub group: Group,
+    pub group: &'static str,
     /// Description.
     pub about: &'static str,
     /// Its unit; empty if it has none.
@@ -169,7 +124,7 @@ pub(crate) const fn without(name: &'static str, value: &'static str) -> Option<A
 impl Setting {
     pub(crate) const PLAIN: Self = Self {
         name: "",
-        group: Group::Networks,
+        group: GROUPS[0],
         about: "",
         unit: "",
         values: Values::SWITCH,
@@ -226,7 +181,7 @@ pub(crate) enum Kind {
     /// One of these words.
     Word(&'static [&'static str]),
     /// A whole number within both bounds, or without an upper bound.
-    Count { from: u64, to: Option<u64> },
+    Count { from: u64, to: u64 },
     /// A number in single precision, within both bounds or without one of them.
     Number { noun: &'static str, from: f32, to: f32, excluded: Excluded },
     /// A list of at most `max_len` numbers, each within both bounds.
@@ -260,11 +215,7 @@ impl Values {
     }
 
     pub(crate) const fn count(from: u64, to: u64) -> Self {
-        Self::of(Kind::Count { from, to: Some(to) })
-    }
-
-    pub(crate) const fn count_from(from: u64) -> Self {
-        Self::of(Kind::Count { from, to: None })
+        Self::of(Kind::Count { from, to })
     }
 
     pub(crate) const fn number(from: f32, to: f32) -> Self {
@@ -315,9 +266,7 @@ impl Values {
         match self.kind {
             Kind::Switch => value.is_boolean(),
             Kind::Word(words) => value.as_str().is_some_and(|word| words.contains(&word)),
-            Kind::Count { from, to } => {
-                value.as_u64().is_some_and(|n| from <= n && to.is_none_or(|to| n <= to))
-            }
+            Kind::Count { from, to } => value.as_u64().is_some_and(|n| from <= n && n <= to),
             Kind::Number { from, to, excluded, .. } => {
                 real(value).is_some_and(|v| match excluded {
                     Excluded::None => from <= v && v <= to,
@@ -345,11 +294,11 @@ impl fmt::Display for Values {
                 let (last, others) = words.split_last().unwrap_or((&"", &[]));
                 write!(f, "{} or {last}", others.join(", "))?;
             }
-            Kind::Count { from, to: None } => write!(f, "an integer, {from} or more")?,
-            Kind::Count { from, to: Some(to) } if to == from + 1 => {
+            Kind::Count { from, to: u64::MAX } => write!(f, "an integer, {from} or more")?,
+            Kind::Count { from, to } if to == from + 1 => {
                 write!(f, "an integer, {from} or {to}")?;
             }
-            Kind::Count { from, to: Some(to) } => write!(f, "an integer from {from} to {to}")?,
+            Kind::Count { from, to } => write!(f, "an integer from {from} to {to}")?,
             Kind::Number { noun, from, to, excluded } => {
                 let (from, to) = (Short(from), Short(to));
                 match excluded {
@@ -420,7 +369,7 @@ macro_rules! settings {
             pub(crate) const ENTRIES: &'static [$crate::settings::Setting] = &[
                 $($($crate::settings::Setting {
                     name: stringify!($field),
-                    group: $crate::settings::Group::$group,
+                    group: stringify!($group),
                     about: $about,
                     $($property: $content,)*
                     ..$crate::settings::Setting::PLAIN

@@ -18,29 +18,16 @@ pub struct Store {
     values: BTreeMap<String, Vec<u8>>,
 }
 
-/// An error in a store's contents.
+/// What is wrong with a store's contents: they are missing, of another type, contradict each other or
+/// the settings, or are out of range.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum StoreError {
-    /// Numbers or a value are missing.
-    #[error("has no {0}: it is not a checkpoint")]
-    Missing(String),
-    /// A value cannot be read as the expected type.
-    #[error("its {name} cannot be read: {why}")]
-    Unreadable {
-        /// Its name.
-        name: String,
-        /// The parser's message.
-        why: String,
-    },
-    /// Contents contradict each other or the settings, or are out of range.
-    #[error("{0}")]
-    Inconsistent(String),
-}
+#[error("{0}")]
+pub struct StoreError(String);
 
 impl StoreError {
     /// Creates an error about contents that do not fit.
     pub fn inconsistent(message: impl Into<String>) -> Self {
-        Self::Inconsistent(message.into())
+        Self(message.into())
     }
 
     /// Returns an error with this message unless contents are as they should be.
@@ -48,8 +35,12 @@ impl StoreError {
         if holds { Ok(()) } else { Err(Self::inconsistent(message)) }
     }
 
+    pub(crate) fn missing(name: &str) -> Self {
+        Self(format!("has no {name}: it is not a checkpoint"))
+    }
+
     pub(crate) fn unreadable(name: &str, why: impl std::fmt::Display) -> Self {
-        Self::Unreadable { name: name.to_owned(), why: why.to_string() }
+        Self(format!("its {name} cannot be read: {why}"))
     }
 }
 
@@ -61,10 +52,7 @@ impl Store {
 
     /// Returns the numbers called `name`.
     pub fn numbers(&self, name: &str) -> Result<&[f32], StoreError> {
-        self.numbers
-            .get(name)
-            .map(Vec::as_slice)
-            .ok_or_else(|| StoreError::Missing(name.to_owned()))
+        self.numbers.get(name).map(Vec::as_slice).ok_or_else(|| StoreError::missing(name))
     }
 
     /// Adds a value, replacing one of the same name.
@@ -108,7 +96,7 @@ impl Store {
     }
 
     fn bytes(&self, name: &str) -> Result<&[u8], StoreError> {
-        self.values.get(name).map(Vec::as_slice).ok_or_else(|| StoreError::Missing(name.to_owned()))
+        self.values.get(name).map(Vec::as_slice).ok_or_else(|| StoreError::missing(name))
     }
 
     /// Returns whether all numbers are finite.
@@ -283,6 +271,6 @@ mod tests {
         ] {
             assert!(error.to_string().starts_with("its some cannot be read: "), "{error}");
         }
-        assert_eq!(store.get::<u8>("other"), Err(StoreError::Missing("other".to_owned())));
+        assert_eq!(store.get::<u8>("other"), Err(StoreError::missing("other")));
     }
 }

@@ -13,7 +13,6 @@ use crate::env::Spec;
 use crate::learn::GoalIndex;
 use crate::store::{StoreError, planes};
 use paths::{AT_SHARE, HopOutcomes, KnownPaths, Path};
-pub(crate) use spacing::MAX_SPACING_SHARE;
 
 /// Step count between two candidates that no trajectory connected within the time window.
 pub const UNOBSERVED: u16 = u16::MAX;
@@ -56,28 +55,12 @@ pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Candidates {
     #[serde(skip)]
-    spec: Spec,
+    pub(super) spec: Spec,
     #[serde(skip)]
-    target_count: usize,
-    #[serde(skip)]
-    max_count: usize,
-    /// Spacing beyond which only the hard limit counts.
-    #[serde(skip)]
-    max_spacing: f32,
-    #[serde(skip)]
-    verified: bool,
+    pub(crate) settings: BridgeSettings,
     /// Whether space has turned out to be open.
     is_open: bool,
-    #[serde(skip)]
-    edge_cutoff_steps: f32,
-    #[serde(skip)]
-    window: usize,
     spacing: f32,
-    #[serde(skip)]
-    least_spacing: f32,
-    /// Distance that candidates keep from each other even where walls separate them.
-    #[serde(skip)]
-    min_spacing: f32,
     /// `(candidates, state_dim)`.
     #[serde(with = "planes")]
     states: Vec<f32>,
@@ -114,16 +97,9 @@ impl Candidates {
     pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
         Self {
             spec: spec.clone(),
-            target_count: settings.candidates,
-            max_count: settings.max_candidates(),
-            max_spacing: MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius,
-            verified: settings.verify_edges,
+            settings: settings.clone(),
             is_open: false,
-            edge_cutoff_steps: settings.edge_cutoff_steps,
-            window: settings.window_steps(),
             spacing: settings.candidate_spacing * spec.goal_radius,
-            least_spacing: settings.candidate_spacing * spec.goal_radius,
-            min_spacing: MIN_SPACING_RADII.min(settings.candidate_spacing) * spec.goal_radius,
             states: Vec::new(),
             goal_index: Arc::new(GoalIndex::new(spec)),
             ids: Vec::new(),
@@ -140,6 +116,7 @@ impl Candidates {
     pub fn frozen(&self) -> Arc<Self> {
         Arc::new(Self {
             spec: self.spec.clone(),
+            settings: self.settings.clone(),
             states: self.states.clone(),
             goal_index: self.goal_index.clone(),
             ids: self.ids.clone(),
@@ -154,9 +131,19 @@ impl Candidates {
     /// walks are never attributed to new candidates; keeps the outcomes of hops, and the spacing if
     /// the initial one is the same.
     pub fn reset_to(&mut self, fresh: Self) {
-        let spacing =
-            if self.least_spacing == fresh.least_spacing { self.spacing } else { fresh.spacing };
+        let is_same = self.least_spacing() == fresh.least_spacing();
+        let spacing = if is_same { self.spacing } else { fresh.spacing };
         *self = Self { next_id: self.next_id, hops: self.hops, spacing, ..fresh };
+    }
+
+    /// Returns the initial spacing.
+    fn least_spacing(&self) -> f32 {
+        self.settings.candidate_spacing * self.spec.goal_radius
+    }
+
+    /// Returns the distance that candidates keep from each other even where walls separate them.
+    fn min_spacing(&self) -> f32 {
+        MIN_SPACING_RADII.min(self.settings.candidate_spacing) * self.spec.goal_radius
     }
 
     /// Returns the number of candidates.
@@ -258,18 +245,21 @@ impl Candidates {
         let clock = self.clocks[agent];
         self.clocks[agent] += 1;
         let visits = &mut self.visits[agent];
-        while visits.front().is_some_and(|visit| clock - visit.step > self.window as u32) {
+        while visits
+            .front()
+            .is_some_and(|visit| clock - visit.step > self.settings.window_steps() as u32)
+        {
             visits.pop_front();
         }
         let latest = visits.back().map(|visit| (visit.candidate as usize, clock - visit.step));
         let (nearest, distance) = self.nearest(state);
         let mut near = (distance < self.near_radius()).then_some(nearest);
         // Of what others have to retire for, more is asked.
-        let makes_room = self.verified && self.len() >= self.max_count;
+        let makes_room = self.settings.verify_edges && self.len() >= self.settings.max_candidates();
         let spacing = if makes_room { NEWCOMER_FACTOR * self.spacing } else { self.spacing };
         let is_behind_a_wall = |(from, steps)| self.is_behind_a_wall(state, spacing, from, steps);
         if distance > spacing
-            || (distance > self.min_spacing && latest.is_some_and(is_behind_a_wall))
+            || (distance > self.min_spacing() && latest.is_some_and(is_behind_a_wall))
         {
             near = self.add(state, distance <= spacing);
         }
@@ -352,7 +342,7 @@ impl Candidates {
     fn add(&mut self, state: &[f32], behind_a_wall: bool) -> Option<usize> {
         while self.is_full() {
             self.move_apart();
-            let spacing = if behind_a_wall { self.min_spacing } else { self.spacing };
+            let spacing = if behind_a_wall { self.min_spacing() } else { self.spacing };
             if self.nearest(state).1 <= spacing {
                 return None;
             }
@@ -376,7 +366,7 @@ impl Candidates {
                 && visits.iter().all(|v| (v.candidate as usize) < n && v.step < *clock)
         });
         // Where edges are unverified, newcomers thin out those of before.
-        let fits = n <= MAX_FACTOR * self.target_count
+        let fits = n <= MAX_FACTOR * self.settings.candidates
             && states.len() == n * self.spec.state_dim()
             && ids.is_sorted_by(|a, b| a < b)
             && ids.last().is_none_or(|last| *last < next_id)
@@ -388,7 +378,7 @@ impl Candidates {
         StoreError::unless(fits, "the stored bridge candidates do not fit these settings")?;
         // The spacing never falls below its initial value; from far below, it would take hours to
         // grow.
-        let plausible = spacing >= 0.5 * self.least_spacing
+        let plausible = spacing >= 0.5 * self.least_spacing()
             && spacing.is_finite()
             && states.iter().all(|v| v.is_finite())
             && hops.is_plausible();

@@ -426,7 +426,6 @@ mod tests {
     use super::*;
     use crate::bridge::candidates::Candidates;
     use crate::bridge::candidates::tests::{line, walked};
-    use crate::env::Spec;
 
     /// D is the distance along both axes.
     struct Straight;
@@ -442,15 +441,15 @@ mod tests {
         fn actions(&self, _: &[f32], _: &[f32], _: &mut [f32], _: &mut Scratch) {}
     }
 
-    fn graph(spec: &Spec, settings: &BridgeSettings, candidates: &Candidates) -> BridgeGraph {
-        BridgeGraph::build(spec, settings, &candidates.frozen(), &Straight, &mut Scratch::default())
+    fn graph(candidates: &Candidates) -> BridgeGraph {
+        BridgeGraph::build(&candidates.frozen(), &Straight, &mut Scratch::default())
     }
 
     #[test]
     fn a_plan_leads_close_to_a_goal_whose_nearest_candidate_no_path_leads_to() {
-        let (spec, settings, mut candidates) = walked(200, 79.5);
+        let (.., mut candidates) = walked(200, 79.5);
         candidates.visit(0, &[84.0, 0.5], &[84.0, 0.5]);
-        let (graph, mut scratch) = (graph(&spec, &settings, &candidates), Scratch::default());
+        let (graph, mut scratch) = (graph(&candidates), Scratch::default());
         let route = graph.route(&[85.0, 0.5], &Straight, &mut scratch);
         assert!(route.costs[0].is_infinite(), "{:?}", route.costs);
         let (mut walker, mut at) = (Walker::new(route), 2.0);
@@ -472,7 +471,7 @@ mod tests {
     #[test]
     fn a_far_goal_without_a_plan_is_pursued_no_longer_than_a_hop() {
         let (spec, settings) = line(200);
-        let graph = graph(&spec, &settings, &Candidates::new(&spec, 1, &settings));
+        let graph = graph(&Candidates::new(&spec, 1, &settings));
         let mut scratch = Scratch::default();
         let mut walker = Walker::new(graph.route(&[99.0, 0.5], &Straight, &mut scratch));
         let longest = late_after(settings.window_steps() as f32) as u32;
@@ -486,8 +485,8 @@ mod tests {
 
     #[test]
     fn bans_last_longer_the_longer_an_agent_is_stuck() {
-        let (spec, settings, candidates) = walked(200, 39.5);
-        let (graph, mut scratch) = (graph(&spec, &settings, &candidates), Scratch::default());
+        let (.., candidates) = walked(200, 39.5);
+        let (graph, mut scratch) = (graph(&candidates), Scratch::default());
         let mut walker = Walker::new(graph.route(&[39.0, 0.5], &Straight, &mut scratch));
         let mut bans = [0; 2 * BAN_STRIKES as usize + 1];
         while walker.strikes < 2 * BAN_STRIKES {

@@ -76,7 +76,7 @@ impl Planner {
 settings! {
     /// Settings of bridge candidates, edges, search and planning.
     pub struct BridgeSettings {
-        Exploration {
+        exploration {
             /// Method gdg-bridge only.
             bridge_epsilon: f32 = 0.2;
                 "probability that an episode that begins without an excursion has a bridge point \
@@ -95,7 +95,7 @@ settings! {
                 values: Values::measure("a share", 0.0, 1.0).or_auto(),
                 ablation: without("no excursions", "0");
         }
-        Bridges {
+        bridges {
             candidates: usize = 1_200, Paper => 600;
                 "target number of bridge candidates; up to eight times as many between thin walls, \
                  on large maps and where many walks between them fail (three times without \
@@ -116,9 +116,9 @@ settings! {
                 ablation: without("no edges from trajectories alone", "false");
             graph_every_updates: u64 = 1_000;
                 "updates between builds of the bridge graph",
-                values: Values::count_from(1), unit: "updates";
+                values: Values::count(1, u64::MAX), unit: "updates";
         }
-        Planning {
+        planning {
             /// D ends a goal radius before its goal, short of where the next hop starts. Distances
             /// of the rivals are less exact.
             hop_steps: Auto<f32> = Auto::AUTO, Paper => Auto::Given(0.0),

@@ -98,7 +98,7 @@ fn described(path: &Path) -> Result<(Description, Texts), CheckpointError> {
 }
 
 fn parsed<T: DeserializeOwned>(texts: &Texts, name: &str) -> Result<T, StoreError> {
-    let text = texts.get(name).ok_or_else(|| StoreError::Missing(name.to_owned()))?;
+    let text = texts.get(name).ok_or_else(|| StoreError::missing(name))?;
     serde_json::from_str(text).map_err(|e| StoreError::unreadable(name, e))
 }
 

@@ -15,7 +15,7 @@ use serde_json::{Map, Value};
 use super::settings::{OutOfRange, SETTINGS, Settings};
 use crate::env::{WORLDS, WorldKind};
 use crate::files::{self, Format, Wanted};
-use crate::settings::{Group, Preset, Setting};
+use crate::settings::{GROUPS, Preset, Setting};
 use crate::text::{Excerpt, NumberError, nearest, parse_count, parse_real, sanitized, truncated};
 
 /// Overrides of a preset.
@@ -160,22 +160,17 @@ fn apply_typed(
 /// Converts the value of a numeric setting to a JSON number if it is written in another way: `1e6`,
 /// `"60_000"`, `100.0`, `".5"`.
 fn as_number(setting: &Setting, value: &Value) -> Result<Value, Box<ConfigError>> {
-    /// Whole numbers below this are exact in double precision.
-    const MAX_EXACT: f64 = (1_u64 << 53) as f64;
-    let parsed = match value {
-        Value::String(text) if setting.values.are_counts() => parse_count(text).map(Value::from),
+    let is_count = setting.values.are_counts();
+    let text = match value {
+        Value::String(text) => text.clone(),
         // JSON keeps whole numbers as they are.
-        Value::String(text) => {
-            parse_real(text).map(|number| json_number(text).unwrap_or(number.into()))
-        }
-        Value::Number(number) if setting.values.are_counts() && !number.is_u64() => {
-            match number.as_f64() {
-                Some(number) if number.fract() != 0.0 => Err(NumberError::Fraction),
-                Some(number) if (0.0..MAX_EXACT).contains(&number) => Ok((number as u64).into()),
-                _ => return Ok(value.clone()),
-            }
-        }
+        Value::Number(number) if is_count && !number.is_u64() => number.to_string(),
         _ => return Ok(value.clone()),
+    };
+    let parsed = if is_count {
+        parse_count(&text).map(Value::from)
+    } else {
+        parse_real(&text).map(|number| json_number(&text).unwrap_or(number.into()))
     };
     let shown = truncated(&shown(value), MAX_QUOTED_CHARS);
     let problem = match parsed {
@@ -332,11 +327,8 @@ fn apply_text(
 ) -> Result<(), Box<ConfigError>> {
     let entries: Entries = serde_json::from_str(text).map_err(|e| {
         let offset = offset_of(text, e.line(), e.column());
-        let help = if separates_digits(text, offset) {
-            "numbers in JSON have no separators: write 60000, 6e4 or \"60_000\""
-        } else {
-            "a settings file is a JSON object of names and values, in the format of --print-config"
-        };
+        let help = "a settings file is a JSON object of names and values, in the format of \
+                    --print-config";
         ConfigError::new(without_place(&e), help.to_owned()).in_file(file, text, offset..offset)
     })?;
     let mut given = BTreeSet::new();
@@ -363,14 +355,6 @@ fn apply_text(
 fn without_place(error: &serde_json::Error) -> String {
     let message = error.to_string();
     truncated(message.split(" at line ").next().unwrap_or(&message), MAX_QUOTED_CHARS)
-}
-
-/// Whether something separates two digits next to `offset`.
-fn separates_digits(text: &str, offset: usize) -> bool {
-    let digit = |at: usize| text.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
-    let separator = |at: usize| text.as_bytes().get(at).is_some_and(|byte| b"_,'".contains(byte));
-    (offset.saturating_sub(1)..=offset)
-        .any(|at| at > 0 && digit(at - 1) && separator(at) && digit(at + 1))
 }
 
 fn offset_of(text: &str, line: usize, column: usize) -> usize {
@@ -406,11 +390,10 @@ pub fn reference_page() -> String {
     let presets = Preset::ALL.map(|preset| list_settings(&preset.settings()));
     let names = Preset::ALL.map(Preset::name).join(" | ");
     let columns = "---|".repeat(Preset::ALL.len() + 5);
-    for group in Group::ALL {
+    for group in GROUPS {
         page += &format!(
-            "\n## {}\n\n| setting | {names} | unit | values | description | effect of a change \
-             |\n|{columns}\n",
-            group.name()
+            "\n## {group}\n\n| setting | {names} | unit | values | description | effect of a change \
+             |\n|{columns}\n"
         );
         for (i, setting) in
             SETTINGS.iter().enumerate().filter(|(_, setting)| setting.group == group)

@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use rand_chacha::ChaCha8Rng;
 
-use super::run::Run;
 use super::score::{
     BridgeFacts, ComposedError, DistanceError, Evaluation, MarkedTask, Score, TaskOutcome, spearman,
 };
@@ -18,11 +17,10 @@ use crate::env::{
 };
 use crate::job::Job;
 use crate::learn::{Acting, Policy, Scratch};
-use tasks::{Actor, run_tasks, run_tasks_watched};
+use tasks::{Actor, run_tasks};
 
 /// A self-contained evaluation that can run at any time on any thread.
 pub struct EvaluationJob {
-    pub(super) run: Run,
     pub(super) world: Box<dyn Environment>,
     pub(super) policy: Arc<dyn Policy>,
     pub(super) acting: Acting,
@@ -85,7 +83,7 @@ impl EvaluationJob {
                 progress.set(over, tasks.tasks.len());
                 !job.is_cancelled()
             };
-            let runs = run_tasks_watched(world, &tasks.tasks, actor, rng, &mut watch)?;
+            let runs = run_tasks(world, &tasks.tasks, actor, rng, &mut watch)?;
             Ok::<_, EnvError>(Score::new(tasks, &runs.taken))
         };
         let planned_score = planned.as_ref().map(&mut score).transpose()?;
@@ -130,17 +128,18 @@ impl EvaluationJob {
             hold_steps: None,
             max_steps: self.max_steps,
         };
-        Ok(Some(Score::new(tasks, &run_tasks(world, &tasks.tasks, &actor, &mut rng)?.taken)))
+        Ok(Some(Score::new(
+            tasks,
+            &run_tasks(world, &tasks.tasks, &actor, &mut rng, &mut |_, _| true)?.taken,
+        )))
     }
 
     /// Builds the graph to plan on, for methods that plan; returns `None` once `job` is cancelled.
     /// Says how far it is, as one stage of its progress.
     pub fn graph(&self, job: &Job) -> Option<BridgeGraph> {
-        let (spec, settings, policy) = (self.world.spec(), self.run.bridge(), &*self.policy);
         let candidates = self.candidates.as_ref()?;
-        let now = |_| true;
-        let empty = BridgeGraph::empty(spec, &settings);
-        empty.renewed(job, candidates, now, policy, &mut Scratch::default())
+        let empty = BridgeGraph::empty(self.world.spec(), &candidates.settings);
+        empty.renewed(job, candidates, |_| true, &*self.policy, &mut Scratch::default())
     }
 
     /// Returns the frozen networks.
@@ -157,8 +156,7 @@ impl EvaluationJob {
             true
         };
         let actor = self.actor(graph.as_ref());
-        let runs =
-            run_tasks_watched(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch)?;
+        let runs = run_tasks(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch)?;
         let plan = states.first().map_or(Vec::new(), |start| plan(actor.guide, start, &task.goal));
         Ok(TaskWalk { plan, states, reached: runs.taken[0].is_some() })
     }
@@ -232,7 +230,7 @@ fn marked_task(
         return Ok(None);
     };
     let mut journey = |actor: &Actor| {
-        let walked = run_tasks(world, std::slice::from_ref(&task), actor, rng)?;
+        let walked = run_tasks(world, std::slice::from_ref(&task), actor, rng, &mut |_, _| true)?;
         let end: Vec<f32> = world.spec().achieved(walked.env.states()).collect();
         let left = truth.as_mut().and_then(|truth| truth.steps(&end, &task.goal, u32::MAX)?[0]);
         let taken = walked.taken[0];

@@ -84,7 +84,11 @@ pub fn check(run: &Run, world: &dyn Environment, registry: &Registry) -> Result<
     }
     let is_limited = available < system_memory();
     let by = if is_limited { " under the limit of address space (ulimit -v)" } else { "" };
-    Err(TrainError::Memory { needed, available, by })
+    let [needed, available] = [needed, available].map(|bytes| bytes as f64 / 1e9);
+    Err(TrainError::Memory(format!(
+        "these settings need about {needed:.1} GB of memory, but {available:.1} GB are available{by}: \
+         reduce hidden, layers, batch_size, candidates or buffer_size"
+    )))
 }
 
 /// Crates that read limits know those of a container, not those of a job around the process, count the

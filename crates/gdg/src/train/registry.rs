@@ -128,7 +128,7 @@ impl Registry {
         let found = self.learners.iter().find(|kind| kind.name == name);
         found.ok_or_else(|| {
             let known = method_names(self.learners.iter().map(|kind| kind.name));
-            TrainError::UnknownLearner { name: name.to_owned(), known }
+            TrainError::Other(format!("unknown learner {name:?}; {known}"))
         })
     }
 

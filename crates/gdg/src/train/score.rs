@@ -208,18 +208,6 @@ impl Sums {
         self.weights += f64::from(shortest) / f64::from(steps.max(shortest));
         self.ratios += f64::from(steps.max(1)) / f64::from(shortest);
     }
-
-    fn success(self) -> Option<f64> {
-        (self.tasks > 0).then(|| self.reached as f64 / self.tasks as f64)
-    }
-
-    fn spl(self) -> Option<f64> {
-        (self.tasks > 0).then(|| self.weights / self.tasks as f64)
-    }
-
-    fn steps_ratio(self) -> Option<f64> {
-        (self.reached > 0).then(|| self.ratios / self.reached as f64)
-    }
 }
 
 impl Score {
@@ -232,18 +220,19 @@ impl Score {
             all.add(task, *steps);
             groups[task.group].add(task, *steps);
         }
+        let mean = |sum: f64, count: usize| (count > 0).then(|| sum / count as f64);
         let by_distance =
             set.distances.iter().zip(&groups).map(|(distance, group)| DistanceScore {
                 distance_steps: distance.filter(|_| set.unit == DistanceUnit::Steps),
                 distance_cm: distance.filter(|_| set.unit == DistanceUnit::Centimetres),
                 tasks: group.tasks,
-                success: group.success(),
-                spl: group.spl().filter(|_| known),
+                success: mean(group.reached as f64, group.tasks),
+                spl: mean(group.weights, group.tasks).filter(|_| known),
             });
         Self {
-            success: all.success(),
-            spl: all.spl().filter(|_| known),
-            steps_ratio: all.steps_ratio().filter(|_| known),
+            success: mean(all.reached as f64, all.tasks),
+            spl: mean(all.weights, all.tasks).filter(|_| known),
+            steps_ratio: mean(all.ratios, all.reached).filter(|_| known),
             by_distance: by_distance.collect(),
         }
     }

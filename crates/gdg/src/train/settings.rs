@@ -10,13 +10,13 @@ use crate::env::{EnvSettings, Goals, Restart};
 use crate::learn::LearnSettings;
 use crate::settings::Effect::NewAgents;
 use crate::settings::Preset::{Paper, Sb3, Tuned};
-use crate::settings::{Auto, Preset, Setting, Values, settings, without};
+use crate::settings::{Auto, GROUPS, Preset, Setting, Values, settings, without};
 
 /// All settings, in the order in which they are listed: group by group.
 pub static SETTINGS: LazyLock<Vec<Setting>> = LazyLock::new(|| {
     let modules = [LearnSettings::ENTRIES, TrainSettings::ENTRIES, BridgeSettings::ENTRIES];
     let mut settings = modules.concat();
-    settings.sort_by_key(|setting| setting.group);
+    settings.sort_by_key(|setting| GROUPS.iter().position(|group| *group == setting.group));
     settings
 });
 
@@ -86,7 +86,7 @@ pub(crate) const RANDOM_HOLD_STEPS: f32 = 10.0;
 settings! {
     /// Settings of agents, episodes and exploration.
     pub struct TrainSettings {
-        Optimiser {
+        optimiser {
             env_steps_per_update: u64 = 16, Paper | Sb3 => 1, Tuned => 2;
                 "environment steps, summed over all agents, per update",
                 values: Values::count(1, MAX_ENV_STEPS_PER_UPDATE), unit: "steps";
@@ -97,7 +97,7 @@ settings! {
                 "environment steps before the first update",
                 values: Values::count(0, MAX_LEARNING_STARTS), unit: "steps";
         }
-        Agents {
+        agents {
             offline_updates: u64 = 0;
                 "with --data, updates from the data alone before agents act as well; 0: they never do",
                 values: Values::count(0, MAX_OFFLINE_UPDATES), unit: "updates";
@@ -139,7 +139,7 @@ settings! {
                 "standard deviation of the noise added to every action by the environment",
                 values: Values::number(0.0, 100.0);
         }
-        Exploration {
+        exploration {
             random_actions: f32 = 0.3, Paper | Sb3 => 0.0;
                 "fraction of steps in a random direction instead of the actor's",
                 values: Values::FRACTION;
@@ -249,69 +249,60 @@ mod tests {
         serde_json::from_value(Value::Object(values)).ok()
     }
 
-    fn check(setting: &Setting, valid: &[Value], invalid: &[Value]) {
-        let accepted = |value: &Value| {
-            let settings = with(setting, value.clone());
-            settings.is_some_and(|settings| match settings.validate_ranges() {
-                Ok(()) => settings.values()[setting.name] == *value,
-                Err(OutOfRange(wrong)) => wrong.name != setting.name,
-            })
-        };
-        for value in valid {
-            assert!(accepted(value), "{} can be {value}: {}", setting.name, setting.values);
-        }
-        for value in invalid {
-            assert!(!accepted(value), "{} cannot be {value}: {}", setting.name, setting.values);
-        }
-    }
-
+    /// Returns a number in single precision as JSON prints it.
     fn number(value: f32) -> Value {
         let text = serde_json::to_string(&value).unwrap_or_default();
         serde_json::from_str(&text).unwrap_or(Value::Null)
     }
 
+    /// Returns the outermost values of this kind, and those beyond.
+    fn bounds(kind: Kind) -> [Vec<Value>; 2] {
+        match kind {
+            Kind::Switch => [vec![true.into(), false.into()], vec![0.into()]],
+            Kind::Word(words) => {
+                [words.iter().map(|word| (*word).into()).collect(), vec!["other".into(), 1.into()]]
+            }
+            Kind::Count { from, to } => {
+                let beyond = [from.checked_sub(1), to.checked_add(1)].into_iter().flatten();
+                let fraction = json!(from as f64 + 0.5);
+                [vec![from.into(), to.into()], beyond.map(Value::from).chain([fraction]).collect()]
+            }
+            Kind::Number { from, to, excluded, .. } => {
+                let lower = matches!(excluded, Excluded::Lower | Excluded::Both);
+                let upper = matches!(excluded, Excluded::Upper | Excluded::Both);
+                let from = if lower { [from.next_up(), from] } else { [from, from.next_down()] };
+                let to = if upper { [to.next_down(), to] } else { [to, to.next_up()] };
+                [0, 1].map(|k| vec![number(from[k]), number(to[k])])
+            }
+            Kind::Numbers { max_len, from, to } => {
+                let list = |value: f32, len: usize| Value::from(vec![number(value); len]);
+                let beyond = [from.next_down(), to.next_up()].map(|value| list(value, 1));
+                [
+                    vec![list(from, max_len), list(to, 1), list(1.0, 0)],
+                    [&beyond[..], &[list(1.0, max_len + 1)]].concat(),
+                ]
+            }
+        }
+    }
+
     #[test]
     fn the_documented_bounds_are_the_checked_ones() {
         for setting in SETTINGS.iter() {
+            let accepted = |value: &Value| {
+                let settings = with(setting, value.clone());
+                settings.is_some_and(|settings| match settings.validate_ranges() {
+                    Ok(()) => settings.values()[setting.name] == *value,
+                    Err(OutOfRange(wrong)) => wrong.name != setting.name,
+                })
+            };
+            let [mut valid, mut invalid] = bounds(setting.values.kind);
             if setting.values.or_auto {
-                check(setting, &["auto".into()], &["automatic".into()]);
+                valid.push("auto".into());
+                invalid.push("automatic".into());
             }
-            match setting.values.kind {
-                Kind::Switch => check(setting, &[true.into(), false.into()], &[0.into()]),
-                Kind::Word(words) => {
-                    let words: Vec<Value> = words.iter().map(|word| (*word).into()).collect();
-                    check(setting, &words, &["other".into(), 1.into()]);
-                }
-                Kind::Count { from, to } => {
-                    let below = from.checked_sub(1).map_or(json!(-1), Value::from);
-                    check(setting, &[from.into()], &[below, json!(from as f64 + 0.5)]);
-                    if let Some(to) = to {
-                        check(setting, &[to.into()], &[(to + 1).into()]);
-                    }
-                }
-                Kind::Number { from, to, excluded, .. } => {
-                    let (mut valid, mut invalid) = (vec![], vec![from.next_down(), to.next_up()]);
-                    let lower = matches!(excluded, Excluded::Lower | Excluded::Both);
-                    let upper = matches!(excluded, Excluded::Upper | Excluded::Both);
-                    for (end, is_excluded, next) in
-                        [(from, lower, from.next_up()), (to, upper, to.next_down())]
-                    {
-                        if is_excluded { &mut invalid } else { &mut valid }.push(end);
-                        valid.push(next);
-                    }
-                    let [valid, invalid] =
-                        [valid, invalid].map(|all| all.into_iter().map(number).collect::<Vec<_>>());
-                    check(setting, &valid, &invalid);
-                }
-                Kind::Numbers { max_len, from, to } => {
-                    let list = |value: f32, len: usize| Value::from(vec![number(value); len]);
-                    check(
-                        setting,
-                        &[list(from, max_len), list(to, 1), list(1.0, 0)],
-                        &[list(1.0, max_len + 1), list(from.next_down(), 1), list(to.next_up(), 1)],
-                    );
-                }
-            }
+            let wrong = valid.iter().find(|value| !accepted(value));
+            let wrong = wrong.or(invalid.iter().find(|value| accepted(value)));
+            assert!(wrong.is_none(), "{}: {wrong:?}, {}", setting.name, setting.values);
         }
     }
 
@@ -322,6 +313,7 @@ mod tests {
         }
         let default = Settings::default();
         for setting in SETTINGS.iter() {
+            assert!(GROUPS.contains(&setting.group), "{}", setting.name);
             let Some(ablation) = setting.ablation else { continue };
             let changed = with_setting(&default, setting.name, ablation.value);
             assert!(changed.is_ok_and(|changed| changed != default), "{}", ablation.name);

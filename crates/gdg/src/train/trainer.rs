@@ -499,7 +499,6 @@ impl Trainer {
     /// Prepares an evaluation of the current state, which does not affect training.
     pub fn evaluation(&self) -> Result<EvaluationJob> {
         Ok(EvaluationJob {
-            run: self.run.clone(),
             world: self.world().fork(0)?,
             policy: self.policy()?,
             acting: self.learner.acting(),

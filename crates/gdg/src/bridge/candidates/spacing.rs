@@ -6,6 +6,7 @@ use std::sync::Arc;
 use pathfinding::directed::dijkstra::dijkstra_reach;
 
 use super::{Candidates, KnownPaths, Path, UNOBSERVED, Visit};
+use crate::bridge::BridgeSettings;
 use crate::env::Region;
 use crate::learn::GoalIndex;
 
@@ -40,11 +41,14 @@ const NEAR_STEPS: f32 = 2.0;
 impl Candidates {
     /// Whether the spacing has to grow before there can be another candidate.
     pub(super) fn is_full(&self) -> bool {
-        self.len() >= self.max_count || (!self.verified && self.exceeds_target())
+        self.len() >= self.settings.max_candidates()
+            || (!self.settings.verify_edges && self.exceeds_target())
     }
 
     fn exceeds_target(&self) -> bool {
-        self.len() >= self.target_count && self.spacing < self.max_spacing
+        let BridgeSettings { candidates, edge_cutoff_steps, .. } = self.settings;
+        self.len() >= candidates
+            && self.spacing < MAX_SPACING_SHARE * edge_cutoff_steps * self.spec.goal_radius
     }
 
     /// Adapts the spacing of verified candidates to what trajectories and hops have shown. In open
@@ -52,19 +56,20 @@ impl Candidates {
     /// Otherwise, they move closer together if many hops fail: places between them become
     /// candidates when agents come by.
     pub fn adapt_spacing(&mut self) {
-        if !self.verified {
+        if !self.settings.verify_edges {
             // Hops along unverified edges fail because of walls, at any spacing.
             return;
         }
-        let many_hops_fail = self.hops.failures_within(self.edge_cutoff_steps) > MANY_HOP_FAILURES;
+        let many_hops_fail =
+            self.hops.failures_within(self.settings.edge_cutoff_steps) > MANY_HOP_FAILURES;
         // Between thin walls, too, known paths may eventually join half of the close candidates.
         if self.is_crowded() && (self.is_open || (!many_hops_fail && self.is_space_open())) {
             self.is_open = true;
             while self.is_crowded() {
                 self.move_apart();
             }
-        } else if many_hops_fail && self.len() < self.max_count {
-            self.spacing = (self.spacing / SPACING_SHRINKAGE).max(self.least_spacing);
+        } else if many_hops_fail && self.len() < self.settings.max_candidates() {
+            self.spacing = (self.spacing / SPACING_SHRINKAGE).max(self.least_spacing());
         }
     }
 
@@ -74,11 +79,11 @@ impl Candidates {
 
     fn has_many_paths(&self) -> bool {
         self.paths.iter().map(|paths| paths.observed.len()).sum::<usize>()
-            > MANY_PATHS * self.target_count
+            > MANY_PATHS * self.settings.candidates
     }
 
     fn is_space_open(&self) -> bool {
-        let reach = self.edge_cutoff_steps * self.spec.goal_radius;
+        let reach = self.settings.edge_cutoff_steps * self.spec.goal_radius;
         let ahead = |from: &u32| {
             let paths = &self.paths[*from as usize].observed;
             paths.iter().map(|path| (path.to, u32::from(path.fewest)))
@@ -104,7 +109,7 @@ impl Candidates {
     /// unless trajectories show that a wall separates them and there is room.
     pub(super) fn move_apart(&mut self) {
         self.spacing *= SPACING_GROWTH;
-        let full = self.len() >= self.max_count;
+        let full = self.len() >= self.settings.max_candidates();
         let (mut kept, mut places) = (Vec::new(), GoalIndex::new(&self.spec));
         for i in 0..self.len() {
             let place = self.goal_index.goal(i);
@@ -152,7 +157,7 @@ impl Candidates {
     /// Returns the distance within which an edit of a region may affect paths from a candidate, in
     /// the environment's unit of length. (The fastest agents move one goal radius per step.)
     pub fn reach(&self) -> f32 {
-        (self.window as f32 + NEAR_STEPS) * self.spec.goal_radius
+        (self.settings.window_steps() as f32 + NEAR_STEPS) * self.spec.goal_radius
     }
 
     /// Returns which candidates are within [`Self::reach`] of `region`.
@@ -177,7 +182,7 @@ impl Candidates {
             self.keep(&kept);
         }
         let (distances, radius) = (self.distances_from(region), self.spec.goal_radius);
-        let reach = self.reach();
+        let (reach, window) = (self.reach(), self.settings.window_steps() as f32);
         for (paths, from) in self.paths.iter_mut().zip(&distances) {
             if *from > reach {
                 continue;
@@ -194,7 +199,7 @@ impl Candidates {
             let ids = &self.ids;
             paths.practice.retain(|id, _| {
                 let to = ids.binary_search(id);
-                to.is_ok_and(|to| is_out_of_reach(to as u32, self.window as f32))
+                to.is_ok_and(|to| is_out_of_reach(to as u32, window))
             });
         }
     }
@@ -204,7 +209,6 @@ impl Candidates {
 mod tests {
     use super::super::tests::{line, restored, walk_corridor};
     use super::*;
-    use crate::bridge::BridgeSettings;
 
     #[test]
     fn candidates_move_closer_together_where_many_walks_fail() {

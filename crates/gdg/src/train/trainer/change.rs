@@ -145,6 +145,8 @@ impl Trainer {
         };
         if !agents || read(&self.run) != read(&before) {
             self.rebuild_candidates(&progress);
+        } else {
+            self.candidates.settings = self.run.bridge();
         }
         progress.begin(2, CHANGE_STAGES);
         let same_graph = self.run.bridge() == before.bridge()

@@ -111,27 +111,23 @@ impl Trainer {
     /// agents.
     pub(super) fn roll_back(&mut self) -> Result<()> {
         let gives_up = self.counters.recoveries >= MAX_RECOVERIES;
+        let learn = &mut self.run.settings.learn;
         if !gives_up {
             self.counters.recoveries += 1;
-            let learn = &mut self.run.settings.learn;
             learn.learning_rate *= LEARNING_RATE_FACTOR;
             learn.grid_learning_rate *= LEARNING_RATE_FACTOR;
         }
+        let (updates, back_to) = (self.counters.updates, self.last_good.updates);
+        let (times, learning_rate) = (self.counters.recoveries, learn.learning_rate);
         self.restore_last_good()?;
         if gives_up {
-            return Err(TrainError::Diverged {
-                updates: self.counters.updates,
-                times: MAX_RECOVERIES,
-                learning_rate: self.run.settings.learn.learning_rate,
-                back_to: self.last_good.updates,
-            });
+            return Err(TrainError::Other(format!(
+                "training diverged again at update {updates} after {times} rollbacks: set a smaller \
+                 learning_rate (now {learning_rate}); the networks of update {back_to} are restored \
+                 and can be saved"
+            )));
         }
-        let recovery = Recovery {
-            updates: self.counters.updates,
-            back_to: self.last_good.updates,
-            times: self.counters.recoveries,
-            learning_rate: self.run.settings.learn.learning_rate,
-        };
+        let recovery = Recovery { updates, back_to, times, learning_rate };
         self.replace_graph()?;
         log::warn!("{recovery}");
         self.recovery = Some(recovery);
@@ -196,7 +192,8 @@ impl Trainer {
         let mut state = Store::default();
         self.learner.save(&mut state)?;
         if !state.is_finite() {
-            return Err(TrainError::NotFinite);
+            let problem = "the networks contain non-finite values";
+            return Err(TrainError::Other(problem.to_owned()));
         }
         if let Some(recorded) = self.world().abilities().recorded {
             recorded.save(&mut state);
