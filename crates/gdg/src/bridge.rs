@@ -10,7 +10,6 @@ mod candidates;
 mod excursion;
 mod graph;
 mod planner;
-mod search;
 mod settings;
 
 pub use candidates::Candidates;
@@ -18,7 +17,6 @@ pub(crate) use excursion::{Excursion, Excursions};
 pub use graph::{BridgeGraph, Edge, EdgeStatus};
 pub(crate) use graph::{LINK_CANDIDATES, StoredGraph};
 pub(crate) use planner::Hop;
-pub use planner::{Guide, Target, Walker};
-pub use search::{BridgePoint, SearchOutcome, SearchSpace, search};
+pub use planner::{BridgePoint, Guide, SearchOutcome, SearchSpace, Target, Walker, search};
 pub use settings::{BridgeSettings, Planner, SEARCH_BUDGET};
 pub(crate) use settings::{EXPLORED_SHARE, FRONTIER_SHARE};

@@ -1,6 +1,11 @@
 //! Runs a trainer on its own thread. The engine takes commands, publishes snapshots and does not
 //! depend on any front end.
 
+#![allow(
+    missing_docs,
+    reason = "what only the program uses is documented where names do not say it"
+)]
+
 mod command;
 mod snapshot;
 
@@ -40,12 +45,9 @@ const EVALUATION_TASKS: usize = 10;
 /// but on the same cores.
 const EVALUATION_PAUSE_FACTOR: u32 = 15;
 
-/// Results are replaced before they are older than this ...
-const MAX_AGE: Duration = Duration::from_secs(10);
-
-/// ... or than this many updates, whichever is later; but the pause after an evaluation is at least
-/// as long as the evaluation.
-const MAX_AGE_UPDATES: f64 = 1_500.0;
+/// The longest pause: results are replaced before they are much older. But a pause is at least as long
+/// as the evaluation.
+const MAX_PAUSE: Duration = Duration::from_secs(10);
 
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
@@ -82,7 +84,6 @@ impl EngineLink {
         &self.job
     }
 
-    /// Returns what the trainer is doing besides training.
     pub fn busy(&self) -> Option<Job> {
         self.job.latest_part()
     }
@@ -93,13 +94,11 @@ impl EngineLink {
         self.commands.try_send(command).is_ok()
     }
 
-    /// Returns a receiver of the latest snapshot.
     pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
         self.snapshots.clone()
     }
 }
 
-/// Handle to a running trainer.
 pub struct Engine {
     link: EngineLink,
     thread: JoinHandle<Trainer>,
@@ -431,8 +430,8 @@ impl Worker {
         };
         let updates = made.updates;
         let now = Instant::now();
-        let pause =
-            pause_after(now - running.job().since(), self.evaluation_pause, self.current.rates.0);
+        let duration = now - running.job().since();
+        let pause = (self.evaluation_pause * duration).min(MAX_PAUSE.max(duration));
         self.next_evaluation_at = Some(now + pause);
         match running.join() {
             Ok(Ok(None)) => {}
@@ -448,14 +447,6 @@ impl Worker {
         self.current.next_evaluation = self.next_evaluation();
         self.publish();
     }
-}
-
-/// Returns the pause after an evaluation that took `duration`: `factor` times as long, but so short
-/// that the next one, if it takes as long, ends before the result is too old at `rate` updates per
-/// second.
-fn pause_after(duration: Duration, factor: u32, rate: f64) -> Duration {
-    let age = Duration::try_from_secs_f64(MAX_AGE_UPDATES / rate).unwrap_or(MAX_AGE).max(MAX_AGE);
-    (factor * duration).min(age.saturating_sub(2 * duration).max(duration))
 }
 
 fn as_try_recv(command: Result<Command, RecvTimeoutError>) -> Result<Command, TryRecvError> {
@@ -540,16 +531,5 @@ mod tests {
             assert_eq!(engine.stop_unless_hung(limit).is_some(), moves);
             drop(release);
         }
-    }
-
-    #[test]
-    fn results_are_replaced_before_they_are_old_unless_that_takes_most_of_the_time() {
-        let pause = |seconds: f64, factor, rate| {
-            pause_after(Duration::from_secs_f64(seconds), factor, rate).as_secs_f64()
-        };
-        assert_eq!([0.2, 1.0, 4.0].map(|seconds| pause(seconds, 15, 200.0)), [3.0, 8.0, 4.0]);
-        assert_eq!(pause(1.0, 2, 200.0), 2.0, "the user wants them sooner");
-        assert_eq!(pause(4.0, 15, 50.0), 22.0, "1,500 updates take 30 seconds");
-        assert_eq!(pause(4.0, 15, 0.0), 4.0, "nothing is known of the speed");
     }
 }

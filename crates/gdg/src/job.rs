@@ -1,5 +1,10 @@
 //! What takes long: what it is, how far it is, since when, and whether it is still wanted.
 
+#![allow(
+    missing_docs,
+    reason = "what only the program uses is documented where names do not say it"
+)]
+
 use std::borrow::Cow;
 use std::fmt;
 use std::ops::Deref;
@@ -76,12 +81,10 @@ impl Job {
         self.0.parts.lock().last().cloned()
     }
 
-    /// Returns what it is, as in "reading a.map".
     pub fn what(&self) -> &str {
         &self.0.what
     }
 
-    /// Returns when it began.
     pub fn since(&self) -> Instant {
         self.0.since
     }
@@ -125,12 +128,10 @@ impl Job {
         if seconds > 0 { so_far() } else { String::new() }
     }
 
-    /// Shows that something moves.
     pub fn beat(&self) {
         self.0.beats.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Returns the number of beats so far.
     pub fn beats(&self) -> u64 {
         self.0.beats.load(Ordering::Relaxed)
     }
@@ -141,7 +142,6 @@ impl Job {
         self.0.is_cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Returns whether it should end.
     pub fn is_cancelled(&self) -> bool {
         self.0.is_cancelled.load(Ordering::Relaxed)
     }
@@ -154,7 +154,6 @@ impl fmt::Display for Job {
     }
 }
 
-/// A part of a job, until dropped.
 #[derive(Debug)]
 #[must_use]
 pub struct Part {
@@ -212,7 +211,6 @@ impl<T: Send + 'static> Running<T> {
         running
     }
 
-    /// Returns whether it is done.
     pub fn is_finished(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
@@ -235,7 +233,6 @@ impl<T: Send + 'static> Running<T> {
         })
     }
 
-    /// Waits for the result.
     pub fn join(mut self) -> std::thread::Result<T> {
         let done = self.thread.take().map_or(Ok(None), JoinHandle::join)?;
         let none = || Box::new("a job without a result") as Box<dyn std::any::Any + Send>;
@@ -250,7 +247,6 @@ impl<T: Send + 'static> Running<T> {
 }
 
 impl<T> Running<T> {
-    /// Returns the job that is done.
     pub fn job(&self) -> &Job {
         &self.job
     }

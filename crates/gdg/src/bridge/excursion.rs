@@ -55,14 +55,9 @@ pub struct Excursions {
     held_steps: u32,
     at: Vec<Option<usize>>,
     pub(crate) under_way: Vec<Option<Excursion>>,
-    spent: Spent,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Spent {
-    share: f64,
-    /// Number of rounds averaged, at most [`SHARE_ROUNDS`]; older ones fade.
-    rounds: u32,
+    /// Mean share of agents on an excursion lately, and the number of rounds averaged, at most
+    /// [`SHARE_ROUNDS`]; older ones fade.
+    spent: (f64, u32),
 }
 
 impl Excursions {
@@ -72,20 +67,21 @@ impl Excursions {
             held_steps: held_steps(spec),
             at: vec![None; agents],
             under_way: vec![None; agents],
-            spent: Spent::default(),
+            spent: (0.0, 0),
         }
     }
 
     /// Whether agents have lately spent less than `share` of their steps on excursions. Counting
     /// goals would not do: on a large map, one goal takes many times as long as an excursion.
     pub fn are_due(&self, share: f32) -> bool {
-        self.spent.share < f64::from(share)
+        self.spent.0 < f64::from(share)
     }
 
     pub(crate) fn count_steps(&mut self) {
         let on = self.under_way.iter().flatten().count() as f64 / self.under_way.len() as f64;
-        self.spent.rounds = (self.spent.rounds + 1).min(SHARE_ROUNDS);
-        self.spent.share += (on - self.spent.share) / f64::from(self.spent.rounds);
+        let (share, rounds) = &mut self.spent;
+        *rounds = (*rounds + 1).min(SHARE_ROUNDS);
+        *share += (on - *share) / f64::from(*rounds);
     }
 
     /// Returns the centre of the place at the frontier that `agent` is heading for, as a goal,
@@ -168,8 +164,8 @@ impl Excursions {
         let all_fit = [at.len(), under_way.len()] == [self.at.len(); 2]
             && at.iter().flatten().all(known)
             && under_way.iter().flatten().all(fits)
-            && (0.0..=1.0).contains(&spent.share)
-            && spent.rounds <= SHARE_ROUNDS;
+            && (0.0..=1.0).contains(&spent.0)
+            && spent.1 <= SHARE_ROUNDS;
         StoreError::unless(all_fit, "the stored excursions do not fit the agents")?;
         *self = Self { places, at, under_way, spent, ..*self };
         Ok(())

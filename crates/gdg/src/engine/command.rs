@@ -23,9 +23,7 @@ const MAX_NAMED_CHANGES: usize = 3;
 pub type MakeWorld =
     Box<dyn FnOnce(&dyn Environment) -> Result<Box<dyn Environment>, EnvError> + Send>;
 
-/// A command from a front end.
 pub enum Command {
-    /// Pause training until it is resumed.
     Pause,
     /// Resume training; lifts the limits if they have been reached.
     Resume,
@@ -33,11 +31,9 @@ pub enum Command {
     Step(Step),
     /// Limit the updates per second; `None` removes the limit.
     LimitSpeed(Option<f64>),
-    /// Evaluate the current networks now.
     Evaluate,
     /// Pause after each evaluation for this many times its duration.
     PauseEvaluations(u32),
-    /// Follow this agent, or none.
     Follow(Option<usize>),
     /// Save a checkpoint with what the front end keeps in it.
     Save(SaveTo, Notes),
@@ -48,9 +44,7 @@ pub enum Command {
     /// Continue with other settings, method or preset; keeps the data and, where they fit, the
     /// networks.
     Change(Box<Run>),
-    /// Start a new run, possibly in another world.
     StartRun(Box<Run>, MakeWorld),
-    /// Load a checkpoint and continue its run.
     Load(PathBuf),
 }
 

@@ -17,20 +17,16 @@ use crate::train::{
 /// How far to go before pausing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// One update.
     Update,
-    /// Until an episode ends.
     Episode,
 }
 
 /// What the trainer is doing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Training.
     Running,
     /// Training until the end of a step.
     Stepping(Step),
-    /// Waiting to be resumed.
     Paused,
     /// A limit was reached.
     Done,
@@ -39,7 +35,6 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// Whether training is running.
     pub fn is_training(&self) -> bool {
         matches!(self, Self::Running | Self::Stepping(_))
     }
@@ -63,25 +58,20 @@ impl NextEvaluation {
     }
 }
 
-/// A message for the user.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Notice {
     /// The number of notices so far, including this one.
     pub number: u64,
-    /// The text.
     pub text: String,
-    /// Whether something went wrong.
     pub is_error: bool,
 }
 
 /// The state of a run at one moment.
 #[derive(Clone)]
 pub struct Snapshot {
-    /// Definition of the run.
     pub run: Arc<Run>,
     /// Index of the run on this engine: curves of different runs must not be joined.
     pub generation: u64,
-    /// Title of the world.
     pub title: Arc<str>,
     /// Drawable contents of the world, updated with the networks.
     pub scene: Scene,
@@ -89,11 +79,8 @@ pub struct Snapshot {
     pub registry: Arc<Registry>,
     /// Default settings of worlds of this kind, as `name=value`.
     pub world_defaults: &'static [&'static str],
-    /// What the trainer is doing.
     pub phase: Phase,
-    /// Progress of the run.
     pub counters: Counters,
-    /// Limits of the run.
     pub limits: Limits,
     /// Training time, in seconds.
     pub seconds: f64,
@@ -103,9 +90,7 @@ pub struct Snapshot {
     pub rates: (f64, f64),
     /// Maximum updates per second, if limited.
     pub speed: Option<f64>,
-    /// Time per training stage.
     pub profile: Profile,
-    /// Running means of the losses.
     pub losses: Losses,
     /// Replay buffer slots: used and total.
     pub replay: (usize, usize),
@@ -117,13 +102,10 @@ pub struct Snapshot {
     pub trails: Arc<Vec<Vec<f32>>>,
     /// Places at the frontier that agents are heading for, `(goals, goal_dim)`.
     pub frontier_goals: Arc<Vec<f32>>,
-    /// State of the followed agent.
     pub followed: Option<Arc<FollowedAgent>>,
     /// Networks and bridge candidates, updated less often.
     pub networks: Arc<Networks>,
-    /// The latest bridge search.
     pub search: Option<Arc<SearchOutcome>>,
-    /// Losses and coverage over time.
     pub curve: Arc<Vec<CurvePoint>>,
     /// The film of how distance was learned, oldest frame first.
     pub film: Arc<Vec<Arc<FilmFrame>>>,
@@ -133,7 +115,6 @@ pub struct Snapshot {
     pub methods: Methods,
     /// Updates after which the world was edited, in order.
     pub edits: Arc<Vec<u64>>,
-    /// Whether the current method's learner learns.
     pub learns: bool,
     /// What a front end kept in the checkpoint that the run was loaded from.
     pub notes: Arc<Notes>,
@@ -145,19 +126,15 @@ pub struct Snapshot {
     pub save_failed: (u64, String),
     /// Autosaved files that are still kept, oldest first, and the updates in each.
     pub autosaves: Arc<Vec<(u64, PathBuf)>>,
-    /// When the next evaluation comes.
     pub next_evaluation: NextEvaluation,
     /// How far the latest evaluation is.
     pub evaluation_progress: Job,
-    /// The latest notice.
     pub notice: Notice,
 }
 
-/// The learned networks and the bridge candidates.
 pub struct Networks {
     /// D and mu.
     pub policy: Arc<dyn Policy>,
-    /// Candidates and observed paths between them.
     pub candidates: Arc<Candidates>,
 }
 
@@ -170,11 +147,9 @@ impl Networks {
 /// An exploring agent in its current episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FollowedAgent {
-    /// Index of the agent.
     pub agent: usize,
     /// First state of its episode that the replay buffer still holds, `(state_dim)`.
     pub start: Vec<f32>,
-    /// Current state, `(state_dim)`.
     pub state: Vec<f32>,
     /// Steps of its episode so far, and at most.
     pub steps: (u32, u32),
@@ -266,7 +241,6 @@ impl Snapshot {
         self.methods.learned(updates, self.learns)
     }
 
-    /// Returns the updates done by a learner so far.
     pub fn updates(&self) -> u64 {
         self.learned(self.counters.updates)
     }
@@ -298,7 +272,6 @@ impl Snapshot {
         self.autosaves = latest.autosaves.clone();
     }
 
-    /// Whether the world has been edited since an update.
     pub fn is_edited_since(&self, updates: u64) -> bool {
         self.edits.last().is_some_and(|at| *at >= updates)
     }

@@ -263,6 +263,7 @@ mod tests {
     fn the_default_fits_into_memory_and_oversized_settings_do_not() {
         let world = PointMaze::new(builtin("fourrooms").expect("built in").into(), 0);
         let registry = Registry::builtin();
+        let parameters = registry.learner("gdg").expect("built in").parameters;
         let run = |change: fn(&mut Settings)| {
             let mut settings = Preset::Default.settings();
             change(&mut settings);
@@ -270,11 +271,7 @@ mod tests {
         };
         let bytes = |change: fn(&mut Settings)| {
             let run = run(change);
-            let parameters = (registry.learner("gdg").expect("built in").parameters)(
-                world.spec(),
-                &run.settings.learn,
-            );
-            required_bytes(&run, &world, parameters)
+            required_bytes(&run, &world, parameters(world.spec(), &run.settings.learn))
         };
         let default = bytes(|_| {});
         assert!((50_000_000..400_000_000).contains(&default), "{default}");

@@ -33,10 +33,6 @@ const PART: usize = 1 << 14;
 const SUM_BYTES: usize = 4;
 const LENGTH_BYTES: usize = 8;
 
-fn problem(what: impl Into<String>) -> StoreError {
-    StoreError::inconsistent(what)
-}
-
 const PACKED: &str = "is damaged: its state cannot be unpacked";
 const NO_HEADER: &str = "is not a safetensors file";
 const SIZE: &str = "is damaged: its size differs from what its header says";
@@ -85,16 +81,18 @@ pub fn from_bytes(bytes: &[u8], most: u64) -> Result<(Texts, Vec<u8>), StoreErro
     let mut state = Vec::new();
     while (state.len() as u64) < length {
         let part = (length - state.len() as u64).min(PART as u64);
-        let (stored, rest) = packed.split_first_chunk().ok_or_else(|| problem(PACKED))?;
+        let (stored, rest) =
+            packed.split_first_chunk().ok_or_else(|| StoreError::inconsistent(PACKED))?;
         let stored = u32::from_le_bytes(*stored) as usize;
-        let (own, rest) = rest.split_at_checked(stored).ok_or_else(|| problem(PACKED))?;
+        let (own, rest) =
+            rest.split_at_checked(stored).ok_or_else(|| StoreError::inconsistent(PACKED))?;
         let before = state.len() as u64;
         if stored as u64 == part {
             state.extend(own);
         } else {
             // Never more than expected, whatever the file says.
             let mut decoder = DeflateDecoder::new(own).take(part + 1);
-            decoder.read_to_end(&mut state).map_err(|_| problem(PACKED))?;
+            decoder.read_to_end(&mut state).map_err(|_| StoreError::inconsistent(PACKED))?;
         }
         StoreError::unless(state.len() as u64 == before + part, PACKED)?;
         packed = rest;
@@ -107,15 +105,16 @@ pub fn from_bytes(bytes: &[u8], most: u64) -> Result<(Texts, Vec<u8>), StoreErro
 /// that packed.
 fn checked(bytes: &[u8], most: u64) -> Result<(Texts, u64, &[u8]), StoreError> {
     let texts = texts(bytes, bytes.len() as u64)?;
-    let (all, sum) = bytes.split_last_chunk().ok_or_else(|| problem(SIZE))?;
+    let (all, sum) = bytes.split_last_chunk().ok_or_else(|| StoreError::inconsistent(SIZE))?;
     let is_sound = crc32fast::hash(all) == u32::from_le_bytes(*sum);
     StoreError::unless(is_sound, "is damaged: its checksum does not match its contents")?;
     let state = &all[8 + header(bytes)?.len()..];
-    let (length, packed) = state.split_first_chunk().ok_or_else(|| problem(PACKED))?;
+    let (length, packed) =
+        state.split_first_chunk().ok_or_else(|| StoreError::inconsistent(PACKED))?;
     let length = u64::from_le_bytes(*length);
     if length > most {
         let (length, most) = (length >> 20, most >> 20);
-        return Err(problem(format!(
+        return Err(StoreError::inconsistent(format!(
             "has {length} MB when unpacked, more than the {most} MB for which there is room"
         )));
     }
@@ -143,11 +142,12 @@ struct Tensor {
 
 /// Returns the header at the start of a file, which begins with its length.
 fn header(start: &[u8]) -> Result<&[u8], StoreError> {
-    let (length, rest) = start.split_first_chunk().ok_or_else(|| problem(NO_HEADER))?;
+    let (length, rest) =
+        start.split_first_chunk().ok_or_else(|| StoreError::inconsistent(NO_HEADER))?;
     let length = u64::from_le_bytes(*length);
     let whole = usize::try_from(length).ok().and_then(|length| rest.get(..length));
     let is_cut_off = rest.starts_with(b"{") && length <= MAX_HEADER_BYTES;
-    whole.ok_or_else(|| problem(if is_cut_off { SIZE } else { NO_HEADER }))
+    whole.ok_or_else(|| StoreError::inconsistent(if is_cut_off { SIZE } else { NO_HEADER }))
 }
 
 /// Returns the texts of a checkpoint of `size` bytes from its start, which contains the header.
@@ -155,22 +155,23 @@ fn header(start: &[u8]) -> Result<&[u8], StoreError> {
 pub fn texts(start: &[u8], size: u64) -> Result<Texts, StoreError> {
     StoreError::unless(size > 0, "is empty")?;
     let header = header(start)?;
-    let parsed: Header = serde_json::from_slice(header).map_err(|_| problem(NO_HEADER))?;
+    let parsed: Header =
+        serde_json::from_slice(header).map_err(|_| StoreError::inconsistent(NO_HEADER))?;
     let Some(format) = parsed.format() else {
         let is_policy = parsed.metadata.contains_key(POLICY_KEY);
         let what =
             if is_policy { "an exported policy" } else { "a safetensors file of another program" };
-        return Err(problem(format!("is {what}, not a checkpoint")));
+        return Err(StoreError::inconsistent(format!("is {what}, not a checkpoint")));
     };
     if format != FORMAT {
         let version = parsed.metadata.get(VERSION_KEY).map_or("0.2.0", String::as_str);
         let this = env!("CARGO_PKG_VERSION");
-        return Err(problem(format!(
+        return Err(StoreError::inconsistent(format!(
             "was saved by version {version} of gdg-tui: open it with that version; this is version \
              {this}, which reads checkpoints of its own format only"
         )));
     }
-    let (from, to) = parsed.state.ok_or_else(|| problem(NO_HEADER))?.data_offsets;
+    let (from, to) = parsed.state.ok_or_else(|| StoreError::inconsistent(NO_HEADER))?.data_offsets;
     let whole = to.checked_add((8 + header.len() + SUM_BYTES) as u64);
     StoreError::unless(from == 0 && to >= LENGTH_BYTES as u64 && whole == Some(size), SIZE)?;
     Ok(parsed.metadata)
@@ -241,7 +242,7 @@ mod tests {
         bytes.extend((bomb.len() as u32).to_le_bytes());
         bytes.extend(bomb);
         bytes.extend([0; SUM_BYTES]);
-        assert_eq!(from_bytes(&forged(bytes), u64::MAX), Err(problem(PACKED)));
+        assert_eq!(from_bytes(&forged(bytes), u64::MAX), Err(StoreError::inconsistent(PACKED)));
     }
 
     #[test]

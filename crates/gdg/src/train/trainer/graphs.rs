@@ -38,17 +38,13 @@ pub(crate) const EDIT_ACTIVATION_DIVISOR: u64 = 2;
 /// A build updates D of the edges from one in this many candidates.
 pub(crate) const RENEWAL_ROUNDS: u64 = 2;
 
-pub enum GraphSource {
-    /// From the graph before, or an empty one; the round says whose edges are due.
-    Renewed { before: Arc<BridgeGraph>, round: u64 },
-    /// It exists, and only its distances are wanted.
-    Edited(Arc<BridgeGraph>),
-}
-
 pub struct GraphJob {
     pub policy: Arc<dyn Policy>,
     pub candidates: Arc<Candidates>,
-    pub source: GraphSource,
+    /// The graph before, or an empty one.
+    pub before: Arc<BridgeGraph>,
+    /// Which edges of it are due; without one, it exists, and only its distances are wanted.
+    pub round: Option<u64>,
     pub finds_changed: bool,
     /// RNG for the distilled distances.
     pub rng: ChaCha8Rng,
@@ -135,12 +131,12 @@ impl GraphJob {
             (Scratch::default(), &*self.policy, &self.candidates);
         let stages = 1 + usize::from(self.finds_changed);
         job.begin(0, stages);
-        let graph = match &self.source {
-            GraphSource::Edited(graph) => graph.clone(),
-            GraphSource::Renewed { before, round } => {
+        let graph = match self.round {
+            None => self.before.clone(),
+            Some(round) => {
                 let is_due =
                     |i| (u64::from(candidates.id(i)) + round).is_multiple_of(RENEWAL_ROUNDS);
-                Arc::new(before.renewed(job, candidates, is_due, policy, &mut scratch)?)
+                Arc::new(self.before.renewed(job, candidates, is_due, policy, &mut scratch)?)
             }
         };
         let mut built = BuiltGraph::new(at, graph, &mut self.rng.clone());
@@ -240,7 +236,7 @@ impl Trainer {
                 Some(built) => built.graph.clone(),
                 None => self.empty_graph(),
             };
-            self.start_graph(ACTIVATION_DIVISOR, GraphSource::Renewed { before, round })?;
+            self.start_graph(ACTIVATION_DIVISOR, before, Some(round))?;
         }
         Ok(())
     }
@@ -264,7 +260,7 @@ impl Trainer {
             edited: true,
             changed: None,
         });
-        self.start_graph(EDIT_ACTIVATION_DIVISOR, GraphSource::Edited(graph))
+        self.start_graph(EDIT_ACTIVATION_DIVISOR, graph, None)
     }
 
     pub(super) fn restore_graphs(&mut self, stored: [Option<StoredBuild>; 2]) -> Result<()> {
@@ -305,7 +301,7 @@ impl Trainer {
         self.graphs = Graphs::default();
         if self.needs_graph() {
             let before = self.empty_graph();
-            self.start_graph(ACTIVATION_DIVISOR, GraphSource::Renewed { before, round: 0 })?;
+            self.start_graph(ACTIVATION_DIVISOR, before, Some(0))?;
         }
         Ok(())
     }
@@ -316,12 +312,18 @@ impl Trainer {
 
     /// Starts building a bridge graph and finding the distances along it, which take effect after
     /// the interval between builds divided by `activation_divisor`.
-    fn start_graph(&mut self, activation_divisor: u64, source: GraphSource) -> Result<()> {
+    fn start_graph(
+        &mut self,
+        activation_divisor: u64,
+        before: Arc<BridgeGraph>,
+        round: Option<u64>,
+    ) -> Result<()> {
         let now = self.counters.updates;
         let job = GraphJob {
             policy: self.policy()?,
             candidates: self.candidates.frozen(),
-            source,
+            before,
+            round,
             finds_changed: self.relearns(),
             rng: self.graph_rng(now),
         };
