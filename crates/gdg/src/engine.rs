@@ -1,10 +1,7 @@
 //! Runs a trainer on its own thread. The engine takes commands, publishes snapshots and does not
 //! depend on any front end.
 
-#![allow(
-    missing_docs,
-    reason = "what only the program uses is documented where names do not say it"
-)]
+#![allow(missing_docs, reason = "documented where names and types do not say it")]
 
 mod command;
 mod snapshot;
@@ -29,8 +26,8 @@ use crate::train::{
     TrainError, Trainer,
 };
 pub use command::{Command, MakeWorld};
-use snapshot::PublishTimer;
 pub use snapshot::{FollowedAgent, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
+use snapshot::{PublishTimer, SNAPSHOT_INTERVAL};
 
 const EVALUATE_EVERY_UPDATES: u64 = 500;
 
@@ -105,7 +102,6 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Starts training up to `limits`.
     pub fn start(trainer: Trainer, limits: Limits) -> Result<Self, TrainError> {
         Self::resume(trainer, limits, None, [])
     }
@@ -311,7 +307,7 @@ impl Worker {
                 self.report_step();
                 self.current.phase = Phase::Paused;
                 self.refresh_snapshot(true)?;
-            } else if timer.is_due() {
+            } else if timer.published.elapsed() >= SNAPSHOT_INTERVAL {
                 self.report_progress(&mut timer)?;
             }
         }
@@ -393,7 +389,6 @@ impl Worker {
 }
 
 impl Worker {
-    /// Starts an evaluation of the current networks unless one is running; returns whether it did.
     fn start_evaluation(&mut self) -> Result<bool, TrainError> {
         if self.evaluation.is_some() {
             return Ok(false);

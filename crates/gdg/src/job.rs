@@ -1,15 +1,12 @@
 //! What takes long: what it is, how far it is, since when, and whether it is still wanted.
 
-#![allow(
-    missing_docs,
-    reason = "what only the program uses is documented where names do not say it"
-)]
+#![allow(missing_docs, reason = "documented where names and types do not say it")]
 
 use std::borrow::Cow;
 use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -29,12 +26,8 @@ pub struct Job(Arc<State>);
 struct State {
     what: Cow<'static, str>,
     since: Instant,
-    /// The present stage, and the number of stages.
-    stage: AtomicUsize,
-    stages: AtomicUsize,
-    /// What is done of the stage, and all of it.
-    done: AtomicUsize,
-    all: AtomicUsize,
+    /// The present stage and the number of stages; what is done of the stage, and all of it.
+    progress: Mutex<[usize; 4]>,
     /// Rises while it moves.
     beats: AtomicU64,
     is_cancelled: AtomicBool,
@@ -54,10 +47,7 @@ impl Job {
         Self(Arc::new(State {
             what: what.into(),
             since: Instant::now(),
-            stage: AtomicUsize::new(0),
-            stages: AtomicUsize::new(0),
-            done: AtomicUsize::new(0),
-            all: AtomicUsize::new(0),
+            progress: Mutex::default(),
             beats: AtomicU64::new(0),
             is_cancelled: AtomicBool::new(false),
             parts: Mutex::default(),
@@ -91,23 +81,19 @@ impl Job {
 
     /// Begins a stage, counted from 0, of all of it.
     pub fn begin(&self, stage: usize, stages: usize) {
-        self.set(0, 0);
-        self.0.stages.store(stages, Ordering::Relaxed);
-        self.0.stage.store(stage, Ordering::Relaxed);
+        *self.0.progress.lock() = [stage, stages, 0, 0];
+        faults::point("progress");
     }
 
     /// Says how much of the present stage is done.
     pub fn set(&self, done: usize, all: usize) {
-        self.0.done.store(done, Ordering::Relaxed);
-        self.0.all.store(all, Ordering::Relaxed);
+        self.0.progress.lock()[2..].copy_from_slice(&[done, all]);
         faults::point("progress");
     }
 
     /// Returns the share that is done, from 0 to 1; `None` unless it says so.
     pub fn share(&self) -> Option<f64> {
-        let State { stage, stages, done, all, .. } = &*self.0;
-        let [stage, stages, done, all] =
-            [stage, stages, done, all].map(|number| number.load(Ordering::Relaxed) as f64);
+        let [stage, stages, done, all] = self.0.progress.lock().map(|number| number as f64);
         let of_stage = if all > 0.0 { done / all } else { 0.0 };
         (stages > 0.0).then(|| ((stage + of_stage) / stages).clamp(0.0, 1.0))
     }
@@ -211,6 +197,10 @@ impl<T: Send + 'static> Running<T> {
         running
     }
 
+    pub fn job(&self) -> &Job {
+        &self.job
+    }
+
     pub fn is_finished(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
@@ -243,12 +233,6 @@ impl<T: Send + 'static> Running<T> {
     pub fn finish(self) -> Result<T, String> {
         let job = self.job.clone();
         self.join().map_err(|_| format!("{} failed with an internal error", job.what()))
-    }
-}
-
-impl<T> Running<T> {
-    pub fn job(&self) -> &Job {
-        &self.job
     }
 }
 

@@ -4,6 +4,8 @@
 //! with a field each, its values in every [`Preset`], and a list of [`Setting`]s. Checks, errors,
 //! `--print-config`, the settings dialog, the page of settings and the ablation come from these.
 
+#![allow(missing_docs, reason = "documented where names and types do not say it")]
+
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
@@ -24,10 +26,8 @@ pub enum Preset {
 }
 
 impl Preset {
-    /// All presets.
     pub const ALL: [Self; 4] = [Self::Default, Self::Paper, Self::Tuned, Self::Sb3];
 
-    /// Returns the name used on the command line and in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Default => "default",
@@ -37,12 +37,10 @@ impl Preset {
         }
     }
 
-    /// Returns the preset called `name`.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|preset| preset.name() == name)
     }
 
-    /// Returns a short description.
     pub fn about(self) -> &'static str {
         match self {
             Self::Default => "All additions that measurably help",
@@ -69,7 +67,6 @@ pub(crate) const GROUPS: [&str; 8] =
 /// Effect of changing a setting during a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
-    /// Takes effect immediately.
     Immediate,
     /// Restarts agents and episodes; keeps networks and replay buffer.
     NewAgents,
@@ -78,7 +75,6 @@ pub enum Effect {
 }
 
 impl Effect {
-    /// Returns a short description.
     pub fn about(self) -> &'static str {
         match self {
             Self::Immediate => "takes effect immediately",
@@ -93,15 +89,11 @@ impl Effect {
 pub struct Setting {
     /// Its name on the command line and in files.
     pub name: &'static str,
-    /// The group it belongs to.
     pub group: &'static str,
-    /// Description.
     pub about: &'static str,
     /// Its unit; empty if it has none.
     pub unit: &'static str,
-    /// Its valid values.
     pub values: Values,
-    /// Effect of a change during a run.
     pub effect: Effect,
     /// The experiment that does without it.
     pub ablation: Option<Ablation>,
@@ -110,7 +102,6 @@ pub struct Setting {
 /// A run that does without something, by another value of its setting.
 #[derive(Clone, Copy, Debug)]
 pub struct Ablation {
-    /// What is missing.
     pub name: &'static str,
     /// The setting's value, as typed.
     pub value: &'static str,
@@ -143,19 +134,15 @@ pub enum Auto<T> {
     Auto(AutoWord),
 }
 
-/// The word that stands for an automatic setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AutoWord {
-    /// `"auto"`.
     Auto,
 }
 
 impl<T: Copy> Auto<T> {
-    /// The automatic setting.
     pub const AUTO: Self = Self::Auto(AutoWord::Auto);
 
-    /// Returns the given value, if it is not automatic.
     pub fn given(self) -> Option<T> {
         match self {
             Self::Given(value) => Some(value),
@@ -176,16 +163,26 @@ pub struct Values {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Kind {
-    /// True or false.
     Switch,
-    /// One of these words.
     Word(&'static [&'static str]),
     /// A whole number within both bounds, or without an upper bound.
-    Count { from: u64, to: u64 },
+    Count {
+        from: u64,
+        to: u64,
+    },
     /// A number in single precision, within both bounds or without one of them.
-    Number { noun: &'static str, from: f32, to: f32, excluded: Excluded },
+    Number {
+        noun: &'static str,
+        from: f32,
+        to: f32,
+        excluded: Excluded,
+    },
     /// A list of at most `max_len` numbers, each within both bounds.
-    Numbers { max_len: usize, from: f32, to: f32 },
+    Numbers {
+        max_len: usize,
+        from: f32,
+        to: f32,
+    },
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -251,7 +248,6 @@ impl Values {
         matches!(self.kind, Kind::Count { .. })
     }
 
-    /// Whether they are true and false.
     pub fn are_switch(&self) -> bool {
         self.kind == Kind::Switch
     }

@@ -3,6 +3,8 @@
 //! Worlds, learners and the trainer save themselves to a [`Store`] and load themselves from one;
 //! only the checkpoint module knows how a store becomes a file.
 
+#![allow(missing_docs, reason = "documented where names and types do not say it")]
+
 use std::collections::BTreeMap;
 
 use serde::de::DeserializeOwned;
@@ -50,19 +52,16 @@ impl Store {
         self.numbers.insert(name.into(), numbers);
     }
 
-    /// Returns the numbers called `name`.
     pub fn numbers(&self, name: &str) -> Result<&[f32], StoreError> {
         self.numbers.get(name).map(Vec::as_slice).ok_or_else(|| StoreError::missing(name))
     }
 
-    /// Adds a value, replacing one of the same name.
     pub fn put(&mut self, name: &str, value: &impl Serialize) -> Result<(), StoreError> {
         let bytes = to_bytes(value).map_err(|e| StoreError::unreadable(name, e))?;
         self.values.insert(name.to_owned(), bytes);
         Ok(())
     }
 
-    /// Returns the value called `name`.
     pub fn get<T: DeserializeOwned>(&self, name: &str) -> Result<T, StoreError> {
         let (value, rest) = postcard::take_from_bytes(self.bytes(name)?)
             .map_err(|e| StoreError::unreadable(name, e))?;
@@ -73,12 +72,10 @@ impl Store {
         }
     }
 
-    /// Adds a text, replacing one of the same name.
     pub fn put_text(&mut self, name: &str, text: impl Into<String>) {
         self.values.insert(name.to_owned(), text.into().into_bytes());
     }
 
-    /// Returns the text called `name`.
     pub fn text(&self, name: &str) -> Result<&str, StoreError> {
         str::from_utf8(self.bytes(name)?).map_err(|e| StoreError::unreadable(name, e))
     }
@@ -99,7 +96,6 @@ impl Store {
         self.values.get(name).map(Vec::as_slice).ok_or_else(|| StoreError::missing(name))
     }
 
-    /// Returns whether all numbers are finite.
     pub fn is_finite(&self) -> bool {
         self.numbers.values().flatten().all(|number| number.is_finite())
     }

@@ -1,9 +1,10 @@
 //! Training: exploring agents, updates interleaved with their steps, evaluation and checkpoints.
 
+#![allow(missing_docs, reason = "documented where names and types do not say it")]
+
 mod checkpoint;
 mod config;
 mod dataset;
-mod error;
 mod evaluate;
 mod film;
 mod history;
@@ -19,7 +20,10 @@ mod settings;
 mod trainer;
 mod visits;
 
+use crate::env::EnvError;
+use crate::learn::LearnError;
 pub use crate::settings::{Effect, Preset, Setting};
+use crate::store::StoreError;
 pub use checkpoint::{
     CheckpointError, Description, SaveTo, describe, from_bytes, is_checkpoint, is_own, load,
     load_with, read_history, read_saved, remove_own, save, to_bytes, with_changed_state,
@@ -29,7 +33,6 @@ pub use config::{
     settings_from, settings_from_text, settings_in_world, with_setting,
 };
 pub use dataset::{DataSource, Dataset, data_file};
-pub use error::TrainError;
 pub use evaluate::{EvaluationJob, TaskWalk};
 pub use film::{Film, FilmFrame};
 pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Moment, Notes};
@@ -44,3 +47,41 @@ pub use score::{
 pub use session::{Due, EvaluateAt, Schedule, Session};
 pub use settings::{SETTINGS, Settings, TrainSettings};
 pub use trainer::{About, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};
+
+impl From<candle_core::Error> for TrainError {
+    fn from(error: candle_core::Error) -> Self {
+        Self::Learn(error.into())
+    }
+}
+
+/// Why a file of data cannot be learned from.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{file}: {problem}")]
+pub struct DataError {
+    pub file: String,
+    /// What is wrong, and what would be right.
+    pub problem: String,
+}
+
+/// An error that stops training or prevents it from starting.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    #[error(transparent)]
+    Learn(#[from] LearnError),
+    /// A thread cannot be started.
+    #[error("cannot start a thread: {0}")]
+    Thread(#[from] std::io::Error),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// A world cannot replace the current one.
+    #[error(transparent)]
+    Env(#[from] EnvError),
+    /// The settings need more memory than is available.
+    #[error("{0}")]
+    Memory(String),
+    /// The learner is not registered, or the networks are not finite.
+    #[error("{0}")]
+    Other(String),
+}

@@ -93,7 +93,6 @@ struct Visit {
 }
 
 impl Candidates {
-    /// Creates an empty set of candidates for `agents` agents.
     pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
         Self {
             spec: spec.clone(),
@@ -136,7 +135,6 @@ impl Candidates {
         *self = Self { next_id: self.next_id, hops: self.hops, spacing, ..fresh };
     }
 
-    /// Returns the initial spacing.
     fn least_spacing(&self) -> f32 {
         self.settings.candidate_spacing * self.spec.goal_radius
     }
@@ -146,12 +144,10 @@ impl Candidates {
         MIN_SPACING_RADII.min(self.settings.candidate_spacing) * self.spec.goal_radius
     }
 
-    /// Returns the number of candidates.
     pub fn len(&self) -> usize {
         self.ids.len()
     }
 
-    /// Returns whether there are no candidates.
     pub fn is_empty(&self) -> bool {
         self.ids.is_empty()
     }
@@ -209,7 +205,6 @@ impl Candidates {
         self.paths[from].practice.get(&self.ids[to]).copied().unwrap_or_default()
     }
 
-    /// Returns the outcomes of walks between candidates, by D.
     pub fn hops(&self) -> &HopOutcomes {
         &self.hops
     }
@@ -286,7 +281,6 @@ impl Candidates {
         miss.sqrt() < AT_SHARE * self.near_radius()
     }
 
-    /// Skips the next state of `agent`'s episode.
     pub fn pass(&mut self, agent: usize) {
         self.clocks[agent] += 1;
     }
@@ -356,7 +350,6 @@ impl Candidates {
         Some(self.len() - 1)
     }
 
-    /// Continues with the candidates of a checkpoint, of as many agents.
     pub fn restore(&mut self, stored: Self) -> Result<(), StoreError> {
         let Self { spacing, is_open, states, ids, next_id, paths, visits, clocks, hops, .. } =
             stored;
@@ -520,17 +513,5 @@ pub(super) mod tests {
         let records: usize = candidates.paths.iter().map(|paths| paths.practice.len()).sum();
         assert_eq!(records, kept.len() * (kept.len() - 1));
         assert_eq!(candidates.walk_record(kept[0], kept[1]), record(1, 0));
-        let again = restored(&candidates, Candidates::new(&spec, 1, &settings));
-        assert_eq!(bytes(&again), bytes(&candidates));
-    }
-
-    fn bytes(candidates: &Candidates) -> Vec<u8> {
-        crate::store::to_bytes(candidates).expect("numbers")
-    }
-
-    pub fn restored(candidates: &Candidates, mut fresh: Candidates) -> Candidates {
-        let stored = postcard::from_bytes(&bytes(candidates)).expect("their own bytes");
-        fresh.restore(stored).expect("their own state");
-        fresh
     }
 }

@@ -64,7 +64,9 @@ impl Excursions {
     pub fn new(spec: &Spec, agents: usize) -> Self {
         Self {
             places: Places::new(spec),
-            held_steps: held_steps(spec),
+            // As many as cross a place by the smallest stride.
+            held_steps: ((spec.goal_radius / (MIN_STRIDE * spec.largest_change())).round() as u32)
+                .clamp(HELD_STEPS[0], HELD_STEPS[1]),
             at: vec![None; agents],
             under_way: vec![None; agents],
             spent: (0.0, 0),
@@ -170,12 +172,6 @@ impl Excursions {
         *self = Self { places, at, under_way, spent, ..*self };
         Ok(())
     }
-}
-
-fn held_steps(spec: &Spec) -> u32 {
-    let [least, most] = HELD_STEPS;
-    let steps = spec.goal_radius / (MIN_STRIDE * spec.largest_change());
-    (steps.round() as u32).clamp(least, most)
 }
 
 #[cfg(test)]

@@ -17,12 +17,9 @@ use crate::job::Job;
 use crate::learn::{Policy, Scratch};
 use crate::store::{StoreError, planes};
 
-/// A directed edge between two candidates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// Source candidate.
     pub from: usize,
-    /// Target candidate.
     pub to: usize,
     /// D(from, to) when the graph was built, in steps.
     pub distance: f32,
@@ -32,11 +29,9 @@ pub struct Edge {
     /// Planning cost in steps: the length, and more if only observed trajectories support the edge,
     /// or if walks along it or along other edges of its length failed.
     pub cost: f32,
-    /// Its record in practice.
     pub status: EdgeStatus,
 }
 
-/// An edge's record in practice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EdgeStatus {
     /// Not walked yet, or failed once since the latest arrival.
@@ -48,7 +43,6 @@ pub enum EdgeStatus {
 }
 
 impl EdgeStatus {
-    /// All of them.
     pub const ALL: [Self; 3] = [Self::Untried, Self::Confirmed, Self::Demoted];
 }
 
@@ -75,10 +69,9 @@ pub(crate) struct StoredGraph {
 
 pub(crate) const DEMOTED_FACTOR: f32 = 3.0;
 
-/// Snapshot of candidates and edges at one point in training.
 #[derive(Clone, Debug)]
 pub struct BridgeGraph {
-    candidates: Arc<Candidates>,
+    pub(super) candidates: Arc<Candidates>,
     edges: Vec<Edge>,
     /// `incoming[first[j]..first[j + 1]]`: the edges that lead to j.
     incoming: Vec<Incoming>,
@@ -157,7 +150,6 @@ impl BridgeGraph {
         Self { candidates, edges, incoming, first, lengths }
     }
 
-    /// Returns what a checkpoint keeps of the graph.
     pub(crate) fn stored(&self) -> StoredGraph {
         StoredGraph {
             candidates: self.candidates.clone(),
@@ -208,16 +200,8 @@ impl BridgeGraph {
 
     /// Returns candidate `i` as a state, `(state_dim)`.
     pub(super) fn candidate(&self, i: usize) -> &[f32] {
-        let s = self.spec().state_dim();
+        let s = self.candidates.spec.state_dim();
         &self.candidates.states()[i * s..(i + 1) * s]
-    }
-
-    pub(super) fn settings(&self) -> &BridgeSettings {
-        &self.candidates.settings
-    }
-
-    pub(super) fn spec(&self) -> &Spec {
-        &self.candidates.spec
     }
 
     /// Returns the link of length `distance`, by D, from a state near candidate `from` to a goal
@@ -330,7 +314,6 @@ pub(crate) const REVERSED_PENALTY_STEPS: f32 = 8.0;
 /// A connection between two places that plans may use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Link {
-    /// Expected length in steps.
     pub length: f32,
     /// Planning cost in steps: higher where the length is uncertain, or where hops of this length
     /// often fail.

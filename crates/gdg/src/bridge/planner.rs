@@ -27,12 +27,9 @@ pub(crate) const NEAREST_CANDIDATES: usize = 3;
 /// ... and those with the shortest ways to the goal.
 pub(crate) const PROMISING_CANDIDATES: usize = 8;
 
-/// What a walker heads for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Target {
-    /// The goal itself.
     Goal,
-    /// A bridge candidate.
     Candidate(usize),
 }
 
@@ -60,16 +57,12 @@ pub struct Walker {
     hop: Option<Hop>,
 }
 
-/// A finished walk from one candidate to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hop {
-    /// Candidate it started from.
     pub from: usize,
-    /// Candidate it was headed for.
     pub to: usize,
     /// D from where the agent was, near the former, to the latter.
     pub distance: f32,
-    /// Whether it arrived in time.
     pub arrived: bool,
 }
 
@@ -83,7 +76,6 @@ impl Target {
 }
 
 impl Walker {
-    /// Starts a walk along `route`.
     pub fn new(route: Route) -> Self {
         Self {
             route,
@@ -107,7 +99,7 @@ impl Walker {
         let known = |i: usize| i < graph.candidates().len();
         let fits = candidates.all(known)
             && targets.all(|target| target.candidate().is_none_or(known))
-            && goal.len() == graph.spec().goal_dim()
+            && goal.len() == graph.candidates.spec.goal_dim()
             && goal.iter().chain([&self.distance]).all(|v| v.is_finite())
             && !self.remaining.is_nan();
         StoreError::unless(fits, "a stored walk does not fit its bridge graph")?;
@@ -124,10 +116,9 @@ impl Walker {
     /// takes over until the next one, and so on: lookahead exploits errors of the dynamics model,
     /// the actor gets stuck elsewhere.
     pub fn looks_ahead(&self, graph: &BridgeGraph) -> bool {
-        graph.settings().lookahead && self.strikes.is_multiple_of(2)
+        graph.candidates.settings.lookahead && self.strikes.is_multiple_of(2)
     }
 
-    /// Returns the route that it follows.
     pub fn route(&self) -> &Route {
         &self.route
     }
@@ -153,7 +144,7 @@ impl Walker {
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> &'a [f32] {
-        let settings = graph.settings();
+        let settings = &graph.candidates.settings;
         let target = self.keep_target(state, graph);
         let clock = self.clock;
         self.banned.retain(|(_, until)| *until > clock);
@@ -183,8 +174,8 @@ impl Walker {
     /// or given up.
     fn keep_target(&mut self, state: &[f32], graph: &BridgeGraph) -> Option<Target> {
         self.hop = None;
-        let (current, settings) = (self.target?, graph.settings());
-        let reached = graph.spec().reached(state, self.target_position(graph, current));
+        let (current, settings) = (self.target?, &graph.candidates.settings);
+        let reached = graph.candidates.spec.reached(state, self.target_position(graph, current));
         let late = settings.progress_check && self.clock >= self.deadline;
         if let (Some(from), Some(to)) = (self.at, current.candidate())
             && (reached || late)
@@ -254,7 +245,7 @@ impl Walker {
             (Some((hop, _)), _) => (Target::Candidate(hop.candidate), hop.distance),
             (None, Some(_)) => (Target::Goal, options.to_goal),
             (None, None) => {
-                (Target::Goal, options.to_goal.min(graph.settings().window_steps() as f32))
+                (Target::Goal, options.to_goal.min(graph.candidates.settings.window_steps() as f32))
             }
         }
     }
@@ -263,7 +254,7 @@ impl Walker {
     /// nearest ones, which tell where `state` is, and those with the shortest ways to the goal as
     /// far as trajectories show. All of them if edges need no trajectory, or if the agent is stuck.
     fn promising(&self, state: &[f32], nearby: &[usize], graph: &BridgeGraph) -> Vec<usize> {
-        let Some(here) = nearby.first().filter(|_| graph.settings().verify_edges) else {
+        let Some(here) = nearby.first().filter(|_| graph.candidates.settings.verify_edges) else {
             return nearby.to_vec();
         };
         if self.strikes >= MAX_STRIKES {
@@ -285,7 +276,7 @@ impl Walker {
     fn may_head_for(&self, state: &[f32], i: usize, graph: &BridgeGraph) -> bool {
         self.route.costs[i] < self.remaining
             && self.is_allowed(Target::Candidate(i))
-            && !graph.spec().reached(state, graph.point(i))
+            && !graph.candidates.spec.reached(state, graph.point(i))
     }
 
     /// Returns the best hop to a candidate, if any may be used, with the planning cost of the hop and
@@ -333,7 +324,6 @@ impl Walker {
 /// [acts](Self::act) towards it.
 #[derive(Clone, Copy)]
 pub struct Guide<'a> {
-    /// The learned D and mu.
     pub policy: &'a dyn Policy,
     /// The graph to plan on; without one, agents head straight for their goals.
     pub graph: Option<&'a BridgeGraph>,
@@ -395,7 +385,7 @@ impl BridgeGraph {
             progress_check,
             lookahead,
             ..
-        } = self.settings();
+        } = &self.candidates.settings;
         json!({
             "verify_edges": verify_edges,
             "keep_observed_edges": keep_observed_edges,
@@ -407,7 +397,7 @@ impl BridgeGraph {
             "late_slack_steps": LATE_SLACK_STEPS,
             "ban_steps": BAN_STEPS,
             "lookahead": lookahead,
-            "window_steps": self.settings().window_steps(),
+            "window_steps": self.candidates.settings.window_steps(),
             "unobserved": UNOBSERVED,
             "link_candidates": LINK_CANDIDATES,
             "nearest_candidates": NEAREST_CANDIDATES,
@@ -424,7 +414,6 @@ impl BridgeGraph {
     }
 }
 
-/// Outcome of one search.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SearchOutcome {
     /// The state s searched from, `(state_dim)`.
@@ -433,9 +422,7 @@ pub struct SearchOutcome {
     pub goal: Vec<f32>,
     /// Candidates tried and rejected, in order, `(rejected, goal_dim)`.
     pub rejected: Vec<f32>,
-    /// The bridge point found.
     pub found: Option<BridgePoint>,
-    /// Maximum number of candidates to try.
     pub budget: usize,
 }
 
@@ -449,13 +436,11 @@ pub struct BridgePoint {
 }
 
 impl SearchOutcome {
-    /// Returns the number of candidates tried.
     pub fn tried(&self) -> usize {
         self.rejected.len() / self.goal.len().max(1) + usize::from(self.found.is_some())
     }
 }
 
-/// The points that a search draws from.
 #[derive(Clone, Copy, Debug)]
 pub struct SearchSpace<'a> {
     /// The points as states, `(points, state_dim)`.

@@ -39,7 +39,6 @@ const LEAST_HOP_STEPS: f32 = 0.4;
 /// ... and at most this share of the longest edge.
 const MOST_HOP_SHARE: f32 = 0.5;
 
-/// How agents plan on the learned distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Planner {
     /// No planning: the actor heads straight for the goal.
@@ -51,10 +50,8 @@ pub enum Planner {
 }
 
 impl Planner {
-    /// All planners.
     pub const ALL: [Self; 3] = [Self::None, Self::Bridges, Self::Sorb];
 
-    /// Returns its name on the command line and in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -63,7 +60,6 @@ impl Planner {
         }
     }
 
-    /// Returns a short description.
     pub fn about(self) -> &'static str {
         match self {
             Self::None => "the actor heads straight for the goal",
@@ -74,7 +70,6 @@ impl Planner {
 }
 
 settings! {
-    /// Settings of bridge candidates, edges, search and planning.
     pub struct BridgeSettings {
         exploration {
             /// Method gdg-bridge only.
@@ -173,7 +168,6 @@ impl BridgeSettings {
         self.hop_steps.given().unwrap_or(automatic)
     }
 
-    /// Returns the maximum number of candidates.
     pub fn max_candidates(&self) -> usize {
         let factor = if self.verify_edges { MAX_FACTOR } else { MAX_UNVERIFIED_FACTOR };
         factor * self.candidates

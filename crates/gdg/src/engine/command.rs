@@ -27,7 +27,6 @@ pub enum Command {
     Pause,
     /// Resume training; lifts the limits if they have been reached.
     Resume,
-    /// Do one step and pause.
     Step(Step),
     /// Limit the updates per second; `None` removes the limit.
     LimitSpeed(Option<f64>),

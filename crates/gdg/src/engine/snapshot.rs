@@ -14,7 +14,6 @@ use crate::train::{
     TrainError, Trainer,
 };
 
-/// How far to go before pausing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     Update,
@@ -28,7 +27,6 @@ pub enum Phase {
     /// Training until the end of a step.
     Stepping(Step),
     Paused,
-    /// A limit was reached.
     Done,
     /// Stopped by an error.
     Failed(String),
@@ -40,7 +38,6 @@ impl Phase {
     }
 }
 
-/// When the next evaluation comes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NextEvaluation {
     /// It has been running since then.
@@ -66,7 +63,6 @@ pub struct Notice {
     pub is_error: bool,
 }
 
-/// The state of a run at one moment.
 #[derive(Clone)]
 pub struct Snapshot {
     pub run: Arc<Run>,
@@ -75,7 +71,6 @@ pub struct Snapshot {
     pub title: Arc<str>,
     /// Drawable contents of the world, updated with the networks.
     pub scene: Scene,
-    /// The worlds and learners that the run may be changed to.
     pub registry: Arc<Registry>,
     /// Default settings of worlds of this kind, as `name=value`.
     pub world_defaults: &'static [&'static str],
@@ -86,7 +81,6 @@ pub struct Snapshot {
     pub seconds: f64,
     /// Estimated seconds until a limit is reached, if that can be told.
     pub seconds_left: Option<f64>,
-    /// Recent updates and environment steps per second.
     pub rates: (f64, f64),
     /// Maximum updates per second, if limited.
     pub speed: Option<f64>,
@@ -103,7 +97,6 @@ pub struct Snapshot {
     /// Places at the frontier that agents are heading for, `(goals, goal_dim)`.
     pub frontier_goals: Arc<Vec<f32>>,
     pub followed: Option<Arc<FollowedAgent>>,
-    /// Networks and bridge candidates, updated less often.
     pub networks: Arc<Networks>,
     pub search: Option<Arc<SearchOutcome>>,
     pub curve: Arc<Vec<CurvePoint>>,
@@ -122,7 +115,6 @@ pub struct Snapshot {
     pub saved: Option<(u64, Arc<PathBuf>)>,
     /// Seconds of training at which it was saved or loaded; 0 for a run that has not been.
     pub saved_seconds: f64,
-    /// Number of failed saves, and the latest reason.
     pub save_failed: (u64, String),
     /// Autosaved files that are still kept, oldest first, and the updates in each.
     pub autosaves: Arc<Vec<(u64, PathBuf)>>,
@@ -144,7 +136,6 @@ impl Networks {
     }
 }
 
-/// An exploring agent in its current episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FollowedAgent {
     pub agent: usize,
@@ -159,7 +150,6 @@ pub struct FollowedAgent {
     pub goal: Vec<f32>,
     /// D to both, in steps.
     pub distances: (f32, f32),
-    /// Whether it follows a plan through the bridge graph.
     pub planned: bool,
 }
 
@@ -302,13 +292,12 @@ impl Snapshot {
         all
     }
 
-    /// Returns the fraction of the world explored so far: the last of [`Self::coverage`].
     pub fn latest_coverage(&self) -> Option<f64> {
         self.coverage().last().map(|(_, seen)| *seen)
     }
 }
 
-const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
+pub(super) const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
 
 /// Minimum interval between copies of networks and candidates for a snapshot. Copying blocks
 /// training, so it is limited to one part in [`NETWORKS_PAUSE_FACTOR`] of the time.
@@ -319,7 +308,7 @@ const NETWORKS_PAUSE_FACTOR: u32 = 60;
 const TRAIL_STATES: usize = 8;
 
 pub struct PublishTimer {
-    published: Instant,
+    pub published: Instant,
     refresh_networks_at: Instant,
     /// Training time and counters when rates were last computed.
     rates_from: (f64, Counters),
@@ -330,10 +319,6 @@ impl PublishTimer {
         let now = Instant::now();
         let rates_from = (trainer.seconds(), trainer.counters());
         Self { published: now, refresh_networks_at: now, rates_from }
-    }
-
-    pub fn is_due(&self) -> bool {
-        self.published.elapsed() >= SNAPSHOT_INTERVAL
     }
 }
 

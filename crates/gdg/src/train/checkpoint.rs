@@ -15,7 +15,7 @@ use std::time::SystemTime;
 use parking_lot::Mutex;
 use serde::de::DeserializeOwned;
 
-use super::error::TrainError;
+use super::TrainError;
 use super::history::History;
 use super::memory;
 use super::registry::Registry;
@@ -37,24 +37,19 @@ const MAX_REASON_CHARS: usize = 400;
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", sanitized(&file.to_string_lossy()))]
 pub struct CheckpointError {
-    /// The file.
     pub file: PathBuf,
     /// What is wrong with it.
     pub problem: String,
-    /// How to fix it.
     pub help: String,
 }
 
 /// Summary of a checkpoint, without its state.
 #[derive(Clone, Debug)]
 pub struct Description {
-    /// The file.
     pub file: PathBuf,
-    /// The run.
     pub about: About,
     /// Size of the file in bytes.
     pub bytes: u64,
-    /// Modification time of the file.
     pub written: Option<SystemTime>,
 }
 
@@ -154,7 +149,6 @@ pub enum SaveTo {
 }
 
 impl SaveTo {
-    /// Returns the requested path.
     pub fn path(&self) -> &Path {
         match self {
             Self::Replace(path) | Self::CreateNew(path) => path,
@@ -173,49 +167,34 @@ impl SaveTo {
 
 /// Checkpoints that this program has read or written, as they were then: any change since was made
 /// by another program.
-static KNOWN_FILES: Mutex<BTreeMap<PathBuf, FileIdentity>> = Mutex::new(BTreeMap::new());
+static KNOWN_FILES: Mutex<BTreeMap<PathBuf, (FileFacts, u32)>> = Mutex::new(BTreeMap::new());
 
-#[derive(Clone, Copy)]
-struct FileIdentity {
-    facts: FileFacts,
-    contents: u32,
+fn remember(path: &Path, facts: Option<FileFacts>, bytes: &[u8]) {
+    if let (Ok(path), Some(facts)) = (path.canonicalize(), facts) {
+        KNOWN_FILES.lock().insert(path, (facts, crc32fast::hash(bytes)));
+    }
 }
 
-impl FileIdentity {
-    fn record(path: &Path, facts: Option<FileFacts>, contents: u32) {
-        if let (Ok(path), Some(facts)) = (path.canonicalize(), facts) {
-            KNOWN_FILES.lock().insert(path, Self { facts, contents });
-        }
-    }
-
-    /// Returns what this program has read or written at `path`.
-    fn known(path: &Path) -> Option<Self> {
-        path.canonicalize().ok().and_then(|path| KNOWN_FILES.lock().get(&path).copied())
-    }
-
-    fn is_at(&self, path: &Path) -> bool {
-        let found = FileFacts::of(path);
-        found == Some(self.facts)
-            || found.is_some_and(|found| found.bytes == self.facts.bytes)
-                && files::read(path, self.facts.bytes)
-                    .is_ok_and(|bytes| crc32fast::hash(&bytes) == self.contents)
-    }
+/// Whether the file at `path` is still what this program has read or written there, if it has.
+fn is_unchanged(path: &Path) -> Option<bool> {
+    let known = KNOWN_FILES.lock().get(&path.canonicalize().ok()?).copied();
+    let ((facts, contents), found) = (known?, FileFacts::of(path)?);
+    let is_copy =
+        || files::read(path, facts.bytes).is_ok_and(|bytes| crc32fast::hash(&bytes) == contents);
+    Some(found == facts || found.bytes == facts.bytes && is_copy())
 }
 
 /// Whether the file at `path` must not be replaced: another program has written it since this one
 /// last read or wrote it, or may come back to it, or it is not a checkpoint.
 fn is_foreign(path: &Path) -> bool {
-    let changed = match FileIdentity::known(path) {
-        Some(known) => !known.is_at(path),
-        None => path.exists() && !is_checkpoint(path),
-    };
-    changed || files::is_in_use(path)
+    !is_unchanged(path).unwrap_or_else(|| !path.exists() || is_checkpoint(path))
+        || files::is_in_use(path)
 }
 
 /// Whether this program has read or written the checkpoint at `path`, and no other has written it
 /// since.
 pub fn is_own(path: &Path) -> bool {
-    FileIdentity::known(path).is_some_and(|known| known.is_at(path))
+    is_unchanged(path) == Some(true)
 }
 
 /// Removes a checkpoint if it [`is_own`]. Errors are ignored: a leftover file does no harm.
@@ -250,44 +229,39 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
 /// Returns the bytes of a checkpoint file, and says how far it is.
 pub fn to_bytes(saved: &Saved, progress: &Job) -> Result<Vec<u8>, StoreError> {
     let Saved { about, history, state } = saved;
-    let text = |name: &str, value: serde_json::Result<String>| {
-        let value = value.map_err(|e| StoreError::unreadable(name, e))?;
-        Ok::<_, StoreError>((name.to_owned(), value))
+    let text = |value: serde_json::Result<String>| {
+        value.map_err(|e| StoreError::unreadable("description", e))
     };
-    let texts = [
-        text(ABOUT, serde_json::to_string(about))?,
-        text(HISTORY, serde_json::to_string(history))?,
-    ];
+    let texts = Texts::from([
+        (ABOUT.to_owned(), text(serde_json::to_string(about))?),
+        (HISTORY.to_owned(), text(serde_json::to_string(history))?),
+    ]);
     let state = crate::store::to_bytes(state).map_err(|e| StoreError::unreadable("state", e))?;
-    Ok(content::to_bytes(&texts.into(), &state, progress))
+    Ok(content::to_bytes(&texts, &state, progress))
 }
 
 fn write(to: &SaveTo, bytes: &[u8]) -> std::io::Result<PathBuf> {
-    let contents = crc32fast::hash(bytes);
-    let replace = |path: &PathBuf| {
-        if is_foreign(path) {
-            return Ok::<_, std::io::Error>(None);
-        }
-        files::write_atomically(path, bytes)?;
-        FileIdentity::record(path, FileFacts::of(path), contents);
-        Ok(Some(path.clone()))
-    };
-    let replaced = match to {
+    if let SaveTo::Replace(path) = to {
         // Another program that has resumed the same file may be about to replace it too.
-        SaveTo::Replace(path) => files::while_locked(path, || replace(path)).transpose()?.flatten(),
-        SaveTo::CreateNew(_) => None,
-    };
-    if let Some(path) = replaced {
-        return Ok(path);
+        let replaced = files::while_locked(path, || {
+            if is_foreign(path) {
+                return Ok::<_, std::io::Error>(false);
+            }
+            files::write_atomically(path, bytes)?;
+            remember(path, FileFacts::of(path), bytes);
+            Ok(true)
+        });
+        if replaced.transpose()? == Some(true) {
+            return Ok(path.clone());
+        }
     }
     let path = files::write_to_unused(to.path(), bytes)?;
-    FileIdentity::record(&path, FileFacts::of(&path), contents);
+    remember(&path, FileFacts::of(&path), bytes);
     Ok(path)
 }
 
 const LOAD_STAGES: usize = 3;
 
-/// Loads a run from a checkpoint.
 pub fn load(
     path: &Path,
     registry: &Arc<Registry>,
@@ -310,7 +284,7 @@ pub fn load_with(
         .map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     match parse(&bytes, registry, threads, progress) {
         Ok(trainer) => {
-            FileIdentity::record(path, facts, crc32fast::hash(&bytes));
+            remember(path, facts, &bytes);
             Ok(trainer)
         }
         Err(TrainError::Env(error)) => Err(CheckpointError {
@@ -323,7 +297,6 @@ pub fn load_with(
     }
 }
 
-/// Loads a run from a checkpoint's bytes.
 pub fn from_bytes(
     bytes: &[u8],
     registry: &Arc<Registry>,
@@ -344,7 +317,6 @@ fn parse(
     Ok(Trainer::load(saved, registry, threads, progress)?)
 }
 
-/// Reads the bytes of a checkpoint file.
 pub fn read_saved(bytes: &[u8]) -> Result<Saved, StoreError> {
     let (texts, state) = content::from_bytes(bytes, most_bytes())?;
     let state = postcard::from_bytes(&state).map_err(|e| StoreError::unreadable("state", e))?;

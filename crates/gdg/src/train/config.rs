@@ -30,15 +30,12 @@ pub struct Overrides<'a> {
     pub set: &'a [String],
 }
 
-/// An invalid setting.
 #[derive(Debug, thiserror::Error)]
 #[error("{location}{problem}")]
 pub struct ConfigError {
     location: String,
     problem: String,
-    /// What is expected instead.
     pub help: String,
-    /// The offending part of the file.
     pub excerpt: Option<Excerpt>,
 }
 
@@ -134,7 +131,6 @@ pub fn changed_from(settings: &Settings, base: &Settings) -> Map<String, Value> 
     settings.values().into_iter().filter(|(name, value)| base.get(name) != Some(value)).collect()
 }
 
-/// Returns `settings` with one of them changed, as by `--set`.
 pub fn with_setting(
     settings: &Settings,
     name: &str,

@@ -10,8 +10,8 @@ use flate2::CrcWriter;
 use serde::{Deserialize, Serialize};
 use zip::ZipArchive;
 
-use super::error::{DataError, TrainError};
 use super::memory;
+use super::{DataError, TrainError};
 use crate::env::{Environment, MAX_MAGNITUDE};
 use crate::files::{self, FileFacts, Format, Wanted};
 use crate::job::Job;
@@ -41,13 +41,10 @@ const ACTION_TOLERANCE: f32 = 1e-3;
 /// Where a run's data comes from. A checkpoint keeps this, and no copy of the data.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DataSource {
-    /// The file.
     pub file: PathBuf,
     /// CRC-32 of its contents.
     pub checksum: u32,
-    /// Number of transitions.
     pub transitions: usize,
-    /// Number of episodes.
     pub episodes: usize,
 }
 
@@ -156,22 +153,18 @@ impl Dataset {
         Self::read_checked(file, checked, world, progress)
     }
 
-    /// Returns where it comes from.
     pub fn source(&self) -> &DataSource {
         &self.source
     }
 
-    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.states.len() / self.sizes.state
     }
 
-    /// Returns the states, `(rows, state_dim)`.
     pub fn states(&self) -> &[f32] {
         &self.states
     }
 
-    /// Returns the state of a row.
     pub fn state(&self, row: usize) -> &[f32] {
         &self.states[row * self.sizes.state..(row + 1) * self.sizes.state]
     }

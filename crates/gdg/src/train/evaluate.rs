@@ -59,7 +59,6 @@ impl EvaluationJob {
         })
     }
 
-    /// Evaluates on `tasks` against ground truth.
     pub fn run(&self, tasks: &TaskSet) -> Result<Evaluation, EnvError> {
         let done = self.run_unless(&Job::default(), tasks)?;
         Ok(done.unwrap_or_else(|| unreachable!("nothing cancels it")))
@@ -142,7 +141,6 @@ impl EvaluationJob {
         empty.renewed(job, candidates, |_| true, &*self.policy, &mut Scratch::default())
     }
 
-    /// Returns the frozen networks.
     pub fn policy(&self) -> &dyn Policy {
         &*self.policy
     }
@@ -157,7 +155,14 @@ impl EvaluationJob {
         };
         let actor = self.actor(graph.as_ref());
         let runs = run_tasks(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch)?;
-        let plan = states.first().map_or(Vec::new(), |start| plan(actor.guide, start, &task.goal));
+        let (mut plan, mut scratch) = (Vec::new(), Scratch::default());
+        if let (Some(graph), Some(mut walker)) =
+            (&graph, actor.guide.plan(&task.goal, &mut scratch))
+        {
+            actor.guide.aim(Some(&mut walker), &states[0], &task.goal, &mut scratch);
+            plan.extend(walker.waypoints_ahead().into_iter().map(|i| graph.point(i).to_vec()));
+            plan.push(task.goal.clone());
+        }
         Ok(TaskWalk { plan, states, reached: runs.taken[0].is_some() })
     }
 
@@ -176,18 +181,7 @@ pub struct TaskWalk {
     pub plan: Vec<Vec<f32>>,
     /// State at the start and after every step, each `(state_dim)`.
     pub states: Vec<Vec<f32>>,
-    /// Whether the goal was reached in time.
     pub reached: bool,
-}
-
-fn plan(guide: Guide, start: &[f32], goal: &[f32]) -> Vec<Vec<f32>> {
-    let mut scratch = Scratch::default();
-    let (Some(graph), Some(mut walker)) = (guide.graph, guide.plan(goal, &mut scratch)) else {
-        return Vec::new();
-    };
-    guide.aim(Some(&mut walker), start, goal, &mut scratch);
-    let waypoints = walker.waypoints_ahead().into_iter().map(|i| graph.point(i).to_vec());
-    waypoints.chain([goal.to_vec()]).collect()
 }
 
 struct Straight<'a> {
@@ -213,12 +207,6 @@ impl Policy for Straight<'_> {
     }
 }
 
-/// Returns the steps left at the end of a walk, given the true ones to the goal itself: a goal counts
-/// as reached within its radius, from where there may still be a step.
-fn left_steps(to_goal: Option<u32>, is_reached: bool) -> Option<u32> {
-    to_goal.map(|steps| if is_reached { 0 } else { steps })
-}
-
 fn marked_task(
     world: &dyn Environment,
     mut truth: Option<&mut (dyn GroundTruth + '_)>,
@@ -234,7 +222,8 @@ fn marked_task(
         let end: Vec<f32> = world.spec().achieved(walked.env.states()).collect();
         let left = truth.as_mut().and_then(|truth| truth.steps(&end, &task.goal, u32::MAX)?[0]);
         let taken = walked.taken[0];
-        let left = left_steps(left, taken.is_some());
+        // A goal counts as reached within its radius, from where there may still be a step.
+        let left = left.map(|steps| if taken.is_some() { 0 } else { steps });
         Ok::<_, EnvError>(TaskOutcome {
             reached: taken.is_some(),
             steps: taken.unwrap_or_else(|| actor.budget(world, &task)),

@@ -23,7 +23,6 @@ const UNKNOWN: u16 = u16::MAX;
 /// What was learned by one update.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilmFrame {
-    /// Updates done.
     pub updates: u64,
     /// Environment steps, summed over all agents.
     pub env_steps: u64,
@@ -37,7 +36,6 @@ pub struct FilmFrame {
 }
 
 impl FilmFrame {
-    /// Returns the number of places.
     pub fn places(&self) -> usize {
         self.values.len()
     }
@@ -73,7 +71,6 @@ impl Default for Film {
 }
 
 impl Film {
-    /// Returns the frames, the oldest first.
     pub fn frames(&self) -> &Arc<Vec<Arc<FilmFrame>>> {
         &self.frames
     }

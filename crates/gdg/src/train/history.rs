@@ -24,10 +24,8 @@ const MAX_EDITS: usize = 1000;
 pub const MAX_LOG_ENTRIES: usize = 1000;
 const MAX_CHARACTERS: usize = 500;
 
-/// Losses and coverage at one update.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
-    /// Updates done.
     pub updates: u64,
     /// Running means of the losses of critic, model and actor.
     pub losses: [f32; 3],
@@ -38,7 +36,6 @@ pub struct CurvePoint {
 /// How far a run was when it was evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Moment {
-    /// Updates done.
     pub updates: u64,
     /// Environment steps, summed over all agents.
     pub env_steps: u64,
@@ -46,27 +43,22 @@ pub struct Moment {
     pub seconds: f64,
 }
 
-/// An event.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogEntry {
     /// Training time at the event, in seconds.
     pub seconds: f64,
-    /// Updates done at the event.
     pub updates: u64,
-    /// Description of the event.
     pub text: String,
 }
 
 /// State of a front end that is restored when a run is resumed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Notes {
-    /// Events, oldest first.
     pub log: Vec<LogEntry>,
     /// The goal that was shown, `(goal_dim)`; empty if there was none.
     pub goal: Vec<f32>,
 }
 
-/// The history of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct History {
     every: u64,
@@ -76,7 +68,6 @@ pub struct History {
     /// The methods used; only in runs whose method has changed.
     pub(super) methods: Methods,
     edits: Vec<u64>,
-    /// State of the front end.
     #[serde(flatten)]
     pub notes: Notes,
 }
@@ -116,7 +107,6 @@ impl History {
         }
     }
 
-    /// Adds an evaluation.
     pub fn add_evaluation(&mut self, made: Moment, evaluation: Evaluation) {
         let evaluations = Arc::make_mut(&mut self.evaluations);
         evaluations.push((made.updates, evaluation));
@@ -161,7 +151,6 @@ impl History {
         self.moments.iter().rev().find(|made| made.updates == updates).copied()
     }
 
-    /// Returns the methods used.
     pub fn methods(&self) -> &Methods {
         &self.methods
     }
@@ -245,7 +234,6 @@ impl Methods {
         }
     }
 
-    /// Returns all of them, oldest first.
     pub fn stretches(&self) -> &[Stretch] {
         &self.0
     }
@@ -330,23 +318,15 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_learn_counts_no_updates() {
+    fn what_does_not_learn_counts_no_updates_and_evaluations_belong_to_their_method() {
         let mut methods = Methods::default();
         assert_eq!((methods.learned(70, true), methods.learned(70, false)), (70, 0));
-        methods.change(100, method("gdg"), method("random"));
-        methods.change(400, method("random"), method("gdg"));
-        let learned = [50, 100, 250, 400, 450].map(|updates| methods.learned(updates, true));
-        assert_eq!(learned, [50, 100, 100, 100, 150]);
-        assert!(methods.is_sound());
-    }
-
-    #[test]
-    fn evaluations_belong_to_the_method_that_they_were_made_of() {
-        let mut methods = Methods::default();
         assert!(methods.is_current(0) && methods.is_current(100));
         methods.change(100, method("gdg"), method("random"));
         assert_eq!([0, 100, 101].map(|updates| methods.is_current(updates)), [false, false, true]);
         methods.change(400, method("random"), method("gdg"));
+        let learned = [50, 100, 250, 400, 450].map(|updates| methods.learned(updates, true));
+        assert_eq!(learned, [50, 100, 100, 100, 150]);
         assert_eq!([100, 101, 400, 401].map(|updates| methods.index(updates)), [0, 1, 1, 2]);
         assert_eq!((methods.name(50), methods.name(200)), (Some("gdg"), Some("random")));
     }

@@ -1,7 +1,7 @@
 //! Checks that a run fits into memory before it starts: a process that runs out of memory is killed
 //! without a message. Limits that cannot be read are ignored.
 
-use super::error::TrainError;
+use super::TrainError;
 use super::registry::Registry;
 use super::run::Run;
 use crate::env::{Environment, Recorded};
@@ -74,7 +74,6 @@ fn address_space_left() -> u64 {
     u64::MAX
 }
 
-/// Checks that a run fits into memory.
 pub fn check(run: &Run, world: &dyn Environment, registry: &Registry) -> Result<(), TrainError> {
     let parameters =
         (registry.learner(&run.method.learner)?.parameters)(world.spec(), &run.settings.learn);

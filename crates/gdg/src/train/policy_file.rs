@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use candle_core::{Device, Tensor, WithDType};
 use serde_json::{Value, json};
 
-use super::error::TrainError;
+use super::TrainError;
 use super::trainer::Trainer;
 use crate::bridge::{BridgeGraph, Edge};
 use crate::env::Recorded;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::error::TrainError;
+use super::TrainError;
 use crate::bridge::Planner;
 use crate::env::{EnvError, Environment, GymOptions, WORLDS, WorldKind};
 use crate::learn::{LEARNERS, LearnerKind};
@@ -26,7 +26,6 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// Returns a registry of the built-in worlds and learners.
     pub fn builtin() -> Arc<Self> {
         Arc::new(Self {
             worlds: WORLDS.to_vec(),
@@ -84,12 +83,10 @@ impl Registry {
         self.data.as_deref()
     }
 
-    /// Returns the world kinds.
     pub fn worlds(&self) -> &[WorldKind] {
         &self.worlds
     }
 
-    /// Returns the world kind called `name`.
     pub fn world(&self, name: &str) -> Option<&WorldKind> {
         self.worlds.iter().find(|kind| kind.name == name)
     }
@@ -118,12 +115,10 @@ impl Registry {
         }
     }
 
-    /// Returns the learner kinds.
     pub fn learners(&self) -> &[LearnerKind] {
         &self.learners
     }
 
-    /// Returns the learner kind called `name`.
     pub fn learner(&self, name: &str) -> Result<&LearnerKind, TrainError> {
         let found = self.learners.iter().find(|kind| kind.name == name);
         found.ok_or_else(|| {
@@ -162,20 +157,14 @@ impl Registry {
 pub struct Method {
     /// The name of the learner's [`crate::learn::LearnerKind`].
     pub learner: String,
-    /// The planner over the learned distance.
     pub planner: Planner,
 }
 
-/// A named combination.
 #[derive(Clone, Copy, Debug)]
 pub struct NamedMethod {
-    /// Its name on the command line and in records.
     pub name: &'static str,
-    /// The learner's name.
     pub learner: &'static str,
-    /// The planner.
     pub planner: Planner,
-    /// Short description.
     pub about: &'static str,
 }
 
@@ -210,7 +199,6 @@ const fn named(
     NamedMethod { name, learner, planner, about }
 }
 
-/// Error for a text that does not name a method.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown method {0:?}; {help}", help = method_names(LEARNERS.iter().map(|kind| kind.name)))]
 pub struct UnknownMethod(String);
@@ -237,7 +225,6 @@ impl From<&NamedMethod> for Method {
 }
 
 impl Method {
-    /// Returns the name used on the command line and in records.
     pub fn name(&self) -> String {
         match METHODS.iter().find(|named| Self::from(*named) == *self) {
             Some(named) => named.name.to_owned(),
@@ -245,12 +232,10 @@ impl Method {
         }
     }
 
-    /// Whether it plans over a graph at execution time.
     pub fn plans(&self) -> bool {
         self.planner != Planner::None
     }
 
-    /// Whether it also uses bridges for exploration and learning.
     pub fn bridges(&self) -> bool {
         self.planner == Planner::Bridges
     }

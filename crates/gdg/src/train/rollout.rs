@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
-use super::error::TrainError;
+use super::TrainError;
 use super::leaps::Leaps;
 use super::settings::{RANDOM_HOLD_STEPS, Settings};
 use crate::bridge::{
@@ -275,7 +275,6 @@ impl Rollout {
         self.start_episode(i, context)
     }
 
-    /// Gives agent `i` its next goal if it has reached its own or gives up on it.
     fn end_pursuit(
         &mut self,
         i: usize,
@@ -353,7 +352,6 @@ impl Rollout {
         }
     }
 
-    /// Updates the waypoints of agents with a plan and records the outcomes of their hops.
     fn follow_plans(&mut self, context: &mut StepContext) {
         let guide = context.guide;
         let Some(graph) = guide.graph else { return };
@@ -468,7 +466,6 @@ impl Rollout {
         Ok(())
     }
 
-    /// Whether agent `i` begins its next episode where it is.
     fn stays(&self, i: usize, context: &StepContext) -> bool {
         if self.env.has_ended(i) {
             return false;

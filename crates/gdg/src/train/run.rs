@@ -13,13 +13,10 @@ use crate::store::StoreError;
 /// Definition of a run: everything that its result depends on besides the world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// The learner and the planner.
     pub method: Method,
     /// The preset that the settings are based on.
     pub preset: Preset,
-    /// Seed of all random streams.
     pub seed: u64,
-    /// The settings.
     pub settings: Settings,
 }
 
@@ -50,7 +47,6 @@ impl Run {
         changed_from(&self.settings, &self.preset.settings())
     }
 
-    /// Returns the bridge settings, adjusted to the method's planner.
     pub fn bridge(&self) -> BridgeSettings {
         self.settings.bridge.for_planner(self.method.planner)
     }
@@ -64,9 +60,7 @@ pub struct Counters {
     pub updates: u64,
     /// Environment steps, summed over all agents.
     pub env_steps: u64,
-    /// Episodes that ended.
     pub episodes: u64,
-    /// Goals reached while exploring.
     pub goals_reached: u64,
     /// Environment steps whose updates are due but not done.
     pub(super) owed_steps: u64,
@@ -109,12 +103,9 @@ impl Counters {
     }
 }
 
-/// What one tick did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tick {
-    /// One update.
     Update,
-    /// One step of every agent.
     Step,
 }
 
@@ -125,7 +116,6 @@ pub struct Limits {
     pub updates: Option<u64>,
     /// Maximum training time in seconds.
     pub seconds: Option<f64>,
-    /// Maximum number of episodes.
     pub episodes: Option<u64>,
     /// Maximum number of environment steps, summed over all agents; the updates due then are still
     /// done. As all agents step at once, it is exceeded by less than their number.
@@ -166,17 +156,12 @@ impl Pace {
     }
 }
 
-/// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EndReason {
-    /// The update limit was reached.
     MaxUpdates,
-    /// The limit of training time was reached.
     MaxSeconds,
-    /// The episode limit was reached.
     MaxEpisodes,
-    /// The limit of environment steps was reached.
     MaxSteps,
     /// Training was asked to stop, as by a signal.
     Interrupted,

@@ -6,10 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::env::{DistanceUnit, Task, TaskSet};
 
-/// Results of one evaluation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// Score of the actor alone.
     pub greedy: Score,
     /// Score with planning over bridge points, if the method plans.
     pub planned: Option<Score>,
@@ -29,7 +27,6 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// Returns the summary for checkpoint lists of an evaluation made after `updates`.
     pub fn success(&self, updates: u64) -> Success {
         Success {
             updates,
@@ -63,21 +60,16 @@ impl Evaluation {
     }
 }
 
-/// Results on the world's default task.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MarkedTask {
-    /// Result of the actor alone.
     pub greedy: TaskOutcome,
     /// Result with planning over bridge points, if the method plans.
     pub planned: Option<TaskOutcome>,
 }
 
-/// Outcome of one task.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TaskOutcome {
-    /// Whether the goal was reached in time.
     pub reached: bool,
-    /// Steps taken.
     pub steps: u32,
     /// True steps from the final state to the goal, if known.
     pub left_steps: Option<u32>,
@@ -87,7 +79,6 @@ pub struct TaskOutcome {
     pub left_straight: Option<f32>,
 }
 
-/// Error of the learned distance over pairs with a known true distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DistanceError {
     /// Mean absolute relative error.
@@ -96,29 +87,21 @@ pub struct DistanceError {
     pub near_mape: f64,
     /// Mean signed relative error.
     pub bias: f64,
-    /// Spearman's rank correlation.
     pub spearman: f64,
     /// Error of D along the bridge graph on the same pairs, if there is a graph.
     pub graph: Option<ComposedError>,
 }
 
-/// Error of D along the bridge graph.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ComposedError {
-    /// Mean absolute relative error.
     pub mape: f64,
-    /// The same for pairs within 10 steps.
     pub near_mape: f64,
-    /// Mean signed relative error.
     pub bias: f64,
 }
 
-/// Size of the bridge graph and number of false edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BridgeFacts {
-    /// Bridge candidates.
     pub candidates: usize,
-    /// Edges between them.
     pub edges: usize,
     /// Edges whose true distance exceeds 2 D + 4, if that is known.
     pub false_edges: Option<usize>,
@@ -127,7 +110,6 @@ pub struct BridgeFacts {
 /// Summary of a run's latest evaluation, as shown in checkpoint lists.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Success {
-    /// The update at which it was evaluated.
     pub updates: u64,
     /// Success rate of the actor alone; `None` if there were no tasks.
     pub greedy: Option<f64>,
@@ -148,7 +130,6 @@ impl fmt::Display for Success {
     }
 }
 
-/// Scores on a set of tasks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     /// Fraction of all tasks whose goal was reached in time; `None` if there are no tasks.
@@ -159,11 +140,9 @@ pub struct Score {
     /// Mean of steps / shortest over the successful tasks, if there are any and their shortest
     /// paths are known.
     pub steps_ratio: Option<f64>,
-    /// Scores at each distance.
     pub by_distance: Vec<DistanceScore>,
 }
 
-/// Scores on the tasks at one distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DistanceScore {
     /// Shortest-path length of these tasks in steps (for a range: the mean), if known.
@@ -172,16 +151,13 @@ pub struct DistanceScore {
     /// measure that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_cm: Option<f64>,
-    /// Number of tasks.
     pub tasks: usize,
-    /// Fraction reached in time; `None` if there are no tasks.
     pub success: Option<f64>,
     /// Success weighted by path length, if there are tasks and their shortest paths are known.
     pub spl: Option<f64>,
 }
 
 impl DistanceScore {
-    /// Returns the distance of these tasks and its unit, in the unit that the world gives.
     pub fn distance(&self) -> Option<(f64, DistanceUnit)> {
         let cm = self.distance_cm.map(|cm| (cm, DistanceUnit::Centimetres));
         self.distance_steps.map(|steps| (steps, DistanceUnit::Steps)).or(cm)

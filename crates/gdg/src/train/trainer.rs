@@ -12,7 +12,7 @@ use std::time::Instant;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::error::TrainError;
+use super::TrainError;
 use super::evaluate::EvaluationJob;
 use super::film::Film;
 use super::history::{History, Moment, Notes};
@@ -50,7 +50,6 @@ enum Stream {
     Data = 5,
 }
 
-/// A run in progress.
 pub struct Trainer {
     run: Run,
     registry: Arc<Registry>,
@@ -172,27 +171,22 @@ impl Trainer {
         self.job = job;
     }
 
-    /// Returns the definition of the run.
     pub fn run(&self) -> &Run {
         &self.run
     }
 
-    /// Returns the registry of worlds and learners that the run may be changed to.
     pub fn registry(&self) -> &Arc<Registry> {
         &self.registry
     }
 
-    /// Returns the world with the exploring agents.
     pub fn world(&self) -> &dyn Environment {
         self.rollout.env()
     }
 
-    /// Returns what a front end draws of the world.
     pub fn scene(&self) -> Scene {
         self.visits.scene(self.world())
     }
 
-    /// Returns the share of the world that the agents have explored, if it is defined.
     pub fn coverage(&self) -> Option<f64> {
         self.visits.coverage(self.world())
     }
@@ -202,12 +196,10 @@ impl Trainer {
         &mut *self.rollout.env
     }
 
-    /// Returns the specification of states, goals and actions.
     pub fn spec(&self) -> &Spec {
         self.world().spec()
     }
 
-    /// Returns the progress of the run.
     pub fn counters(&self) -> Counters {
         self.counters
     }
@@ -217,23 +209,19 @@ impl Trainer {
         self.seconds
     }
 
-    /// Returns the time that this process has spent per training stage.
     pub fn profile(&self) -> &Profile {
         &self.profile
     }
 
-    /// Returns the running means of the losses.
     pub fn losses(&self) -> Losses {
         let [critic, model, actor] = self.counters.losses.map(|l| l as f32);
         Losses { critic, model, actor }
     }
 
-    /// Returns the agents.
     pub fn rollout(&self) -> &Rollout {
         &self.rollout
     }
 
-    /// Returns the learner.
     pub fn learner(&self) -> &dyn Learner {
         &*self.learner
     }
@@ -249,12 +237,10 @@ impl Trainer {
         self.history.methods().learned(self.counters.updates, self.learns())
     }
 
-    /// Returns the replay buffer.
     pub fn replay(&self) -> &Replay {
         &self.replay
     }
 
-    /// Returns the bridge candidates and observed paths between them.
     pub fn candidates(&self) -> &Candidates {
         &self.candidates
     }
@@ -268,7 +254,6 @@ impl Trainer {
         self.rollout.last_search.as_ref()
     }
 
-    /// Returns the first of `limits` that has been reached.
     pub fn limit_reached(&self, limits: &Limits) -> Option<EndReason> {
         let steps_done = |n| self.counters.env_steps >= n && !self.is_update_due();
         let reached = [
@@ -280,7 +265,6 @@ impl Trainer {
         reached.iter().find(|(is, _)| *is).map(|(_, reason)| *reason)
     }
 
-    /// Returns the pace of the run so far.
     pub fn pace(&self) -> Pace {
         let now = (self.counters, self.seconds);
         let from = self.paced_from.map_or(now, |(counters, seconds, _)| (counters, seconds));
@@ -382,7 +366,6 @@ impl Trainer {
         Ok(round)
     }
 
-    /// Returns the current length of an episode, in steps.
     pub fn episode_steps(&self) -> u32 {
         let settings = &self.run.settings;
         let own = self.world().abilities().episodes.and_then(Episodes::episode_steps);
@@ -510,33 +493,27 @@ impl Trainer {
         })
     }
 
-    /// Evaluates against ground truth.
     pub fn evaluate(&self, tasks: &TaskSet) -> Result<Evaluation> {
         Ok(self.evaluation()?.run(tasks)?)
     }
 
-    /// Returns the history: curves, evaluations and event log.
     pub fn history(&self) -> &History {
         &self.history
     }
 
-    /// Returns the film: D and the agents at some of the updates so far.
     pub fn film(&self) -> &Film {
         &self.film
     }
 
-    /// Returns how far the run is.
     pub fn moment(&self) -> Moment {
         let Counters { updates, env_steps, .. } = self.counters;
         Moment { updates, env_steps, seconds: self.seconds }
     }
 
-    /// Adds an evaluation to the history.
     pub fn record_evaluation(&mut self, made: Moment, evaluation: Evaluation) {
         self.history.add_evaluation(made, evaluation);
     }
 
-    /// Replaces what the front end keeps in checkpoints.
     pub fn set_notes(&mut self, notes: Notes) {
         self.history.notes = notes;
     }

@@ -25,7 +25,6 @@ impl Visits {
         }
     }
 
-    /// Keeps the visits if `world` has as many places; otherwise forgets them.
     pub fn enter(&mut self, world: &dyn Environment) {
         let fresh = Self::none(world);
         if fresh.0.len() != self.0.len() {
@@ -33,7 +32,6 @@ impl Visits {
         }
     }
 
-    /// Returns the share of `world` that has been explored, if it has places.
     pub fn coverage(&self, world: &dyn Environment) -> Option<f64> {
         world.abilities().explored.map(|explored| explored.coverage(&self.0))
     }
@@ -45,7 +43,6 @@ impl Visits {
         }
     }
 
-    /// Checks the visits of a checkpoint.
     pub fn check(&self, world: &dyn Environment) -> Result<(), StoreError> {
         let fits = self.0.len() == Self::none(world).0.len();
         StoreError::unless(fits, "the stored visits do not fit the map")

@@ -74,7 +74,6 @@ impl RadixHeap {
     }
 }
 
-/// Shortest paths to one goal through the graph.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Route {
     /// The goal, `(goal_dim)`.
@@ -112,21 +111,19 @@ impl Route {
 
 pub(in crate::bridge) struct HopOptions {
     pub candidates: Vec<FirstHop>,
-    /// D to the goal itself.
     pub to_goal: f32,
     pub direct: Option<Link>,
 }
 
 pub(in crate::bridge) struct FirstHop {
     pub candidate: usize,
-    /// D to it.
     pub distance: f32,
     pub link: Option<Link>,
 }
 
 impl BridgeGraph {
     pub(crate) fn hop_steps(&self) -> f32 {
-        self.settings().hop_steps_in(self.spec())
+        self.candidates.settings.hop_steps_in(&self.candidates.spec)
     }
 
     /// Finds the shortest paths to `goal`: last links from the candidates around it, then a
@@ -151,7 +148,7 @@ impl BridgeGraph {
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Option<Route> {
-        if route.has_unverified_links || !self.settings().verify_edges {
+        if route.has_unverified_links || !self.candidates.settings.verify_edges {
             return None;
         }
         let mut links = route.links.clone();
@@ -268,7 +265,7 @@ impl BridgeGraph {
         let hop = self.hop_steps();
         let lengths =
             self.lengths(route, |i| last.get(&i).map_or(f32::INFINITY, |distance| distance + hop));
-        let states: Vec<&[f32]> = states.chunks_exact(self.spec().state_dim()).collect();
+        let states: Vec<&[f32]> = states.chunks_exact(self.candidates.spec.state_dim()).collect();
         // Batched, as the networks are more efficient on large batches.
         let batches = states.chunks(DISTANCE_BATCH).flat_map(|states| {
             let starts = states.iter().map(|state| (*state, self.nearby(state, links)));
@@ -289,7 +286,7 @@ impl BridgeGraph {
 
     /// Returns the `count` candidates nearest to `state` in a straight line, nearest first.
     pub(in crate::bridge) fn nearby(&self, state: &[f32], count: usize) -> Vec<usize> {
-        let at: Vec<f32> = self.spec().achieved(state).collect();
+        let at: Vec<f32> = self.candidates.spec.achieved(state).collect();
         self.candidates.goal_index().nearest_few(&at, count)
     }
 
@@ -344,7 +341,7 @@ impl BridgeGraph {
         let (mut pairs, mut far) = (Vec::new(), Vec::new());
         let mut by_goal = DistancesByGoal {
             places: Vec::new(),
-            goals: GoalIndex::new(self.spec()),
+            goals: GoalIndex::new(&self.candidates.spec),
             steps: Vec::new(),
             waypoints: Vec::new(),
             checked,

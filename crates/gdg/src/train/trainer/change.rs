@@ -27,16 +27,12 @@ const CHANGE_STAGES: usize = 3;
 
 const TOLD_EVERY: usize = 1000;
 
-/// Result of a change of the world.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WorldChange {
-    /// Short description of the change.
     #[serde(skip)]
     pub summary: String,
-    /// Warning for the user, if any.
     #[serde(skip)]
     pub warning: Option<String>,
-    /// Figures about the change, by name.
     #[serde(flatten)]
     pub facts: Map<String, Value>,
     /// Transitions removed from the replay buffer because they are no longer possible.
@@ -49,7 +45,6 @@ pub struct WorldChange {
 pub struct KeptState {
     /// Whether the networks were kept; otherwise they are fresh.
     pub networks: bool,
-    /// Whether the agents' states, goals and episodes were kept; otherwise they were restarted.
     pub agents: bool,
 }
 
@@ -178,7 +173,6 @@ impl Trainer {
         self.rollout.excursions.places = before.excursions.places;
     }
 
-    /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.
     pub(super) fn rebuild_candidates(&mut self, progress: &Job) {
         self.candidates.reset_to(new_candidates(&self.run, self.spec()));
         self.revisit_everything(progress);
@@ -186,7 +180,6 @@ impl Trainer {
         self.candidates.adapt_spacing();
     }
 
-    /// Lets the candidates visit again all that the replay buffer has seen.
     pub(super) fn revisit_everything(&mut self, progress: &Job) {
         let everything = Region::everything(self.spec().goal_dim());
         let Self { candidates, replay, rollout, .. } = self;

@@ -7,8 +7,8 @@ use super::{Result, Stream, Trainer, stream};
 use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes};
 use crate::store::{Store, StoreError};
+use crate::train::DataError;
 use crate::train::dataset::{DataSource, Dataset};
-use crate::train::error::DataError;
 use crate::train::memory;
 
 const DATA: &str = "data";
@@ -25,7 +25,6 @@ pub(super) struct Data {
     missing: Option<DataError>,
 }
 
-/// Numbers of recorded transitions that are not learned from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LeftOut {
     /// Those that are impossible in the world, if it knows that.
@@ -91,7 +90,6 @@ impl Trainer {
         })
     }
 
-    /// Returns the data that the run learns from, if it does.
     pub fn data(&self) -> Option<&DataSource> {
         self.data.as_ref().map(|data| &data.source)
     }
@@ -101,7 +99,6 @@ impl Trainer {
         self.data.as_ref().is_none_or(|data| data.acts)
     }
 
-    /// Checks that the data of a resumed run are there.
     pub fn check_data(&self) -> Result<()> {
         let Some(data) = self.data.as_ref().filter(|data| !data.acts) else { return Ok(()) };
         if let Some(error) = &data.missing {
@@ -142,7 +139,6 @@ impl Trainer {
         }
     }
 
-    /// Writes the replay buffer, or which file fills it.
     pub(super) fn save_replay(&self, store: &mut Store) -> Result<()> {
         store.put(DATA, &self.data)?;
         if !self.reads_data() {

@@ -41,20 +41,16 @@ pub(crate) const RENEWAL_ROUNDS: u64 = 2;
 pub struct GraphJob {
     pub policy: Arc<dyn Policy>,
     pub candidates: Arc<Candidates>,
-    /// The graph before, or an empty one.
     pub before: Arc<BridgeGraph>,
     /// Which edges of it are due; without one, it exists, and only its distances are wanted.
     pub round: Option<u64>,
     pub finds_changed: bool,
-    /// RNG for the distilled distances.
     pub rng: ChaCha8Rng,
 }
 
 #[derive(Clone)]
 pub struct BuiltGraph {
-    /// Update at which the build began.
     pub at: u64,
-    /// The graph.
     pub graph: Arc<BridgeGraph>,
     /// Sample of its distances to distil; none if it found no paths, or after an edit.
     pub distilled: Option<Arc<DistancesByGoal>>,
@@ -62,11 +58,9 @@ pub struct BuiltGraph {
     /// Whether an edit of the world has changed the graph since it was built: its distances are
     /// not known again until the next one.
     pub edited: bool,
-    /// The distances that have changed, if requested and any are known.
     pub changed: Option<Arc<ChangedDistances>>,
 }
 
-/// The current graph and the next one.
 #[derive(Default)]
 pub struct Graphs {
     pub current: Option<BuiltGraph>,
@@ -216,7 +210,6 @@ impl Trainer {
         wanted && self.run.method.bridges()
     }
 
-    /// Swaps in the next bridge graph if it is due, and starts another build if that is due.
     pub(super) fn refresh_graph(&mut self) -> Result<()> {
         if !self.needs_graph() {
             return Ok(());
@@ -296,7 +289,6 @@ impl Trainer {
         Ok(BuiltGraph { changed: changed.map(Arc::new), ..built })
     }
 
-    /// Drops the bridge graph, and starts to build another one if needed.
     pub(super) fn replace_graph(&mut self) -> Result<()> {
         self.graphs = Graphs::default();
         if self.needs_graph() {

@@ -11,7 +11,7 @@ use crate::job::Job;
 use crate::learn::{Learner, Losses, Threads};
 use crate::settings::Setting;
 use crate::store::{Store, StoreError};
-use crate::train::error::TrainError;
+use crate::train::TrainError;
 use crate::train::history::History;
 use crate::train::memory;
 use crate::train::registry::Registry;
@@ -69,7 +69,6 @@ impl LastGood {
 }
 
 impl Trainer {
-    /// Returns the latest rollback since the previous call.
     pub fn take_recovery(&mut self) -> Option<Recovery> {
         self.recovery.take()
     }
@@ -98,7 +97,6 @@ impl Trainer {
         if self.is_finite()? { Ok(()) } else { self.roll_back() }
     }
 
-    /// Returns whether all numbers of the networks are finite.
     pub fn is_finite(&self) -> Result<bool> {
         Ok(self.networks()?.is_finite())
     }
@@ -158,29 +156,22 @@ impl Trainer {
     }
 }
 
-/// A saved run.
 #[derive(Clone, Debug)]
 pub struct Saved {
-    /// What lists of checkpoints show.
     pub about: About,
-    /// What curves are drawn from.
     pub history: History,
-    /// The rest.
     pub state: Store,
 }
 
 /// What lists of checkpoints show of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct About {
-    /// Kind of its world.
     pub world: String,
     /// Title of its world: the map's name.
     pub title: String,
     /// What tells its world apart from others of its title.
     pub fingerprint: Option<String>,
-    /// Method, preset, seed and settings.
     pub run: Run,
-    /// Updates done by a learner.
     pub updates: u64,
     /// Latest evaluation result, if the run was evaluated before saving.
     pub success: Option<Success>,
