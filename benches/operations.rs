@@ -8,7 +8,7 @@ use divan::Bencher;
 use gdg::env::{Environment, Evaluated, FetchReach, PointMaze};
 use gdg::learn::kernel::{self, AdamRate};
 use gdg::learn::product::{Lhs, Panels};
-use gdg::learn::{Gdg, LearnSettings, Learner, Scratch};
+use gdg::learn::{GDG, LearnSettings, Learner, NetworkLearner, Scratch};
 use gdg::map::{Cell, Diameter, Grid, RandomMapKind, random};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

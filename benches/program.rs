@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 
 use gdg::engine::{Command, Engine, Phase};
 use gdg::env::{Environment, PointMaze};
-use gdg::learn::{Batch, Gdg, LearnSettings, Profile, Stage};
+use gdg::learn::{Batch, GDG, LearnSettings, NetworkLearner, Profile, Stage};
 use gdg::map::{Grid, builtin};
 use gdg::text::counted;
 use gdg::train::{self, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
