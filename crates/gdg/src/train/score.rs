@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::env::{DistanceUnit, Task, TaskSet};
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     pub greedy: Score,
     /// Score with planning over bridge points, if the method plans.
