@@ -103,7 +103,8 @@ fn updates(threads: usize, runs: usize) -> Result<String> {
     for (name, side, settings) in published.into_iter().chain([default]) {
         let map = Grid::new("open", side, vec![true; side * side], Vec::new(), Vec::new());
         let world = PointMaze::new(map.into(), 1);
-        let learner = |threads| NetworkLearner::new(GDG, world.spec(), &settings, threads, &mut rng());
+        let learner =
+            |threads| NetworkLearner::new(GDG, world.spec(), &settings, threads, &mut rng());
         let greedy_targets = side == 32;
         let batch = Batch { greedy_targets, ..batch(settings.batch_size, side as f32) };
         let mut profile = Profile::default();
@@ -243,6 +244,7 @@ fn batch(rows: usize, side: f32) -> Batch {
         next: from.iter().zip(&actions).map(|(s, a)| s + a).collect(),
         from,
         actions,
+        ..Batch::default()
     }
 }
 

@@ -320,15 +320,12 @@ impl<'a> Reference<'a> {
                 -self.value(&self.critics[0], &state, &action, &goal)
             } else {
                 let next = self.prediction(&self.model, &state, &action);
-                match self.critics.first() {
-                    Some(critic) => {
-                        f64::from(batch.actor_weights[i]) * self.distance(critic, &next, &towards)
-                    }
-                    None => {
-                        let off = spec.achieved.iter().zip(&towards).map(|(i, g)| next[*i] - g);
-                        off.map(|off| off * off).sum::<f64>().sqrt()
-                            / f64::from(self.shapes.step_length)
-                    }
+                if let Some(critic) = self.critics.first() {
+                    f64::from(batch.actor_weights[i]) * self.distance(critic, &next, &towards)
+                } else {
+                    let off = spec.achieved.iter().zip(&towards).map(|(i, g)| next[*i] - g);
+                    off.map(|off| off * off).sum::<f64>().sqrt()
+                        / f64::from(self.shapes.step_length)
                 }
             };
             sums[0] += cost;

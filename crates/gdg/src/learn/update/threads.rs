@@ -240,7 +240,8 @@ mod tests {
 
     #[test]
     fn it_is_nearly_as_fast_as_the_best_number_whatever_the_other_cores_do() {
-        let loads: [(fn(Duration) -> bool, &[u64]); 3] = [
+        type Load = (fn(Duration) -> bool, &'static [u64]);
+        let loads: [Load; 3] = [
             (|_| false, &[400, 1_000, 15_000]),
             (|_| true, &[400, 1_000, 15_000]),
             (|now| now.as_secs() % 2 == 1, &[400, 1_000]),
