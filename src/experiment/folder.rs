@@ -59,8 +59,7 @@ impl Folder {
             ));
         }
         ["report.md", "jobs/NAME.json"].map(|name| self.0.join(name)).iter().try_for_each(|path| {
-            let checked = files::check_name(path);
-            checked.and_then(|()| files::check_writable(path)).map_err(|error| {
+            files::check_writable(path).map_err(|error| {
                 let (help, path) = ("give --out a writable folder", path.display());
                 miette!(help = help, "{path}: results cannot be saved here: {error}")
             })

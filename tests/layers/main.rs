@@ -17,7 +17,7 @@ type Room = (&'static str, usize);
 const LIBRARY: [Room; 15] = [
     ("text", 500),
     ("printing", 300),
-    ("faults", 140),
+    ("faults", 130),
     ("job", 300),
     ("files", 900),
     ("store", 300),
@@ -36,7 +36,7 @@ const LIBRARY: [Room; 15] = [
 const PROGRAM: [Room; 7] = [
     ("host", 1_300),
     ("figure", 1_100),
-    ("headless", 1_100),
+    ("headless", 900),
     ("experiment", 5_600),
     ("tui", 24_700),
     ("cli", 1_200),
