@@ -18,12 +18,6 @@ pub enum LossScale {
     Log,
 }
 
-/// Trainable features at each corner of each grid.
-pub(crate) const GRID_CHANNELS: usize = 4;
-
-/// Mean of the steps that geometric hindsight goals lie ahead.
-pub(crate) const GEOMETRIC_MEAN_STEPS: f32 = 25.0;
-
 settings! {
     /// Settings of networks, losses and batches.
     pub struct LearnSettings {

@@ -314,7 +314,7 @@ fn parse(
     progress.begin(1, LOAD_STAGES);
     let saved = read_saved(bytes)?;
     progress.begin(2, LOAD_STAGES);
-    Ok(Trainer::load(saved, registry, threads, progress)?)
+    Trainer::load(saved, registry, threads, progress)
 }
 
 pub fn read_saved(bytes: &[u8]) -> Result<Saved, StoreError> {
