@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::cli::{EditAt, THRESHOLD, TrainArgs};
+use crate::cli::{EditAt, SuiteArgs, THRESHOLD, TrainArgs};
 use crate::host::maps::{self, find_map, known_name};
 use crate::host::outputs::{refuse_existing, refuse_input, save_to};
 use crate::host::report::{from_checkpoint_error, from_data_error, from_map_error};
 use crate::host::runs::{self, SAVES};
 use crate::host::setup::{self, Edit, Setup, settings};
-use gdg::env::{Environment, PointMaze, maze};
+use gdg::env::{Environment, GymOptions, PointMaze, maze};
 use gdg::files;
 use gdg::job::Job;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
@@ -257,32 +257,20 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| not_a_maze("--edit-at"))?;
     let (map, begun) = (maze.map(), trainer.counters().updates);
     let load = |edit: &EditAt| {
-        let never =
-            |why: String| miette!("--edit-at {}:{}: {why}", edit.updates, edit.file.display());
-        if edit.updates < begun {
-            return Err(never(format!(
-                "the run starts at update {begun}: give that or a later one"
-            )));
-        }
-        if let Some(most) = args.max_updates.filter(|most| edit.updates > *most) {
-            return Err(never(format!(
-                "the run ends at update {most}: give that or an earlier one"
-            )));
+        let (at, most) = (edit.updates, args.max_updates.unwrap_or(u64::MAX));
+        if !(begun..=most).contains(&at) {
+            let end = if at < begun { ("starts", begun) } else { ("ends", most) };
+            let file = edit.file.display();
+            return Err(miette!("--edit-at {at}:{file}: the run {} at update {}", end.0, end.1));
         }
         let threshold = Reading::from(&args.reading).threshold;
         let new = map::load_map_like(&edit.file, map, threshold).map_err(from_map_error)?;
         if (new.width(), new.height()) != (map.width(), map.height()) {
             let problem = format!("is {} x {} cells", new.width(), new.height());
-            let help = format!(
-                "give a map of {} x {}, the size of the run's map",
-                map.width(),
-                map.height()
-            );
-            return Err(from_map_error(MapError::whole_file(
-                &edit.file.to_string_lossy(),
-                problem,
-                help,
-            )));
+            let (width, height) = (map.width(), map.height());
+            let help = format!("give a map of {width} x {height}, the size of the run's map");
+            let file = edit.file.to_string_lossy();
+            return Err(from_map_error(MapError::whole_file(&file, problem, help)));
         }
         let new: Box<dyn Environment> = Box::new(maze.with_map(Arc::new(new)));
         Ok(Edit { updates: edit.updates, world: new })
@@ -300,7 +288,20 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     Ok(edits)
 }
 
-pub fn not_a_maze(option: &str) -> Report {
+/// Returns the registry with the goal radius of environments in Python, unless other options of maps
+/// are given for a world that is none.
+pub fn registry_of_suite(
+    SuiteArgs { maps, reading, .. }: &SuiteArgs,
+    registry: &Arc<Registry>,
+) -> Result<Arc<Registry>, Report> {
+    let is_world = |name: &&PathBuf| registry.world_without_file(known_name(name)).is_some();
+    let mut given = maps.iter().filter(is_world).flat_map(|name| reading.only_for_maps(name));
+    let goal_radius = reading.goal_radius.map(|radius| radius as f32);
+    let options = GymOptions { goal_radius, ..GymOptions::default() };
+    given.next().map_or_else(|| Ok(registry.clone().with_gym(options)), |it| Err(not_a_maze(it)))
+}
+
+fn not_a_maze(option: &str) -> Report {
     miette!(help = "give a map", "{option} applies only to maps")
 }
 

@@ -6,9 +6,8 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, miette};
 
-use super::output::{Failure, OrFail, Outcome, print, print_safely};
-use super::prepare;
-use super::screen::obstacle;
+use super::train::{obstacle, registry_for};
+use super::{Failure, Outcome, bad_input, failure, prepare, print, print_safely};
 use crate::cli::{Cli, RunsArgs, TrainArgs};
 use crate::experiment::runs::{Reader, SavedRun, table};
 use crate::host::runs::SAVES;
@@ -27,7 +26,7 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
             let help = "give folders of checkpoints, of records, or of gdg-tui suite";
             miette!(help = help, "{}: cannot be read: {error}", folder.display())
         };
-        std::fs::read_dir(folder).map_err(unreadable).or_bad_input()?;
+        std::fs::read_dir(folder).map_err(unreadable).map_err(bad_input)?;
     }
     if args.json {
         let line = |run: &Arc<SavedRun>| escape_json_line(&run.json().to_string()) + "\n";
@@ -68,19 +67,19 @@ fn read(folders: &[PathBuf]) -> Vec<Arc<SavedRun>> {
 fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
     crate::host::logging::start(args.screen.log_level);
     let opener = opener(args, registry)?;
-    let mut interface = tui::prepare(&args.screen.interface.options()).or_bad_input()?;
-    let mut list = RunsScreen::open(&args.folders, opener, &interface).or_failure()?;
+    let mut interface = tui::prepare(&args.screen.interface.options()).map_err(bad_input)?;
+    let mut list = RunsScreen::open(&args.folders, opener, &interface).map_err(failure)?;
     let (mut status, mut notice) = (0, String::new());
     loop {
         interface.notice = None;
-        let (left, opened, signalled) = list.show(&mut interface, &notice).or_failure()?;
+        let (left, opened, signalled) = list.show(&mut interface, &notice).map_err(failure)?;
         interface.notice = Some("q leads back to the list of runs");
         let ended = match opened {
             None => return Ok(status.max(signalled)),
             Some(Opened::Run(setup)) => tui::run(*setup, &mut interface, None),
             Some(Opened::Comparison(both)) => tui::compare(*both, &mut interface),
         };
-        let (ended, files) = ended.or_failure()?;
+        let (ended, files) = ended.map_err(failure)?;
         if let Some(signalled) = interface.ended() {
             return Ok(signalled);
         }
@@ -91,9 +90,9 @@ fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
 /// Returns what opens runs, as the commands that show one or two of them do.
 fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> {
     use clap::Parser;
-    let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().or_failure()?.train;
+    let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().map_err(failure)?.train;
     train.log_level = args.screen.log_level;
-    let registry = super::train::registry_for(&train, registry);
+    let registry = registry_for(&train, registry);
     Ok(Arc::new(move |wish, progress| match wish.beside {
         None => {
             let resume = Some(Some(wish.file));

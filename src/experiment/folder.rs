@@ -59,8 +59,7 @@ impl Folder {
             ));
         }
         ["report.md", "jobs/NAME.json"].map(|name| self.0.join(name)).iter().try_for_each(|path| {
-            let checked = files::check_replaceable(path);
-            checked.and_then(|()| files::check_writable(path)).map_err(|error| {
+            files::check_writable(path).map_err(|error| {
                 let (help, path) = ("give --out a writable folder", path.display());
                 miette!(help = help, "{path}: results cannot be saved here: {error}")
             })
@@ -83,7 +82,7 @@ impl Folder {
 
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Report> {
         let path = self.path(name);
-        let written = files::write_unlinked(&path, bytes).into_diagnostic();
+        let written = files::write_atomically(&path, bytes).into_diagnostic();
         written.wrap_err_with(|| path.display().to_string())
     }
 
@@ -159,7 +158,7 @@ impl Folder {
             (checkpoint, "checkpoint"),
         ];
         files.into_iter().try_for_each(|(path, what)| {
-            files::check_replaceable(&path).map_err(|error| {
+            files::check_name(&path).map_err(|error| {
                 let path = path.display();
                 miette!(help = MOVE_AWAY, "{path}: the {what} cannot be saved: {error}")
             })
