@@ -52,14 +52,14 @@ impl MapArgs {
 
 impl From<&MapArgs> for Reading {
     fn from(args: &MapArgs) -> Self {
-        let Self { scale, threshold, .. } = Self::default();
+        let Self { scale, threshold } = Self::default();
         let scale = MapScale {
             cell: args.cell.unwrap_or(scale.cell),
             margin: args.margin.unwrap_or(scale.margin),
+            goal_radius: args.goal_radius.unwrap_or(scale.goal_radius),
             ..scale
         };
-        let threshold = args.threshold.unwrap_or(threshold);
-        Self { scale, goal_radius: args.goal_radius, threshold }
+        Self { scale, threshold: args.threshold.unwrap_or(threshold) }
     }
 }
 

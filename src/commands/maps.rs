@@ -1,7 +1,5 @@
 //! `gdg-tui maps`: the built-in maps, random ones, and maps in other formats.
 
-use std::path::PathBuf;
-
 use miette::{Report, miette};
 
 use super::check::describe_diameter;
@@ -13,15 +11,14 @@ use crate::host::outputs::{refuse_existing, refuse_input};
 use crate::host::report::from_map_error;
 use crate::host::waiting::Waiting;
 use gdg::map::{
-    self, BUILTIN, Diameter, Grid, MapFormat, Reading, Scenario, ScenarioTask, print_ascii,
+    self, BUILTIN, Diameter, FORMATS, Grid, MapFormat, MapScale, Reading, ScenarioTask, print_ascii,
 };
 use gdg::printing::eprint_line;
 use gdg::text::sanitized;
 use gdg::train::Registry;
 
-/// Steps of a conversion: a map is read, printed in the other format, its scenario is made, and
-/// doubts about it are found.
-const CONVERT_STEPS: usize = 4;
+/// Steps of a conversion: a map is read, printed in the other format, and doubts about it are found.
+const CONVERT_STEPS: usize = 3;
 
 /// Returns the table of built-in maps.
 fn list() -> String {
@@ -69,13 +66,8 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
         grid = with_tasks(&grid, map::load_scenario(scenario, &grid).map_err(from_map_error)?);
     }
     told(1);
-    let mut files = format.write(&grid, output);
+    let files = format.write(&grid, output);
     told(2);
-    let scenario = Scenario::beside(&grid, output, format);
-    if let Some((path, scenario)) = &scenario {
-        files.push((path.clone(), scenario.print().into_bytes()));
-    }
-    told(3);
     let warnings = warnings(&grid);
     drop(converting);
     warnings.iter().for_each(|warning| eprint_line(warning));
@@ -84,7 +76,7 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
         refuse_input("OUT", path, read)?;
         refuse_existing(path, args.overwrite)?;
     }
-    warn_of_losses(args, &grid, format, scenario)?;
+    warn_of_losses(args, &grid, format)?;
     files.iter().map(|(path, bytes)| write_file(path, bytes)).collect()
 }
 
@@ -96,35 +88,19 @@ fn with_tasks(grid: &Grid, tasks: Vec<ScenarioTask>) -> Grid {
 }
 
 /// Prints what of a map its file in this `format` will not have, and how to keep it.
-fn warn_of_losses(
-    args: &ConvertArgs,
-    grid: &Grid,
-    format: &MapFormat,
-    scenario: Option<(PathBuf, Scenario)>,
-) -> Result<(), Report> {
+fn warn_of_losses(args: &ConvertArgs, grid: &Grid, format: &MapFormat) -> Result<(), Report> {
     let say = |what: &str| eprint_line(&format!("{}: {what}", sanitized(grid.name())));
-    let mut lost = format.lost(grid, &args.output);
-    if let Some((path, scenario)) = scenario {
-        let tasks = scenario.tasks(grid).map_err(from_map_error)?;
-        let kept = with_tasks(&grid.with_marks(Vec::new(), Vec::new()), tasks);
-        let path = sanitized(&path.to_string_lossy());
-        let marks =
-            [("starts", grid.starts(), kept.starts()), ("goals", grid.goals(), kept.goals())];
-        for (name, all, kept) in marks {
-            match all.len() - kept.len() {
-                0 => lost.retain(|lost| lost != name),
-                some => say(&format!(
-                    "warning: {some} of {} {name} are not in {path}: its tasks have a start and a goal with a path",
-                    all.len()
-                )),
-            }
-        }
-        say(&format!("starts and goals are the tasks of {path}: give --scen {path} with the map"));
-    }
+    let lost = format.lost(grid).join(" and ");
     if !lost.is_empty() {
-        let keep = MapFormat::lossless().join(", ");
-        let lost = lost.join(", ");
-        say(&format!("warning: the file has no {lost}; formats that keep all: {keep}"));
+        let keep = FORMATS.iter().filter(|format| format.loses.is_empty());
+        let keep = keep.map(|format| format.name).collect::<Vec<_>>().join(", ");
+        say(&format!("warning: the file has no {lost}; formats that keep them: {keep}"));
+    }
+    let MapScale { goal_radius, .. } = grid.scale();
+    if goal_radius != MapScale::default().goal_radius {
+        say(&format!(
+            "warning: no file of a map has a goal radius: give --goal-radius {goal_radius} with it"
+        ));
     }
     if grid.scale().benchmark.is_some() {
         say("warning: the tasks of the benchmark are not written");

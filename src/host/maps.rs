@@ -6,7 +6,7 @@ use std::path::Path;
 use miette::{Report, miette};
 
 use crate::host::report::from_map_error;
-use gdg::map::{self, Cell, Components, Grid, MapError, Reading, StepSearch};
+use gdg::map::{self, Cell, Components, Grid, MapError, Reading};
 use gdg::printing::eprint_line;
 use gdg::text::{counted, nearest, sanitized};
 use gdg::train::Registry;
@@ -25,23 +25,20 @@ pub fn warnings(grid: &Grid) -> Vec<String> {
 }
 
 /// Returns signs that a map is not what its author meant.
-pub fn doubts(grid: &Grid) -> Vec<String> {
+pub fn doubts(grid: &Grid) -> Option<String> {
     let free = grid.free_count();
     let few = format!(
         "the map has only {}: too few to learn anything",
         counted(free as u64, "free cell")
     );
-    let few = (free < FEWEST_CELLS).then_some(few);
-    let letters =
-        grid.doubt().map(|doubt| format!("{doubt}: write walls as '#' and free cells as '.'"));
-    letters.into_iter().chain(few).collect()
+    (free < FEWEST_CELLS).then_some(few)
 }
 
 /// Returns what is wrong if starts and goals of a map lie in different components, or the starts
 /// outside the largest.
 fn unconnected(grid: &Grid) -> Option<String> {
     let has_starts = !grid.starts().is_empty();
-    has_starts.then(|| unconnected_parts(grid, &StepSearch::new(grid).components(grid))).flatten()
+    has_starts.then(|| unconnected_parts(grid, &Components::of(grid))).flatten()
 }
 
 /// Returns what is wrong if starts and goals lie in different `components`, or the starts outside
@@ -90,7 +87,7 @@ pub fn known_name(path: &Path) -> &str {
 pub fn find_map(path: &Path, reading: &Reading, registry: &Registry) -> Result<Grid, Report> {
     let name = known_name(path);
     if let Some(grid) = map::builtin(name) {
-        return reading.map_of(name, &grid).map_err(from_map_error);
+        return reading.scale.of(name, &grid).map_err(from_map_error);
     }
     if registry.world_without_file(name).is_some() && !path.exists() {
         let help = "give a map: a built-in name or a file";

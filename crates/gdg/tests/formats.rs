@@ -4,8 +4,8 @@ use std::path::Path;
 
 use crate::maps::grids;
 use gdg::map::{
-    Cell, FORMATS, Grid, MapFormat, MapScale, Reading, Scenario, StepSearch, load_map, load_map_as,
-    load_map_like, load_scenario, parse_map, print_ascii,
+    Cell, FORMATS, Grid, MapScale, Reading, load_map, load_map_as, load_map_like, load_scenario,
+    parse_map, print_ascii,
 };
 use proptest::prelude::*;
 
@@ -80,73 +80,6 @@ fn agents_of_a_planner_s_map_are_tasks_on_it_at_any_scale() {
 }
 
 #[test]
-fn a_goal_radius_in_a_file_is_that_of_the_map_unless_another_is_given() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("maze.yaml");
-    let text = "map:\n  dimensions: [3, 1]\n  obstacles:\n  - [1, 0]\ngoal_radius: ";
-    let read = |radius: &str, reading: &Reading| {
-        std::fs::write(&file, format!("{text}{radius}\n")).unwrap();
-        load_map_as(&file, reading).map(|map| map.scale().goal_radius)
-    };
-    let usual = Reading::default();
-    assert_eq!(read("0.5", &usual).ok(), Some(0.5));
-    let scale = MapScale { cell: 4, ..usual.scale };
-    assert_eq!(read("0.5", &Reading { scale, ..usual }).ok(), Some(2.0), "four cells are a block");
-    assert_eq!(read("0.5", &Reading { goal_radius: Some(1.0), ..usual }).ok(), Some(1.0));
-    for wrong in ["0", "-1", "wide", "[1]"] {
-        let error = read(wrong, &usual).unwrap_err();
-        assert_eq!(error.at, Some((5, 14)), "{error}");
-    }
-}
-
-#[test]
-fn what_a_comment_or_a_map_of_ros_says_is_that_of_the_map_and_faults_are_named() {
-    let folder = tempfile::tempdir().unwrap();
-    let read = |name: &str, text: &str| {
-        let file = folder.path().join(name);
-        std::fs::write(&file, text).unwrap();
-        load_map(&file).map(|map| map.named("maze"))
-    };
-    let list = |comment: &str| read("m.py", &format!("# {comment}\nMAZE = [[0, 0],\n [1, 0]]\n"));
-    let map =
-        list("by hand; gdg-tui: {margin: 0.5, cells_per_block: 4, starts: [[1, 1]]}").unwrap();
-    assert_eq!((map.scale().cell, map.scale().margin), (4, 0.5));
-    assert_eq!((map.starts(), map.goals()), (&[Cell::new(1, 1)][..], &[][..]));
-    for (wrong, column) in [
-        ("gdg-tui: {margin: -1}", 21),
-        ("gdg-tui: {starts: [[0, 1]]}", 22),
-        ("gdg-tui: {goals: [[2, 0]]}", 21),
-        ("gdg-tui: {goals: 3}", 20),
-        ("gdg-tui: {goals: [[0]]}", 21),
-        ("gdg-tui: {", 12),
-    ] {
-        let error = list(wrong).unwrap_err();
-        assert_eq!(error.at, Some((1, column)), "{wrong}: {error}");
-    }
-    assert!(list("gdg-tui is not asked here").unwrap().starts().is_empty());
-    std::fs::write(folder.path().join("m.pgm"), b"P2 3 2 1\n1 1 1\n1 1 1\n").unwrap();
-    let ros = "image: m.pgm\nresolution: 0.5\norigin: [-1, 2, 0]\n";
-    let map =
-        read("m.yaml", &format!("{ros}starts: [[0.4, 2.1]]\ngoals: [[-0.9, 2.9]]\n")).unwrap();
-    assert_eq!((map.starts(), map.goals()), (&[Cell::new(2, 1)][..], &[Cell::new(0, 0)][..]));
-    let error = read("m.yaml", &format!("{ros}starts: [[0.6, 2.1]]\n")).unwrap_err();
-    assert_eq!(error.at, Some((4, 10)), "{error}");
-}
-
-#[test]
-fn a_map_that_was_enlarged_is_not_enlarged_again() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("m.yaml");
-    let text = "cells_per_block: 4\nmap:\n  dimensions: [8, 4]\n  obstacles:\n  - [1, 0]\n";
-    std::fs::write(&file, text).unwrap();
-    let map = load_map(&file).unwrap();
-    assert_eq!((map.width(), map.scale().cell), (8, 4));
-    let scale = MapScale { cell: 2, ..MapScale::default() };
-    let error = load_map_as(&file, &Reading { scale, ..Reading::default() }).unwrap_err();
-    assert!(error.problem.contains("a scale of its own"), "{error}");
-}
-
-#[test]
 fn the_threshold_says_which_pixels_are_walls() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/valid/grey16.png");
     let free = |threshold| {
@@ -176,68 +109,20 @@ proptest! {
 
     /// What a format has no place for is what it says.
     #[test]
-    fn what_is_written_in_a_format_is_read(
-        grid in grids(12),
-        goal_radius in prop::sample::select(vec![1.0_f32, 0.3, 2.25]),
-        cell in 1usize..3,
-        margin in prop::sample::select(vec![0.0_f32, 0.7]),
-    ) {
-        let grid = grid.with_scale(MapScale { cell, margin, goal_radius, benchmark: None });
-        for format in &FORMATS {
-            for ending in format.endings {
-                let folder = tempfile::tempdir().unwrap();
-                let file = folder.path().join("random").with_extension(ending);
-                for (path, bytes) in format.write(&grid, &file) {
-                    std::fs::write(path, bytes).unwrap();
-                }
-                // Of the formats in YAML, the content says which it is.
-                let read = load_map(&file).unwrap_or_else(|error| panic!("{error}"));
-                let lost = format.lost(&grid, &file);
-                let is_lost = |what: &str| lost.iter().any(|lost| lost.starts_with(what));
-                let kept = |name, cells: &[Cell]| if is_lost(name) { Vec::new() } else { cells.to_vec() };
-                let usual = MapScale::default();
-                let scale = MapScale {
-                    cell: if is_lost("cells per block") { usual.cell } else { cell },
-                    margin: if is_lost("margin") { usual.margin } else { margin },
-                    goal_radius: if is_lost("goal radius") { usual.goal_radius } else { goal_radius },
-                    benchmark: None,
-                };
-                let (starts, goals) = (kept("starts", grid.starts()), kept("goals", grid.goals()));
-                let expected = grid.with_marks(starts, goals).with_scale(scale);
-                prop_assert_eq!(&read, &expected, "{} in {}", format.name, ending);
-                let is_lossless = MapFormat::lossless().contains(&format.name) && *ending != "json";
-                prop_assert!(!is_lossless || read == grid, "{} in {}", format.name, ending);
+    fn what_is_written_in_a_format_is_read(grid in grids(12)) {
+        let folder = tempfile::tempdir().unwrap();
+        for (format, ending) in FORMATS.iter().flat_map(|f| f.endings.iter().map(move |e| (f, e))) {
+            let file = folder.path().join("random").with_extension(ending);
+            for (path, bytes) in format.write(&grid, &file) {
+                std::fs::write(path, bytes).unwrap();
             }
-        }
-    }
-
-    /// All starts and goals between which there are paths.
-    #[test]
-    fn the_scenario_beside_a_map_of_moving_ai_has_its_starts_and_goals(grid in grids(12)) {
-        let grid = grid.with_scale(MapScale::default());
-        let scenario = FORMATS.iter().find_map(|format| Scenario::beside(&grid, Path::new("random.map"), format));
-        let Some((path, scenario)) = scenario else {
-            let reaches = |start: &Cell| {
-                let apart = grid.with_marks(vec![*start], grid.goals().to_vec());
-                StepSearch::new(&apart).components(&apart)
-            };
-            let pairs = grid.starts().iter().zip(grid.goals());
-            for (start, goal) in pairs {
-                let of_cell = reaches(start).of_cell;
-                prop_assert_ne!(of_cell[grid.index(*start)], of_cell[grid.index(*goal)]);
-            }
-            return Ok(());
-        };
-        prop_assert_eq!(path.as_path(), Path::new("random.scen"));
-        let read = Scenario::parse("random.scen", scenario.print().as_bytes()).expect("a scenario");
-        prop_assert!(read.other_map(&grid).is_none());
-        let tasks = read.tasks(&grid).expect("tasks");
-        read.check_lengths(&tasks, &grid).expect("lengths of shortest paths");
-        let components = StepSearch::new(&grid).components(&grid).of_cell;
-        if components.iter().flatten().all(|component| *component == 0) {
-            let starts = tasks.iter().map(|task| task.start).collect();
-            let goals = tasks.iter().map(|task| task.goal).collect();
-            prop_assert_eq!(grid.with_marks(starts, goals), grid);
+            // Of the formats in YAML, the content says which it is.
+            let read = load_map(&file).unwrap_or_else(|error| panic!("{error}"));
+            std::fs::remove_file(&file).unwrap();
+            let lost = format.lost(&grid);
+            let kept = |name, cells: &[Cell]| if lost.contains(&name) { Vec::new() } else { cells.to_vec() };
+            let expected = grid.with_marks(kept("starts", grid.starts()), kept("goals", grid.goals()));
+            prop_assert_eq!(&read, &expected, "{} in {}", format.name, ending);
         }
     }
 
@@ -258,20 +143,4 @@ fn plain_maps_may_end_in_map_and_broken_headers_are_still_named() {
     assert_eq!((plain.starts().len(), plain.goals().len(), plain.free_count()), (1, 1, 5));
     let error = read("height 2\nwidth 2\nmap\n..\n..\n").expect_err("no type");
     assert!(error.problem.contains("type octile"), "{error}");
-}
-
-#[test]
-fn what_tiled_never_writes_is_refused_before_it_takes_long() {
-    let refused = |layer: &str| {
-        let text = format!("<map width=\"1\" height=\"1\"><layer{layer}/></map>");
-        parse_map("maze.tmx", text.as_bytes()).expect_err("no map").to_string()
-    };
-    let many =
-        |attribute: &str| (0..=100).map(|i| attribute.replace('N', &i.to_string())).collect();
-    let [attributes, names]: [String; 2] = [" aN='='", "><a xmlns:nN='n'/"].map(many);
-    assert!(refused(&attributes).contains(":1:27: more than 100 attributes of one element"));
-    assert!(refused(&names).contains("more than 100 namespaces"));
-    let deep = format!("/>{}{}<layer", "<group>".repeat(101), "</group>".repeat(101));
-    assert!(refused(&deep).contains("layers lie within more than 100 others"));
-    assert!(refused(" a='====\"'").contains("this layer has no data"));
 }

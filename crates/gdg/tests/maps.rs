@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use gdg::env::{EnvSettings, Environment, PointMaze};
+use gdg::job::Job;
 use gdg::map::{
-    self, Cell, Diameter, Grid, PointSearch, RandomMapKind, ScenarioTask, StepSearch, UNREACHABLE,
-    parse_map, print_ascii, random,
+    self, Cell, Components, Diameter, Grid, PointSearch, RandomMapKind, ScenarioTask, parse_map,
+    print_ascii, random,
 };
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -109,28 +110,13 @@ proptest! {
     }
 
     #[test]
-    fn steps_agree_with_a_library_search(grid in grids(12)) {
-        let mut search = StepSearch::new(&grid);
-        let start = grid.free_cells().next().unwrap();
-        let steps = search.steps_from(start).to_vec();
-        for goal in grid.free_cells() {
-            let path = pathfinding::directed::bfs::bfs(&start, |c| grid.neighbours(*c).collect::<Vec<_>>(), |c| *c == goal);
-            let expected = path.map_or(UNREACHABLE, |p| p.len() as u32 - 1);
-            prop_assert_eq!(steps[grid.index(goal)], expected);
-        }
-    }
-
-    #[test]
     fn the_diameter_agrees_with_a_search_over_all_pairs(grid in grids(10)) {
         let mut search = PointSearch::new(&grid);
-        let components = StepSearch::new(&grid).components(&grid);
-        let largest = components.largest();
-        let within: Vec<Cell> =
-            grid.free_cells().filter(|c| components.of_cell[grid.index(*c)] == Some(largest)).collect();
-        let all: Vec<[f32; 2]> = within.iter().map(|cell| cell.centre()).collect();
+        let components = Components::of(&grid);
+        let all: Vec<[f32; 2]> = components.largest_cells(&grid).map(Cell::centre).collect();
         let mut steps = |goal: [f32; 2]| all.iter().copied().map(search.steps_to(goal)).collect();
         let from: Vec<Vec<u32>> = all.iter().map(|goal| steps(*goal)).collect();
-        let diameter = Diameter::within(usize::MAX, &grid);
+        let diameter = Diameter::within(usize::MAX, &grid, &components, &Job::default());
         prop_assert!(diameter.exact);
         prop_assert_eq!(Some(&diameter.steps), from.iter().flatten().max());
         let (middle, radius) = diameter.middle.unwrap();
@@ -154,7 +140,7 @@ proptest! {
             .with_settings(EnvSettings { noise: 0.3, ..EnvSettings::default() });
         world.restart(0, &mut rng);
         world.restart(1, &mut rng);
-        let components = StepSearch::new(&grid).components(&grid);
+        let components = Components::of(&grid);
         let component = |x: f32, y: f32| components.of_cell[grid.index(Cell::new(x as usize, y as usize))];
         for action in actions.chunks_exact(4) {
             let before: Vec<f32> = world.states().to_vec();
@@ -205,7 +191,7 @@ fn random_maps_are_connected_and_reproducible_and_differ_by_seed() {
         for seed in 0..20 {
             let grid = random(kind, None, seed);
             assert_eq!((grid.width(), grid.height()), (side, side));
-            assert_eq!(StepSearch::new(&grid).components(&grid).sizes.len(), 1, "{}", grid.name());
+            assert_eq!(Components::of(&grid).sizes.len(), 1, "{}", grid.name());
             assert_eq!(grid, random(kind, None, seed));
             assert_ne!(grid, random(kind, None, seed + 1).named(grid.name()));
         }
@@ -215,6 +201,6 @@ fn random_maps_are_connected_and_reproducible_and_differ_by_seed() {
         let grid = random(RandomMapKind::Perfect, Some(size), 1);
         // A tree on the rooms has one passage less than rooms; more free cells would close a loop.
         assert_eq!(grid.free_count(), 2 * rooms * rooms - 1);
-        assert_eq!(StepSearch::new(&grid).components(&grid).sizes.len(), 1);
+        assert_eq!(Components::of(&grid).sizes.len(), 1);
     }
 }

@@ -18,7 +18,7 @@ use super::{
     TaskSet, WorldKind,
 };
 use crate::map::{
-    Cell, Diameter, Grid, MapScale, Ogbench, ScenarioTask, StepSearch, fingerprint, parse_map,
+    Cell, Components, Diameter, Grid, MapScale, Ogbench, ScenarioTask, fingerprint, parse_map,
     print_ascii,
 };
 use crate::store::{Store, StoreError};
@@ -77,7 +77,7 @@ impl PointMaze {
     /// # Panics
     /// Panics if the map has no free cell; parsers reject such maps.
     pub fn new(map: Arc<Grid>, agents: usize) -> Self {
-        let components = StepSearch::new(&map).components(&map);
+        let components = Components::of(&map);
         let mut cells = vec![Vec::new(); components.sizes.len()];
         for cell in map.free_cells() {
             if let Some(component) = components.of_cell[map.index(cell)] {

@@ -1,17 +1,11 @@
 //! Moving AI `.scen` files: tasks on a map.
 
-use std::cell::Cell as Counter;
-use std::f64::consts::SQRT_2;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
 
-use pathfinding::directed::astar::astar;
-
-use super::distance::StepSearch;
-use super::formats::{Agent, MapFormat, agents, is_mapf};
+use super::components::Components;
+use super::formats::{Agent, agents, is_mapf};
 use super::grid::{Cell, Grid};
-use super::text::Text;
-use super::text::{MapError, MapResult};
+use super::text::{MapError, MapResult, Text};
 use crate::text::SourceLine;
 
 /// One task of a scenario.
@@ -30,17 +24,6 @@ const EXPECTED_FIELDS: &str = "a task has 9 fields separated by tabs: bucket, ma
 
 /// Fields of a task.
 const FIELDS: usize = 9;
-
-/// Tolerance for stated lengths below the true ones, in cells: files round.
-const LENGTH_TOLERANCE: f64 = 0.01;
-
-/// Lengths of a straight and a diagonal move, rounded down.
-const STRAIGHT: usize = 1000;
-const DIAGONAL: usize = 1414;
-
-/// Maximum number of cells that the searches for the lengths of all written tasks visit together:
-/// seconds.
-const MOST_VISITS: usize = 3_000_000;
 
 /// A scenario as read from its file, for any map.
 #[derive(Clone, Debug)]
@@ -107,54 +90,6 @@ impl Scenario {
         Ok(Self { file: file.to_owned(), entries })
     }
 
-    /// Returns tasks on `grid`, whose file is called `name`, that have all of its starts and goals: the
-    /// first start with the first goal and so on, and again from the first of those that are fewer.
-    /// Tasks without a path are left out; `None` if that leaves none.
-    fn of_marks(grid: &Grid, name: &str) -> Option<Self> {
-        let (starts, goals) = (grid.starts(), grid.goals());
-        let most = if starts.is_empty() { 0 } else { goals.len().max(starts.len()) };
-        let left = Counter::new(MOST_VISITS);
-        let pairs = starts.iter().cycle().zip(goals.iter().cycle()).take(most);
-        let entries = pairs.filter_map(|(start, goal)| {
-            let length = shortest_length(grid, *start, *goal, &left)?;
-            let (width, height) = (grid.width(), grid.height());
-            let cells = format!("{}\t{}\t{}\t{}", start.x, start.y, goal.x, goal.y);
-            Some((
-                // Benchmarks put four lengths into a bucket.
-                format!(
-                    "{}\t{name}\t{width}\t{height}\t{cells}\t{length:.8}",
-                    (length / 4.0) as usize
-                ),
-                (start, goal, length),
-            ))
-        });
-        let entries = entries.enumerate().map(|(i, (text, (start, goal, length)))| Entry {
-            line: i + 1,
-            text,
-            marks: None,
-            size: (grid.width(), grid.height()),
-            start: (start.x, start.y),
-            goal: (goal.x, goal.y),
-            length: Some(length),
-        });
-        let entries: Vec<Entry> = entries.collect();
-        (!entries.is_empty()).then(|| Self { file: name.to_owned(), entries })
-    }
-
-    /// Returns the scenario, with the name of its file, that goes with the `file` of a map in a format
-    /// without starts and goals; `None` if there is none.
-    pub fn beside(grid: &Grid, file: &Path, format: &MapFormat) -> Option<(PathBuf, Self)> {
-        let name = file.file_name()?.to_string_lossy();
-        let scenario = format.has_scenarios().then(|| Self::of_marks(grid, &name))??;
-        Some((file.with_extension("scen"), scenario))
-    }
-
-    /// Returns the scenario as a file.
-    pub fn print(&self) -> String {
-        let lines = self.entries.iter().map(|entry| format!("{}\n", entry.text));
-        std::iter::once("version 1\n".to_owned()).chain(lines).collect()
-    }
-
     /// Returns the tasks of the agents of a map for planners: they refer to the map in the same file.
     fn of_agents(text: &Text) -> MapResult<Self> {
         let (size, agents) = agents(text)?;
@@ -193,59 +128,23 @@ impl Scenario {
         self.entries.iter().map(|entry| entry.task(&self.file, grid)).collect()
     }
 
-    /// Checks that each of `tasks` (this scenario's, on `grid`) has a path, and that its stated
-    /// length is not below that of a path without any wall.
+    /// Checks that each of `tasks` (this scenario's, on `grid`) has a path.
     ///
     /// # Errors
     /// Names the task that cannot be on this map.
-    pub fn check_lengths(&self, tasks: &[ScenarioTask], grid: &Grid) -> MapResult<()> {
-        let components = StepSearch::new(grid).components(grid).of_cell;
-        for (entry, task) in self.entries.iter().zip(tasks) {
-            let [start, goal] = [task.start, task.goal].map(|cell| (cell.x, cell.y));
-            // Lengths in scaled scenarios may count cells of either map.
-            let least = least_length(entry.start, entry.goal).min(least_length(start, goal));
-            if let Some(length) = entry.length
-                && length + LENGTH_TOLERANCE < least
-            {
-                let problem = format!(
-                    "the octile length {length} is too short: a path without any wall is {least:.2} long"
-                );
-                let help = "lengths are those of shortest paths, diagonals count 1.41 and cut no corners; is this the right map?";
-                return Err(entry.error(&self.file, 8..=8, problem, help));
-            }
-            if components[grid.index(task.start)] != components[grid.index(task.goal)] {
+    pub fn check_paths(&self, tasks: &[ScenarioTask], grid: &Grid) -> MapResult<()> {
+        let components = Components::of(grid).of_cell;
+        let component = |cell: Cell| components[grid.index(cell)];
+        let mut all = self.entries.iter().zip(tasks);
+        match all.find(|(_, task)| component(task.start) != component(task.goal)) {
+            None => Ok(()),
+            Some((entry, _)) => {
                 let help = "starts and goals must be connected; is this the right map?";
                 let problem = "no path leads from this start to this goal".to_owned();
-                return Err(entry.error(&self.file, 4..=7, problem, help));
+                Err(entry.error(&self.file, 4..=7, problem, help))
             }
         }
-        Ok(())
     }
-}
-
-/// Length of the shortest path, in cells, as Moving AI states it: a diagonal counts sqrt 2, and cuts
-/// no corner. `None` if there is none, or the visits that are `left` are used up.
-fn shortest_length(grid: &Grid, start: Cell, goal: Cell, left: &Counter<usize>) -> Option<f64> {
-    let is_straight = |a: Cell, b: Cell| a.x == b.x || a.y == b.y;
-    let moves = |at: &Cell| {
-        let at = *at;
-        left.set(left.get().saturating_sub(1));
-        let open = grid.neighbours(at).take(if left.get() > 0 { 8 } else { 0 });
-        open.map(move |next| (next, if is_straight(at, next) { STRAIGHT } else { DIAGONAL }))
-    };
-    let to_goal = |at: &Cell| {
-        let (x, y) = (at.x.abs_diff(goal.x), at.y.abs_diff(goal.y));
-        x.min(y) * DIAGONAL + x.abs_diff(y) * STRAIGHT
-    };
-    let (path, _) = astar(&start, moves, to_goal, |at| *at == goal)?;
-    let lengths = path.windows(2).map(|p| if is_straight(p[0], p[1]) { 1.0 } else { SQRT_2 });
-    Some(lengths.sum())
-}
-
-/// Lower bound on the length, in cells, of a path between two cells.
-fn least_length((ax, ay): (usize, usize), (bx, by): (usize, usize)) -> f64 {
-    let (x, y) = (ax.abs_diff(bx) as f64, ay.abs_diff(by) as f64);
-    x.min(y) * SQRT_2 + (x - y).abs()
 }
 
 impl Entry {
@@ -400,17 +299,7 @@ fn is_name_of(name: &str, grid: &Grid) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::map::{parse_map, parse_scenario_bytes};
-
-    #[test]
-    fn lengths_go_around_walls_and_cut_no_corners() {
-        let grid = parse_map("map", b"...#\n.#..\n...#\n####\n..#.\n").expect("a map");
-        let (a, b) = (Cell::new(1, 0), Cell::new(1, 2));
-        let length = |to, visits| shortest_length(&grid, a, to, &Counter::new(visits));
-        assert_eq!([b, a].map(|to| length(to, 1000)), [Some(4.0), Some(0.0)]);
-        assert_eq!((length(Cell::new(0, 4), 1000), length(b, 3)), (None, None));
-    }
 
     #[test]
     fn a_cell_that_does_not_fit_is_named_as_in_the_file() {

@@ -5,9 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::full_state_at;
 use crate::env::{BUDGET_FACTOR, MAX_BUDGET_STEPS, Task, TaskSet};
-use crate::map::{
-    Cell, Diameter, Grid, Ogbench, PointFlood, PointSearch, ScenarioTask, UNREACHABLE,
-};
+use crate::map::{Cell, Diameter, Grid, Ogbench, PointSearch, ScenarioTask, UNREACHABLE};
 
 /// Number of distances at which a map is evaluated.
 const DISTANCE_GROUPS: usize = 6;
@@ -70,12 +68,12 @@ pub fn at(
 /// Picks tasks evenly spaced through a scenario, `per_group` in each of six ranges of shortest-path
 /// length. Skips unsolvable tasks.
 pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> TaskSet {
-    let mut flood = PointFlood::new(map);
+    let mut search = PointSearch::new(map);
     let count = (DISTANCE_GROUPS * per_group).clamp(1, scenario.len());
     let chosen = (0..count).map(|i| scenario[i * scenario.len() / count]);
     let mut found: Vec<(u32, Cell, Cell)> = chosen
         .filter(|t| map.is_free(t.goal))
-        .map(|t| (steps(&mut flood, t.start, t.goal), t.start, t.goal))
+        .map(|t| (steps(&mut search, t.start, t.goal), t.start, t.goal))
         .filter(|(shortest, ..)| *shortest != UNREACHABLE)
         .collect();
     found.sort_by_key(|(shortest, ..)| *shortest);
@@ -97,13 +95,13 @@ pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) ->
 /// them.
 pub fn marked(map: &Grid) -> Option<Task> {
     let (start, goal) = (*map.starts().first()?, *map.goals().first()?);
-    let steps = steps(&mut PointFlood::new(map), start, goal);
+    let steps = steps(&mut PointSearch::new(map), start, goal);
     (steps != UNREACHABLE).then(|| task(start, goal, steps, 0))
 }
 
 /// Returns the steps from the middle of one cell to that of another.
-fn steps(flood: &mut PointFlood, start: Cell, goal: Cell) -> u32 {
-    flood.steps_to(goal.centre(), &[start.centre()])[0]
+fn steps(search: &mut PointSearch, start: Cell, goal: Cell) -> u32 {
+    search.steps_of(&[start.centre()], goal.centre())[0]
 }
 
 /// Returns the task from the map's first start, or else its first free cell, to the cell farthest
@@ -111,9 +109,9 @@ fn steps(flood: &mut PointFlood, start: Cell, goal: Cell) -> u32 {
 pub fn longest(map: &Grid) -> Task {
     let first = map.starts().first().copied().or_else(|| map.free_cells().next());
     let start = first.unwrap_or(Cell::new(0, 0));
-    let mut flood = PointFlood::new(map);
-    let goal = flood.farthest(start);
-    let steps = steps(&mut flood, start, goal);
+    let mut search = PointSearch::new(map);
+    let goal = search.farthest(start);
+    let steps = steps(&mut search, start, goal);
     task(start, goal, steps, 0)
 }
 
@@ -121,7 +119,7 @@ pub fn longest(map: &Grid) -> Task {
 struct Pairs<'a> {
     map: &'a Grid,
     cells: &'a [Cell],
-    flood: PointFlood,
+    search: PointSearch,
     /// No fewer steps than lead to each cell from any other, row-major.
     most: Vec<u32>,
 }
@@ -129,8 +127,8 @@ struct Pairs<'a> {
 impl<'a> Pairs<'a> {
     fn new(map: &'a Grid, cells: &'a [Cell], diameter: Diameter) -> Self {
         let mut most = vec![UNREACHABLE; map.free().len()];
+        let mut search = PointSearch::new(map);
         if let Some((middle, radius)) = diameter.middle {
-            let mut search = PointSearch::new(map);
             let steps = search.steps_to(middle.centre());
             // No way is longer than one through the middle, which is the goal radius farther away.
             let more = map.scale().goal_radius.ceil() as u32 + radius;
@@ -138,7 +136,7 @@ impl<'a> Pairs<'a> {
                 most[map.index(*cell)] = steps(cell.centre()).saturating_add(more);
             });
         }
-        Self { map, cells, flood: PointFlood::new(map), most }
+        Self { map, cells, search, most }
     }
 
     /// Draws a random pair of cells, start and goal, whose distance is within one step of
@@ -150,7 +148,7 @@ impl<'a> Pairs<'a> {
             if self.most[self.map.index(goal)] < distance - 1 {
                 continue;
             }
-            let fitting = self.flood.rings(goal, distance - 1..=distance + 1);
+            let fitting = self.search.rings(goal, distance - 1..=distance + 1);
             if !fitting.is_empty() {
                 let (start, steps) = fitting[rng.random_range(0..fitting.len())];
                 return Some((start, goal, steps));
@@ -164,7 +162,7 @@ impl Ogbench {
     /// Draws `per_task` starts and goals of each of its tasks, every task a group.
     pub(super) fn draw_tasks(self, map: &Grid, per_task: usize, rng: &mut ChaCha8Rng) -> TaskSet {
         let mut set = TaskSet::default();
-        let mut flood = PointFlood::new(map);
+        let mut search = PointSearch::new(map);
         for (group, ends) in self.tasks().into_iter().enumerate() {
             let tasks: Vec<Task> = (0..per_task)
                 .map(|_| {
@@ -174,7 +172,7 @@ impl Ogbench {
                     });
                     // Of paths through teleports, no length is known.
                     let shortest =
-                        self.entries().is_empty().then(|| flood.steps_to(goal, &[start])[0]);
+                        self.entries().is_empty().then(|| search.steps_of(&[start], goal)[0]);
                     let shortest = shortest.filter(|steps| *steps != UNREACHABLE);
                     Task {
                         start: full_state_at(start).to_vec(),

@@ -4,7 +4,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::{GroundTruth, NEAR_STEPS, TruePairs};
-use crate::map::{Cell, Grid, PointFlood, UNREACHABLE};
+use crate::map::{Cell, Grid, PointSearch, UNREACHABLE};
 
 /// Sample sizes for measuring D's error: goals, starts per goal, and near starts per goal.
 const ERROR_PAIRS: (usize, usize, usize) = (48, 32, 12);
@@ -14,13 +14,13 @@ pub struct MazeGroundTruth<'a> {
     map: &'a Grid,
     /// The cells that pairs are drawn from.
     cells: &'a [Cell],
-    flood: PointFlood,
+    search: PointSearch,
 }
 
 impl<'a> MazeGroundTruth<'a> {
     /// Creates the true distances of `map`; pairs are drawn from `cells`.
     pub fn new(map: &'a Grid, cells: &'a [Cell]) -> Self {
-        Self { map, cells, flood: PointFlood::new(map) }
+        Self { map, cells, search: PointSearch::new(map) }
     }
 }
 
@@ -36,24 +36,24 @@ impl GroundTruth for MazeGroundTruth<'_> {
             return None;
         }
         let goals: Vec<[f32; 2]> = goals.chunks_exact(2).map(position).collect();
-        let steps = self.flood.steps_from(from, &goals, longest).into_iter();
+        let steps = self.search.steps_from(from, &goals, longest).into_iter();
         Some(steps.map(|steps| Some(steps).filter(|steps| *steps != UNREACHABLE)).collect())
     }
 
     fn pairs(&mut self, rng: &mut ChaCha8Rng) -> Vec<TruePairs> {
-        let Self { cells, flood, .. } = self;
+        let Self { cells, search, .. } = self;
         let (goals, starts, near_starts) = ERROR_PAIRS;
         let mut draw = |count: usize| rng.random_range(0..count);
         let of_goal = |_| {
             let goal = cells[draw(cells.len())];
             let drawn: Vec<Cell> = (0..starts).map(|_| cells[draw(cells.len())]).collect();
-            let around = flood.rings(goal, 1..=NEAR_STEPS);
+            let around = search.rings(goal, 1..=NEAR_STEPS);
             let near =
                 (0..near_starts.min(around.len())).map(|_| (around[draw(around.len())].0, true));
             let starts: Vec<(Cell, bool)> =
                 drawn.into_iter().map(|cell| (cell, false)).chain(near).collect();
             let places: Vec<[f32; 2]> = starts.iter().map(|(cell, _)| cell.centre()).collect();
-            let steps = flood.steps_to(goal.centre(), &places);
+            let steps = search.steps_of(&places, goal.centre());
             let mut pairs = TruePairs { goal: goal.centre().to_vec(), ..TruePairs::default() };
             for ((cell, near), steps) in
                 starts.into_iter().zip(steps).filter(|(_, steps)| *steps > 0)
