@@ -22,7 +22,7 @@ const LIBRARY: [Room; 15] = [
     ("files", 1_200),
     ("store", 350),
     ("settings", 500),
-    ("map", 4_950),
+    ("map", 3_850),
     ("env", 6_850),
     ("learn", 10_700),
     ("bridge", 4_000),
@@ -48,7 +48,7 @@ const OTHERS: [Room; 6] = [
     ("crates/gdg/src/lib", 110),
     ("src/lib", 40),
     ("src/main", 60),
-    ("crates/gdg/tests", 2_450),
+    ("crates/gdg/tests", 2_300),
     ("examples", 500),
     ("benches", 1_250),
 ];

@@ -302,8 +302,10 @@ mod tests {
         let mut steps = vec![UNREACHABLE; grid.free().len()];
         let (mut ring, mut at) = (vec![start], 0);
         while !ring.is_empty() {
-            ring.retain(|cell| steps[grid.index(*cell)] == UNREACHABLE);
-            ring.iter().for_each(|cell| steps[grid.index(*cell)] = at);
+            ring.retain(|cell| {
+                let own = &mut steps[grid.index(*cell)];
+                std::mem::replace(own, at.min(*own)) == UNREACHABLE
+            });
             ring = ring.iter().flat_map(|cell| grid.neighbours(*cell)).collect();
             at += 1;
         }
