@@ -52,13 +52,13 @@ fn main() {
         let mut world = FetchReach::new(1);
         let (mut of_step, mut of_product) = (Vec::new(), Vec::new());
         for _ in 0..TURNS {
-            world.restart(0);
+            drop(world.restart(0, &mut rng));
             of_step.push(time_us(STEPS, || {
                 let action = match pull {
                     Pull::Random => std::array::from_fn(|_| rng.random_range(-1.0..=1.0)),
                     Pull::Down => [0.0, 0.0, -1.0, 0.0],
                 };
-                world.step(black_box(&action), &mut rng);
+                drop(world.step(black_box(&action), &mut rng));
             }));
             of_product.push(time_us(PRODUCTS, || {
                 w.relu_layer(Lhs::Rows(black_box(&x)), rows, &bias, &mut y);

@@ -218,7 +218,7 @@ pub fn other() -> Result<String, TrainError> {
     let map = open_map();
     let mut world = PointMaze::new(map.clone(), 32);
     let mut rng = rng();
-    (0..32).for_each(|i| world.restart(i, &mut rng));
+    (0..32).try_for_each(|i| world.restart(i, &mut rng))?;
     let learner = Gdg::new(world.spec(), &LearnSettings::default(), 1, &mut rng)?;
     let policy = learner.policy(true)?;
     let mut scratch = Scratch::default();
@@ -261,7 +261,8 @@ pub fn other() -> Result<String, TrainError> {
     all += &timed("blocking training to build a graph of 1500 candidates", 20, &mut || {
         std::hint::black_box((learner.policy(true).is_ok(), candidates.frozen()));
     });
-    all += &timed("environment step of 32 agents", 500, &mut || world.step(&actions, &mut rng));
+    all +=
+        &timed("environment step of 32 agents", 500, &mut || drop(world.step(&actions, &mut rng)));
     Ok(all)
 }
 
@@ -279,7 +280,7 @@ fn explored_candidates(map: &Arc<Grid>, candidates: usize) -> (Candidates, Bridg
         if step % 100 == 0 {
             (0..32).for_each(|i| {
                 candidates.end_episode(i);
-                world.restart(i, &mut rng);
+                drop(world.restart(i, &mut rng));
             });
         }
         world
@@ -287,7 +288,7 @@ fn explored_candidates(map: &Arc<Grid>, candidates: usize) -> (Candidates, Bridg
             .chunks_exact(2)
             .enumerate()
             .for_each(|(i, state)| candidates.visit(i, state, state));
-        world.step(&actions, &mut rng);
+        drop(world.step(&actions, &mut rng));
     }
     (candidates, settings)
 }

@@ -51,7 +51,7 @@ impl Environment for Unknown {
     }
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
-        self.maze.restart(agent, rng);
+        self.maze.restart(agent, rng)?;
         self.observe();
         Ok(())
     }
@@ -62,7 +62,7 @@ impl Environment for Unknown {
     }
 
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
-        self.maze.step(actions, rng);
+        self.maze.step(actions, rng)?;
         self.observe();
         Ok(())
     }

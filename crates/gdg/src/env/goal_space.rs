@@ -18,23 +18,17 @@ pub struct GoalSpace {
 }
 
 impl GoalSpace {
-    /// Returns the space of goals of `world`.
-    pub fn of(world: &dyn Environment) -> Self {
+    /// Returns the space of goals of `world`, with the walls of its maze, if it has one: the first two
+    /// components of goals are positions in it.
+    pub fn of(world: &dyn Environment, walls: Option<&Walls>) -> Self {
         Self {
             kind: world.kind(),
             title: world.title().to_owned(),
             spec: world.spec().clone(),
             episode_steps: world.abilities().episodes.and_then(Episodes::episode_steps),
-            walls: None,
+            walls: walls.cloned().map(Arc::new),
             world: world.fork(0).map(Arc::from),
         }
-    }
-
-    /// Adds the walls of its maze, if it has one: the first two components of goals are positions
-    /// in it.
-    #[must_use]
-    pub fn with_walls(self, walls: Option<Walls>) -> Self {
-        Self { walls: walls.map(Arc::new), ..self }
     }
 
     /// Returns whether (x, y) lies in a wall of its maze or outside; not without a maze.
@@ -48,9 +42,6 @@ impl GoalSpace {
     }
 
     /// Returns the world with one agent, of which there are pictures if it renders any.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn world(&self) -> Result<Box<dyn Environment>, EnvError> {
         let world = self.world.clone()?;
         world.abilities().rendered.map_or_else(|| world.fork(1), Rendered::fork)

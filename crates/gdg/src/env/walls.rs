@@ -1,10 +1,6 @@
 //! The walls of a maze that somebody else simulates, for goals and for a picture.
 
-mod truth;
-
 use serde::{Deserialize, Serialize};
-
-pub use truth::WallsTruth;
 
 /// Most rows, and most columns, of a maze.
 const MAX_SIDE_CELLS: usize = 1024;
@@ -107,14 +103,11 @@ mod tests {
         assert_eq!(free, [4]);
         let points: Vec<_> = walls.free_points(2).collect();
         assert_eq!(points, [[1.5, 4.5], [2.5, 4.5], [1.5, 3.5], [2.5, 3.5]]);
-    }
-
-    #[test]
-    fn ragged_or_flat_mazes_make_no_sense() {
-        let mut ragged = walls();
+        // Ragged or flat mazes make no sense.
+        let mut ragged = walls.clone();
         ragged.is_wall[1].pop();
-        let flat = Walls { cell: [1.0, 0.0], ..walls() };
-        let empty = Walls { is_wall: Vec::new(), ..walls() };
+        let flat = Walls { cell: [1.0, 0.0], ..walls.clone() };
+        let empty = Walls { is_wall: Vec::new(), ..walls };
         assert!([ragged, flat, empty].iter().all(|walls| !walls.is_sound()));
     }
 }

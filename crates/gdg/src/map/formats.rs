@@ -60,6 +60,8 @@ fn name_of(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
+type WriteImage = fn(&Grid) -> Vec<u8>;
+
 /// A format of maps.
 #[derive(Debug)]
 pub struct MapFormat {
@@ -77,7 +79,7 @@ pub struct MapFormat {
     /// Returns the file of a map, whose name is given.
     write: fn(&Grid, &str) -> Vec<u8>,
     /// The image that goes with it: the ending of its name, and how it is written.
-    image: Option<(&'static str, fn(&Grid) -> Vec<u8>)>,
+    image: Option<(&'static str, WriteImage)>,
 }
 
 /// All formats. A file is of the first one that recognises its content; plain text is what no other

@@ -36,9 +36,6 @@ pub fn builtin(name: &str) -> Option<Grid> {
 
 /// Parses a map in any of the [`FORMATS`]. Errors refer to it as `file`, whose stem becomes the
 /// map's name.
-///
-/// # Errors
-/// Fails on malformed input, with its location.
 pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
     parse(&Source::new(file, bytes))
 }
@@ -86,18 +83,11 @@ impl Default for Reading {
 }
 
 /// Reads and parses a map file.
-///
-/// # Errors
-/// Like [`parse_map`]; also if the file cannot be read: missing, a directory, no permission, too
-/// large.
 pub fn load_map(path: &Path) -> MapResult<Grid> {
     load_map_as(path, &Reading::default())
 }
 
 /// Reads and parses a map file at a scale.
-///
-/// # Errors
-/// Like [`load_map`]; also if the map cannot have this scale.
 pub fn load_map_as(path: &Path, reading: &Reading) -> MapResult<Grid> {
     let maze = load_maze(path, reading.threshold)?;
     reading.scale.of(&path.to_string_lossy(), &maze)
@@ -105,9 +95,6 @@ pub fn load_map_as(path: &Path, reading: &Reading) -> MapResult<Grid> {
 
 /// Reads a map file that replaces `map` while agents move there: a maze that the map's scale
 /// enlarges to its size, or one that has it already.
-///
-/// # Errors
-/// Like [`load_map_as`].
 pub fn load_map_like(path: &Path, map: &Grid, threshold: f32) -> MapResult<Grid> {
     let (maze, scale) = (load_maze(path, threshold)?, map.scale());
     let fits =
@@ -144,9 +131,6 @@ pub fn format_for(path: &Path) -> &'static MapFormat {
 }
 
 /// Reads a scenario, for any map.
-///
-/// # Errors
-/// The file cannot be read, or is not a scenario.
 pub fn read_scenario(path: &Path) -> MapResult<Scenario> {
     let parsed = read_file(path, "scenario")
         .and_then(|bytes| Scenario::parse(&path.to_string_lossy(), &bytes));
@@ -154,9 +138,6 @@ pub fn read_scenario(path: &Path) -> MapResult<Scenario> {
 }
 
 /// Reads the agents of a map for planners as a scenario; `None` if the file is another map.
-///
-/// # Errors
-/// Like [`read_scenario`].
 pub fn agents_of(path: &Path) -> MapResult<Option<Scenario>> {
     let Ok(bytes) = read_file(path, "map") else { return Ok(None) };
     let file = path.to_string_lossy();
@@ -165,17 +146,11 @@ pub fn agents_of(path: &Path) -> MapResult<Option<Scenario>> {
 }
 
 /// Reads and parses a scenario for `grid`.
-///
-/// # Errors
-/// Like [`read_scenario`]; also if a task does not fit the map.
 pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
     read_scenario(path)?.tasks(grid)
 }
 
 /// Parses a scenario for `grid`; errors refer to it as `file`.
-///
-/// # Errors
-/// See [`load_scenario`].
 pub fn parse_scenario_bytes(file: &str, bytes: &[u8], grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
     Scenario::parse(file, bytes)?.tasks(grid)
 }

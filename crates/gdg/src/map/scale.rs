@@ -57,9 +57,6 @@ impl MapScale {
 
     /// Returns the map of a `maze` whose cells are blocks; errors refer to it as `file`. Starts and goals are in the middle of their
     /// blocks.
-    ///
-    /// # Errors
-    /// Says why there is no such map: it would be too large, or the margin leaves no room.
     pub fn of(self, file: &str, maze: &Grid) -> MapResult<Grid> {
         let Self { cell, margin, .. } = self;
         self.checked(file)?;
@@ -103,9 +100,6 @@ impl MapScale {
     }
 
     /// Returns the scale; errors refer to the map as `file`.
-    ///
-    /// # Errors
-    /// No map can have it.
     pub fn checked(self, file: &str) -> MapResult<Self> {
         if self.is_valid() {
             return Ok(self);
@@ -171,14 +165,6 @@ mod tests {
     fn blocks_become_cells_and_marks_stay_in_the_middle() {
         let map = scaled("S#\n.G\n", 3, 0.0).expect("a map");
         assert_eq!(map, "...###\n.S.###\n...###\n......\n....G.\n......\n");
-    }
-
-    #[test]
-    fn a_margin_widens_walls_and_the_edge_and_rounds_corners() {
-        let map = scaled("...\n.#.\n...\n", 5, 2.0).expect("a map");
-        let rows: Vec<&str> = map.lines().skip(2).take(3).collect();
-        // The corner is round.
-        assert_eq!(rows, ["##...........##", "##..#######..##", "##.#########.##"]);
     }
 
     /// Compares with distances to all walls.

@@ -58,28 +58,18 @@ pub fn is_scenario(text: &Text) -> bool {
 
 impl Scenario {
     /// Parses a scenario; errors refer to it as `file`.
-    ///
-    /// # Errors
-    /// Fails on a missing version, a wrong number of fields, values that are not numbers, and
-    /// scenarios without tasks.
     pub fn parse(file: &str, bytes: &[u8]) -> MapResult<Self> {
         let text = Text::new(file, bytes)?;
         if is_mapf(&text) {
             return Self::of_agents(&text);
         }
-        let version: Vec<String> =
-            text.lines[0].split_whitespace().map(str::to_ascii_lowercase).collect();
-        let version: Vec<&str> = version.iter().map(String::as_str).collect();
-        if !matches!(version.as_slice(), ["version", "1" | "1.0"]) {
-            let (problem, help) = if fields(text.lines[0]).len() == FIELDS {
-                (
-                    "the line 'version 1' is missing before the first task",
-                    "write 'version 1' above this line",
-                )
-            } else {
-                ("not a scenario of version 1", "the first line must be 'version 1'")
-            };
-            return Err(text.line_error(0, problem, help));
+        let version: Vec<&str> = text.lines[0].split_whitespace().collect();
+        let is_first = |words: &[&str]| {
+            words[0].eq_ignore_ascii_case("version") && ["1", "1.0"].contains(&words[1])
+        };
+        if version.len() != 2 || !is_first(&version) {
+            let problem = "not a scenario of version 1";
+            return Err(text.line_error(0, problem, "the first line must be 'version 1'"));
         }
         let lines =
             text.lines.iter().enumerate().skip(1).filter(|(_, line)| !line.trim().is_empty());
@@ -120,18 +110,11 @@ impl Scenario {
 
     /// Returns the tasks on `grid`; scales coordinates if the stated map size has the grid's
     /// proportions.
-    ///
-    /// # Errors
-    /// A stated size has other proportions than the grid, or a start or goal is in a wall or off
-    /// the map.
     pub fn tasks(&self, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
         self.entries.iter().map(|entry| entry.task(&self.file, grid)).collect()
     }
 
     /// Checks that each of `tasks` (this scenario's, on `grid`) has a path.
-    ///
-    /// # Errors
-    /// Names the task that cannot be on this map.
     pub fn check_paths(&self, tasks: &[ScenarioTask], grid: &Grid) -> MapResult<()> {
         let components = Components::of(grid).of_cell;
         let component = |cell: Cell| components[grid.index(cell)];
@@ -157,18 +140,12 @@ impl Entry {
     fn task(&self, file: &str, grid: &Grid) -> MapResult<ScenarioTask> {
         let (width, height) = self.size;
         if width as u128 * grid.height() as u128 != height as u128 * grid.width() as u128 {
-            let (own_width, own_height) = (grid.width(), grid.height());
-            let problem = if (width, height) == (own_height, own_width) {
-                format!(
-                    "width and height are swapped: {} is {own_width} wide and {own_height} high",
-                    grid.name()
-                )
-            } else {
-                format!(
-                    "a task on a map of {width} x {height} cells does not fit {}, which has {own_width} x {own_height}",
-                    grid.name()
-                )
-            };
+            let problem = format!(
+                "a task on a map of {width} x {height} cells does not fit {}, which has {} x {}",
+                grid.name(),
+                grid.width(),
+                grid.height()
+            );
             let help = "width and height, in this order, must be the map's, or both the same multiple of them; is this the \
                         right map?";
             return Err(self.error(file, 2..=3, problem, help));

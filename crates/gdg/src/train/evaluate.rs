@@ -111,9 +111,8 @@ impl EvaluationJob {
         let mut truth = world.abilities().evaluated.and_then(Evaluated::ground_truth);
         let distance_error = truth.as_mut().and_then(|truth| {
             let pairs = truth.pairs(rng);
-            distance_error(&pairs, truth.is_in_steps(), &*self.policy, graph.as_ref())
+            distance_error(&pairs, &*self.policy, graph.as_ref())
         });
-        let mut truth = truth.filter(|truth| truth.is_in_steps());
         Ok(Some(Evaluation {
             distance_error,
             bridges: graph.as_ref().map(|graph| bridge_facts(graph, truth.as_deref_mut())),

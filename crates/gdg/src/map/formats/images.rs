@@ -160,9 +160,10 @@ fn next_number(file: &str, bytes: &[u8], at: &mut usize, most: usize) -> MapResu
     *at = from + bytes[from..].iter().take_while(|byte| byte.is_ascii_digit()).count();
     let number = str::from_utf8(&bytes[from..*at]).ok().and_then(|text| text.parse().ok());
     number.filter(|number| *number <= most).ok_or_else(|| {
-        let problem = match from == bytes.len() {
-            true => "the image ends too early".to_owned(),
-            false => format!("this is not a number up to {most}"),
+        let problem = if from == bytes.len() {
+            "the image ends too early".to_owned()
+        } else {
+            format!("this is not a number up to {most}")
         };
         error_at_byte(file, bytes, from, problem, PGM_HEADER)
     })

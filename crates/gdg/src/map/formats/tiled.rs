@@ -33,6 +33,11 @@ fn is_tiled(text: &Text) -> bool {
         && text.source.contains("<layer")
 }
 
+/// Creates an error about an element.
+fn fault(text: &Text, node: Node, problem: impl Into<String>, help: &str) -> Box<MapError> {
+    text.error_at(text.place_of(node.range().start), problem, help)
+}
+
 fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
     let document = Document::parse(text.source).map_err(|error| {
@@ -44,7 +49,7 @@ fn read(source: &Source) -> MapResult<Grid> {
     if let Some(orientation) = root.attribute("orientation").filter(|way| *way != "orthogonal") {
         let problem = format!("the map is {orientation}, not orthogonal");
         let help = "maps have square cells: Map > Map Properties > Orientation: Orthogonal";
-        return Err(text.error_at(text.place_of(root.range().start), problem, help));
+        return Err(fault(text, root, problem, help));
     }
     let layers: Vec<Node> = root.descendants().filter(|node| node.has_tag_name("layer")).collect();
     let named: Vec<Node> = layers.iter().filter(|layer| is_wall(**layer)).copied().collect();
@@ -55,7 +60,7 @@ fn read(source: &Source) -> MapResult<Grid> {
         if offset(text, *layer)? != [0.0; 2] {
             let problem = "this layer has an offset, and its tiles are between the cells";
             let help = "set the offset of the layer, and of those that it is in, to 0";
-            return Err(text.error_at(text.place_of(layer.range().start), problem, help));
+            return Err(fault(text, *layer, problem, help));
         }
         cells.resize(own.len(), Mark::Free);
         let walls = cells.iter_mut().zip(own).filter(|(_, tile)| *tile);
@@ -73,37 +78,34 @@ fn read(source: &Source) -> MapResult<Grid> {
 /// Returns an attribute of the map that is a size.
 fn size(text: &Text, root: Node, name: &str) -> MapResult<usize> {
     let value = root.attribute(name).unwrap_or_default();
-    value.parse().ok().filter(|size| *size > 0).ok_or_else(|| {
-        let place = text.place_of(root.range().start);
-        text.error_at(place, format!("{name} {value:?} of the map is not a size"), HELP)
-    })
+    let problem = || format!("{name} {value:?} of the map is not a size");
+    let size = value.parse().ok().filter(|size| *size > 0);
+    size.ok_or_else(|| fault(text, root, problem(), HELP))
 }
 
 /// Returns where a layer has tiles.
 fn tiles(text: &Text, layer: Node, width: usize, height: usize) -> MapResult<Vec<bool>> {
-    let fault = |at: usize, problem: String| text.error_at(text.place_of(at), problem, HELP);
-    let start = layer.range().start;
     let data = layer.children().find(|node| node.has_tag_name("data"));
-    let data = data.ok_or_else(|| fault(start, "this layer has no data".to_owned()))?;
-    let start = data.range().start;
+    let data = data.ok_or_else(|| fault(text, layer, "this layer has no data", HELP))?;
     let encoding = data.attribute("encoding").unwrap_or("XML");
     if encoding != "csv" || data.children().any(|node| node.is_element()) {
         let what = if encoding == "csv" { "chunks of an infinite map" } else { encoding };
-        return Err(fault(start, format!("the tiles of this layer are in {what}, not in CSV")));
+        let problem = format!("the tiles of this layer are in {what}, not in CSV");
+        return Err(fault(text, data, problem, HELP));
     }
     let numbers = data.text().unwrap_or_default();
-    let from = data.first_child().map_or(start, |node| node.range().start);
-    let mut tiles = Vec::new();
-    for number in numbers.split(',').map(str::trim).filter(|number| !number.is_empty()) {
-        let tile: u32 = number.parse().map_err(|_| {
-            let at = from + (number.as_ptr() as usize - numbers.as_ptr() as usize);
-            fault(at, format!("{number:?} is not the number of a tile"))
-        })?;
-        tiles.push(tile != 0);
-    }
+    let from = data.first_child().map_or(0, |node| node.range().start);
+    let tile = |number: &str| {
+        let at = from + (number.as_ptr() as usize - numbers.as_ptr() as usize);
+        let problem = || format!("{number:?} is not the number of a tile");
+        let tile: Result<u32, _> = number.parse();
+        tile.map(|tile| tile != 0).map_err(|_| text.error_at(text.place_of(at), problem(), HELP))
+    };
+    let numbers = numbers.split(',').map(str::trim).filter(|number| !number.is_empty());
+    let tiles = numbers.map(tile).collect::<MapResult<Vec<bool>>>()?;
     if width.checked_mul(height) != Some(tiles.len()) {
         let problem = format!("this layer has {} tiles, not {width} x {height}", tiles.len());
-        return Err(fault(start, problem));
+        return Err(fault(text, data, problem, HELP));
     }
     Ok(tiles)
 }
@@ -119,10 +121,7 @@ fn names<'a>(node: Node<'a, '_>) -> impl Iterator<Item = String> + 'a {
 /// Returns an attribute that is a number, 0 if there is none.
 fn number(text: &Text, node: Node, name: &str) -> MapResult<f32> {
     let Some(value) = node.attribute(name) else { return Ok(0.0) };
-    let wrong = || {
-        let place = text.place_of(node.range().start);
-        text.error_at(place, format!("{name} {value:?} is not a number"), HELP)
-    };
+    let wrong = || fault(text, node, format!("{name} {value:?} is not a number"), HELP);
     value.parse().ok().filter(|value: &f32| value.is_finite()).ok_or_else(wrong)
 }
 
@@ -163,14 +162,10 @@ fn mark_objects(text: &Text, root: Node, width: usize, cells: &mut [Mark]) -> Ma
         node.has_tag_name("object") && !node.ancestors().any(|node| node.has_tag_name("tileset"))
     };
     for object in root.descendants().filter(is_object) {
-        let unfit = |problem: &str, help| -> Box<MapError> {
-            text.error_at(text.place_of(object.range().start), problem, help)
-        };
+        let unfit = |problem: &str, help| fault(text, object, problem, help);
         if object.has_attribute("template") {
-            return Err(unfit(
-                "this object is from a template",
-                "Object > Detach Template Instance",
-            ));
+            let help = "Object > Detach Template Instance";
+            return Err(unfit("this object is from a template", help));
         }
         let Some(mark) = names(object).find_map(mark) else {
             if is_wall(object) {
@@ -182,15 +177,14 @@ fn mark_objects(text: &Text, root: Node, width: usize, cells: &mut [Mark]) -> Ma
         if object.children().any(|node| ["polygon", "polyline"].contains(&node.tag_name().name())) {
             return Err(unfit("this object is a polygon", "starts and goals are points or tiles"));
         }
-        let fault = |problem: &str| unfit(problem, WALLS);
         let tile = [size(text, root, "tilewidth")? as f32, size(text, root, "tileheight")? as f32];
         let [x, y] = middle(text, object)?;
         let (x, y) = ((x / tile[0]).floor(), (y / tile[1]).floor());
         let inside = x >= 0.0 && x < width as f32 && y >= 0.0;
         let at = inside.then(|| (y as usize).saturating_mul(width).saturating_add(x as usize));
         match at.and_then(|at| cells.get_mut(at)) {
-            None => return Err(fault("this object is not on the map")),
-            Some(Mark::Wall) => return Err(fault("this object is in a wall")),
+            None => return Err(unfit("this object is not on the map", WALLS)),
+            Some(Mark::Wall) => return Err(unfit("this object is in a wall", WALLS)),
             Some(cell) if *cell == Mark::Free || *cell == mark => *cell = mark,
             Some(cell) => *cell = Mark::Both,
         }

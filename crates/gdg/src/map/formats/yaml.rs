@@ -98,7 +98,7 @@ impl<'a> Reader<'a> {
             0 => Place { column: column + first.column, ..first },
             more => Place { line: more + first.line, column },
         };
-        while let Some(event) = self.parser.next() {
+        for event in self.parser.by_ref() {
             match event {
                 Ok((
                     Event::StreamStart

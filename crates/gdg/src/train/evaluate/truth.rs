@@ -10,7 +10,6 @@ use crate::train::score::spearman;
 /// them; returns `None` if there are no pairs.
 pub fn distance_error(
     groups: &[TruePairs],
-    in_steps: bool,
     policy: &dyn Policy,
     graph: Option<&BridgeGraph>,
 ) -> Option<DistanceError> {
@@ -30,17 +29,13 @@ pub fn distance_error(
             ));
         }
     }
-    let mut truth: Vec<f64> =
+    let truth: Vec<f64> =
         groups.iter().flat_map(|group| &group.steps).map(|steps| f64::from(*steps)).collect();
     let states: Vec<f32> = groups.iter().flat_map(|group| &group.states).copied().collect();
     let goals: Vec<f32> =
         groups.iter().flat_map(|group| group.goal.repeat(group.steps.len())).collect();
     let mut learned = vec![0.0; truth.len()];
     policy.distances(&states, &goals, &mut learned, &mut scratch);
-    if !in_steps {
-        let steps = median(learned.iter().zip(&truth).map(|(d, t)| f64::from(*d) / t).collect())?;
-        truth.iter_mut().for_each(|t| *t *= steps);
-    }
     let near: Vec<bool> = groups.iter().flat_map(|group| &group.near).copied().collect();
     let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
     // Relative errors of `distances`: over pairs drawn at random, and over pairs within
@@ -68,13 +63,6 @@ pub fn distance_error(
     let ComposedError { mape, near_mape, bias } = errors(&learned);
     let graph = graph.map(|_| errors(&composed));
     Some(DistanceError { mape, near_mape, bias, spearman: spearman(&drawn, &true_steps), graph })
-}
-
-/// Returns the median of numbers that are positive, if there is one.
-fn median(mut numbers: Vec<f64>) -> Option<f64> {
-    let middle = numbers.len() / 2;
-    numbers.sort_by(f64::total_cmp);
-    numbers.get(middle).copied().filter(|number| *number > 0.0 && number.is_finite())
 }
 
 /// Returns the true distance in steps above which an edge of this length is false.
