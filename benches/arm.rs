@@ -6,7 +6,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use gdg::env::FetchReach;
+use gdg::env::{Environment, FetchReach};
 use gdg::learn::product::{Lhs, Panels};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
