@@ -6,6 +6,7 @@ in bytes, both u32, and that many bytes: f64 numbers, unless stated otherwise, a
 Each request gets one reply: OK with what was asked for, or FAILED with JSON that says why.
 """
 
+import atexit
 import importlib
 import json
 import os
@@ -48,6 +49,8 @@ def begin():
     """Leaves the terminal, and keeps the channel from processes that environments fork."""
     os.setsid()
     threading.Thread(target=watch, daemon=True).start()
+    # At the very end, what environments have started and not ended.
+    atexit.register(lambda: os.getpid() == worker and os.killpg(0, signal.SIGKILL))
     nothing = os.open(os.devnull, os.O_RDWR)
     cut = lambda: os.dup2(nothing, channel.fileno(), inheritable=False)
     os.register_at_fork(after_in_child=cut)
@@ -407,8 +410,8 @@ def serve():
 
 slots = []
 renders = False
-begin()
 worker = os.getpid()
+begin()
 try:
     serve()
 except OSError:  # The program has ended, or this is a process that the environment has forked.
@@ -416,5 +419,3 @@ except OSError:  # The program has ended, or this is a process that the environm
 if os.getpid() != worker:
     os._exit(1)
 close_all()
-# Also what they have started and not ended.
-os.killpg(0, signal.SIGKILL)
