@@ -11,7 +11,6 @@ pub mod gym;
 pub mod maze;
 mod region;
 mod task;
-mod walls;
 
 use std::any::Any;
 use std::sync::Arc;
@@ -29,13 +28,12 @@ pub use abilities::{
 };
 pub use abilities::{MAX_PROBES, Probes};
 pub use fetch_reach::{ArmScene, FetchReach};
-pub use goal_space::GoalSpace;
+pub use goal_space::{GoalSpace, Walls};
 pub use gym::GymOptions;
 pub use maze::PointMaze;
 pub use region::Region;
 pub(crate) use task::{BUDGET_FACTOR, MAX_BUDGET_STEPS};
 pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
-pub use walls::Walls;
 
 /// Largest magnitude of a component of a stored state or goal: sums of squares beyond it may
 /// overflow.

@@ -108,7 +108,12 @@ impl FetchReach {
 
     /// Computes an arm's state.
     fn observe(&mut self, agent: usize) {
-        write_state(&self.arms[agent], &mut self.states[agent * STATE..(agent + 1) * STATE]);
+        let (arm, state) = (&self.arms[agent], &mut self.states[agent * STATE..][..STATE]);
+        let frames = arm.frames();
+        let per_step = frames.grip_velocity(&arm.velocities) * STEP_SECS;
+        state.fill(0.0);
+        state[..3].copy_from_slice(&frames.grip().as_vec3().to_array());
+        state[5..8].copy_from_slice(&per_step.as_vec3().to_array());
     }
 
     /// Draws a task, and returns it with its straight-line distance in metres.
@@ -130,15 +135,6 @@ impl FetchReach {
 /// fingers' constants.
 fn components(position: f32, velocity: f32) -> Vec<f32> {
     [[position; 3].as_slice(), &[0.0; 2], &[velocity; 3], &[0.0; 2]].concat()
-}
-
-/// Writes what the learner observes of `arm`.
-fn write_state(arm: &Arm, state: &mut [f32]) {
-    let frames = arm.frames();
-    let per_step = frames.grip_velocity(&arm.velocities) * STEP_SECS;
-    state.fill(0.0);
-    state[..3].copy_from_slice(&frames.grip().as_vec3().to_array());
-    state[5..8].copy_from_slice(&per_step.as_vec3().to_array());
 }
 
 impl Environment for FetchReach {

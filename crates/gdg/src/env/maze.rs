@@ -2,7 +2,6 @@
 
 mod probe_grid;
 mod tasks;
-mod truth;
 
 use std::any::Any;
 use std::sync::{Arc, OnceLock};
@@ -415,7 +414,7 @@ impl Evaluated for PointMaze {
         if self.benchmark().is_some_and(|benchmark| !benchmark.exits().is_empty()) {
             return None;
         }
-        Some(Box::new(truth::MazeGroundTruth::new(
+        Some(Box::new(tasks::MazeGroundTruth::new(
             &self.map,
             &self.components[self.largest as usize],
         )))

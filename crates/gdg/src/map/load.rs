@@ -30,8 +30,14 @@ pub fn builtin(name: &str) -> Option<Grid> {
     let (name, text) = BUILTIN.iter().find(|(n, _)| *n == name)?;
     let map = parse_map(name, text.as_bytes()).expect("built-in maps are well-formed");
     let benchmark = Ogbench::ALL.into_iter().find(|benchmark| benchmark.name() == *name);
-    let enlarged = benchmark.map(|benchmark| MapScale::of_benchmark(benchmark).of(name, &map));
-    Some(enlarged.unwrap_or(Ok(map)).expect("layouts have room for their scale"))
+    let Some(benchmark) = benchmark else { return Some(map) };
+    let scale = MapScale {
+        cell: Ogbench::BLOCK_CELLS,
+        margin: Ogbench::BALL_CELLS,
+        goal_radius: Ogbench::GOAL_CELLS,
+        benchmark: Some(benchmark),
+    };
+    Some(scale.of(name, &map).expect("layouts have room for their scale"))
 }
 
 /// Parses a map in any of the [`FORMATS`]. Errors refer to it as `file`, whose stem becomes the
@@ -148,11 +154,6 @@ pub fn agents_of(path: &Path) -> MapResult<Option<Scenario>> {
 /// Reads and parses a scenario for `grid`.
 pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
     read_scenario(path)?.tasks(grid)
-}
-
-/// Parses a scenario for `grid`; errors refer to it as `file`.
-pub fn parse_scenario_bytes(file: &str, bytes: &[u8], grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
-    Scenario::parse(file, bytes)?.tasks(grid)
 }
 
 /// Returns an error that names the kind of the file at `path` if that is not `wanted`, else

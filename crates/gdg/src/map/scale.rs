@@ -38,16 +38,6 @@ impl MapScale {
     /// The goal radii that a map can have, in cells.
     pub const GOAL_RADII: std::ops::RangeInclusive<f32> = 0.1..=100.0;
 
-    /// Returns the scale of a maze of OGBench.
-    pub fn of_benchmark(benchmark: Ogbench) -> Self {
-        Self {
-            cell: Ogbench::BLOCK_CELLS,
-            margin: Ogbench::BALL_CELLS,
-            goal_radius: Ogbench::GOAL_CELLS,
-            benchmark: Some(benchmark),
-        }
-    }
-
     /// Returns whether all values are within their ranges.
     pub fn is_valid(&self) -> bool {
         (1..=Self::MAX_CELL).contains(&self.cell)

@@ -276,14 +276,16 @@ fn is_name_of(name: &str, grid: &Grid) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use crate::map::{parse_map, parse_scenario_bytes};
+    use super::*;
+    use crate::map::parse_map;
 
     #[test]
     fn a_cell_that_does_not_fit_is_named_as_in_the_file() {
         let map = parse_map("map", b"#...\n....\n").expect("a map");
         let refused = |size: &str, cell: &str| {
             let file = format!("version 1\n0\tmap\t{size}\t{cell}\t3\t1\t2\n");
-            parse_scenario_bytes("file", file.as_bytes(), &map).expect_err("refused").to_string()
+            let scenario = Scenario::parse("file", file.as_bytes()).expect("a scenario");
+            scenario.tasks(&map).expect_err("refused").to_string()
         };
         assert!(refused("4\t2", "0\t0").contains("the start (0, 0) is a wall of map"));
         let scaled = refused("40\t20", "1\t1");
