@@ -424,7 +424,7 @@ fn fuzzing_seeds_are_read_or_refused() {
         match path.parent().unwrap().file_name().unwrap().to_str().unwrap() {
             "map" => drop(map::parse_map("kept", &bytes)),
             "scenario" => {
-                drop(map::Scenario::parse("kept", &bytes).and_then(|found| found.tasks(&trap)))
+                drop(map::Scenario::parse("kept", &bytes).and_then(|found| found.tasks(&trap)));
             }
             "config" => {
                 drop(train::settings_from_text(train::Preset::Default, "kept", &text));

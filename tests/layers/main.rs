@@ -23,7 +23,7 @@ const LIBRARY: [Room; 15] = [
     ("store", 350),
     ("settings", 500),
     ("map", 3_750),
-    ("env", 6_050),
+    ("env", 6_000),
     ("learn", 10_700),
     ("bridge", 4_000),
     ("train", 8_150),
