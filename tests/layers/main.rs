@@ -24,7 +24,7 @@ const LIBRARY: [Room; 15] = [
     ("settings", 500),
     ("map", 4_950),
     ("env", 6_850),
-    ("learn", 10_700),
+    ("learn", 8_250),
     ("bridge", 4_000),
     ("train", 8_150),
     ("engine", 1_500),

@@ -178,21 +178,24 @@ impl NetworkLearner {
         &self.training
     }
 
-    fn sample(&mut self, data: TrainingData) -> candle_core::Result<()> {
+    fn sample(
+        &mut self,
+        TrainingData { replay, known, relearning, rng, .. }: TrainingData,
+    ) -> candle_core::Result<()> {
         let Self { variant, sampler, scratch, training } = self;
         let batch = &mut *training.batch().write();
-        let relearning = data.relearning.filter(|_| sampler.returns.is_none());
-        sampler.sample(data.replay, relearning, data.rng, batch);
-        let Some(known) = data.known.filter(|_| variant.critics == Critics::Distance) else {
+        let relearning = relearning.filter(|_| sampler.returns.is_none());
+        sampler.sample(replay, relearning, rng, batch);
+        let Some(known) = known.filter(|_| variant.critics == Critics::Distance) else {
             return Ok(());
         };
         training.with_nets(true, |mut nets| {
             // The second critic would double the cost and change little.
             nets.critics.truncate(1);
             let (_, count) = sampler.known_rows(batch);
-            let short = short_pairs(&sampler.spec, &nets, &known, count, data.rng, scratch);
+            let short = short_pairs(&sampler.spec, &nets, &known, count, rng, scratch);
             imagine_walks(&nets, sampler, batch, scratch);
-            let first = sampler.add_known(&known, &short, data.rng, batch);
+            let first = sampler.add_known(&known, &short, rng, batch);
             follow_graph(sampler, &nets, &known, batch, first, scratch);
         })
     }
