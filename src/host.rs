@@ -3,7 +3,6 @@
 pub mod logging;
 pub mod maps;
 pub mod outputs;
-pub mod progress_bar;
 pub mod report;
 pub mod runs;
 pub mod setup;

@@ -6,8 +6,8 @@ use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
 use super::MapArgs;
-use super::method::{BaseArgs, MethodParser, methods_help};
-use super::values::{counts, output, parse_share};
+use super::train::BaseArgs;
+use super::values::{MethodParser, counts, methods_help, output, shares};
 use crate::experiment::figures::{self, Budget, DataFolder, FIGURES};
 use crate::experiment::jobs::JobOptions;
 use crate::experiment::suite;
@@ -73,7 +73,7 @@ pub struct RunningArgs {
     pub no_keep: bool,
 
     /// Exit with status 3 unless every run's final success rate is at least X
-    #[arg(long, value_name = "X", value_parser = parse_share)]
+    #[arg(long, value_name = "X", value_parser = shares())]
     pub require_success: Option<f64>,
 }
 
@@ -86,7 +86,6 @@ impl RunningArgs {
     }
 }
 
-/// Options of `gdg-tui suite`.
 #[derive(Debug, Args)]
 #[command(after_help = SUITE_EXAMPLES, allow_negative_numbers = true)]
 pub struct SuiteArgs {
@@ -140,7 +139,6 @@ pub struct SuiteArgs {
     #[command(flatten)]
     pub running: RunningArgs,
 
-    /// How the maps are read.
     #[command(flatten)]
     pub reading: MapArgs,
 }
@@ -163,7 +161,6 @@ impl From<SuiteArgs> for suite::Options {
     }
 }
 
-/// Options of `gdg-tui reproduce`.
 #[derive(Debug, Args)]
 #[command(after_help = FIGURE_EXAMPLES, allow_negative_numbers = true)]
 pub struct ReproduceArgs {

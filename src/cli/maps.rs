@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 
-use super::values::{counts, output, parse_radius, reals};
+use super::values::{counts, output, reals};
 use gdg::map::{FORMATS, MapFormat, MapScale, RANDOM_SIZES, RandomMapKind, Reading};
 
 /// The option for maps that are images.
@@ -24,30 +24,34 @@ pub struct MapArgs {
     pub cell: Option<usize>,
 
     /// Widen walls and the map's edge by the radius of a body, in cells (after --cell) [default: 0]
-    #[arg(long, value_name = "M", value_parser = reals(0.0..=MapScale::MAX_MARGIN))]
-    pub margin: Option<f32>,
+    #[arg(long, value_name = "M", value_parser = reals(0.0..=f64::from(MapScale::MAX_MARGIN), "a number from 0 to 100"))]
+    pub margin: Option<f64>,
 
     /// Distance below which a goal is reached: in cells (after --cell) [default: 1], or in the unit
     /// of an environment in Python [default: the environment's own]
-    #[arg(long, value_name = "R", value_parser = parse_radius)]
-    pub goal_radius: Option<f32>,
+    #[arg(long, value_name = "R", value_parser = reals(1e-9..=1e9, "a distance from 1e-9 to 1e9"))]
+    pub goal_radius: Option<f64>,
 
     /// Brightness below which pixels of an image are walls, from 0 to 1 [default: 0.5]
-    #[arg(long, value_name = "X", value_parser = reals(0.0..=1.0))]
-    pub threshold: Option<f32>,
+    #[arg(long, value_name = "X", value_parser = reals(0.0..=1.0, "a number from 0 to 1"))]
+    pub threshold: Option<f64>,
 }
 
 impl MapArgs {
     /// Returns the options that were given.
     pub fn given(&self) -> Vec<&'static str> {
-        let all = [
+        given([
             (self.cell.is_some(), "--cell"),
             (self.margin.is_some(), "--margin"),
             (self.goal_radius.is_some(), GOAL_RADIUS),
             (self.threshold.is_some(), THRESHOLD),
-        ];
-        all.into_iter().filter(|(given, _)| *given).map(|(_, option)| option).collect()
+        ])
     }
+}
+
+/// Returns the options that were given.
+pub fn given<const N: usize>(all: [(bool, &'static str); N]) -> Vec<&'static str> {
+    all.into_iter().filter(|(given, _)| *given).map(|(_, option)| option).collect()
 }
 
 impl From<&MapArgs> for Reading {
@@ -55,15 +59,14 @@ impl From<&MapArgs> for Reading {
         let Self { scale, threshold, .. } = Self::default();
         let scale = MapScale {
             cell: args.cell.unwrap_or(scale.cell),
-            margin: args.margin.unwrap_or(scale.margin),
+            margin: args.margin.map_or(scale.margin, |margin| margin as f32),
             ..scale
         };
-        let threshold = args.threshold.unwrap_or(threshold);
-        Self { scale, goal_radius: args.goal_radius, threshold }
+        let threshold = args.threshold.map_or(threshold, |threshold| threshold as f32);
+        Self { scale, goal_radius: args.goal_radius.map(|radius| radius as f32), threshold }
     }
 }
 
-/// Options of `gdg-tui maps`.
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true, after_help = formats_help())]
 pub struct MapsArgs {
@@ -92,7 +95,6 @@ pub enum MapsCommand {
     Convert(ConvertArgs),
 }
 
-/// Options of `gdg-tui maps convert`.
 #[derive(Debug, Args)]
 #[command(after_help = formats_help(), allow_negative_numbers = true)]
 pub struct ConvertArgs {
@@ -116,7 +118,6 @@ pub struct ConvertArgs {
     #[arg(long)]
     pub overwrite: bool,
 
-    /// How the map is read.
     #[command(flatten)]
     pub map: MapArgs,
 }

@@ -4,11 +4,16 @@ use std::ffi::OsStr;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
-use clap::builder::{OsStringValueParser, TypedValueParser};
+use clap::Arg;
+use clap::builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue};
 use clap_lex::OsStrExt as _;
+use log::LevelFilter;
 
-use gdg::learn::Threads;
-use gdg::text::{NumberError, parse_count, parse_real};
+use gdg::bridge::Planner;
+use gdg::learn::{LEARNERS, Threads};
+use gdg::text::{NumberError, nearest, parse_count, parse_real};
+use gdg::train::{METHODS, Method, Preset};
 
 /// Returns the parser of a count within `range`, as people write them: 60000, 60_000, 60,000, 6e4.
 pub fn counts<T: TryFrom<u64> + Clone + Send + Sync + 'static>(
@@ -58,15 +63,21 @@ fn parse_edit_at(text: &OsStr) -> Result<EditAt, String> {
     Ok(EditAt { updates, file: PathBuf::from(file) })
 }
 
-/// Returns the parser of a number within `range`.
+/// Returns the parser of a number within `range`; errors say what is `expected`.
 pub fn reals(
-    range: RangeInclusive<f32>,
-) -> impl Fn(&str) -> Result<f32, String> + Clone + Send + Sync + 'static {
-    move |text| {
-        let (least, most) = (*range.start(), *range.end());
-        let expected = format!("a number from {least} to {most}");
-        number(text, f64::from(least)..=f64::from(most), &expected).map(|number| number as f32)
+    range: RangeInclusive<f64>,
+    expected: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    move |text| match parse_real(text) {
+        Ok(number) if range.contains(&number) => Ok(number),
+        Ok(_) | Err(NumberError::NoNumber) => Err(format!("expected {expected}")),
+        Err(error) => Err(error.to_string()),
     }
+}
+
+/// Returns the parser of a share of a whole.
+pub fn shares() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    reals(0.0..=1.0, "a fraction from 0 to 1, e.g. 0.95")
 }
 
 /// Parses how many threads share an update.
@@ -78,36 +89,68 @@ pub fn parse_threads(text: &str) -> Result<Threads, String> {
     Ok(Threads::Fixed(number))
 }
 
-/// Parses a time in seconds.
-pub fn parse_seconds(text: &str) -> Result<f64, String> {
-    number(text, 0.0..=1e9, "a number of seconds from 0 to 1e9")
-}
+/// Parses a method and lists the named ones.
+#[derive(Clone)]
+pub struct MethodParser;
 
-/// Parses the distance below which a goal is reached.
-pub fn parse_radius(text: &str) -> Result<f32, String> {
-    number(text, 1e-9..=1e9, "a distance from 1e-9 to 1e9").map(|radius| radius as f32)
-}
+impl TypedValueParser for MethodParser {
+    type Value = Method;
 
-/// Parses how long to wait for an environment, in seconds.
-pub fn parse_timeout(text: &str) -> Result<f64, String> {
-    number(text, 0.1..=1e6, "a number of seconds from 0.1 to 1e6")
-}
-
-/// Parses a time in minutes.
-pub fn parse_minutes(text: &str) -> Result<f64, String> {
-    number(text, 0.0..=1e6, "a number of minutes, 0 for none")
-}
-
-/// Parses a share of a whole.
-pub fn parse_share(text: &str) -> Result<f64, String> {
-    number(text, 0.0..=1.0, "a fraction from 0 to 1, e.g. 0.95")
-}
-
-/// Parses a number within `range`; the error says what is `expected`.
-fn number(text: &str, range: RangeInclusive<f64>, expected: &str) -> Result<f64, String> {
-    match parse_real(text) {
-        Ok(number) if range.contains(&number) => Ok(number),
-        Ok(_) | Err(NumberError::NoNumber) => Err(format!("expected {expected}")),
-        Err(error) => Err(error.to_string()),
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&Arg>,
+        value: &OsStr,
+    ) -> Result<Method, clap::Error> {
+        if let Some(method) = value.to_str().and_then(|text| text.parse().ok()) {
+            return Ok(method);
+        }
+        // Gives an error that suggests the nearest name.
+        let named = PossibleValuesParser::new(METHODS.map(|named| named.name))
+            .parse_ref(command, arg, value);
+        let name = named.map_err(|mut error| {
+            let list = |names: Vec<&str>| names.join(", ");
+            let tip = format!(
+                "any other method is LEARNER+PLANNER; learners: {}; planners: {}",
+                list(LEARNERS.iter().map(|kind| kind.name).collect()),
+                list(Planner::ALL.iter().map(|planner| planner.name()).collect())
+            );
+            if let Some(known) =
+                value.to_str().and_then(|typed| nearest(typed, METHODS.map(|named| named.name)))
+            {
+                error.insert(ContextKind::SuggestedValue, ContextValue::String(known.to_owned()));
+            }
+            error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+            error
+        })?;
+        Ok(name.parse().unwrap_or_default())
     }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(METHODS.iter().map(|named| PossibleValue::new(named.name).help(named.about))))
+    }
+}
+
+/// Returns the long help of `--method`, which lists learners and planners.
+pub fn methods_help() -> String {
+    let list = |entries: Vec<(&str, &str)>| {
+        entries.iter().map(|(name, about)| format!("  {name:<13} {about}\n")).collect::<String>()
+    };
+    format!(
+        "Learner and planner: one of these methods, or LEARNER+PLANNER\n\nLearners:\n{}\nPlanners:\n{}",
+        list(LEARNERS.iter().map(|kind| (kind.name, kind.about)).collect()),
+        list(Planner::ALL.iter().map(|planner| (planner.name(), planner.about())).collect())
+    )
+}
+
+/// Returns the parser of how severe a message must be for the log file.
+pub fn log_levels() -> impl TypedValueParser<Value = LevelFilter> {
+    let levels = ["off", "error", "warn", "info", "debug"];
+    PossibleValuesParser::new(levels).map(|level| level.parse().unwrap_or(LevelFilter::Info))
+}
+
+/// Returns the parser of presets.
+pub fn preset_parser() -> impl TypedValueParser<Value = Preset> {
+    let values = Preset::ALL.map(|preset| PossibleValue::new(preset.name()).help(preset.about()));
+    PossibleValuesParser::new(values).map(|name| Preset::named(&name).unwrap_or(Preset::Default))
 }

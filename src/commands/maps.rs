@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use miette::{Report, miette};
 
 use super::check::describe_diameter;
-use super::output::{OrFail, write_file};
-use super::output::{Outcome, print, print_safely};
+use super::{Outcome, bad_input, print, print_safely, write_file};
 use crate::cli::{ConvertArgs, MapsArgs, MapsCommand};
 use crate::host::maps::{find_map, warnings};
 use crate::host::outputs::{refuse_existing, refuse_input};
@@ -18,10 +17,6 @@ use gdg::map::{
 use gdg::printing::eprint_line;
 use gdg::text::sanitized;
 use gdg::train::Registry;
-
-/// Steps of a conversion: a map is read, printed in the other format, its scenario is made, and
-/// doubts about it are found.
-const CONVERT_STEPS: usize = 4;
 
 /// Returns the table of built-in maps.
 fn list() -> String {
@@ -43,7 +38,7 @@ fn list() -> String {
 /// Prints the table of built-in maps, or a random map, or converts one.
 pub fn run(args: &MapsArgs, registry: &Registry) -> Outcome {
     if let Some(MapsCommand::Convert(args)) = &args.command {
-        return print_safely(&convert(args, registry).or_bad_input()?);
+        return print_safely(&convert(args, registry).map_err(bad_input)?);
     }
     match args.random {
         None => print(&list()),
@@ -61,21 +56,15 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
         miette!(help = help, "{}: this ending says no format", output.display())
     })?;
     let converting = Waiting::on("converting the map");
-    let told = |done| converting.set(done, CONVERT_STEPS);
-    converting.begin(0, 1);
-    told(0);
     let mut grid = find_map(input, &Reading::from(&args.map), registry)?;
     if let Some(scenario) = &args.scen {
         grid = with_tasks(&grid, map::load_scenario(scenario, &grid).map_err(from_map_error)?);
     }
-    told(1);
     let mut files = format.write(&grid, output);
-    told(2);
     let scenario = Scenario::beside(&grid, output, format);
     if let Some((path, scenario)) = &scenario {
         files.push((path.clone(), scenario.print().into_bytes()));
     }
-    told(3);
     let warnings = warnings(&grid);
     drop(converting);
     warnings.iter().for_each(|warning| eprint_line(warning));
@@ -84,7 +73,9 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
         refuse_input("OUT", path, read)?;
         refuse_existing(path, args.overwrite)?;
     }
-    warn_of_losses(args, &grid, format, scenario)?;
+    for loss in losses(args, &grid, format, scenario)? {
+        eprint_line(&format!("{}: {loss}", sanitized(grid.name())));
+    }
     files.iter().map(|(path, bytes)| write_file(path, bytes)).collect()
 }
 
@@ -95,48 +86,46 @@ fn with_tasks(grid: &Grid, tasks: Vec<ScenarioTask>) -> Grid {
     grid.with_marks([grid.starts(), &starts].concat(), [grid.goals(), &goals].concat())
 }
 
-/// Prints what of a map its file in this `format` will not have, and how to keep it.
-fn warn_of_losses(
+/// Returns what of a map its file in this `format` will not have, and how to keep it.
+fn losses(
     args: &ConvertArgs,
     grid: &Grid,
     format: &MapFormat,
     scenario: Option<(PathBuf, Scenario)>,
-) -> Result<(), Report> {
-    let say = |what: &str| eprint_line(&format!("{}: {what}", sanitized(grid.name())));
-    let mut lost = format.lost(grid, &args.output);
+) -> Result<Vec<String>, Report> {
+    let (mut said, mut lost) = (Vec::new(), format.lost(grid, &args.output));
     if let Some((path, scenario)) = scenario {
         let tasks = scenario.tasks(grid).map_err(from_map_error)?;
         let kept = with_tasks(&grid.with_marks(Vec::new(), Vec::new()), tasks);
         let path = sanitized(&path.to_string_lossy());
-        let marks =
-            [("starts", grid.starts(), kept.starts()), ("goals", grid.goals(), kept.goals())];
-        for (name, all, kept) in marks {
-            match all.len() - kept.len() {
-                0 => lost.retain(|lost| lost != name),
-                some => say(&format!(
-                    "warning: {some} of {} {name} are not in {path}: its tasks have a start and a goal with a path",
-                    all.len()
-                )),
+        for (name, all, kept) in [
+            ("starts", grid.starts().len(), kept.starts().len()),
+            ("goals", grid.goals().len(), kept.goals().len()),
+        ] {
+            if all == kept {
+                lost.retain(|lost| lost != name);
+                continue;
             }
+            let why = "its tasks have a start and a goal with a path";
+            said.push(format!("warning: {} of {all} {name} are not in {path}: {why}", all - kept));
         }
-        say(&format!("starts and goals are the tasks of {path}: give --scen {path} with the map"));
+        said.push(format!(
+            "starts and goals are the tasks of {path}: give --scen {path} with the map"
+        ));
     }
     if !lost.is_empty() {
-        let keep = MapFormat::lossless().join(", ");
-        let lost = lost.join(", ");
-        say(&format!("warning: the file has no {lost}; formats that keep all: {keep}"));
+        let (lost, keep) = (lost.join(", "), MapFormat::lossless().join(", "));
+        said.push(format!("warning: the file has no {lost}; formats that keep all: {keep}"));
     }
     if grid.scale().benchmark.is_some() {
-        say("warning: the tasks of the benchmark are not written");
+        said.push("warning: the tasks of the benchmark are not written".to_owned());
     }
-    if let Some(agents) = map::agents_of(&args.input).map_err(from_map_error)? {
-        let tasks = agents.tasks(grid).map_err(from_map_error)?;
-        if with_tasks(grid, tasks) != *grid {
-            let file = sanitized(&args.input.to_string_lossy());
-            say(&format!(
-                "warning: its agents are not written: --scen {file} makes them starts and goals"
-            ));
-        }
+    if let Some(agents) = map::agents_of(&args.input).map_err(from_map_error)?
+        && with_tasks(grid, agents.tasks(grid).map_err(from_map_error)?) != *grid
+    {
+        let file = sanitized(&args.input.to_string_lossy());
+        let keep = format!("--scen {file} makes them starts and goals");
+        said.push(format!("warning: its agents are not written: {keep}"));
     }
-    Ok(())
+    Ok(said)
 }

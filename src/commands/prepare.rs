@@ -257,32 +257,20 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| not_a_maze("--edit-at"))?;
     let (map, begun) = (maze.map(), trainer.counters().updates);
     let load = |edit: &EditAt| {
-        let never =
-            |why: String| miette!("--edit-at {}:{}: {why}", edit.updates, edit.file.display());
-        if edit.updates < begun {
-            return Err(never(format!(
-                "the run starts at update {begun}: give that or a later one"
-            )));
-        }
-        if let Some(most) = args.max_updates.filter(|most| edit.updates > *most) {
-            return Err(never(format!(
-                "the run ends at update {most}: give that or an earlier one"
-            )));
+        let (at, most) = (edit.updates, args.max_updates.unwrap_or(u64::MAX));
+        if !(begun..=most).contains(&at) {
+            let end = if at < begun { ("starts", begun) } else { ("ends", most) };
+            let file = edit.file.display();
+            return Err(miette!("--edit-at {at}:{file}: the run {} at update {}", end.0, end.1));
         }
         let threshold = Reading::from(&args.reading).threshold;
         let new = map::load_map_like(&edit.file, map, threshold).map_err(from_map_error)?;
         if (new.width(), new.height()) != (map.width(), map.height()) {
             let problem = format!("is {} x {} cells", new.width(), new.height());
-            let help = format!(
-                "give a map of {} x {}, the size of the run's map",
-                map.width(),
-                map.height()
-            );
-            return Err(from_map_error(MapError::whole_file(
-                &edit.file.to_string_lossy(),
-                problem,
-                help,
-            )));
+            let (width, height) = (map.width(), map.height());
+            let help = format!("give a map of {width} x {height}, the size of the run's map");
+            let file = edit.file.to_string_lossy();
+            return Err(from_map_error(MapError::whole_file(&file, problem, help)));
         }
         let new: Box<dyn Environment> = Box::new(maze.with_map(Arc::new(new)));
         Ok(Edit { updates: edit.updates, world: new })

@@ -7,7 +7,6 @@ use std::sync::Arc;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::folder::Folder;
-use super::runner::run_open;
 use super::spec::{JobResult, JobSpec};
 use crate::host::{EXIT_FAILURE, EXIT_NOT_REACHED};
 use gdg::printing::{eprint_line, print_text};
@@ -40,35 +39,34 @@ pub struct JobOptions {
 pub struct Jobs<'a> {
     pub all: Vec<JobSpec>,
     pub folder: Folder,
-    registry: &'a Arc<Registry>,
-    running: &'a JobOptions,
+    pub registry: &'a Arc<Registry>,
+    pub options: &'a JobOptions,
 }
 
 impl<'a> Jobs<'a> {
     /// Takes `jobs`, the same of which may be given several times. Checks that those named exist,
-    /// and that their results and `files` can be written.
+    /// and that results can be written.
     pub fn new(
         jobs: impl IntoIterator<Item = JobSpec>,
-        running: &'a JobOptions,
+        options: &'a JobOptions,
         registry: &'a Arc<Registry>,
-        files: &[&str],
     ) -> Result<Self, Report> {
         let mut known = BTreeSet::new();
         let all = jobs.into_iter().filter(|job| known.insert(job.name.clone())).collect();
-        let jobs = Self { all, folder: Folder(running.out.clone()), registry, running };
+        let jobs = Self { all, folder: Folder(options.out.clone()), registry, options };
         jobs.chosen()?;
-        if running.collect {
+        if options.collect {
             jobs.folder.check_has_jobs()?;
         }
-        if !running.list {
-            jobs.folder.check_writable(&[&["report.md", "jobs/NAME.json"], files].concat())?;
+        if !options.list {
+            jobs.folder.check_writable()?;
         }
         Ok(jobs)
     }
 
     /// Returns the jobs to run: those given with `--job`, or all.
     fn chosen(&self) -> Result<Vec<&JobSpec>, Report> {
-        if self.running.job.is_empty() {
+        if self.options.job.is_empty() {
             return Ok(self.all.iter().collect());
         }
         let find = |name: &String| {
@@ -80,7 +78,7 @@ impl<'a> Jobs<'a> {
                 miette!(help = help, "--job {name}: there is no such job")
             })
         };
-        let mut chosen = self.running.job.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let mut chosen = self.options.job.iter().map(find).collect::<Result<Vec<_>, _>>()?;
         let mut seen = BTreeSet::new();
         chosen.retain(|job| seen.insert(&job.name));
         Ok(chosen)
@@ -89,20 +87,19 @@ impl<'a> Jobs<'a> {
     /// Lists the jobs; or runs those without a result and, unless single ones were named, calls
     /// `report` with the names of those that have none yet. Returns the exit status.
     pub fn run(&self, report: impl FnOnce(&[&str]) -> Result<(), Report>) -> Result<u8, Report> {
-        let JobOptions { parallel, list, collect, keep, .. } = *self.running;
-        if list {
+        if self.options.list {
             return print(&self.list()).map(|()| 0);
         }
-        let chosen = self.chosen()?;
+        let (chosen, collect) = (self.chosen()?, self.options.collect);
         let (mut any_failed, mut any_elsewhere) = (false, false);
         if !collect {
-            let outcome = run_open(&self.folder, self.registry, &chosen, parallel, keep)?;
+            let outcome = self.run_open(&chosen)?;
             if let Some(status) = outcome.interrupted {
                 return Ok(status);
             }
             (any_failed, any_elsewhere) = (outcome.any_failed, outcome.any_elsewhere);
         }
-        if self.running.job.is_empty() {
+        if self.options.job.is_empty() {
             let open = self.all.iter().filter(|job| self.folder.result_of(job).is_none());
             let missing: Vec<&str> = open.map(|job| &*job.name).collect();
             report(&missing)?;
@@ -113,7 +110,7 @@ impl<'a> Jobs<'a> {
                 any_failed |= collect;
             }
         }
-        Ok(match self.running.require_success {
+        Ok(match self.options.require_success {
             _ if any_failed => EXIT_FAILURE,
             Some(least) if self.any_below(&chosen, least) || any_elsewhere => EXIT_NOT_REACHED,
             _ => 0,
@@ -140,8 +137,8 @@ impl<'a> Jobs<'a> {
     fn any_below(&self, jobs: &[&JobSpec], required: f64) -> bool {
         let rate = |result: &JobResult| result.last().and_then(Evaluation::success_rate);
         let results = jobs.iter().filter_map(|job| self.folder.result_of(job));
-        let below: Vec<JobResult> =
-            results.filter(|result| rate(result).is_none_or(|rate| rate < required)).collect();
+        let is_below = |result: &JobResult| rate(result).is_none_or(|rate| rate < required);
+        let below: Vec<JobResult> = results.filter(is_below).collect();
         for result in &below {
             let (name, rate) = (&result.name, rate(result));
             let rate = rate.map_or("-".to_owned(), |rate| format!("{rate:.3}"));

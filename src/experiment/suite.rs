@@ -7,7 +7,7 @@ use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::jobs::{JobOptions, Jobs, print, warn_if_short};
 use super::plan::Plan;
-use super::plot::{self, By, Drawn};
+use super::plot::{self, By, Drawn, PAGE};
 use super::report::{CURVES, Row, report, rows, table};
 use super::runs::SavedRun;
 use super::spec::{JobSpec, JobWorld};
@@ -80,7 +80,7 @@ pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<
         }
     }
     warn_if_short(jobs.iter().zip(usual));
-    let jobs = Jobs::new(jobs, &options.running, registry, &[CURVES, "pictures/NAME.png"])?;
+    let jobs = Jobs::new(jobs, &options.running, registry)?;
     Ok(Suite { jobs, markdown: options.markdown })
 }
 
@@ -163,7 +163,7 @@ impl Suite<'_> {
         let folder = &self.jobs.folder;
         self.jobs.run(|_| {
             let (rows, problems) = rows(&self.jobs.all, folder);
-            problems.iter().for_each(|problem| eprint_line(&format!("{problem}: left out")));
+            problems.iter().for_each(|error| eprint_line(&format!("{error}: left out")));
             let caption = self.draw_curves(&rows)?;
             folder.write("report.md", report(&rows, folder, caption.as_deref()).as_bytes())?;
             print(&table(&rows, self.markdown))
@@ -186,7 +186,7 @@ impl Suite<'_> {
             return Ok(None);
         }
         let by = vec![By::Method, By::Setting];
-        let options = plot::Options { by, ..plot::Options::default() };
+        let options = plot::Options { by, whole: true, width: PAGE, ..plot::Options::default() };
         let Drawn { sheet, table, caption, notes } = plot::draw(&runs, &options)?;
         notes.iter().for_each(|note| eprint_line(note));
         folder.write(CURVES, &Format::Svg.encode(&sheet)?)?;

@@ -21,27 +21,20 @@ pub fn warn(grid: &Grid) {
 /// Returns warnings about a map for its user, with its name.
 pub fn warnings(grid: &Grid) -> Vec<String> {
     let named = |problem| format!("warning: {}: {problem}", sanitized(grid.name()));
-    doubts(grid).into_iter().chain(unconnected(grid)).map(named).collect()
+    let is_marked = !grid.starts().is_empty();
+    let components = is_marked.then(|| StepSearch::new(grid).components(grid));
+    let unconnected = components.and_then(|components| unconnected_parts(grid, &components));
+    doubts(grid).into_iter().chain(unconnected).map(named).collect()
 }
 
 /// Returns signs that a map is not what its author meant.
 pub fn doubts(grid: &Grid) -> Vec<String> {
     let free = grid.free_count();
-    let few = format!(
-        "the map has only {}: too few to learn anything",
-        counted(free as u64, "free cell")
-    );
-    let few = (free < FEWEST_CELLS).then_some(few);
+    let few = counted(free as u64, "free cell");
+    let few = format!("the map has only {few}: too few to learn anything");
     let letters =
         grid.doubt().map(|doubt| format!("{doubt}: write walls as '#' and free cells as '.'"));
-    letters.into_iter().chain(few).collect()
-}
-
-/// Returns what is wrong if starts and goals of a map lie in different components, or the starts
-/// outside the largest.
-fn unconnected(grid: &Grid) -> Option<String> {
-    let has_starts = !grid.starts().is_empty();
-    has_starts.then(|| unconnected_parts(grid, &StepSearch::new(grid).components(grid))).flatten()
+    letters.into_iter().chain((free < FEWEST_CELLS).then_some(few)).collect()
 }
 
 /// Returns what is wrong if starts and goals lie in different `components`, or the starts outside
@@ -94,10 +87,7 @@ pub fn find_map(path: &Path, reading: &Reading, registry: &Registry) -> Result<G
     }
     if registry.world_without_file(name).is_some() && !path.exists() {
         let help = "give a map: a built-in name or a file";
-        return Err(miette!(
-            help = help,
-            "{name}: is a world without a map, which this command needs"
-        ));
+        return Err(miette!(help = help, "{name}: is a world without a map, which this needs"));
     }
     if is_unknown_name(path, registry) {
         return Err(unknown_name(path, registry, &[]));

@@ -68,12 +68,9 @@
 //! [`env::WORLDS`]. That is enough to train and evaluate: `gdg-tui NAME --no-ui`, if the world needs
 //! no file. Settings that suit it better than the preset's are its [`env::WorldKind::defaults`].
 //!
-//! Everything else is optional. [`env::Environment::set_full_state`] puts agents back where they
+//! Everything else is optional: [`env::Environment::set_full_state`] puts agents back where they
 //! were; the [`env::Abilities`] are traits for records, episodes, evaluation tasks and true
-//! distances, coverage, edits, and display. For the interface to draw it, add a variant to
-//! [`env::Scene`], what is computed of it (`src/viewer/NAME/`, a line in `worker_for` of
-//! `src/viewer.rs`) and how the program draws it and reacts (its `src/tui/scene/NAME/`).
-//! [`env::fetch_reach`] is a world without maps, [`env::gym`] one that another program computes.
+//! distances, coverage, edits, and display (`docs/developing.md` says how it is drawn).
 //!
 //! # Add a learner
 //!
@@ -89,6 +86,7 @@
 //! or without evaluations, resumed or not. Each purpose has its own random stream; a batch is split
 //! into parts that do not depend on the number of threads and are summed in order.
 #![warn(missing_docs)]
+#![allow(clippy::missing_errors_doc, reason = "errors say what is wrong")]
 
 pub mod bridge;
 pub mod draw;

@@ -250,37 +250,6 @@ pub fn soft_update(average: &mut [f32], w: &[f32], tau: f32) {
     }
 }
 
-/// Measures this core's peak multiply-add throughput in GFLOP/s (two operations each), with many
-/// independent chains in registers.
-pub fn multiply_add_gflops() -> f64 {
-    Arch::new().dispatch(Peak)
-}
-
-struct Peak;
-
-impl pulp::WithSimd for Peak {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, simd: S) -> f64 {
-        const CHAINS: usize = 16;
-        const ROUNDS: usize = 100_000;
-        let (factor, term) = (simd.splat_f32s(0.999_9), simd.splat_f32s(0.000_1));
-        let mut chains = [simd.splat_f32s(std::hint::black_box(1.0)); CHAINS];
-        let began = std::time::Instant::now();
-        for _ in 0..ROUNDS {
-            for chain in &mut chains {
-                *chain = simd.mul_add_f32s(factor, *chain, term);
-            }
-        }
-        // Use the result before reading the clock, or the compiler may compute it later or not at
-        // all.
-        std::hint::black_box(chains.map(|chain| simd.reduce_sum_f32s(chain)));
-        let seconds = began.elapsed().as_secs_f64();
-        (2 * S::F32_LANES * CHAINS * ROUNDS) as f64 / seconds / 1e9
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
