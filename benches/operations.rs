@@ -8,7 +8,7 @@ use divan::Bencher;
 use gdg::env::{Environment, Evaluated, FetchReach, PointMaze};
 use gdg::learn::kernel::{self, AdamRate};
 use gdg::learn::product::{Lhs, Panels};
-use gdg::learn::{Gdg, LearnSettings, Learner, Scratch};
+use gdg::learn::{GDG, LearnSettings, Learner, NetworkLearner, Scratch};
 use gdg::map::{Cell, Diameter, Grid, RandomMapKind, random};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -106,7 +106,7 @@ fn agents(bencher: Bencher, what: &str) {
     let map = Arc::new(Grid::new("open", OPEN_SIDE, free, Vec::new(), Vec::new()));
     let (mut world, mut rng) = (PointMaze::new(map.clone(), AGENTS), rng());
     (0..AGENTS).for_each(|i| world.restart(i, &mut rng));
-    let learner = Gdg::new(world.spec(), &LearnSettings::default(), 1, &mut rng);
+    let learner = NetworkLearner::new(GDG, world.spec(), &LearnSettings::default(), 1, &mut rng);
     let Ok(policy) = learner.map_err(Into::into).and_then(|learner| learner.policy(true)) else {
         return;
     };

@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 
 use gdg::engine::{Command, Engine, Phase};
 use gdg::env::{Environment, PointMaze};
-use gdg::learn::{Batch, Gdg, LearnSettings, Profile, Stage};
+use gdg::learn::{Batch, GDG, LearnSettings, NetworkLearner, Profile, Stage};
 use gdg::map::{Grid, builtin};
 use gdg::text::counted;
 use gdg::train::{self, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
@@ -103,7 +103,8 @@ fn updates(threads: usize, runs: usize) -> Result<String> {
     for (name, side, settings) in published.into_iter().chain([default]) {
         let map = Grid::new("open", side, vec![true; side * side], Vec::new(), Vec::new());
         let world = PointMaze::new(map.into(), 1);
-        let learner = |threads| Gdg::new(world.spec(), &settings, threads, &mut rng());
+        let learner =
+            |threads| NetworkLearner::new(GDG, world.spec(), &settings, threads, &mut rng());
         let greedy_targets = side == 32;
         let batch = Batch { greedy_targets, ..batch(settings.batch_size, side as f32) };
         let mut profile = Profile::default();
@@ -243,6 +244,7 @@ fn batch(rows: usize, side: f32) -> Batch {
         next: from.iter().zip(&actions).map(|(s, a)| s + a).collect(),
         from,
         actions,
+        ..Batch::default()
     }
 }
 

@@ -121,9 +121,7 @@ pub fn begin(
     threads: impl Into<Threads>,
 ) -> Result<Trainer, Report> {
     train::memory::check(&run, world, registry).map_err(|error| match error {
-        TrainError::Memory { .. } | TrainError::AddressSpace { .. } => {
-            Report::msg(error).wrap_err("not enough memory")
-        }
+        TrainError::Memory(_) => Report::msg(error).wrap_err("not enough memory"),
         other => Report::msg(other),
     })?;
     Trainer::new(run, world, registry, threads).into_diagnostic()

@@ -88,16 +88,6 @@ fn counts_are_accepted_as_people_write_them_or_it_is_said_how() {
             "{args:?}: {errors}"
         );
     }
-    for number in ["60,000", "60_000"] {
-        std::fs::write(
-            folder.path().join("settings.json"),
-            format!("{{\"batch_size\": {number}}}"),
-        )
-        .unwrap();
-        let (status, _, errors) =
-            typed(folder.path(), &["--print-config", "--config", "settings.json"]);
-        assert!(status == 2 && errors.contains("numbers in JSON have no separators"), "{errors}");
-    }
 }
 
 #[test]
